@@ -143,7 +143,10 @@ def _save(outcome: Outcome, folder: Path) -> None:
         result.save(new)
         write_tables(result, new)
         outcome.save(new)
-        bodies = {name: Travelling(*one) for name, one in result.travelling.items()}
+        bodies = {
+            name: Travelling(fields, along, result.pose(fields.t))
+            for name, (fields, along) in result.travelling.items()
+        }
         if recovery is not None and recovery.series and bodies:
             write_series(new, "fields", bodies, pads_over_time(result))
 

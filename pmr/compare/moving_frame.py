@@ -18,7 +18,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Times at which is looked for the lowest buckling factor, ends included.
+#: Times at which the buckling factor is computed, ends included.
 TIMES = 41
 
 
@@ -46,8 +46,10 @@ def frame(scene: Scene, system: System, excitation: Excitation, frequencies: Fre
     }
     if not scene.frame.second_order:
         return Part({"frame": said})
-    factor, at = _lowest_factor(scene, system, excitation)
-    buckling = {"factor": factor if np.isfinite(factor) else None, "t": at}
+    t, factors = _factors(scene, system, excitation)
+    factor, at = float(factors.min()), float(t[np.argmin(factors)])
+    over = {"t": t.tolist(), "factor": [value if np.isfinite(value) else None for value in factors.tolist()]}
+    buckling = {"factor": factor if np.isfinite(factor) else None, "t": at, "over": over}
     past = f"the boom is past its buckling load: at {at:g} s {factor:.3g} of the axial forces bends it without limit"
     return Part({"frame": said, "buckling": buckling}, [past] if factor <= 1.0 else [])
 
@@ -56,8 +58,8 @@ def _range(angle: Array) -> dict[str, float]:
     return {"min": float(angle.min()), "max": float(angle.max())}
 
 
-def _lowest_factor(scene: Scene, system: System, excitation: Excitation) -> tuple[float, float]:
-    """By which all axial forces at a time would have to grow until the boom buckles: the lowest one, and when, s."""
+def _factors(scene: Scene, system: System, excitation: Excitation) -> tuple[Array, Array]:
+    """By which all axial forces would have to grow until the boom buckles, at `TIMES` times in s; inf where none is."""
     assembly, x = Assembly(system), places(system, excitation)
     axial = [term.name for term in frame_terms(scene) if term.of in ("field", "load", "cylinder")]
     steps = np.unique(np.linspace(0, excitation.stepping.steps, TIMES).astype(np.int64))
@@ -65,5 +67,4 @@ def _lowest_factor(scene: Scene, system: System, excitation: Excitation) -> tupl
     for k, step in enumerate(steps):
         amplitudes = {name: float(excitation.terms[name].value(excitation.times[step])) for name in axial}
         found[k] = buckling_factors(assembly, x[step], amplitudes)[0]
-    k = int(np.argmin(found))
-    return float(found[k]), float(excitation.times[steps[k]])
+    return excitation.times[steps], found

@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.fields.pose import Pose
 from pmr.fields.series import Boxes, Fields, Grid
 
 Array = NDArray[np.float64]
@@ -29,10 +30,14 @@ _LEVEL = 3  # of zlib: a series is mostly digits that don't compress, and more e
 
 @dataclass(frozen=True)
 class Travelling:
-    """Fields of a body whose frame is at `along` (S,) m on the axis x at the times of the fields; at 0 without it."""
+    """Fields of a body whose frame is at `along` (S,) m on the axis x at the times of the fields; at 0 without it.
+
+    With a `pose` of these axes, which move too, places and displacements are those in space; stresses stay the body's.
+    """
 
     fields: Fields
     along: Array | None = None
+    pose: Pose | None = None
 
     def file(self, k: int) -> str:
         """What the file of time number k holds."""
@@ -40,7 +45,10 @@ class Travelling:
         named: dict[str, NDArray[Any]] = {f"von_mises_{_word(face)}": of[k] for face, of in fields.von_mises.items()}
         named |= {f"stress_{_word(of)}": stress[k] for of, stress in fields.stress.items()}
         points = fields.grid.points + (0.0 if self.along is None else self.along[k], 0.0, 0.0)
-        return _vtu(fields.grid, points, {"displacement": fields.displacement[k]}, named | _regions(fields.grid))
+        moved: NDArray[Any] = fields.displacement[k]
+        if self.pose is not None:
+            points, moved = self.pose.at(k, points), self.pose.turned(k, moved)
+        return _vtu(fields.grid, points, {"displacement": moved}, named | _regions(fields.grid))
 
 
 def write_series(folder: Path, name: str, bodies: Mapping[str, Travelling], pads: Boxes | None = None) -> Path:

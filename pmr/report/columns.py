@@ -41,7 +41,7 @@ class Force:
 
 @dataclass(frozen=True)
 class Line:
-    """Places along a body's axis, and the columns of a response that hold their displacement along the vertical."""
+    """Places along a body's axis, and the columns of a response that hold their displacement along a direction."""
 
     body: str
     x: Array  # (o,) m
@@ -102,11 +102,11 @@ def not_drawn(result: RunResult, directions: Sequence[str]) -> str:
     return f"Without a figure is the displacement of the tip along {' and '.join(directions)}: it is {size}."
 
 
-def lines(result: RunResult, response: Response) -> list[Line]:
-    """Where a response has the displacement of each body along the vertical, from the base out."""
+def lines(result: RunResult, response: Response, direction: str = "z") -> list[Line]:
+    """Where a response has the displacement of each body along a direction across its axis, from the base out."""
     outputs, found = outputs_of(result.scene, response), []
     for body, tail in zip(result.scene.bodies, _tails(result, len(response.t)).T, strict=True):
-        columns = [k for k, one in enumerate(outputs) if one.body == body and one.direction == "z"]
+        columns = [k for k, one in enumerate(outputs) if one.body == body and one.direction == direction]
         columns.sort(key=lambda k: float(response.x[k]))
         if columns:
             found.append(Line(body, response.x[columns], np.array(columns, np.int64), tail))

@@ -13,10 +13,12 @@ from pmr.report.numbers import Unit, quantity, significant, unit_for
 from pmr.report.subject import alone, forces_called
 from pmr.results import RunResult
 from pmr.results.extremes import Extremes
-from pmr.results.tables import reaction_extremes
+from pmr.results.tables import REACTION_OF, reaction_extremes
 
 #: Of the largest force: what is below is round-off, which a support has even where nothing acts along it.
 ROUND_OFF = 1e-9
+#: What names begin with of what acts at the pivot.
+AT_PIVOT = f"{REACTION_OF}pivot "
 
 
 def contact(result: RunResult, prefix: str) -> Block | None:
@@ -35,6 +37,20 @@ def supports(result: RunResult, prefix: str) -> Block | None:
     if found is None:
         return Block(heading="Supports", grids=rigid) if rigid else None
     return Block(heading="Supports", rows=found.rows, grids=(*found.grids, *rigid))
+
+
+def pivot(result: RunResult, prefix: str) -> Block | None:
+    """What a boom in a frame that moves presses on its machine with: forces and moments about the pivot over time."""
+    response, row = result.responses["reduced"], list[Drawing]()
+    acting = [one for one in response.outputs if one.kind == "reaction" and one.name.startswith(AT_PIVOT)]
+    for unit, what, name in (("N", "Forces", "forces"), ("N m", "Moments about the pivot", "moments")):
+        some = [one for one in acting if one.unit == unit]
+        largest = max((float(np.abs(response.other(one.name)).max()) for one in some), default=0.0)
+        some = [one for one in some if np.abs(response.other(one.name)).max() > ROUND_OFF * largest]
+        if some:
+            said = f"{what} that the boom presses on its machine with, all supports together, along the boom's axes."
+            row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot, said, result, some))
+    return Block(heading="Forces on the machine", rows=(tuple(row),)) if row else None
 
 
 def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | None:

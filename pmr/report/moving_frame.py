@@ -24,12 +24,21 @@ def frame(result: RunResult) -> str:
             "stiffness at the lowest frequency; frame.second_order keeps all three."
         )
     buckling = result.summary["buckling"]
-    if buckling["factor"] is None:
+    factor = buckling["factor"]
+    if factor is None:
         return f"{turns}{axes}Second order is kept; no axial force presses."
     return (
-        f"{turns}{axes}Second order is kept: the boom would buckle under {significant(buckling['factor'])} times its "
-        f"axial forces, at t = {plain(round(buckling['t'], 3))}{SPACE}s, with every pad closed."
+        f"{turns}{axes}Second order is kept: the boom would buckle under {significant(factor)} times its "
+        f"axial forces, at t = {plain(round(buckling['t'], 3))}{SPACE}s, with every pad closed.{_share(factor)}"
     )
+
+
+def _share(factor: float) -> str:
+    r"""By how much second order bends a boom further that rests: about :math:`1 / (1 - 1/\lambda) - 1`."""
+    if factor <= 1.0:
+        return ""
+    further = percent(1.0 / (factor - 1.0), 2)
+    return f" At rest second order adds about {further} to its deflection then: 1/(λ − 1) of the buckling factor λ."
 
 
 def _range(angle: dict[str, float]) -> str:

@@ -7,7 +7,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from pmr.report import forces, parameters, probes, provenance, sentences, stresses
+from pmr.report import forces, parameters, position, probes, provenance, sentences, stresses
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, Table, drawing
 from pmr.report.columns import is_round_off, lines, not_drawn, tips
 from pmr.report.errors import compared, error_table
@@ -84,6 +84,9 @@ def motion(result: RunResult, prefix: str) -> Block | None:
     if not fields:
         if not lines(result, result.responses["reduced"]):
             return None
+        if result.scene.frame is not None:
+            data = line.in_space(result)
+            return Block(heading="Motion", player=Player("space", data, line.said(data)))
         data = line.motion(result)
         strip = drawing(f"{prefix}-snapshots", shapes.snapshots, captions.snapshots(result), result)
         return Block(heading="Motion", player=Player("line", data, line.said(data)), without_scripts=(strip,))
@@ -215,8 +218,8 @@ def origin(result: RunResult, prefix: str) -> Block:
 
 #: In the order in which they stand in the page.
 SECTIONS: tuple[Show, ...] = (
-    errors, accuracy, motion, inputs_over_time, tip, stresses.stress, probes.probes, forces.contact, forces.cylinders,
-    forces.supports, energy, constraint, basis, response, origin,
+    errors, accuracy, motion, position.in_space, inputs_over_time, tip, stresses.stress, probes.probes, forces.contact,
+    forces.cylinders, forces.supports, forces.pivot, energy, constraint, basis, response, origin,
 )  # fmt: skip
 
 

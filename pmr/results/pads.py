@@ -36,6 +36,7 @@ def pad_extent(ring: PadRing, face: Face, across: float, body: Array) -> Array:
 def pads_over_time(result: RunResult) -> Boxes | None:
     """All pads of a body alone at the times of its recovered fields, with their forces in N, NaN if unknown.
 
+    In a frame that moves they are where they are in space.
     None without pads, and of a boom of sections.
     """
     if ALONE not in (travelling := result.travelling):
@@ -54,6 +55,8 @@ def pads_over_time(result: RunResult) -> Boxes | None:
             corners[:, k, :, 0] += along[:, None]
         if FORCE_OF + name in response.force_names:
             force[:, k] = np.interp(t, response.t, response.force(FORCE_OF + name, 0))
+    if (pose := result.pose(t)) is not None:
+        corners = pose.places(corners.reshape(len(t), -1, 3)).reshape(corners.shape)
     return Boxes(tuple(name for _, name, _, _ in places), corners, {"force": force})
 
 

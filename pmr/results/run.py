@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.fields.pose import Pose
 from pmr.fields.series import Fields
 from pmr.files import jsonfile, npz, records
 from pmr.files.swap import finished
@@ -101,6 +102,16 @@ class RunResult:
             for (name, body), tail in zip(self.bodies.items(), tails.T, strict=True)
             if body.fields is not None
         }
+
+    def pose(self, t: Array) -> Pose | None:
+        """Where the axes of `travelling` are in space at the times t (S,) s; None without a frame that moves."""
+        frame = self.scene.frame
+        if frame is None:
+            return None
+        origin = np.zeros((len(t), 3)) + frame.place
+        if self.reach is None and not self.scene.points:  # there the body slides by -s: its own tail is at the place
+            origin[:, 0] += np.interp(t, self.responses["reduced"].t, self.paths.values[:, 0])
+        return Pose(frame.rotation(t), origin)
 
     @property
     def columns(self) -> dict[str, list[str]]:

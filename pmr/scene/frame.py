@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import Literal, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from pmr.scene.joints import Linear
@@ -56,6 +57,16 @@ class Frame(Section):
     def angles(self) -> tuple[SignalBase, SignalBase]:
         """Luffing and slewing in rad."""
         return self._in_rad(self.luffing), self._in_rad(self.slewing)
+
+    def rotation(self, t: ArrayLike) -> NDArray[np.float64]:
+        r"""From axes of the boom into those of the ground at times t (T,) s, :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3).
+
+        On the ground Z is upwards, and X where the boom points at a slewing angle of 0.
+        """
+        luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
+        (c, s), (cz, sz) = (np.cos(luffing), np.sin(luffing)), (np.cos(slewing), np.sin(slewing))
+        rows = [[cz * c, -sz, -cz * s], [sz * c, cz, -sz * s], [s, np.zeros_like(s), c]]
+        return np.moveaxis(np.array(rows), -1, 0)
 
     def _in_rad(self, angle: SignalBase | None) -> SignalBase:
         if angle is None:

@@ -1,14 +1,17 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
 import meshio
 import numpy as np
 import pytest
+from boom_results import MakeSpace, make_fields, make_space  # noqa: F401 fixtures
 
 from pmr.export.paraview import Travelling, write_series
 from pmr.fields.series import Boxes, Fields, Grid
+from pmr.results.pads import pads_over_time
 
 POINTS = np.random.default_rng(1).normal(size=(8, 3))
 CELLS = {
@@ -70,6 +73,40 @@ def test_a_shorter_series_leaves_nothing_of_a_longer_one(tmp_path: Path) -> None
     for times in (3, 2):
         write_series(tmp_path, "boom", {"": Travelling(fields("triangle", times))})
     assert sorted(file.name for file in (tmp_path / "boom").iterdir()) == ["00000.vtu", "00001.vtu"]
+
+
+@pytest.mark.parametrize("kind", ["line", "triangle"])
+def test_a_boom_in_a_frame_stands_where_that_is_in_space(
+    tmp_path: Path,
+    make_space: MakeSpace,  # noqa: F811
+    make_fields: Callable[[str], Fields],  # noqa: F811
+    kind: str,
+) -> None:
+    """Every place is pivot + R(t) (x + u), every displacement R(t) u; the pads that move are where the mouth is."""
+    luffing, slewing = np.deg2rad(50.0), np.deg2rad(-30.0)
+    frame = {"pivot": [0.5, 0.0, -0.3], "unit": "degrees", "luffing": 50.0, "slewing": -30.0}
+    result = make_space(fields=make_fields(kind), frame=frame)
+    ((fields, along),) = result.travelling.values()
+    bodies = {"": Travelling(fields, along, result.pose(fields.t))}
+    sets = (
+        ElementTree.parse(write_series(tmp_path, "boom", bodies, pads_over_time(result)))
+        .getroot()
+        .findall("Collection/DataSet")
+    )
+    ahead = np.array([np.cos(luffing) * np.cos(slewing), np.cos(luffing) * np.sin(slewing), np.sin(luffing)])
+    left = np.array([-np.sin(slewing), np.cos(slewing), 0.0])
+    turned = np.stack([ahead, left, np.cross(ahead, left)])  # rows: the boom's axes in space
+    tip = int(np.argmax(fields.points[:, 0]))
+    for k in (0, 10, 20):
+        body, boxes = (meshio.read(tmp_path / entry.attrib["file"]) for entry in sets[2 * k : 2 * k + 2])
+        u = fields.displacement[k].astype(float)
+        assert body.points == pytest.approx((fields.points + [0.5, 0.0, -0.3]) @ turned, abs=1e-14)
+        assert body.point_data["displacement"] == pytest.approx(u @ turned, abs=1e-9)  # in single precision
+        moved = (body.points + body.point_data["displacement"])[tip]
+        assert moved == pytest.approx((fields.points[tip] + u[tip] + [0.5, 0.0, -0.3]) @ turned, abs=1e-9)
+        centres = boxes.points.reshape(-1, 8, 3).mean(axis=1) @ turned.T - [0.5, 0.0, -0.3]
+        rings = np.unique(centres[:, 0].round(9))
+        assert rings == pytest.approx(sorted({0.15, -along[k]}), abs=1e-9)  # tail and mouth, from the body's tail
 
 
 @pytest.mark.slow

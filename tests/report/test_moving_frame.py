@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import base64
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
+from boom_results import SUMMARY, MakeSpace
 
+from pmr.report import space
+from pmr.report.document import page
+from pmr.report.figures import forces
+from pmr.report.figures import space as figures
+from pmr.report.figures.canvas import style
+from pmr.report.motion import line
 from pmr.report.moving_frame import frame
+from pmr.report.sections import chapter
 from pmr.results import RunResult
 
 TURNING = {
@@ -42,3 +53,98 @@ def test_what_is_left_out_is_said_with_its_size() -> None:
 def test_second_order_is_said_with_the_buckling_factor(factor: float | None, expected: str) -> None:
     text = said(frame={**TURNING, "second_order": True}, buckling={"factor": factor, "t": 10.0})
     assert expected in text and "left out" not in text
+
+
+FRAME = {
+    "pivot": [0.5, 0.0, -0.3],
+    "unit": "degrees",
+    "luffing": {"kind": "smooth_ramp", "times": [0.0, 1.0], "values": [10.0, 70.0]},
+    "slewing": {"kind": "smooth_ramp", "times": [0.0, 1.0], "values": [0.0, 120.0]},
+}
+
+
+@pytest.fixture(scope="module")
+def turned(make_space: MakeSpace) -> RunResult:
+    """A beam that is raised and slewed, with a buckling factor and what it presses on its machine with."""
+    angles = {"luffing": {"min": 0.17, "max": 1.22}, "slewing": {"min": 0.0, "max": 2.1}}
+    said = {**angles, "angular_velocity": 3.0, "second_order": True, "gyroscopic": 0.02, "centrifugal": 1e-4}
+    over = {"t": [0.0, 0.5, 1.0], "factor": [9.0, 4.0, None]}
+    summary = SUMMARY | {"frame": said, "buckling": {"factor": 4.0, "t": 0.5, "over": over}}
+    result = make_space(summary=summary, frame=FRAME)
+    held = result.responses["reduced"]
+    names, units = ("x", "y", "ry"), ("N", "N", "N m")
+    acting = np.stack([-75e3 + 0.0 * held.t, 1e-6 * np.sin(held.t), 40e3 * np.cos(held.t)], axis=1)
+    kinds = ("beam y",) * 5 + ("beam z",) * 5 + ("tip y", "tip z") + ("pad",) * 7 + ("reaction",) * 3
+    pressed = replace(
+        held,
+        others=acting,
+        other_names=tuple(f"reaction of pivot {name}" for name in names),
+        other_units=units,
+        force_names=tuple(f"force of {k}" for k in range(7)),
+        kinds=kinds,
+        bodies=("",) * len(kinds),
+    )
+    return replace(result, responses={**result.responses, "reduced": pressed})
+
+
+def unpacked(series: dict[str, Any]) -> np.ndarray:
+    return series["count"] * np.frombuffer(base64.b64decode(series["data"]), "<i2")
+
+
+def expected_tip(result: RunResult, scale: float) -> np.ndarray:
+    """Pivot and R(t) (x + u) of the tip, written out."""
+    response, frame_ = result.responses["reduced"], result.scene.frame
+    assert frame_ is not None
+    luffing, slewing = (angle.value(response.t) for angle in frame_.angles)
+    x, y, z = 0.5 + 6.0, scale * response.displacement[:, -2], -0.3 + scale * response.displacement[:, -1]
+    out, up = x * np.cos(luffing) - z * np.sin(luffing), x * np.sin(luffing) + z * np.cos(luffing)
+    X, Y = out * np.cos(slewing) - y * np.sin(slewing), out * np.sin(slewing) + y * np.cos(slewing)
+    return np.stack([out, up, X, Y], axis=1)
+
+
+def test_axes_stand_where_the_frame_has_turned_them(turned: RunResult) -> None:
+    steps = [0, 300, 1000]
+    (axis,) = space.axes(turned, steps, 20.0)
+    found = np.hstack([axis.side[:, -1], axis.plan[:, -1]])
+    assert found == pytest.approx(expected_tip(turned, 20.0)[steps], abs=1e-12)
+
+
+def test_the_player_has_what_puts_the_tip_where_it_is(turned: RunResult) -> None:
+    data = line.in_space(turned)
+    luffing, (beam,) = unpacked(data["luffing"]), data["beams"]
+    w = unpacked(beam["w"]).reshape(data["frames"], -1)[:, -1]
+    x, z = data["pivot"][0] + beam["x"][-1], data["pivot"][2] + data["scale"] * w
+    found = np.stack([x * np.cos(luffing) - z * np.sin(luffing), x * np.sin(luffing) + z * np.cos(luffing)], axis=1)
+    assert found == pytest.approx(expected_tip(turned, data["scale"])[:, :2], abs=1e-3)  # 16 bits of 6 m and 1.2 rad
+    low, high, bottom, up = data["side"]
+    assert low <= 0.0 and bottom <= 0.0 and high >= found[:, 0].max() - 0.05 and up >= found[:, 1].max() - 0.05
+    assert data["plan"] is not None
+
+
+@pytest.mark.slow
+def test_a_page_shows_the_boom_in_space_and_only_with_a_frame(turned: RunResult, boom: RunResult) -> None:
+    here, there = page([chapter(turned, "case-1")]), page([chapter(boom, "case-1")])
+    for figure in ("plan", "tip-in-space", "buckling", "pivot-forces", "pivot-moments"):
+        assert f'id="case-1-{figure}"' in here and f'id="case-1-{figure}"' not in there
+    assert "Height over the pivot in m" in here and "animation space" in here
+    assert "Height over the pivot in m" not in there and "animation space" not in there
+
+
+def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None:
+    """A force that stays at -75 kN lies within its axes; what is 1e-11 of it has no curve."""
+    outputs = turned.responses["reduced"].outputs
+    with style():
+        drawn = forces.pivot(turned, [one for one in outputs if one.name == "reaction of pivot x"])
+        views = [figures.side(turned), figures.plan(turned), figures.tip(turned), figures.buckling(turned)]
+    (ax,) = drawn.axes
+    curve, (low, high) = ax.lines[0].get_ydata(), ax.get_ylim()
+    assert np.asarray(curve) == pytest.approx(-75.0) and low < -75.0 < high and ax.get_ylabel() == "Force in kN"
+    for view in views:
+        for ax in view.axes:
+            (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+            places = np.concatenate(
+                [np.asarray(one.get_xydata()) for one in ax.lines if one.get_transform() == ax.transData]
+            )
+            places = places[np.isfinite(places).all(axis=1)]
+            assert len(places) > 2
+            assert (places >= (left, low)).all() and (places <= (right, high)).all()

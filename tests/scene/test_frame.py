@@ -11,7 +11,9 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.choice import inertia_fields, model_of
+from pmr.scene.frame import Frame
 from pmr.scene.members import member_at, members
+from pmr.simulation.frame import Turning
 
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
 LUFFING = "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.2, 1.0]}"
@@ -90,3 +92,16 @@ def test_angles_are_in_radians_or_degrees() -> None:
     assert luffing.value(t) == pytest.approx(np.deg2rad([0.2, 0.6, 1.0]))
     assert luffing.rate(t)[1] == pytest.approx(np.deg2rad(0.8 / 4.0 * 1.875))
     assert not slewing.value(t).any()
+
+
+def test_the_rotation_into_space_is_that_of_the_angular_velocity() -> None:
+    t, h = np.linspace(1.5, 4.5, 7), 1e-4
+    angle = {"kind": "smooth_ramp", "times": [1.0, 5.0], "values": [10.0, 60.0]}
+    frame = Frame.model_validate({"pivot": [0, 0, 0], "luffing": angle, "slewing": angle, "unit": "degrees"})
+    R = frame.rotation(t)
+    turning = Turning.of(*frame.angles, t)
+    assert np.einsum("tji,tjk->tik", R, R) == pytest.approx(np.tile(np.eye(3), (7, 1, 1)), abs=1e-14)
+    assert R[:, 2] == pytest.approx(turning.up, abs=1e-14)  # what Z is in the boom's axes
+    spin = np.einsum("tji,tjk->tik", R, (frame.rotation(t + h) - frame.rotation(t - h)) / (2.0 * h))
+    found = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+    assert found == pytest.approx(turning.velocity, abs=1e-7)  # h^2 / 6 times third rates, which are below 10 1/s^3

@@ -6,15 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from pmr.report.columns import Force
-from pmr.report.decimation import onto
-from pmr.report.figures.canvas import INK, WIDE, key, sheet
+from pmr.report.decimation import extremes, onto
+from pmr.report.figures.canvas import HALF, INK, SECTIONS, WIDE, bins_of, key, sheet
 from pmr.report.figures.histories import curves
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import unit_for
 from pmr.report.subject import stress_times
 from pmr.results import BodyResult, RunResult
+from pmr.results.outputs import Output
 
 MOST_FORCES = 12  # panels of one figure
 
@@ -40,6 +42,22 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
     for ax in axes.flat[len(shown) :]:
         ax.set_visible(False)
     key(figure, time.legend(list(signals[0])))
+    return figure
+
+
+def pivot(result: RunResult, outputs: Sequence[Output]) -> Figure:
+    """What the boom presses on its machine with, forces or moments, in one panel."""
+    time, response = Timeline(result), result.responses["reduced"]
+    signals = [response.other(one.name) for one in outputs]
+    unit = unit_for(max(float(np.abs(signal).max()) for signal in signals), outputs[0].unit)
+    figure, axes = sheet(HALF, 1.9)
+    lines = list(zip(signals, [one.name.rpartition(" ")[2] for one in outputs], SECTIONS[1:], strict=False))
+    for signal, _, colour in lines:
+        shown = extremes(signal, bins_of(axes[0, 0]))
+        axes[0, 0].plot(time.t[shown], signal[shown] / unit.size, color=colour, linewidth=0.8)
+    time.frame(axes[0, 0], f"{'Moment' if outputs[0].unit == 'N m' else 'Force'} in {unit.name}")
+    axes[0, 0].axhline(0.0, linewidth=0.0)
+    key(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *time.shade()])
     return figure
 
 

@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, Polygon
 from numpy.typing import NDArray
 
+from pmr.report.columns import lines
+from pmr.report.figures import space
 from pmr.report.figures.canvas import INK, MUTED
 from pmr.report.figures.paper import LOAD, Paper
 from pmr.report.figures.shapes import boom, exaggeration
@@ -39,7 +41,12 @@ class _Stretch:
 
 
 def sketch(result: RunResult) -> Figure:
-    """The system at the beginning, seen from the side, z up; a boom of sections from its shortest to its longest."""
+    """The system at the beginning, seen from the side, z up; a boom of sections from its shortest to its longest.
+
+    In a frame that moves it stands where it is in space.
+    """
+    if _in_space(result):
+        return space.side(result)
     if not alone(result):
         return boom(result)
     low, high = result.scene.path_bounds
@@ -47,8 +54,14 @@ def sketch(result: RunResult) -> Figure:
     return _telescopic(result, stretch) if moving(result) == "mouth" else _on_supports(result, stretch)
 
 
+def _in_space(result: RunResult) -> bool:
+    return result.scene.frame is not None and bool(lines(result, result.responses["reduced"]))
+
+
 def caption(result: RunResult) -> str:
     """What the sketch shows."""
+    if _in_space(result):
+        return space.caption(result, "from the side")
     if not alone(result):
         return f"The boom on its way out; deflection is drawn {plain(exaggeration(result))} times its size."
     low, high = result.scene.path_bounds

@@ -20,6 +20,7 @@ from pmr.report.motion.instants import (
     seen,
     stress_of,
     stressed,
+    times,
     top,
 )
 from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, framed
@@ -70,6 +71,7 @@ class _Views:
         self.surfaces = surfaces(result)
         self.stage = stage(result, next(iter(self.surfaces.values())))
         self.scale, self.stressed = scale(result), stressed(result)
+        self.pose = result.pose(times(result))
         self.limits = (0.0, top(result) / 1e6 if self.stressed else 1.0)
 
     def shots(self) -> Iterator[tuple[str, Shot, str]]:
@@ -89,14 +91,18 @@ class _Views:
             moved = surface.moved(fields, fields.displacement[moment.frame])
             points = surface.points + self.scale * moved + (self.places[name][moment.frame], 0.0, 0.0)
             values = stress_of(fields)[moment.frame, surface.cell] / 1e6 if fields.von_mises else None
-            yield Piece(points, surface.faces, values, STEEL, edges=edges)
+            yield Piece(self._in_space(moment.frame, points), surface.faces, values, STEEL, edges=edges)
 
     def _surroundings(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
         back = np.array([moment.s, 0.0, 0.0])
-        yield from (_piece(block, PAD) for block in self.stage.near)
-        yield from (_piece(block, PAD, back) for block in self.stage.tail)
-        for block in self.stage.section:
-            yield replace(_piece(block, SECTION), opacity=opacity, edges=1.0)
+        found = [_piece(block, PAD) for block in self.stage.near]
+        found += [_piece(block, PAD, back) for block in self.stage.tail]
+        found += [replace(_piece(block, SECTION), opacity=opacity, edges=1.0) for block in self.stage.section]
+        yield from (replace(piece, points=self._in_space(moment.frame, piece.points)) for piece in found)
+
+    def _in_space(self, frame: int, points: Array) -> Array:
+        """Points where they are drawn: turned with a frame that moves."""
+        return points if self.pose is None else self.pose.at(frame, points)
 
     def _close(self, moment: Moment) -> tuple[str, Shot, str]:
         """The neighbourhood of the cell with the largest stress, from the side that it is on."""
@@ -107,9 +113,13 @@ class _Views:
         middle = (low + high) / 2.0
         left, above = place[1] > high[1] - 0.05 * (high[1] - low[1]), place[2] >= middle[2]
         direction = (SIDE[0], -SIDE[1] if left else SIDE[1], 0.45 if above else -0.45)
+        if self.pose is not None:
+            ahead, aside, up = (float(c) for c in self.pose.turned(moment.frame, direction))
+            direction = (ahead, aside, up)
         pieces = (*self._bodies(moment, edges=0.8), *self._surroundings(moment, opacity=0.08))
-        centre = (float(place[0] + self.places[name][moment.frame]), float(middle[1]), float(middle[2]))
-        shot = Shot(pieces, direction, self.limits, centre, NEAR, (WIDTH, WIDTH * 3 // 8))
+        centre = np.array([float(place[0] + self.places[name][moment.frame]), float(middle[1]), float(middle[2])])
+        x, y, z = (float(c) for c in self._in_space(moment.frame, centre))
+        shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8))
         seen_from = f"seen from {'above' if above else 'below'} at {moment.t:.2f}{SPACE}s"
         return "close", shot, f"The neighbourhood of the largest stress, {seen_from}; displacements as above."
 

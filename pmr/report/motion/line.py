@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.report import space
 from pmr.report.columns import Line, lines, rings
 from pmr.report.decimation import onto, packed, speeds, spread
 from pmr.report.figures import shapes
@@ -61,6 +62,60 @@ def motion(result: RunResult) -> dict[str, Any]:
         ],
         "speeds": speeds(float(t[-1] - t[0])),
     }
+
+
+def in_space(result: RunResult) -> dict[str, Any]:
+    """What the player of a boom in a frame that moves needs, ready for JSON: the reduced model alone.
+
+    Of each body its places along the axis in m, deflections in the plane of luffing and aside (frames, points) and its
+    tail (frames,); angles in rad and pivot; `side` and `plan` are what is reached in either view, least and largest
+    across, then up, in m.
+    """
+    t, response, frame = result.responses["reduced"].t, result.responses["reduced"], result.scene.frame
+    assert frame is not None  # of who is shown so
+    frames, axis = spread(len(t), FRAMES), lines(result, response)
+    aside = {of.body: of.moved(response) for of in lines(result, response, "y")}
+    largest = max(float(np.abs(moved).max()) for moved in (*(of.moved(response) for of in axis), *aside.values()))
+    scale = round_number(shapes.REACH * length(result) / largest) if largest > 0.0 else 1.0
+    drawn_axes = space.axes(result, spread(len(t), 300), scale)
+    beams = _lane(result, "reduced", frames)["beams"]
+    for beam, of in zip(beams, axis, strict=True):
+        points = spread(len(of.x), POINTS)
+        beam["v"] = packed(
+            aside[of.body][:, points][frames] if of.body in aside else np.zeros((len(frames), len(points)))
+        )
+    luffing, slewing = (packed(angle.value(t[frames])) for angle in frame.angles)
+    return {
+        "largest": largest,
+        "scale": scale,
+        "times": [float(t[0]), float(t[-1])],
+        "frames": len(frames),
+        "pivot": list(frame.place),
+        "luffing": luffing,
+        "slewing": slewing,
+        "beams": beams,
+        "side": _reached([one.side for one in drawn_axes]),
+        "plan": _reached([one.plan for one in drawn_axes]) if space.slews(result) else None,
+        "pads": _pads(result, axis, frames),
+        "loads": [
+            {
+                "name": load.name,
+                "section": [of.body for of in axis].index(load.body),
+                "at": load.at,
+                "way": [float(load.direction == one) for one in ("along", "aside", "up")],
+                "values": packed(load.values[frames]),
+            }
+            for load in loads(result)
+            if load.direction != "turn"
+        ],
+        "speeds": speeds(float(t[-1] - t[0])),
+    }
+
+
+def _reached(views: list[NDArray[np.float64]]) -> list[float]:
+    """Least and largest places (S, n, 2) across and up, those of the pivot included."""
+    every = np.concatenate([np.zeros((1, 2)), *(view.reshape(-1, 2) for view in views)])
+    return [float(end) for k in (0, 1) for end in (every[:, k].min(), every[:, k].max())]
 
 
 def _lane(result: RunResult, name: str, frames: NDArray[np.int64]) -> dict[str, Any]:

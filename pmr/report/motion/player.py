@@ -22,6 +22,7 @@ from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import percent, plain
 from pmr.report.subject import length
 from pmr.results import RunResult
+from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ def player(result: RunResult) -> dict[str, Any]:
 
     Of each body points in m, where it is along x, coefficients (frames, k) with shapes (k, 3 P) of the displacement in
     m and (k, S) of the faces' stress over that of the last colour; the first face of each pair of triangles has the
-    same number as the second.
+    same number as the second.  In a frame that moves all of it is turned as `pose` says.
     """
     bodies = surfaces(result)
     if not bodies or len(t := times(result)) < 2 or sum(len(one.faces) for one in bodies.values()) > MOST_FACES:
@@ -59,7 +60,37 @@ def player(result: RunResult) -> dict[str, Any]:
         "near": [_block(block) for block in around.near],
         "tail": [_block(block) for block in around.tail],
         "lost": max(one["lost"] for one in shown),
+        "pose": _pose(result),
     }
+
+
+def _pose(result: RunResult) -> dict[str, Any] | None:
+    """Of a frame that moves: rotations (frames, 9), origins (frames, 3) m, and the middle and size of what is seen."""
+    if (pose := result.pose(times(result))) is None:
+        return None
+    bodies, alongs = surfaces(result), places(result)
+    ends = [
+        pose.places(np.array([one.points.min(axis=0), one.points.max(axis=0)]) + _ahead(alongs[name]))
+        for name, one in bodies.items()
+    ]
+    every = np.concatenate([np.zeros((1, 3)), *(places.reshape(-1, 3) for places in ends)])
+    low, high = every.min(axis=0), every.max(axis=0)
+    return {
+        "rotation": packed(pose.rotation.ravel()),
+        "origin": packed(pose.origin.ravel()),
+        "centre": ((low + high) / 2.0).tolist(),
+        "size": float(np.linalg.norm(high - low)),
+        "angles": [packed(np.rad2deg(angle.value(times(result)))) for angle in _angles(result)],
+    }
+
+
+def _ahead(along: Array) -> Array:
+    """Places (F, 1, 3) m along x."""
+    return np.asarray(along[:, None, None] * np.array([1.0, 0.0, 0.0]))
+
+
+def _angles(result: RunResult) -> tuple[SignalBase, ...]:
+    return () if result.scene.frame is None else result.scene.frame.angles
 
 
 def _body(result: RunResult, name: str, surface: Surface, along: Array, most: int) -> dict[str, Any]:

@@ -57,6 +57,8 @@ class BodyPlayer extends Playback {
       motion: series(body.motion),
       stress: body.stress && series(body.stress),
     }));
+    this.pose = this.data.pose && { ...this.data.pose, angles: this.data.pose.angles.map(unpack),
+      rotation: unpack(this.data.pose.rotation), origin: unpack(this.data.pose.origin) };
     this.view = { ...HOME };
     this.frame = this.slider.value = this.data.first;
     this.prepare();
@@ -162,8 +164,34 @@ class BodyPlayer extends Playback {
     for (const block of this.data.near) this.block(block, 0);
     for (const block of this.data.tail) this.block(block, this.back);
     for (const section of this.data.section) this.section(section);
+    if (this.pose) this.ground();
     const out = this.data.length - this.back;
-    this.say(`${this.clock}, ${out.toFixed(2)} m out`);
+    const raised = this.pose ? `, raised by ${this.between(this.pose.angles[0]).toFixed(1)}°` : "";
+    this.say(`${this.clock}, ${out.toFixed(2)} m out${raised}`);
+  }
+
+  // Places along the boom's axes, in space.
+  inSpace(places) {
+    if (!this.pose) return places;
+    const of = (values, count) => Array.from({ length: count }, (_, i) => this.component(values, i, count));
+    const R = of(this.pose.rotation, 9), o = of(this.pose.origin, 3), found = new Float32Array(places.length);
+    for (let i = 0; i < places.length; i += 3) {
+      const [x, y, z] = [places[i] + o[0], places[i + 1] + o[1], places[i + 2] + o[2]];
+      for (let j = 0; j < 3; j++) found[i + j] = R[3 * j] * x + R[3 * j + 1] * y + R[3 * j + 2] * z;
+    }
+    return found;
+  }
+
+  component(values, i, count) {
+    const k = Math.min(Math.floor(this.frame), this.last - 1), part = this.frame - k;
+    return values[k * count + i] * (1 - part) + values[(k + 1) * count + i] * part;
+  }
+
+  // Lines every 2 m on the level of the pivot.
+  ground() {
+    const half = Math.ceil(this.pose.size / 3) * 2, lines = [];
+    for (let at = -half; at <= half; at += 2) lines.push(at, -half, 0, at, half, 0, -half, at, 0, half, at, 0);
+    this.over(() => this.show(this.pen.LINES, new Float32Array(lines), null, [...rgb("#9aa5b1"), 0.5], false, false));
   }
 
   look(aspect) {
@@ -174,6 +202,13 @@ class BodyPlayer extends Playback {
     gl.uniform3f(this.at("towards"), ce * c, ce * s, se);
     gl.uniform3f(this.at("right"), -s, c, 0);
     gl.uniform3f(this.at("above"), -se * c, -se * s, ce);
+    if (this.pose) {
+      const [x, y, z] = this.pose.centre, wide = Math.max(this.pose.size / 2 * Math.max(1, 0.8 / aspect), 0.5) / zoom;
+      gl.uniform3f(this.at("centre"), x, y, z);
+      gl.uniform1f(this.at("deep"), 4 * this.pose.size);
+      gl.uniform2f(this.at("size"), wide, wide * aspect);
+      return;
+    }
     const away = 1 / Math.max(zoom, 1); // who comes closer comes closer to the mouth
     gl.uniform3f(this.at("centre"), away * (front + back) / 2, 0, -0.2 * away);
     gl.uniform1f(this.at("deep"), front - back);
@@ -189,6 +224,7 @@ class BodyPlayer extends Playback {
   body({ faces, triangles: corners, edges, stress: shapes }, places) {
     const gl = this.pen, count = corners.length;
     const stress = shapes && this.sum(shapes, faces);
+    places = this.inSpace(places);
     const spread = new Float32Array(3 * count), values = new Float32Array(count);
     for (let i = 0; i < count; i++) {
       for (let j = 0; j < 3; j++) spread[3 * i + j] = places[3 * corners[i] + j];
@@ -204,7 +240,7 @@ class BodyPlayer extends Playback {
   block({ corners, sides }, back, colour = [...rgb("#3b4a57"), 1]) {
     const order = sides.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]);
     const places = order.flatMap((k) => [corners[3 * k] - back, corners[3 * k + 1], corners[3 * k + 2]]);
-    this.show(this.pen.TRIANGLES, new Float32Array(places), null, colour, false, true);
+    this.show(this.pen.TRIANGLES, this.inSpace(new Float32Array(places)), null, colour, false, true);
   }
 
   section({ corners, sides }) {
@@ -212,7 +248,7 @@ class BodyPlayer extends Playback {
     const outline = sides.flatMap((side) => side.flatMap((k, i) => [...point(k), ...point(side[(i + 1) % 4])]));
     this.over(() => {
       this.block({ corners, sides }, 0, [...rgb("#9fb0bd"), 0.16]);
-      this.show(gl.LINES, new Float32Array(outline), null, [...rgb("#5b6875"), 0.5], false, false);
+      this.show(gl.LINES, this.inSpace(new Float32Array(outline)), null, [...rgb("#5b6875"), 0.5], false, false);
     });
   }
 

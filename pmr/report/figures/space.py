@@ -1,0 +1,127 @@
+"""A boom in its true position in space: from the side, in the plane of luffing, and from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from pmr.report import space
+from pmr.report.decimation import spread
+from pmr.report.figures.canvas import HALF, INK, MUTED, SECTIONS, WIDE, key, sheet
+from pmr.report.figures.shapes import exaggeration
+from pmr.report.figures.timeline import Timeline
+from pmr.report.numbers import SPACE, plain
+from pmr.results import RunResult
+
+Array = NDArray[np.float64]
+
+WAY = 600  # points of the way of a tip
+TALLEST, FLATTEST = 3.4, 1.0  # in, of axes on which a metre is a metre both ways
+LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
+GROUND, LIMIT = "#9aa5b1", "#b23b00"
+
+
+def side(result: RunResult) -> Figure:
+    """The boom from the side at a few moments: its distance from the pivot in the plane of luffing, and its height."""
+    return _boom(result, "side", "Distance from the pivot in m", "Height over the pivot in m", ground=True)
+
+
+def plan(result: RunResult) -> Figure:
+    """The same from above."""
+    return _boom(result, "plan", "X in m", "Y in m")
+
+
+def tip(result: RunResult) -> Figure:
+    """How far the tip is from the pivot and how high, over time."""
+    time, steps = Timeline(result), spread(len(result.responses["reduced"].t), WAY)
+    figure, axes = sheet(HALF, 1.9)
+    lines = list(zip(space.axes(result, steps)[-1].side[:, -1].T, ("distance", "height"), SECTIONS[1:], strict=False))
+    for values, _, colour in lines:
+        axes[0, 0].plot(time.t[steps], values, color=colour)
+    time.frame(axes[0, 0], "Tip from the pivot in m")
+    key(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *time.shade()])
+    return figure
+
+
+def buckling(result: RunResult) -> Figure:
+    """The buckling factor over how far the boom reaches and over the angle of luffing, along the way of this run."""
+    over, frame = result.summary["buckling"]["over"], result.scene.frame
+    assert frame is not None  # of who has a factor
+    t, factor = np.array(over["t"]), np.array([np.nan if one is None else one for one in over["factor"]])
+    angle = np.rad2deg(frame.angles[0].value(t))
+    reach = np.interp(t, result.responses["reduced"].t, result.along_at(result.responses["reduced"].t))
+    figure, axes = sheet(WIDE, 2.0, columns=2, sharey=True, gridspec_kw={"wspace": 0.08})
+    for ax, x, label in zip(axes[0], (reach, angle), ("Reach in m", "Luffing angle in degrees"), strict=True):
+        ax.plot(x, factor, color=INK, linewidth=0.7, marker=".", markersize=3.0)
+        ax.plot(x[:1], factor[:1], "o", color=INK, markersize=4.5)
+        ax.set_xlabel(label)
+        ax.margins(x=0.04)
+    axes[0, 0].set_ylabel("Buckling factor")
+    axes[0, 0].set_ylim(bottom=0.0)
+    axes[0, 0].axhline(1.0, color=LIMIT, linewidth=0.9)
+    axes[0, 1].axhline(1.0, color=LIMIT, linewidth=0.9)
+    key(figure, [Line2D([], [], color=LIMIT, linewidth=0.9, label="1: the boom buckles")])
+    return figure
+
+
+def caption(result: RunResult, what: str) -> str:
+    """Below a view of the boom."""
+    count, scale = len(space.moments(result)), plain(exaggeration(result))
+    moments = f"at {count} moments, dashed the way of its tip" if count > 1 else "at rest"
+    return f"The boom {what} {moments}; deflection is drawn {scale} times its size."
+
+
+def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = False) -> Figure:
+    steps, t, scale = space.moments(result), result.responses["reduced"].t, exaggeration(result)
+    bodies = space.axes(result, steps, scale)
+    way = getattr(space.axes(result, spread(len(t), WAY), scale)[-1], view)[:, -1]
+    ax, figure = _paper([way, *(getattr(one, view).reshape(-1, 2) for one in bodies)], across, up)
+    ax.plot(*way.T, color=MUTED, linewidth=0.6, linestyle=(0, (4.0, 2.5)), zorder=1.5)
+    colours = [SECTIONS[k % len(SECTIONS)] for k in range(len(bodies))]
+    for k, (body, colour) in enumerate(zip(bodies, colours, strict=True)):
+        for places in getattr(body, view):
+            ax.plot(*places.T, color=colour, linewidth=1.0 + 1.1 * (len(bodies) - 1 - k), solid_capstyle="butt")
+    for step, places in zip(steps, getattr(bodies[-1], view), strict=True):
+        _label(ax, places, f"{float(t[step]):.3g}{SPACE}s")
+    if ground:
+        ax.axhline(0.0, color=GROUND, linewidth=1.2, zorder=1.0)
+    ax.plot([0.0], [0.0], marker="^" if ground else "o", markersize=6.0, color=INK, zorder=4.0)
+    if len(bodies) > 1:
+        named = zip(bodies, colours, strict=True)
+        key(figure, [Line2D([], [], color=colour, linewidth=2.0, label=one.body) for one, colour in named])
+    return figure
+
+
+def _label(ax: Axes, places: Array, text: str) -> None:
+    """Beyond the end of an axis."""
+    way = places[-1] - places[-2]
+    dx, dy = 6.0 * way / max(float(np.linalg.norm(way)), 1e-300)
+    where = "left" if dx > 2.0 else "right" if dx < -2.0 else "center"
+    up = "center" if abs(dy) < 4.0 else "bottom"
+    ax.annotate(text, places[-1], xytext=(dx, dy), textcoords="offset points", ha=where, va=up, fontsize=7.0)
+
+
+def _paper(drawn: Sequence[Array], across: str, up: str) -> tuple[Axes, Figure]:
+    """Axes on which a metre is as long both ways, around all that is drawn and the pivot, labels beside it included."""
+    every = np.concatenate([*drawn, np.zeros((1, 2))])
+    low, high = every.min(axis=0), every.max(axis=0)
+    wide = HALF - LEFT - RIGHT
+    room = 0.04 * float((high - low).max()) + 1e-9
+    low, high = low - room, high + room + [0.12 * float((high - low).max()), 0.06 * float((high - low).max())]
+    metre = min(wide / float(high[0] - low[0]), TALLEST / float(high[1] - low[1]))
+    tall = max(metre * float(high[1] - low[1]), FLATTEST)
+    figure, axes = sheet(
+        HALF, tall + TOP + BOTTOM, margins={"left": LEFT, "right": RIGHT, "top": TOP, "bottom": BOTTOM}
+    )
+    ax: Axes = axes[0, 0]
+    for limits, size, k in ((ax.set_xlim, wide, 0), (ax.set_ylim, tall, 1)):
+        middle, half = float(low[k] + high[k]) / 2.0, size / metre / 2.0
+        limits(middle - half, middle + half)
+    ax.set_xlabel(across)
+    ax.set_ylabel(up)
+    return ax, figure
