@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pmr.reduced.model import ReducedModel
     from pmr.results import RunResult
     from pmr.scene import load_any as load_scene
-    from pmr.simulation.native.steppers import stepper as Stepper  # noqa: N812
+    from pmr.simulation.native.stepper import Stepper
     from pmr.system.system import System
 
 __version__ = "0.1.0"
@@ -47,7 +47,7 @@ _PLACES = {
     "ReducedModel": "pmr.reduced.model:ReducedModel",
     "RunResult": "pmr.results:RunResult",
     "SimulationError": "pmr.errors:SimulationError",
-    "Stepper": "pmr.simulation.native.steppers:stepper",
+    "Stepper": "pmr.simulation.native.stepper:Stepper",
     "System": "pmr.system.system:System",
     "from_matrices": "pmr.files.matrices:from_matrices",
     "load_scene": "pmr.scene:load_any",

@@ -11,12 +11,11 @@ from pydantic import TypeAdapter
 
 from pmr.errors import InputError
 from pmr.errors.text import visible
-from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.section import RECORDED
-from pmr.scene.signals import Signal, SignalBase
+from pmr.scene.signals import Signal
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.contacts import ALONE
@@ -28,67 +27,63 @@ _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
 
 @dataclass(frozen=True)
 class Recorded:
-    """Title, and excitation with a load for each of the model's inputs."""
+    """Title, and excitation with a load for each of the inputs."""
 
     title: str
     excitation: Excitation
-    #: (i,) array: loads that a model starts with step by step, those at t = 0, and weight in full, however it rises
+    #: (i,) array: loads that a system starts with step by step, those at t = 0, and weight in full, however it rises
     first_loads: Array
-    static: bool = False  #: Whether it starts in equilibrium with these; else at rest and undeformed
+
+    @property
+    def static(self) -> bool:
+        """Whether it starts in equilibrium with these; else at rest and undeformed."""
+        return self.excitation.start == "equilibrium"
 
 
-def recorded(model: ReducedModel, source: str) -> Recorded:
-    """The scene in a model's provenance.
+def recorded(system: System, source: str) -> Recorded:
+    """The scene in a system's provenance.
 
-    Raises InputError of the file `source` if there is none, anything but numbers stands where they belong, or the model
-    is a section of a boom.
+    Raises InputError of the file `source` if there is none, or anything but numbers stands where they belong.
     """
-    model.ensure_whole(source)
-    try:
-        scene = model.provenance["scene"]
-        path = _signal(scene["slider"]["path"])
-        signals = [_signal(load["signal"]) for load in scene["loads"]]
-        gravity = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
-        if gravity is not None:
-            signals.append(gravity.signal)
-        end, step, rho_inf = (float(scene["time"][key]) for key in ("end", "step", "rho_inf"))
-        stepping = TimeStepping(end, step, rho_inf)
-        title = visible(str(scene.get("title", "Sliding body")))
-    except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        why = "this one has none" if error.args == ("scene",) else repr(error)
-        allowed = f"a reduced model that holds its scene (slider.path, loads, time) is allowed: {why}"
-        raise InputError(source, "provenance.scene", None, allowed) from None
-    if stepping.steps > MOST_STEPS:
-        raise InputError(source, "provenance.scene.time", stepping.steps, f"at most {MOST_STEPS:,} steps are allowed")
-    if len(signals) != len(model.input_names):
-        allowed = f"{len(signals)} given, one for each input is allowed: {', '.join(model.input_names)}"
-        raise InputError(source, "provenance.scene.loads", None, allowed)
-    loads = dict(zip(model.input_names, signals, strict=True))
-    excitation = Excitation({SLIDER: path}, loads, stepping)
-    first_loads = excitation.f[0].copy()
-    if gravity is not None:
-        first_loads[-1] = gravity.acceleration
-    return Recorded(title, excitation, first_loads, static=scene.get("start") == "equilibrium")
-
-
-def recorded_system(system: System, source: str) -> Recorded:
-    """The scene in a system's provenance, as `recorded` has that of a body alone, with the same errors."""
-    if ALONE in system.bodies:
-        return recorded(system.reduced[ALONE], source)
     try:
         scene = system.provenance["scene"]
         if any(map(_names_a_file, _signals(scene))):
             raise ValueError("a signal in a model holds its numbers itself")
-        boom = Scene.model_validate(scene, context=RECORDED)
-        if boom.time.steps > MOST_STEPS:
-            raise ValueError(f"at most {MOST_STEPS:,} steps are allowed")
-        if set(system.bodies) != set(boom.names) or not set(system.paths) <= set(boom.paths):
-            raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
-        return of_boom(boom, system)
+        return _of_body(scene, system) if ALONE in system.bodies else _of_sections(scene, system)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         why = "this one has none" if error.args == ("scene",) else repr(error)
-        allowed = f"a system that holds its scene (sections, gravity, time) is allowed: {why}"
-        raise InputError(source, "provenance.scene", None, allowed) from None
+        raise InputError(source, "provenance.scene", None, f"a file that holds its scene is allowed: {why}") from None
+
+
+def _of_body(scene: Any, system: System) -> Recorded:
+    """What a body alone starts with: of its scene no more is read than moves it, as files of all versions have it."""
+    loads = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
+    weight = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
+    if weight is not None:
+        loads.append(weight.signal)
+    end, step, rho_inf = (float(scene["time"][key]) for key in ("end", "step", "rho_inf"))
+    stepping = _bounded(TimeStepping(end, step, rho_inf))
+    path, start = _SIGNAL.validate_python(scene["slider"]["path"]), scene.get("start", "rest")
+    named = dict(zip(system.input_names, loads, strict=True))
+    excitation = Excitation({SLIDER: path}, named, stepping, start=start)
+    first_loads = excitation.f[0].copy()
+    if weight is not None:
+        first_loads[-1] = weight.acceleration
+    return Recorded(visible(str(scene.get("title", "Sliding body"))), excitation, first_loads)
+
+
+def _of_sections(scene: Any, system: System) -> Recorded:
+    boom = Scene.model_validate(scene, context=RECORDED)
+    _bounded(TimeStepping(boom.time.end, boom.time.step))
+    if set(system.bodies) != set(boom.names) or not set(system.paths) <= set(boom.paths):
+        raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
+    return of_boom(boom, system)
+
+
+def _bounded(stepping: TimeStepping) -> TimeStepping:
+    if stepping.steps > MOST_STEPS:
+        raise ValueError(f"{stepping.steps} steps, at most {MOST_STEPS:,} steps are allowed")
+    return stepping
 
 
 def of_boom(boom: Scene, system: System) -> Recorded:
@@ -96,15 +91,14 @@ def of_boom(boom: Scene, system: System) -> Recorded:
     excitation = Excitation.of(boom)
     gravity = boom.gravity and boom.gravity.model_copy(update={"rise": 0.0})
     in_full = Excitation.of(boom.model_copy(update={"gravity": gravity}))
-    first_loads = in_full.forces(system.input_names)[0].copy()
-    return Recorded(boom.title, excitation, first_loads, static=boom.start == "equilibrium")
+    return Recorded(boom.title, excitation, in_full.forces(system.input_names)[0].copy())
 
 
 def visited(system: System) -> dict[str, tuple[float, float]]:
     """Smallest and largest s in m of each path in the scene of the sections; of others, where rows are defined."""
     ranges = system.ranges
     try:
-        excitation = None if ALONE in system.bodies else recorded_system(system, "system").excitation
+        excitation = None if ALONE in system.bodies else recorded(system, "system").excitation
     except InputError:
         excitation = None
     if excitation is None:
@@ -114,17 +108,9 @@ def visited(system: System) -> dict[str, tuple[float, float]]:
 
 
 def _signals(scene: Any) -> list[Any]:
-    """What may be signals in the sections of a boom."""
-    parts = [part for part in scene["sections"] if isinstance(part, dict)]
-    return [one for part in parts for one in (part.get("joint"), part.get("loads"))]
-
-
-def _signal(data: Any) -> SignalBase:
-    """A signal that a model brings along: numbers, never the name of a file on the reader's machine."""
-    if _names_a_file(data):
-        raise ValueError("a signal in a model holds its numbers itself")
-    signal: SignalBase = _SIGNAL.validate_python(data)
-    return signal
+    """What may be signals of a body alone, or in the sections of a boom: numbers, never the name of a reader's file."""
+    parts = [part for part in scene.get("sections", [scene]) if isinstance(part, dict)]
+    return [part.get(key) for part in parts for key in ("joint", "slider", "loads")]
 
 
 def _names_a_file(data: Any) -> bool:

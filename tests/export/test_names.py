@@ -83,7 +83,7 @@ def test_names_are_names_to_whoever_reads_a_file(plain: ReducedModel, number: in
     read = {line.partition(" = ")[0]: line.partition(" = ")[2] for line in script.splitlines() if " = " in line}
     assert "import os" not in script and read["MODEL"] == "'model.npz'"
     for version in "23":
-        fmu = contents(System.of(found), recorded(found, "model.npz"), "model", version)
+        fmu = contents(System.of(found), recorded(System.of(found), "model.npz"), "model", version)
         root = ElementTree.fromstring(fmu.texts["modelDescription.xml"])
         shown = {element.get("name") for element in root.iter()} | {
             element.get("description") for element in root.iter()

@@ -15,7 +15,7 @@ from pmr.errors import InputError
 from pmr.export.formats import Options, write
 from pmr.scene.signals import Constant, Sine
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native.steppers import stepper
+from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System
 from pmr.system.terms import Term
@@ -75,7 +75,7 @@ def test_what_knows_no_terms_refuses_them(system: System, tmp_path: Path) -> Non
     varying = replace(system, terms=(Term("N", ("1",), stiffness=np.eye(*of(system, "1"))),))
     file = varying.save(tmp_path / "system.npz")
     with pytest.raises(InputError, match="stepper: terms = 'N'.*without terms that vary in time"):
-        stepper(varying, 1e-3, 1.0)
+        Stepper(varying, 1e-3, 1.0)
     for to in ("fmu", "exudyn", "matlab"):
         with pytest.raises(InputError, match="system.npz: terms = 'N'.*without terms that vary in time"):
             write(to, file, None, Options())

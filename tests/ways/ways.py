@@ -30,7 +30,7 @@ from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
-from pmr.simulation.recorded import recorded_system
+from pmr.simulation.recorded import recorded
 from pmr.studies.files import kind_names
 from pmr.system.assembly import Assembly
 from pmr.system.body import displacement, length_outputs
@@ -276,7 +276,7 @@ def script(subject: Subject) -> None:
 def fmu(subject: Subject) -> None:
     """Its source, compiled here, under the inputs of its own reference gives the reference's outputs."""
     with refusals():
-        made = contents(subject.system, recorded_system(subject.system, "system.npz"), "body", "3")
+        made = contents(subject.system, recorded(subject.system, "system.npz"), "body", "3")
     given, expected = (_table(made.texts[f"resources/reference_{one}.csv"]) for one in ("in", "out"))
     instance = Instance(compiled(made, subject.out("fmu"), "3"))
     t, inputs, outputs = given.pop("time"), list(given), [name for name in expected if name != "time"]

@@ -17,7 +17,7 @@ from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation import contact_step
 from pmr.simulation.acceleration import Acceleration
 from pmr.simulation.contact_step import contact_frequency
-from pmr.simulation.recorded import recorded_system
+from pmr.simulation.recorded import recorded
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.statics import equilibrium
@@ -65,9 +65,9 @@ class SceneText:
 def scene_text(system: System, source: str) -> SceneText:
     """The scene in a system's provenance.
 
-    Raises InputError as `pmr.simulation.recorded.recorded_system`, and for a frame that moves.
+    Raises InputError as `pmr.simulation.recorded.recorded`, and for a frame that moves.
     """
-    found = recorded_system(system, source)
+    found = recorded(system, source)
     excitation = found.excitation
     if any(name.startswith(INERTIA) for body in system.bodies.values() for name in body.input_names):
         allowed = "a scene without a frame is allowed in a script; `pmr run` and `pmr simulate` simulate one by Exudyn"

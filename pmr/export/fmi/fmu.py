@@ -17,7 +17,7 @@ from pmr.export.fmi.description import Described, build_description, description
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import variables
 from pmr.files.whole import replaced
-from pmr.simulation.recorded import Recorded, recorded_system
+from pmr.simulation.recorded import Recorded, recorded
 from pmr.system.system import System
 
 VERSIONS = ("2", "3")
@@ -69,7 +69,7 @@ def write_fmu(
     """
     npz_path = Path(npz_path)
     system = System.load(npz_path).ensure_constant(npz_path.name)
-    return write(system, recorded_system(system, npz_path.name), target, version, platforms)
+    return write(system, recorded(system, npz_path.name), target, version, platforms)
 
 
 def write(

@@ -6,7 +6,7 @@ terms that vary in time.
 So a body alone on its tables takes O(r m) a step and nothing else.
 
 `run` is the entry point, for many steps or for one of a system that is advanced from outside
-(`pmr.simulation.native.system_stepper`); a body alone has `step_on_tables` of `pmr.simulation.native.part`, which takes
+(`pmr.simulation.native.stepper`); a body alone has `step_on_tables` of `pmr.simulation.native.part`, which takes
 a third of a microsecond from Python (`pmr.simulation.native.bound_step`).
 """
 

@@ -111,13 +111,11 @@ class March:
         of_bodies = [chosen[(chosen >= at) & (chosen < end)] - at for at, end in zip(first, first[1:], strict=False)]
         return side_outputs(self.form, dict(zip(self.form.forms, map(np.ndarray.tolist, of_bodies), strict=True)))
 
-    @property
-    def first_outputs(self) -> Array:
-        """Theirs (o,) before the first step: O q + W f - X lambda."""
+    def outputs_at(self, x: Array, f: Array) -> Array:
+        """Theirs (o,) of the present state with the contacts' places at x (sides,) m: O q + W f - X lambda."""
         assembly, state = Assembly(self.form.modal), self.loop.state
-        X = assembly.at(self.x[0]).X
-        moved = assembly.outputs @ state.modes[Z, self.form.used] + assembly.direct @ self.f[0]
-        return np.asarray(moved - X @ state.multipliers)
+        moved = assembly.outputs @ state.modes[Z, self.form.used] + assembly.direct @ f
+        return np.asarray(moved - assembly.at(x).X @ state.multipliers)
 
     def run(self, take: Callable[[Steps], None], progress: Progress | None = None) -> Ended:
         """Take all steps; `take` gets some of them at a time.

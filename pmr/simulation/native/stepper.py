@@ -5,148 +5,188 @@
     stepper = Stepper(ReducedModel.load("reduced.npz"), step=1e-3, s=1.25)
     while running:
         y = stepper.step(s, F)  # outputs in m at the end of the step
+
+    stepper = Stepper(System.load("system.npz"), step=1e-3, s={"fly": 1.5}, outputs=["fly: w(6)"])
+    while running:
+        y = stepper.step({"fly": s}, {"fly.tip force": F})
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError, SimulationError
-from pmr.reduced.model import ReducedModel
-from pmr.simulation.contact_step import PLACES, frequency_at
-from pmr.simulation.modal import modal_form
+from pmr.errors.text import hint
+from pmr.scene.built import force_of
+from pmr.scene.names import SLIDER, named
+from pmr.scene.signals import Constant, Ramp
+from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import bound_step as bound_step
+from pmr.simulation.native import loop as kernel
 from pmr.simulation.native import tables
-from pmr.simulation.native.arrays import ROW, V, Z
-from pmr.simulation.native.building import loop_of
+from pmr.simulation.native.arrays import ROW, Drive, Record, V, Z
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.start import Onset, begin, reason
+from pmr.simulation.native.march import March
+from pmr.simulation.native.start import places_of, reason
+from pmr.simulation.native.systems import static_start
 from pmr.simulation.recorded import recorded
 from pmr.simulation.start import InitialState
+from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import SlidingBody
-from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
+Values = Mapping[str, float] | ArrayLike
 
 
 class Stepper:
-    """The compiled simulator of `pmr.simulation.native.simulator`, advanced from outside.
+    """The compiled simulator of `pmr.simulation.native.systems`, advanced from outside.
 
-    Neither the step nor its outputs allocate memory.  In compiled code of one's own (Numba), call
-    ``step_on_tables(*stepper.arguments, s, f, y)`` of `pmr.simulation.native.part`, which involves no Python.
+    A body alone on one path takes well under a microsecond from Python, and neither its step nor its outputs allocate
+    memory.  In compiled code of one's own (Numba), call ``step_on_tables(*stepper.arguments, s, f, y)`` of
+    `pmr.simulation.native.part`, which involves no Python.
 
     Parameters
     ----------
-    body : SlidingBody
-        Usually a `ReducedModel`.
+    body : SlidingBody or System
+        Usually a `ReducedModel`, or a system of such.
     step : float, s
-    s : float, m
-        Path coordinate at the start.
-    F : (i,) array, or float where there is one load, N (gravity m/s^2)
-        Loads at the start; by default those of the model's scene at t = 0, its weight in full even where it rises, and
-        none for a model that knows no scene.
+        One step is one step, also where contacts only push: `contact` says whether it resolves them.
+    s : float where there is one path, mapping of str to float, or sequence of float, m
+        Path coordinates at the start; a sequence is in the order of `System.paths`.
+    F : float where there is one load, (i,) array, or mapping of str to float, N (gravity m/s^2)
+        Loads at the start; an array is in the order of `System.input_names`.  What a mapping leaves out, and all by
+        default, is that of the scene of the system at t = 0, its weight in full even where it rises, or zero where it
+        knows none.
     rho_inf : float
         Less than 1 as long as rigid rows move.  Their multipliers (index 3) grow from step to step where it is near 1,
         the sooner the faster they move, and nothing here checks the energy as `march.simulate` does: at most 0.9, and
         `march.simulate` on the fastest path that may come (docs/time_integration.md has what was measured).  A model
         with residual flexibility has no such multipliers.
-    outputs : sequence of int, optional
-        Numbers of the body's outputs that `step` returns; all by default.
-    initial : InitialState, optional
-        At rest and undeformed by default.
+    outputs : sequence of int or str, optional
+        What `step` returns: numbers or names of `output_names`, forces of contacts among them; by default all outputs
+        of the bodies.
+    initial : InitialState, or mapping of str to InitialState, optional
+        Of the body, or of each body; those that are missing start at rest, undeformed.  By default all start as the
+        scene of the system says, in equilibrium with F or at rest; at rest where it knows no scene.
 
     Raises
     ------
     InputError
-        If a number is out of its range, loads are not one for each input, the initial position violates a rigid row, or
-        a rigid row only pushes.
+        If a number is out of its range, a name is none of the system's, loads are not one for each input, the initial
+        position violates a rigid row, a rigid row only pushes, or nothing holds the bodies in equilibrium.
     SimulationError
-        If rows that give way depend on each other at the start, and some of them only push.
+        If contacts depend on each other at the start.
     """
 
     def __init__(
         self,
-        body: SlidingBody,
+        body: SlidingBody | System,
         step: float,
-        s: float,
-        F: ArrayLike | None = None,
+        s: Values,
+        F: Values | None = None,
         rho_inf: float = 0.9,
-        outputs: Sequence[int] | None = None,
-        initial: InitialState | None = None,
+        outputs: Sequence[int | str] | None = None,
+        initial: InitialState | Mapping[str, InitialState] | None = None,
     ) -> None:
         if not step > 0.0:
             raise InputError("stepper", "step", step, "more than 0 s is allowed")
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
-        chosen = np.arange(len(body.output_positions)) if outputs is None else np.asarray(outputs, dtype=np.int64)
-        body_form = modal_form(body)
-        body_form.body.ensure_whole("model")
-        form, method = SystemForm(System.of(body), {ALONE: body_form}), GeneralizedAlpha(step, rho_inf)
-        self._system, self._form, self._step = form.system, body_form, step
-        self._low, self._high = body.domain
-        self._s, self._f = self._on_path(float(s)), np.zeros(len(body.input_names))
+        system = (body if isinstance(body, System) else System.of(body)).ensure_constant("stepper")
+        form, moved = SystemForm.of(system), _output_names(system)
+        on_tables = form.on_tables
+        self._system, self._step, self._steps = system, step, 0
+        self._inputs, self._ranges = list(system.input_names), system.ranges
+        if on_tables is not None:  # a body that nothing moves has a place all the same
+            self._ranges = dict.fromkeys(system.paths or (SLIDER,), on_tables.domain)
+        #: Names of all that `outputs` chooses from: outputs of the bodies, then forces of the contacts.
+        self.output_names = (*moved, *map(force_of, system.contact_names))
+        names, every = list(self.output_names), range(len(moved))
+        self._chosen = np.array([_number(k, names, "outputs") for k in (every if outputs is None else outputs)], int)
+        self._s, self._f = np.full(len(self._ranges), np.nan), np.zeros(len(self._inputs))
+        self._take_path(s)
+        known = recorded(system, "stepper") if "scene" in system.provenance else None
+        if known is not None:
+            self._f[:] = known.first_loads
         if F is not None:
-            self._f[:] = self._one_each(F)
-        elif isinstance(body, ReducedModel) and "scene" in body.provenance:
-            self._f[:] = recorded(body, "stepper").first_loads
-        loop, at = loop_of(form, [method], (1,), 0.0, (SLIDER,)), np.array([self._s])
-        x = form.system.coordinates({SLIDER: at})[0]
-        start = {} if initial is None else {ALONE: initial}
-        begin(loop, form, method, Onset((SLIDER,), at, x, np.zeros(len(x)), self._f, start))
-        self._state = loop.state
+            self._take_loads(F)
+        excitation = self._excitation(step, rho_inf)
+        if isinstance(initial, InitialState):
+            initial = dict.fromkeys(system.bodies, initial)
+        if initial is None and known is not None and known.static:
+            initial = static_start(system, excitation)
+        self._march = March(form, excitation, initial or {})
+        self._state, self._seen = self._march.loop.state, self._march.outputs
         # A single load is written through it in a third of the time that NumPy takes.
         self._single: Any = memoryview(self._f) if len(self._f) == 1 else None  # type: ignore[arg-type]
-        self._y = np.zeros(len(chosen))
-        self._steps = 0
-        assert loop.tables is not None and form.on_tables is not None
-        observed = tables.outputs(form.on_tables, chosen.tolist())
-        #: What `step_on_tables` takes before s (float), the loads f (i,) and the outputs y (o,).
-        self.arguments = (loop.tables, loop.divided, method.scheme(), observed, self._state)
-        self._advance = bound_step.entry(self._state.contact is not None)
-        self._memory = bound_step.store(*self.arguments, self._f, self._y)
-        self._address = self._memory.ctypes.data
+        self._advance = self._on_places
+        if on_tables is not None and np.all(self._chosen < len(moved)):
+            self._y = np.zeros(len(self._chosen))
+            observed = tables.outputs(on_tables, self._chosen.tolist())
+            #: What `step_on_tables` takes before s (float), the loads f (i,) and the outputs y (o,).
+            self.arguments = (
+                self._march.loop.tables,
+                self._march.loop.divided,
+                self._march.scheme,
+                observed,
+                self._state,
+            )
+            self._entry, self._advance = bound_step.entry(self._state.contact is not None), self._on_tables
+            self._memory = bound_step.store(*self.arguments, self._f, self._y)
+            self._address = self._memory.ctypes.data
+        else:
+            self._drive = Drive(np.stack([self._s, self._s]), np.stack([self._f, self._f]), None)
+            self._record = Record(None, None, self._state.multipliers[None].copy(), y=np.zeros((1, len(moved))))
+            none = Record(None, None, self._record.multipliers[:0], y=self._record.y[:0])
+            kernel.run(self._march.loop, self._march.scheme, self._seen, self._drive, none, 1)  # compiles, or loads
 
-    def step(self, s: float, F: ArrayLike) -> Array:
+    def step(self, s: Values, F: Values | None = None) -> Array:
         """Advance by one step.
 
         Parameters
         ----------
-        s : float, m
-            Path coordinate at the end of the step; `pmr.errors.BEYOND_ENDS` of the path's length beyond an end it is
-            taken there.
-        F : (i,) array, or float where there is one load, N (gravity m/s^2)
-            Loads at the end of the step, one for each of the body's `input_names`; quickest as a Python float.
+        s : as for the start, m
+            Path coordinates at the end of the step; `pmr.errors.BEYOND_ENDS` of a path's length beyond an end they are
+            taken there.  What a mapping leaves out stays.
+        F : as for the start, N (gravity m/s^2)
+            Loads at the end of the step; quickest as a Python float.  What a mapping leaves out, and all by default,
+            stays.
 
         Returns
         -------
-        (o,) array, m
-            The chosen outputs; the same array in every step, copy what is to be kept.
+        (o,) array
+            The chosen outputs, in their units; it may be the same array in every step, copy what is to be kept.
 
         Raises
         ------
         InputError
-            If s lies off the path, or loads are not one for each input.
+            If a path leaves its range, a name is none of the system's, or loads are not one for each input.
         SimulationError
-            If rows depend on each other, or the state is no longer finite.
+            If contacts depend on each other.
         """
         if type(F) is float and self._single is not None:
             self._single[0] = F
-        else:
-            self._f[:] = self._one_each(F)
-        failed = self._advance(self._address, s)
-        if failed == bound_step.OFF_THE_PATH:
-            failed = self._advance(self._address, self._on_path(s))
+        elif F is not None:
+            self._take_loads(F)
+        failed = self._advance(s)
         if failed:
             why = reason(self._system, self._state.modes[ROW:], failed)
-            raise SimulationError(f"{self._where(s)}: {why}")
+            raise SimulationError(f"{self._where}{places_of(tuple(self._ranges), self._s)}: {why}")
         self._steps += 1
         return self._y
+
+    @property
+    def outputs(self) -> Array:
+        """All of `output_names`, at present."""
+        x = self._system.coordinates(dict(zip(self._ranges, self._s, strict=True)))
+        return np.concatenate([self._march.outputs_at(x, self._f), self._state.multipliers])
 
     @property
     def time(self) -> float:
@@ -154,46 +194,121 @@ class Stepper:
         return self._steps * self._step
 
     @property
-    def contact(self) -> float:
-        """The step times the contact frequency of rows that only push, on the whole path; 0 without such rows.
-
-        Above `contact_step.RESOLVED` impacts lose force and energy (docs/pads.md): a step is one step here.
-        """
-        x = self._system.coordinates({SLIDER: np.linspace(self._low, self._high, PLACES)})
-        return self._step * frequency_at(self._system, x)
+    def states(self) -> dict[str, InitialState]:
+        """Coordinates and their rates of each body, by its name; what `initial` takes."""
+        form, modes = self._march.form, self._state.modes
+        own = {name: modes[:, columns] for name, columns in form.columns.items()}
+        return {name: InitialState(one.X @ own[name][Z], one.X @ own[name][V]) for name, one in form.forms.items()}
 
     @property
     def q(self) -> Array:
-        """Coordinates (n,) of the body."""
-        return self._form.X @ self._state.modes[Z, : self._form.body.size]
+        """Coordinates (n,) of the bodies, one body after the other."""
+        return np.concatenate([one.q for one in self.states.values()])
 
     @property
     def v(self) -> Array:
         """Their rates (n,)."""
-        return self._form.X @ self._state.modes[V, : self._form.body.size]
+        return np.concatenate([one.v for one in self.states.values()])
 
     @property
     def multipliers(self) -> Array:
-        """Multipliers (m,) in N; the sliders push with their negative."""
+        """Forces (m,) of the contacts in N, positive where they push."""
         return self._state.multipliers.copy()
+
+    @property
+    def forces(self) -> dict[str, float]:
+        """The same by the contacts' names."""
+        return dict(zip(self._system.contact_names, self._state.multipliers.tolist(), strict=True))
+
+    @property
+    def contact(self) -> float:
+        """The step times the contact frequency of contacts that only push, all paths together; 0 without such.
+
+        Above `contact_step.RESOLVED` impacts lose force and energy (docs/pads.md): a step is one step here.
+        """
+        ends = {path: Ramp(times=(0.0, self._step), values=one) for path, one in self._ranges.items()}
+        stepping = TimeStepping(self._step, self._step / 64.0)
+        excitation = replace(self._excitation(self._step, 0.0), paths=ends, stepping=stepping)
+        return self._step * contact_frequency(self._system, excitation)
 
     def check_finite(self) -> None:
         """Raise SimulationError if the state is not finite: loads may have been NaN."""
         if not np.all(np.isfinite(self._state.modes[Z])):
-            raise SimulationError(f"{self._where(self._s)}: not finite")
+            raise SimulationError(f"{self._where}: not finite")
 
-    def _on_path(self, s: float) -> float:
-        beyond = BEYOND_ENDS * (self._high - self._low)
-        if not self._low - beyond <= s <= self._high + beyond:
-            raise InputError("stepper", "s", s, f"{self._low:g} to {self._high:g} m is allowed")
-        return min(max(s, self._low), self._high)
+    def _on_tables(self, s: Values) -> int:
+        """A step of a body on one path; what stopped it, or 0."""
+        if isinstance(s, float):
+            failed = self._entry(self._address, s)
+            if failed != bound_step.OFF_THE_PATH:
+                self._s[0] = s
+                return failed
+        self._take_path(s)
+        return self._entry(self._address, self._s[0])
 
-    def _one_each(self, F: ArrayLike) -> Array:
-        loads, names = np.asarray(F, dtype=float), self._form.body.input_names
-        if loads.shape == (len(names),) or (loads.ndim == 0 and len(names) == 1):
-            return loads
-        allowed = f"one load for each input is allowed, in this order: {', '.join(names) or 'none'}"
-        raise InputError("stepper", "F", loads.tolist(), allowed)
+    def _on_places(self, s: Values) -> int:
+        """A step of bodies whose contacts have places of their own, or of which forces are asked for; likewise."""
+        self._take_path(s)
+        self._drive.s[1], self._drive.f[1] = self._s, self._f
+        march = self._march
+        failed = kernel.run(march.loop, march.scheme, self._seen, self._drive, self._record, 1)[1]
+        assert self._record.y is not None
+        self._y = np.concatenate([self._record.y[0], self._record.multipliers[0]])[self._chosen]
+        return int(failed)
 
-    def _where(self, s: float) -> str:
-        return f"march failed at step {self._steps + 1}, t = {self.time + self._step:g} s, slider at {s:g} m"
+    def _excitation(self, step: float, rho_inf: float) -> Excitation:
+        """Of one step on which nothing changes."""
+        paths = {path: Constant(amount=float(s)) for path, s in zip(self._ranges, self._s, strict=True)}
+        loads = zip(self._inputs, self._f.tolist(), strict=True)
+        stepping = TimeStepping(step, step, rho_inf, parts=1)
+        return Excitation(paths, {name: Constant(amount=load) for name, load in loads}, stepping)
+
+    def _take_path(self, s: Values) -> None:
+        names, taken = list(self._ranges), self._s.copy()
+        for number, value in _given(s, names, "s", "one path coordinate for each path"):
+            low, high = self._ranges[names[number]]
+            beyond = BEYOND_ENDS * (high - low)
+            if not low - beyond <= value <= high + beyond:
+                raise InputError("stepper", f"s.{names[number]}", value, f"{low:g} to {high:g} m is allowed")
+            taken[number] = min(max(value, low), high)
+        if np.isnan(taken).any():
+            raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(names)}")
+        self._s[:] = taken
+
+    def _take_loads(self, F: Values) -> None:
+        for number, value in _given(F, self._inputs, "F", "one load for each input"):
+            self._f[number] = value
+
+    @property
+    def _where(self) -> str:
+        return f"march failed at step {self._steps + 1}, t = {self.time + self._step:g} s"
+
+
+def _output_names(system: System) -> tuple[str, ...]:
+    """Of all bodies' outputs, in their order."""
+    return tuple(
+        named(name, one)
+        for name, body in system.bodies.items()
+        for one in body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
+    )
+
+
+def _given(values: Values, names: list[str], key: str, what: str) -> Iterator[tuple[int, float]]:
+    """Numbers and values of what was given by name, or of all in their order."""
+    if isinstance(values, Mapping):
+        yield from ((_number(name, names, key), float(value)) for name, value in values.items())
+        return
+    array = np.asarray(values, dtype=float)
+    if array.shape != (len(names),) and not (array.ndim == 0 and len(names) == 1):
+        allowed = f"{what} is allowed, in this order: {', '.join(names) or 'none'}; or some by their names"
+        raise InputError("stepper", key, array.tolist(), allowed)
+    yield from enumerate(array.ravel().tolist())
+
+
+def _number(name: str | int, names: list[str], key: str) -> int:
+    """Of a name among all, or a number as it is."""
+    if not isinstance(name, str) and 0 <= name < len(names):
+        return int(name)
+    if name not in names:
+        raise InputError("stepper", key, name, f"{hint(name, names)}{', '.join(names) or 'none'} are allowed")
+    return names.index(str(name))

@@ -88,10 +88,11 @@ def observe(
     `pmr.simulation.SystemSimulator`.
     """
     march = March(form, excitation, start_of(form.system, excitation))
-    chosen = np.arange(len(march.first_outputs)) if outputs is None else np.asarray(outputs, np.int64)
+    first = march.outputs_at(march.x[0], march.f[0])
+    chosen = np.arange(len(first)) if outputs is None else np.asarray(outputs, np.int64)
     count = excitation.stepping.steps // every + 1
     y, forces = np.empty((count, len(chosen))), np.empty((count, len(march.pushing)))
-    y[0], forces[0] = march.first_outputs[chosen], march.loop.state.multipliers
+    y[0], forces[0] = first[chosen], march.loop.state.multipliers
     seconds = march.observe(march.outputs_of(chosen), every, y[1:], forces[1:])
     return Observation(march.t[::every], y, forces, seconds)
 

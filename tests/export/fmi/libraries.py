@@ -44,7 +44,9 @@ class Library:
 
 def library(model: ReducedModel, folder: Path, version: str) -> Library:
     """The FMU's source, compiled without a warning."""
-    return compiled(contents(System.of(model), recorded(model, "model.npz"), "body", version), folder, version)
+    return compiled(
+        contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version), folder, version
+    )
 
 
 def compiled(found: Contents, folder: Path, version: str) -> Library:

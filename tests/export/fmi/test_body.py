@@ -59,7 +59,7 @@ def provided(model: ReducedModel, path: SignalBase, loads: tuple[SignalBase, ...
 
 def described(model: ReducedModel, version: str) -> Contents:
     """What an FMU of it holds."""
-    return contents(System.of(model), recorded(model, "model.npz"), "body", version)
+    return contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version)
 
 
 def model_of(kind: str) -> ReducedModel:
@@ -150,7 +150,7 @@ def test_parts_of_steps_follow_straight_lines_and_communicated_ones_the_signals(
     """
     if made.model.clearance is None:
         return
-    scene, (values, rates), (moved, _, forces) = recorded(made.model, "model"), made.names(), made.observed()
+    scene, (values, rates), (moved, _, forces) = recorded(System.of(made.model), "model"), made.names(), made.observed()
     carried = reference(arrangement(System.of(made.model)), scene)
     parts = carried.stepping.parts
     assert parts > 1
@@ -372,7 +372,7 @@ def test_a_scene_that_starts_in_equilibrium_is_an_fmu_that_does() -> None:
     (start,) = [v.attrib["start"] for v in root.iter("Enumeration")]
     assert start == "1"
     first = np.loadtxt(found.texts["resources/reference_out.csv"].splitlines(), delimiter=",", skiprows=1)[0, 1:]
-    system, scene = System.of(model), recorded(model, "model")
+    system, scene = System.of(model), recorded(System.of(model), "model")
     assembly = Assembly(system)
     f, x = scene.first_loads, system.coordinates({SLIDER: scene.excitation.s[0, 0]})
     state = equilibrium(assembly, x, f)

@@ -22,7 +22,7 @@ from pmr.scene import Scene, load_any
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import systems
-from pmr.simulation.recorded import Recorded, of_boom, recorded_system
+from pmr.simulation.recorded import Recorded, of_boom, recorded
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Place
@@ -89,7 +89,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     scene, changes, version = KINDS[request.param]
     found = reduced(scene, *changes)
     system = System.load(found.system.save(tmp_path_factory.mktemp("system") / "system.npz"))
-    texts = contents(system, recorded_system(system, "system.npz"), "boom", version)
+    texts = contents(system, recorded(system, "system.npz"), "boom", version)
     return Made(found.scene, system, compiled(texts, tmp_path_factory.mktemp("fmu"), version))
 
 
@@ -382,7 +382,7 @@ def test_what_a_file_does_not_hold_is_said_in_one_line(two: Reduction) -> None:
         ({"scene": {**scene, "sections": [*others, {**fly, "joint": {**fly["joint"], "extension": file}}]}}, "numbers"),
     ):
         with pytest.raises(InputError, match=rf"system.npz: provenance.scene.*{said}|system.npz: {said}") as refused:
-            recorded_system(replace(two.system, provenance=wrong), "system.npz")
+            recorded(replace(two.system, provenance=wrong), "system.npz")
         assert "\n" not in str(refused.value)
 
 
@@ -390,6 +390,6 @@ def test_a_section_whose_mesh_is_in_a_file_needs_no_such_file(two: Reduction) ->
     scene = two.system.provenance["scene"]
     sections = [{**part, "mesh": {"file": "elsewhere.msh"}} for part in scene["sections"]]
     system = replace(two.system, provenance={"scene": {**scene, "sections": sections}})
-    found, expected = (recorded_system(one, "system.npz").excitation for one in (system, two.system))
+    found, expected = (recorded(one, "system.npz").excitation for one in (system, two.system))
     np.testing.assert_array_equal(found.s, expected.s)
     np.testing.assert_array_equal(found.f, expected.f)

@@ -73,14 +73,14 @@ def test_steps_take_no_memory(small: ReducedModel) -> None:
 
 
 def test_what_cannot_be_stepped_is_refused(small: ReducedModel) -> None:
-    with pytest.raises(InputError, match="s = 6.0: 0 to 5 m is allowed"):
+    with pytest.raises(InputError, match="s.slider = 6.0: 0 to 5 m is allowed"):
         Stepper(small, step=1e-3, s=6.0)
     with pytest.raises(InputError, match="rho_inf = 1.0"):
         Stepper(small, step=1e-3, s=2.0, rho_inf=1.0)
     with pytest.raises(InputError, match="step = 0.0"):
         Stepper(small, step=0.0, s=2.0)
     stepper = Stepper(small, step=1e-3, s=0.2)
-    with pytest.raises(InputError, match="s = -0.1: 0 to 5 m is allowed"):
+    with pytest.raises(InputError, match="s.slider = -0.1: 0 to 5 m is allowed"):
         stepper.step(-0.1, 0.0)
     with pytest.raises(SimulationError, match=r"step 1, t = 0\.001 s, slider at 0 m: the row slider 0 vanishes"):
         stepper.step(0.0, 0.0)

@@ -15,7 +15,7 @@ from pmr.scene.signals import Constant
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.native.system_stepper import SystemStepper
+from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.start import InitialState
 from pmr.system.system import System
 
@@ -43,8 +43,8 @@ def test_steps_are_those_of_the_simulation(boom: Scene, system: System) -> None:
     expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
     moved = np.hstack(list(systems.displacements(system, expected).values()))
     s, f = excitation.s, excitation.forces(system.input_names)
-    stepper = SystemStepper(system, STEP, s[0], f[0], RHO)
-    by_name = SystemStepper(
+    stepper = Stepper(system, STEP, s[0], f[0], RHO)
+    by_name = Stepper(
         system,
         STEP,
         dict(zip(system.paths, s[0], strict=True)),
@@ -66,8 +66,8 @@ def test_steps_are_those_of_the_simulation(boom: Scene, system: System) -> None:
         assert chosen.tolist() == [stepper.forces["cylinder of fly"], y[3]]
     assert stepper.time == pytest.approx(END)
     for name, motion in expected.bodies.items():
-        np.testing.assert_allclose(stepper.q[name], motion.q[-1], rtol=0.0, atol=1e-12 * np.abs(motion.q).max())
-        np.testing.assert_allclose(stepper.v[name], motion.v[-1], rtol=0.0, atol=1e-11 * np.abs(motion.v).max())
+        np.testing.assert_allclose(stepper.states[name].q, motion.q[-1], rtol=0.0, atol=1e-12 * np.abs(motion.q).max())
+        np.testing.assert_allclose(stepper.states[name].v, motion.v[-1], rtol=0.0, atol=1e-11 * np.abs(motion.v).max())
     stepper.check_finite()
 
 
@@ -83,26 +83,26 @@ def test_a_boom_that_knows_its_scene_starts_in_equilibrium_under_its_weight(syst
 
 def test_a_boom_that_starts_at_rest_does_so_step_by_step(boom: Scene, system: System) -> None:
     at_rest = replace(system, provenance=boom.model_copy(update={"start": "rest"}).recorded)
-    stepper = SystemStepper(at_rest, STEP, [0.6, 2.0])
-    assert not any(q.any() for q in stepper.q.values())
+    stepper = Stepper(at_rest, STEP, [0.6, 2.0])
+    assert not stepper.q.any()
 
 
 def test_a_start_of_ones_own_and_bodies_without_a_scene() -> None:
     """Nothing bears a load, and what moves goes on."""
     bare = reduced(Nested(2, elements=8), 2)
-    at_rest = SystemStepper(bare, STEP, 2.0, initial={})
+    at_rest = Stepper(bare, STEP, 2.0, initial={})
     assert not at_rest.outputs.any() and not at_rest.step(2.0).any()
     moving = {"1": InitialState(np.zeros(bare.bodies["1"].size), np.ones(bare.bodies["1"].size))}
-    stepper = SystemStepper(bare, STEP, 2.0, initial=moving)
-    np.testing.assert_allclose(stepper.v["1"], 1.0, rtol=1e-9)
+    stepper = Stepper(bare, STEP, 2.0, initial=moving)
+    np.testing.assert_allclose(stepper.states["1"].v, 1.0, rtol=1e-9)
     assert stepper.step(2.0).any()
 
 
 def test_how_fine_a_step_is_for_pads_that_push(system: System) -> None:
-    half = SystemStepper(system, STEP / 2.0, [1.0, 2.0])
-    whole = SystemStepper(system, STEP, [1.0, 2.0])
+    half = Stepper(system, STEP / 2.0, [1.0, 2.0])
+    whole = Stepper(system, STEP, [1.0, 2.0])
     assert whole.contact == pytest.approx(2.0 * half.contact) and whole.contact > 0.0
-    assert SystemStepper(reduced(Nested(2, elements=8), 2), STEP, 2.0).contact == 0.0
+    assert Stepper(reduced(Nested(2, elements=8), 2), STEP, 2.0).contact == 0.0
 
 
 @pytest.mark.parametrize(
@@ -124,11 +124,11 @@ def test_how_fine_a_step_is_for_pads_that_push(system: System) -> None:
 def test_what_is_out_of_range_is_refused(system: System, change: dict, says: str) -> None:
     arguments = {"step": STEP, "s": {"middle": 1.0, "fly": 2.0}} | change
     with pytest.raises(InputError, match=f"stepper: {says}"):
-        SystemStepper(system, **arguments)
+        Stepper(system, **arguments)
 
 
 def test_a_path_that_leaves_its_range_and_loads_that_are_none_are_refused_on_the_way(system: System) -> None:
-    stepper = SystemStepper(system, STEP, [1.0, 2.0])
+    stepper = Stepper(system, STEP, [1.0, 2.0])
     with pytest.raises(InputError, match="s.middle = 99.0"):
         stepper.step({"middle": 99.0})
     stepper.step([1.0, 2.0], {"fly.tip force": float("nan")})
@@ -142,7 +142,7 @@ def test_bodies_of_full_order_are_stepped_too() -> None:
     loads = {name: Constant(amount=10.0) for name in system.input_names}
     excitation = Excitation(dict.fromkeys(system.paths, s), loads, TimeStepping(5 * STEP, STEP, RHO))
     expected = systems.simulate(system, excitation, {})
-    stepper = SystemStepper(system, STEP, 2.0, [10.0] * len(loads), RHO, initial={})
+    stepper = Stepper(system, STEP, 2.0, [10.0] * len(loads), RHO, initial={})
     for k in range(1, 6):
         stepper.step(2.0)
         found, forces = np.array(list(stepper.forces.values())), expected.forces[k]
