@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from pmr.scene import Scene
 from pmr.scene.choice import inertia_fields, model_of
 from pmr.scene.frame import Frame
 from pmr.scene.members import member_at, members
+from pmr.scene.signals import Signal
 from pmr.simulation.frame import Turning
 
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
@@ -105,3 +107,30 @@ def test_the_rotation_into_space_is_that_of_the_angular_velocity() -> None:
     spin = np.einsum("tji,tjk->tik", R, (frame.rotation(t + h) - frame.rotation(t - h)) / (2.0 * h))
     found = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
     assert found == pytest.approx(turning.velocity, abs=1e-7)  # h^2 / 6 times third rates, which are below 10 1/s^3
+
+
+KINDS = {
+    "constant": "0.3",
+    "sine": "{kind='sine', amplitude=0.2, frequency=0.1, phase=0.5}",
+    "chirp": "{kind='chirp', amplitude=0.2, times=[0.0, 4.0], frequencies=[0.1, 0.3]}",
+    "smooth_ramp": "{kind='smooth_ramp', times=[1.0, 5.0], values=[0.1, 0.9]}",
+    "table": "{kind='table', times=[0.0, 1.0, 2.5, 4.0, 20.0], values=[0.1, 0.15, 0.3, 0.35, 0.4]}",
+    "sum": "{kind='sum', terms=[{kind='sine', amplitude=0.1, frequency=0.2}, {kind='constant', amount=0.4}]}",
+    "step": "{kind='step', time=2.0, after=1.0}",
+    "ramp": "{kind='ramp', times=[1.0, 5.0], values=[0.0, 1.0]}",
+}
+
+
+def test_every_kind_of_signal_is_an_angle_with_two_rates_or_is_refused() -> None:
+    signals = get_args(get_args(Signal)[0])
+    assert set(KINDS) == {kind.model_fields["kind"].default for kind in signals}
+    t, h = np.array([0.3, 1.7, 3.3, 4.4]), 1e-3
+    for kind, angle in KINDS.items():
+        given = PIVOT, f"frame.luffing={angle}"
+        if kind in ("step", "ramp"):
+            with pytest.raises(InputError, match=r"frame.luffing: an angle with a rate that does not jump is allowed"):
+                load(*given)
+            continue
+        luffing = load(*given).frame.angles[0]
+        second = (luffing.rate(t + h) - luffing.rate(t - h)) / (2.0 * h)
+        assert luffing.second_rate(t) == pytest.approx(second, abs=1e-5), kind
