@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pmr import scene as scenes
     from pmr.reduced.model import ReducedModel
+    from pmr.scene.built import Load
     from pmr.scene.members import Member
     from pmr.system.system import System
 
@@ -119,9 +120,13 @@ def _in_a_line(scene: scenes.Scene, one: Member) -> str:
     return "; ".join([*said, f"loads: {', '.join(_loads(one))}"])
 
 
+def _axis(load: Load) -> str:
+    return load.direction if load.axes == "body" else f"{load.direction} of the ground"
+
+
 def _loads(one: Member) -> list[str]:
     places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in one.part.loads]
-    loads = [f"{load.name} on {on} along {load.direction}" for load, on in zip(one.part.loads, places, strict=True)]
+    loads = [f"{load.name} on {on} along {_axis(load)}" for load, on in zip(one.part.loads, places, strict=True)]
     return [*loads, *(["gravity"] if one.gravity else [])]
 
 

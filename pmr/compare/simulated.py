@@ -14,8 +14,9 @@ from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene.built import WEIGHT
+from pmr.scene.choice import acting
 from pmr.scene.frame import INERTIA
-from pmr.scene.members import DRIVEN
+from pmr.scene.members import DRIVEN, members
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import on_path
 from pmr.system.contacts import ALONE
@@ -72,13 +73,13 @@ def check_fits(scene: Any, system: System) -> None:
         if ALONE in system.bodies:
             allowed = "a scene of one body is allowed: the model is that of a body alone"
         raise InputError("scene", "sections", [name for name in parts if name != ALONE], allowed)
-    for name, body in system.bodies.items():
+    for member, (name, body) in zip(members(scene), system.bodies.items(), strict=True):
         moved = [one for one in body.input_names if one.startswith(INERTIA)]
         if (scene.frame is None) == bool(moved):
             allowed = "a scene with a frame is allowed: the model moves in one" if moved else "the model has no frame"
             raise InputError("scene", "frame", None, allowed)
         known = [one for one in body.input_names if one not in (WEIGHT, DRIVEN, *moved)]
-        loads = [load.name for load in parts[name].loads]
+        loads = [load.name for load in acting(member)]
         weighs = scene.gravity is not None and scene.frame is None
         if set(loads) != set(known) or (name == ALONE and weighs != (WEIGHT in body.input_names)):
             key = "loads" if name == ALONE else f"sections.{name}.loads"

@@ -27,6 +27,7 @@ from pmr.models.box_section import box_section
 from pmr.models.matrices import Matrices
 from pmr.scene.built import Box, PadRing
 from pmr.scene.choice import (
+    acting,
     directions,
     has_giving_walls,
     has_tail,
@@ -82,7 +83,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         model,
         clamps=tuple(Clamp(str(one.on), one.held) for one in member.part.supports if one.points == "all"),
         masses=member.part.masses,
-        loads=(*(Action(load.name, load.on, load.direction) for load in member.part.loads), *weight, *driven, *inertia),
+        loads=(*(Action(load.name, load.on, load.direction) for load in acting(member)), *weight, *driven, *inertia),
         outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
         damping=member.damping,
         pads=replace(pads, supports=supports),

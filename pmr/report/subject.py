@@ -6,15 +6,15 @@ Nothing but this and `pmr.report.columns` asks how a scene says them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.numbers import SPACE, plain
 from pmr.results import BodyResult, RunResult
-from pmr.scene.choice import choose
-from pmr.scene.members import member_at
+from pmr.scene.choice import choose, parts_of
+from pmr.scene.members import member_at, members
 from pmr.scene.names import ALONE, input_of
 from pmr.scene.signals import SignalBase
 
@@ -42,6 +42,7 @@ class Acting:
     where: str
     signal: SignalBase
     values: Array  # (T,) N or N m
+    of: str = ""  # the load that it is a part of, as the scene calls it
 
     @property
     def unit(self) -> str:
@@ -142,21 +143,33 @@ def length(result: RunResult) -> float:
 def loads(result: RunResult) -> list[Acting]:
     """Loads in the order of the model's inputs; the weight, which may follow them, is none of these."""
     found, names = list[Acting](), result.loads.names
-    for body, of in result.scene.bodies.items():
+    for member, (body, of) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         end = length(result) if body == ALONE else of.length
-        for number, one in enumerate(of.loads):
-            kind = {"x": "along", "y": "aside", "z": "up"}.get(one.direction, "turn")
+        inputs = [(load, *one) for load in of.loads for one in parts_of(member, load).items()]
+        for number, (one, called, direction) in enumerate(inputs):
+            kind = {"x": "along", "y": "aside", "z": "up"}.get(direction, "turn")
             where = f"on {one.on}" if isinstance(one.on, str) else f"at {plain(one.on)}{SPACE}m"
             at = end if isinstance(one.on, str) else one.on
-            if (name := input_of(body, one.name)) in names:
+            if (name := input_of(body, called)) in names:
                 values = result.loads.values[:, names.index(name)]
             elif body == ALONE and not names:  # of earlier results
                 values = result.loads.values[:, number]
             else:
                 continue
-            where = f"{where} along {one.direction}"
-            found.append(Acting(one.name, body, kind, at, where, one.signal, values))
+            where = f"{where} along {direction}"
+            if one.axes == "ground":
+                where = f"{where}, of a force along {one.direction} of the ground"
+            found.append(Acting(called, body, kind, at, where, one.signal, values, one.name))
     return found
+
+
+def loads_as_asked(result: RunResult) -> list[Acting]:
+    """The same, but a force along an axis of the ground once, along that axis."""
+    found, t = dict[tuple[str, str], Acting](), result.responses["reduced"].t
+    for one in loads(result):
+        whole = one if one.of == one.name else replace(one, name=one.of, values=one.signal.value(t))
+        found.setdefault((one.body, one.of or one.name), whole)
+    return list(found.values())
 
 
 def held(result: RunResult) -> list[str]:

@@ -221,6 +221,11 @@ class Load(Section):
     name: Name = Field(default="F", description="What the input is called")
     on: Name | Place = Field(default="tip", description="A named group, or a place along x in m")
     direction: Direction = Field(default="z", description="Of the force, or the axis that a moment turns about")
+    axes: Literal["body", "ground"] = Field(
+        default="body",
+        description="Whose axes direction is one of; in a frame a force may act along the ground's: z upwards, x where "
+        "the boom points unslewed",
+    )
     signal: Signal = Field(description="Over time, in N or N m")
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pmr.scene.built import Box
+from pmr.scene.built import Box, Load
 from pmr.scene.members import Member
 from pmr.scene.section import Direction
 
@@ -54,6 +54,29 @@ def directions(member: Member) -> tuple[Direction, ...]:
         return ("x", "y", "z", "rx", "ry", "rz")
     profile = member.part.body.profile
     return ("x", "z", "ry") if profile is None or profile.axial else ("z", "ry")
+
+
+def parts_of(member: Member, load: Load) -> dict[str, Direction]:
+    """What the inputs of a load are called, and along which axis of the body each acts.
+
+    A force along an axis of the ground has a part along each axis of the body that the frame may turn towards it.
+    """
+    if load.axes == "body":
+        return {load.name: load.direction}
+    if member.frame is not None and member.frame.slewing is None:
+        turned: tuple[Direction, ...] = ("y",) if load.direction == "y" else ("x", "z")
+    else:
+        turned = ("x", "z") if load.direction == "z" else ("x", "y", "z")
+    return {f"{load.name} {axis}": axis for axis in turned if axis in directions(member)}
+
+
+def acting(member: Member) -> tuple[Load, ...]:
+    """Loads by their inputs, each along an axis of the body."""
+    return tuple(
+        load.model_copy(update={"name": name, "direction": direction, "axes": "body"})
+        for load in member.part.loads
+        for name, direction in parts_of(member, load).items()
+    )
 
 
 def is_pinned_beam(member: Member) -> bool:

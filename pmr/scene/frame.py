@@ -59,16 +59,21 @@ class Frame(Section):
         return self._in_rad(self.luffing), self._in_rad(self.slewing)
 
     def rotation(self, t: ArrayLike) -> NDArray[np.float64]:
-        r"""From axes of the boom into those of the ground at times t (T,) s, :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3).
-
-        On the ground Z is upwards, and X where the boom points at a slewing angle of 0.
-        """
+        """From axes of the boom into those of the ground at the times t (T,) s, (T, 3, 3)."""
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
-        (c, s), (cz, sz) = (np.cos(luffing), np.sin(luffing)), (np.cos(slewing), np.sin(slewing))
-        rows = [[cz * c, -sz, -cz * s], [sz * c, cz, -sz * s], [s, np.zeros_like(s), c]]
-        return np.moveaxis(np.array(rows), -1, 0)
+        return rotation(luffing, slewing)
 
     def _in_rad(self, angle: SignalBase | None) -> SignalBase:
         if angle is None:
             return Constant(amount=0.0)
         return angle if self.unit == "rad" else Linear(signal=angle, ratio=float(np.pi) / 180.0, offset=0.0)
+
+
+def rotation(luffing: NDArray[np.float64], slewing: NDArray[np.float64]) -> NDArray[np.float64]:
+    r"""From axes of the boom into those of the ground, :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3), of angles (T,) rad.
+
+    On the ground Z is upwards, and X where the boom points at a slewing angle of 0.
+    """
+    (c, s), (cz, sz) = (np.cos(luffing), np.sin(luffing)), (np.cos(slewing), np.sin(slewing))
+    rows = [[cz * c, -sz, -cz * s], [sz * c, cz, -sz * s], [s, np.zeros_like(s), c]]
+    return np.moveaxis(np.array(rows), -1, 0)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pmr.scene.choice import directions, has_tail, is_axial, transverse
+from pmr.scene.choice import acting, directions, has_tail, is_axial, transverse
 from pmr.scene.members import Member, members
 from pmr.scene.names import cylinder_of, named
 from pmr.scene.scene import Scene
@@ -61,7 +61,7 @@ def _of_section(scene: Scene, member: Member) -> Iterator[FrameTerm]:
             yield FrameTerm(named(body, f"carried {pair}"), (body,), f"carried {pair}", "carried", pair)
     for field, matrix in OF_FIELD.items():
         yield FrameTerm(named(body, matrix), (body,), matrix, "field", field, member.number)
-    for load in member.part.loads:
+    for load in acting(member):
         if load.direction == "x" and load.on == "tip":
             yield FrameTerm(named(body, f"axial {load.name}"), (body,), "axial tip", "load", load.name, member.number)
 

@@ -72,9 +72,13 @@ class Member:
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """What drives each input, by its name; extensions and a frame that moves drive a section besides."""
-        weight = {WEIGHT: self.gravity.signal} if self.gravity and self.frame is None else {}
-        return {load.name: load.signal for load in self.part.loads} | weight
+        """What drives each load and the weight, by their names; extensions and a frame drive a section besides."""
+        return {load.name: load.signal for load in self.part.loads} | self.weight
+
+    @property
+    def weight(self) -> dict[str, SignalBase]:
+        """What drives the input of the weight; nothing in a frame, which turns it."""
+        return {WEIGHT: self.gravity.signal} if self.gravity and self.frame is None else {}
 
     @property
     def content(self) -> str:

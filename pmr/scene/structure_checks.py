@@ -8,7 +8,7 @@ from typing import Any
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.built import WEIGHT, Box, Face, PadRing
-from pmr.scene.choice import directions, inertia_fields, model_of
+from pmr.scene.choice import acting, directions, inertia_fields, model_of
 from pmr.scene.frame import INERTIA
 from pmr.scene.members import Member
 
@@ -28,6 +28,8 @@ def check_structure(member: Member) -> None:
         check_names(key, (part.name for part in getattr(member.part, key)))
     fields = (INERTIA + field for field in inertia_fields(member))
     check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT, *fields))
+    _along_the_ground(member)
+    check_names("loads", (load.name for load in acting(member)))
     check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held))
     for i, ring in enumerate(member.pads):
         if ring.clearance and not ring.unilateral:
@@ -38,6 +40,19 @@ def check_structure(member: Member) -> None:
     _points(member)
     if not (member.signals or member.frame):
         raise refusal("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
+
+
+def _along_the_ground(member: Member) -> None:
+    """Axes of the ground are known in a frame, and a force along them acts along the body too."""
+    for i, load in enumerate(member.part.loads):
+        if load.axes == "body":
+            continue
+        if member.frame is None:
+            raise refusal(f"loads[{i}].axes", load.axes, "'body' is allowed without a frame that moves")
+        if load.direction.startswith("r"):
+            raise refusal(f"loads[{i}].direction", load.direction, "x, y and z are allowed with axes = 'ground'")
+        if "x" not in directions(member):
+            raise refusal(f"loads[{i}].axes", load.axes, "'body' is allowed without body.profile.axial = true")
 
 
 def _places(member: Member) -> None:

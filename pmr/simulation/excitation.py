@@ -19,7 +19,7 @@ from pmr.scene.names import SLIDER as SLIDER
 from pmr.scene.names import input_of
 from pmr.scene.signals import SignalBase
 from pmr.simulation.acceleration import Acceleration
-from pmr.simulation.frame import inertia_loads, term_signals
+from pmr.simulation.frame import inertia_loads, load_signals, term_signals
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, Joined
 
@@ -53,7 +53,7 @@ class Excitation:
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
         loads, paths = dict[str, SignalBase](), tuple(scene.paths.values())
         for name, member in zip(scene.names, members(scene), strict=True):
-            known = member.signals | inertia_loads(scene, member)
+            known = load_signals(scene, member) | member.weight | inertia_loads(scene, member)
             if is_accelerated(member):
                 known[DRIVEN] = Acceleration(paths=paths[: member.number], step=stepping.step)
             loads |= {input_of(name, one): signal for one, signal in known.items()}

@@ -15,16 +15,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.scene import Scene
-from pmr.scene.choice import inertia_fields
-from pmr.scene.frame import INERTIA
+from pmr.scene.built import Load
+from pmr.scene.choice import inertia_fields, parts_of
+from pmr.scene.frame import INERTIA, rotation
 from pmr.scene.frame_terms import FrameTerm, frame_terms
-from pmr.scene.members import Member
+from pmr.scene.members import Member, member_at
+from pmr.scene.section import Direction
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Floats
 from pmr.simulation.acceleration import Acceleration
@@ -188,6 +190,46 @@ class Pushed(OfFrame):
         return np.asarray(-self.acceleration.value(t) / self.length.value(t))
 
 
+class AlongGround(OfFrame):
+    """The part along an axis of the body of a force along an axis of the ground."""
+
+    luffing: SignalBase
+    slewing: SignalBase
+    force: SignalBase
+    along: Literal["x", "y", "z"]  # the axis of the ground
+    part: Literal["x", "y", "z"]  # that of the body
+
+    @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        return (self.luffing, self.slewing, self.force)
+
+    def value(self, t: ArrayLike) -> Array:
+        at = np.asarray(t, float)
+        turned = rotation(self.luffing.value(at.ravel()), self.slewing.value(at.ravel()))
+        part = turned[:, "xyz".index(self.along), "xyz".index(self.part)].reshape(at.shape)
+        return np.asarray(part * self.force.value(at))
+
+    def highest_frequency(self, start: float, end: float) -> float:
+        """That of the force and of what turns it."""
+        return sum(signal.highest_frequency(start, end) for signal in self.signals)
+
+
+def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
+    """What drives the inputs of a body's loads, by their names."""
+    found = dict[str, SignalBase]()
+    for load in member.part.loads:
+        for name, part in parts_of(member, load).items():
+            found[name] = load.signal if load.axes == "body" else _along_ground(scene, load, part)
+    return found
+
+
+def _along_ground(scene: Scene, load: Load, part: Direction) -> AlongGround:
+    assert scene.frame is not None  # as the checks say
+    luffing, slewing = scene.frame.angles
+    about = {"along": load.direction, "part": part, "step": scene.time.step}
+    return AlongGround(luffing=luffing, slewing=slewing, force=load.signal, **about)
+
+
 def motion_of(scene: Scene, number: int, field: str, factor: float = 1.0) -> Motion:
     """A component of the acceleration field of the section with that number."""
     frame = scene.frame
@@ -220,7 +262,7 @@ def _signal(scene: Scene, term: FrameTerm) -> SignalBase:
     if term.of == "field":
         return motion_of(scene, term.number, term.component)
     if term.of == "load":
-        return next(load.signal for load in scene.sections[term.number].loads if load.name == term.component)
+        return load_signals(scene, member_at(scene, term.number))[term.component]
     if term.of == "cylinder":
         carried = motion_of(scene, scene.names.index(term.carried), term.component)
         return Pushed(acceleration=carried, length=scene.extension(term.number), step=scene.time.step)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import runpy
 import tomllib
 from pathlib import Path
@@ -19,6 +20,8 @@ from pmr.cli.app import app
 from pmr.cli.console import scene_file, study_file
 from pmr.cli.new import TEMPLATES, kinds
 from pmr.errors import InputError
+from pmr.scene.members import member_at
+from pmr.simulation.frame import load_signals
 
 RUN = CliRunner()
 
@@ -54,7 +57,7 @@ def test_a_misspelt_kind_is_answered_with_the_one_that_is_like_it(changes: str, 
         scenes.load("workflows/boom.toml", [changes])
 
 
-@pytest.mark.parametrize("kind", ["beam", "boom", "crane"])
+@pytest.mark.parametrize("kind", ["beam", "boom"])
 def test_the_mesh_script_draws_the_body_of_its_scene(kind: str, tmp_path: Path) -> None:
     RUN.invoke(app, ["new", kind, str(tmp_path / "mine")])
     runpy.run_path(str(tmp_path / "mine" / "mesh.py"), run_name="__main__")
@@ -106,13 +109,28 @@ def test_version_and_quiet() -> None:
     assert not RUN.invoke(app, ["--quiet", "info", "boom_beam"]).stdout
 
 
-def test_the_cranes_load_pulls_straight_down() -> None:
-    """As the weight does, of a boom that is raised."""
-    crane = scenes.load(Path(str(TEMPLATES / "crane.toml")))
-    assert crane.gravity is not None
-    pull = {load.direction: float(load.signal.value(2.0)) for load in crane.loads if load.name.startswith("hoisting")}
-    force = np.array([pull["x"], 0.0, pull["z"]])
-    assert force / np.linalg.norm(force) == pytest.approx(crane.gravity.direction, abs=1e-4)
+def test_the_cranes_load_pulls_straight_down_however_the_boom_is_turned() -> None:
+    """And the wind keeps its direction, which is across the boom after a quarter turn."""
+    crane = scenes.load_any(Path(str(TEMPLATES / "crane.toml")))
+    t = np.linspace(2.0, 14.0, 25)
+    assert crane.frame is not None
+    turned, loads = crane.frame.rotation(t), load_signals(crane, member_at(crane, 2))
+
+    def of(name: str) -> np.ndarray:
+        parts = [loads.get(f"{name} {axis}") for axis in "xyz"]
+        return np.stack([0.0 * t if part is None else part.value(t) for part in parts], axis=1)
+
+    assert np.einsum("tij,tj->ti", turned, of("hoisting")) == pytest.approx(
+        np.outer(0.0 * t - 1.0, [0, 0, 9810.0]), abs=1e-9
+    )
+    wind = np.einsum("tij,tj->ti", turned, of("wind"))
+    assert wind[t >= 4.0] == pytest.approx(np.outer(0.0 * t[t >= 4.0] - 1.0, [300.0, 0, 0]), abs=1e-9)
+    assert of("wind")[-1] == pytest.approx([0.0, 300.0, 0.0], abs=1e-9)
+
+
+def test_the_meshs_comment_has_the_wall_of_the_scene() -> None:
+    said = re.search(r"thickness = ([\d.]+)", (TEMPLATES / "mesh_of_a_box.py").read_text())
+    assert said and float(said[1]) == scenes.load(Path(str(TEMPLATES / "boom.toml"))).body.box.wall
 
 
 @pytest.mark.slow

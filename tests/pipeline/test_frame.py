@@ -46,6 +46,32 @@ def test_gravity_that_a_frame_at_rest_has_turned_is_gravity_given_so(name: str, 
     assert turned.slider_force == pytest.approx(given.slider_force, abs=1e-9 * np.abs(given.slider_force).max())
 
 
+def test_a_force_along_the_ground_is_its_parts_along_a_boom_at_rest() -> None:
+    """Raised by 50 degrees, slewed by -30, in space; second order takes the part along the boom as it takes any."""
+    quick = (
+        *("section.mesh.elements=4", "time.end=0.1", "gravity.rise=0.05", "compare.against=[]", "frame.unit=rad"),
+        *(
+            f"frame.luffing={np.deg2rad(50.0)}",
+            f"frame.slewing={np.deg2rad(-30.0)}",
+            "section.reduction.estimate=false",
+        ),
+        "frame.second_order=true",
+    )
+    frame = scenes.load_any(WORKFLOWS / "crane.toml", quick).frame
+    assert frame is not None
+    towards = frame.rotation(0.0)[0, 0]
+
+    def pushed(name: str, direction: str, force: float, axes: str = "body") -> str:
+        signal = f"{{kind='smooth_ramp', times=[0.0, 0.05], values=[0.0, {force!r}]}}"
+        return f"{{name='{name}', axes='{axes}', on='tip', direction='{direction}', signal={signal}}}"
+
+    parts = [pushed(f"f {axis}", axis, 900.0 * float(part)) for axis, part in zip("xyz", towards, strict=True)]
+    loads = [pushed("f", "x", 900.0, "ground")], parts
+    one, three = (moved("crane", *quick, f"sections.fly.loads=[{','.join(some)}]") for some in loads)
+    assert one.displacement == pytest.approx(three.displacement, abs=1e-10 * np.abs(three.displacement).max())
+    assert one.slider_force == pytest.approx(three.slider_force, abs=1e-9 * np.abs(three.slider_force).max())
+
+
 LUFFING = Path(__file__).parent / "luffing.toml"
 #: So stiff that sections lag by (omega T)^-2 = 1e-7 of a load, on elements so few that round-off stays below that.
 RIGID = (

@@ -44,6 +44,15 @@ REFUSED = [
     ((PIVOT, LUFFING, "sections.fly.loads.0.name=inertia x"), r"loads\[0\].name = 'inertia x': another name"),
     ((PIVOT, LUFFING, "frame.unit=turns"), r"frame.unit = 'turns'"),
     (
+        ("sections.fly.loads.0.axes=ground",),
+        r"loads\[0\].axes = 'ground': 'body' is allowed without a frame that moves",
+    ),
+    (
+        (PIVOT, LUFFING, "sections.fly.loads.0.axes=ground", "sections.fly.loads.0.direction=ry"),
+        r"loads\[0\].direction = 'ry': x, y and z are allowed with axes = 'ground'",
+    ),
+    ((PIVOT, LUFFING, "sections.fly.loads.0.axes=ground", "sections.fly.loads.0.direction=y"), r"loads\[0\].direction"),
+    (
         (PIVOT, "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[10.0, 60.0]}"),
         r"frame.luffing = 60.0: its unit has to be said where an angle goes beyond a turn",
     ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import ceil, floor, log10
@@ -62,6 +62,7 @@ _STYLE: Mapping[str, Any] = {
     "figure.facecolor": "none",
     "savefig.facecolor": "none",
 }
+ROW, ENTRY, LETTER = 0.14, 0.42, 0.062  # in, of a legend: a row, and the line and a letter of an entry
 SHADES = 60  # of the ramp as drawn
 
 
@@ -131,8 +132,14 @@ def _place_labels(ax: Axes) -> None:
     ax.xaxis.set_label_coords(0.5, -0.25 * inch / extent.height)
 
 
-def key(figure: Figure, handles: list[Any]) -> None:
-    """One row of legend entries above the axes, where no curve runs."""
+def key_rows(names: Sequence[str], width: float) -> int:
+    """Rows that legend entries of these names take above axes in a figure so wide, in: `ROW` more of its top each."""
+    entries = sum(ENTRY + LETTER * len(name) for name in names)
+    return max(1, min(ceil(entries / (width - 0.6)), len(names)))
+
+
+def key(figure: Figure, handles: list[Any], rows: int = 1) -> None:
+    """Legend entries above the axes, where no curve runs."""
     if handles:
         left, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
         names = [handle.get_label() for handle in handles]
@@ -141,7 +148,7 @@ def key(figure: Figure, handles: list[Any]) -> None:
             labels=[str(number) for number, _ in enumerate(names)],
             loc="upper left",
             bbox_to_anchor=(left - 0.01, 1.0),
-            ncols=len(handles),
+            ncols=ceil(len(handles) / rows),
             borderaxespad=0.25,
             columnspacing=1.6 if roomy else 0.9,
             handletextpad=0.6 if roomy else 0.4,

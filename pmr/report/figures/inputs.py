@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pmr.report import subject
 from pmr.report.decimation import extremes
-from pmr.report.figures.canvas import HALF, SECTIONS, bins_of, key, sheet
+from pmr.report.figures.canvas import HALF, ROW, SECTIONS, bins_of, key, key_rows, sheet
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import signed, unit_for
 from pmr.report.subject import length, moving, offsets
@@ -56,9 +56,12 @@ def angles(result: RunResult) -> Figure:
 
 def loads(result: RunResult) -> Figure:
     """Loads over time: forces in N and, in a panel of their own, moments in N m."""
-    time, acting = Timeline(result), subject.loads(result)
+    time, acting = Timeline(result), subject.loads_as_asked(result)
     units = sorted({load.unit for load in acting})
-    figure, axes = sheet(HALF, 0.8 + 0.9 * len(units), rows=len(units), sharex=True)
+    rows = key_rows([*(named(load.body, load.name) for load in acting), "boom moves"], HALF) if len(acting) > 1 else 1
+    more = ROW * (rows - 1)
+    tall = 0.8 + 0.9 * len(units) + more
+    figure, axes = sheet(HALF, tall, rows=len(units), margins={"top": 0.28 + more}, sharex=True)
     names: list[str] = []
     for row, base in enumerate(units):
         ax, chosen = axes[row, 0], [load for load in acting if load.unit == base]
@@ -69,7 +72,7 @@ def loads(result: RunResult) -> Figure:
         ax.axhline(0.0, linewidth=0.0)  # a constant load is seen beside zero
         ax.margins(y=0.1)
         names += [named(load.body, load.name) for load in chosen]
-    key(figure, [*_legend(names), *time.shade()])
+    key(figure, [*_legend(names), *time.shade()], rows)
     return figure
 
 

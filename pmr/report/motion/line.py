@@ -14,7 +14,7 @@ from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS, SECTIONS
 from pmr.report.figures.timeline import drawn
 from pmr.report.numbers import plain, quantity, round_number
-from pmr.report.subject import alone, fixtures, length, loads, offsets
+from pmr.report.subject import Acting, alone, fixtures, length, loads, offsets
 from pmr.results import RunResult
 
 FRAMES = 1500
@@ -97,19 +97,28 @@ def in_space(result: RunResult) -> dict[str, Any]:
         "side": _reached([one.side for one in drawn_axes]),
         "plan": _reached([one.plan for one in drawn_axes]) if space.slews(result) else None,
         "pads": _pads(result, axis, frames),
-        "loads": [
-            {
-                "name": load.name,
-                "section": [of.body for of in axis].index(load.body),
-                "at": load.at,
-                "way": [float(load.direction == one) for one in ("along", "aside", "up")],
-                "values": packed(load.values[frames]),
-            }
-            for load in loads(result)
-            if load.direction != "turn"
-        ],
+        "loads": _forces(result, axis, frames),
         "speeds": speeds(float(t[-1] - t[0])),
     }
+
+
+def _forces(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """Forces (frames, 3) along the axes of the boom over the largest of each; those of one load together."""
+    found: dict[tuple[str, str], list[Acting]] = {}
+    for load in loads(result):
+        if load.direction != "turn":
+            found.setdefault((load.body, load.of), []).append(load)
+    drawn_forces = []
+    for (body, name), parts in found.items():
+        vectors = np.zeros((len(frames), 3))
+        for part in parts:
+            vectors[:, ("along", "aside", "up").index(part.direction)] = part.values[frames]
+        largest = float(np.linalg.norm(vectors, axis=1).max()) or 1.0
+        section = [of.body for of in axis].index(body)
+        drawn_forces.append(
+            {"name": name, "section": section, "at": parts[0].at, "force": packed(vectors.ravel() / largest)}
+        )
+    return drawn_forces
 
 
 def _reached(views: list[NDArray[np.float64]]) -> list[float]:

@@ -6,10 +6,7 @@ class SpacePlayer extends Playback {
     this.beams = beams.map((beam) =>
       ({ ...beam, w: unpack(beam.w), v: unpack(beam.v), tail: beam.tail && unpack(beam.tail) }));
     this.pads = pads.map((pad) => ({ ...pad, at: unpack(pad.at), force: unpack(pad.force) }));
-    this.loads = loads.map((load) => {
-      const values = unpack(load.values);
-      return { ...load, values, largest: values.reduce((a, v) => Math.max(a, Math.abs(v)), 0) };
-    });
+    this.loads = loads.map((load) => ({ ...load, force: unpack(load.force) }));
     this.angles = [unpack(luffing), unpack(slewing)];
     const tip = this.beams[this.beams.length - 1];
     this.way = Array.from({ length: this.data.frames }, (_, k) => this.place(tip, tip.x.length - 1, k));
@@ -76,7 +73,7 @@ class SpacePlayer extends Playback {
         this.stroke(pen, beam.x.map((_, i) => on(this.place(beam, i, frame)[view.name])), beam.colour, beam.width);
       }
       if (view.name === "side") this.bars(pen, seen, frame);
-      this.arrows(pen, seen, frame);
+      this.arrows(pen, seen, frame, view.metre);
       this.pivot(pen, on([0, 0]), view.name);
       const said = view.name === "side" ? `From the side, raised by ${degrees[0]}` : `From above, slewed by ${degrees[1]}`;
       const [x, y] = on([view.low, view.up]);
@@ -151,15 +148,14 @@ class SpacePlayer extends Playback {
     }
   }
 
-  arrows(pen, seen, frame) {
+  arrows(pen, seen, frame, metre) {
     for (const load of this.loads) {
-      const part = load.largest ? load.values[frame] / load.largest : 0;
-      if (Math.abs(part) < 0.02) continue;
+      const force = [0, 1, 2].map((i) => load.force[3 * frame + i]);
       const own = this.at(this.beams[load.section], load.at, frame), foot = seen(own);
-      const head = seen(own.map((value, i) => value + load.way[i] * Math.sign(part)));
-      const size = Math.hypot(head[0] - foot[0], head[1] - foot[1]);
-      if (size < 1e-6) continue;
-      const [nx, ny] = [(head[0] - foot[0]) / size, (head[1] - foot[1]) / size], long = 10 + 26 * Math.abs(part);
+      const [dx, dy] = seen(own.map((value, i) => value + force[i])).map((value, i) => value - foot[i]);
+      const size = Math.hypot(dx, dy), part = size / metre; // of the largest, as it is seen
+      if (part < 0.02) continue;
+      const [nx, ny] = [dx / size, dy / size], long = 10 + 26 * part;
       const [x, y] = [foot[0] + long * nx, foot[1] + long * ny];
       this.stroke(pen, [foot, [x, y]], "#7b2d8e", 1.5);
       pen.fillStyle = "#7b2d8e";
