@@ -46,7 +46,7 @@ class Row:
 
     @cached_property
     def _polynomial(self) -> PPoly:
-        return PPoly(self.coefficients, self.breaks)
+        return PPoly(*(np.require(array, requirements="W") for array in (self.coefficients, self.breaks)))
 
     def weights(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
         """b(s), or its derivative with respect to s, at each of the s (T,) m as a sparse matrix (T, K).

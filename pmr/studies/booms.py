@@ -18,6 +18,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation import Excitation, TimeStepping
+from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import contacts_of, system_of
 from pmr.system.system import System, SystemTrajectory
 
@@ -97,7 +98,7 @@ def full_of(boom: Scene, built: Mapping[str, Any]) -> System:
     models = {name: one.model for name, one in built.items()}
     full = FullSystem(models, contacts_of(boom, models)).gather()
     assert full is not None  # a task runs on one rank
-    return full
+    return replace(full, terms=terms_of(boom, full.bodies))
 
 
 def family_of(boom: Scene, built: Mapping[str, Any]) -> Family:

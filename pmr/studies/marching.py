@@ -1,23 +1,25 @@
-"""Beams on the compiled simulator, for studies that take hundreds of simulations."""
+"""Beams and booms of them on the compiled simulator, for studies that take hundreds of simulations."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.runs import in_parts, run_from_start
 from pmr.errors import SimulationError
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation
 from pmr.simulation import Excitation
 from pmr.simulation.balance import NOTABLE, described
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
 from pmr.studies import shared
 from pmr.studies.engine.task import Task, TaskResult
-from pmr.system.body import SlidingBody
+from pmr.system.body import SlidingBody, Trajectory, length_outputs
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -31,15 +33,25 @@ class Motion:
     surplus: float = 0.0
 
 
-def motion(body: SlidingBody, excitation: Excitation) -> Motion:
-    """Displacement and, from the modal coordinates z, the strain energy sum_i omega_i^2 z_i^2 / 2.
+def motion(system: System, excitation: Excitation) -> Motion:
+    """Displacement and, from each body's modal coordinates z, the strain energy sum_i omega_i^2 z_i^2 / 2.
 
-    Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+    Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
     """
+    run = run_from_start(system, excitation)
+    moved = np.hstack(list(systems.displacements(system, run).values()))[:, _lengths(system)]
+    return Motion(
+        moved, np.sum([_strain(body, run.bodies[name]) for name, body in system.bodies.items()], 0), run.surplus
+    )
+
+
+def _strain(body: SlidingBody, run: Trajectory) -> Array:
     form = modal_form(body)
-    found = march.simulate_modal(form, excitation)
-    z = found.q
-    return Motion(z @ form.body.outputs.T, z**2 @ form.omega2 / 2.0, found.surplus)
+    return np.asarray((run.q @ form.inverse.T) ** 2 @ form.omega2 / 2.0)
+
+
+def _lengths(system: System) -> NDArray[np.bool_]:
+    return np.concatenate([length_outputs(body) for body in system.bodies.values()])
 
 
 def full_task(scene: Scene) -> Task:
@@ -49,14 +61,26 @@ def full_task(scene: Scene) -> Task:
 
 
 def full(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: ``displacement`` (T, o) in m, ``strain`` (T,) in J of the full model; ``t`` (T,) in s, ``x`` (o,) in m."""
+    """Task: ``displacement`` (T, o) in m, ``strain`` (T,) in J of the full model; ``t`` (T,) in s, ``x`` (o,) in m.
+
+    ``schedule``: of how many parts it made each step, where pads only push.
+    """
     scene = shared.scene_of(arguments)
-    body, excitation = shared.body_of(scene), Excitation.of(scene)
-    found = motion(body, excitation)
+    system = shared.full_system(scene)
+    excitation = in_parts(system, Excitation.of(scene))
+    found = motion(system, excitation)
     if found.surplus > NOTABLE:  # what many runs are compared with
         raise SimulationError(f"the full model is no reference: {described(found.surplus)}")
-    arrays = {"t": excitation.times, "x": body.output_positions}
+    x = np.concatenate([body.output_positions for body in system.bodies.values()])[_lengths(system)]
+    arrays = {"t": excitation.times, "x": x, "schedule": np.array(excitation.stepping.schedule, int)}
     return TaskResult(arrays=arrays | {"displacement": found.displacement, "strain": found.strain})
+
+
+def excitation_of(scene: Scene, full: TaskResult) -> Excitation:
+    """What drives the scene, in the parts of a step that a `full_task` took."""
+    found = Excitation.of(scene)
+    schedule = tuple(full.arrays["schedule"].tolist())
+    return found.with_stepping(replace(found.stepping, schedule=schedule)) if schedule else found
 
 
 def full_motion(result: TaskResult) -> Motion:
@@ -66,14 +90,22 @@ def full_motion(result: TaskResult) -> Motion:
 
 def driven(scene: Scene) -> Scene:
     """The scene without what the full model's motion does not depend on: reduction, comparison, choice of simulator."""
-    update = {"reduction": Reduction(), "compare": Compare(against=()), "simulation": Simulation()}
-    return scene.model_copy(update=update)
+    update = {"compare": Compare(against=()), "simulation": Simulation()}
+    return shared.with_reduction(scene.model_copy(update=update), Reduction())
 
 
 def resting(scene: Scene) -> Scene:
     """The scene without what eigenmodes and bases do not depend on: loads, damping, sizes, comparison."""
-    deciding = Reduction(basis="eigenmodes", positions=scene.reduction.positions, solver=scene.reduction.solver)
-    return driven(scene).without_loads().model_copy(update={"damping": Damping(), "reduction": deciding})
+    unloaded = driven(scene).without_loads().model_copy(update={"damping": Damping()})
+    choice = scene.sections[0].reduction
+    return shared.with_reduction(
+        unloaded, Reduction(basis="eigenmodes", positions=choice.positions, solver=choice.solver)
+    )
+
+
+def moving(scene: Scene) -> Scene:
+    """The scene with what models on such bases depend on, damping too, and their motion."""
+    return shared.with_reduction(driven(scene), resting(scene).sections[0].reduction)
 
 
 def marched(scene: Scene) -> Scene:

@@ -20,6 +20,7 @@ from pmr.results import Response
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
 from pmr.scene.names import ALONE
 from pmr.scene.signals import Constant
+from pmr.studies.booms import full_of
 from pmr.studies.engine.task import Task, TaskFunction, TaskResult
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from pmr.fullmodel.model import FullModel
     from pmr.reduction.snapshots import Snapshots
     from pmr.system.body import FullBody
+    from pmr.system.system import System
 
 #: Rough effort in s for the paper's beam.
 COSTS = {"modes": 0.05, "full": 0.5, "ancf": 3.0, "frequencies": 0.5}
@@ -56,16 +58,34 @@ def body_of(scene: Scene) -> FullBody:
     return body
 
 
+def full_system(scene: Scene) -> System:
+    """All full models of a scene as one system in one piece."""
+    return full_of(scene, bodies_of(scene))
+
+
 def built_of(scene: Scene) -> Built:
-    """The scene's full model and structure, stored for the next task of this process that asks for the same ones."""
+    """The scene's full model and structure, as `bodies_of` has them of a body alone."""
+    return bodies_of(scene)[ALONE]
+
+
+def bodies_of(scene: Scene) -> Mapping[str, Built]:
+    """The scene's full models and structures, stored for the next task of this process that asks for the same ones."""
     return _built(_unloaded(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
 
 
 @lru_cache(maxsize=4)
-def _built(scene: Scene) -> Built:
-    from pmr.fullmodel.build import build_and_warn
+def _built(scene: Scene) -> Mapping[str, Built]:
+    from pmr.fullmodel.build import build_bodies, log_warnings
 
-    return build_and_warn(scene)
+    built = build_bodies(scene)
+    log_warnings(built.values(), next(iter(built.values())).model.comm)
+    return built
+
+
+def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
+    """The scene with the same reduction of every body."""
+    parts = tuple(part.model_copy(update={"reduction": reduction}) for part in scene.sections)
+    return scene.model_copy(update={"sections": parts})
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:
@@ -180,16 +200,16 @@ def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -
 
 def _unloaded(scene: Scene) -> Scene:
     end = scene.time.end  # the path is visited up to it
-    return scene.without_loads().model_copy(
+    unloaded = scene.without_loads().model_copy(
         update={
             "damping": Damping(),
             "time": TimeChoice(end=end, step=end),
             "compare": Compare(against=()),
             "simulation": Simulation(),
-            "reduction": Reduction(solver=scene.reduction.solver),
             "free_motions": "allowed",  # what is simulated refuses them; here a slider may sit on a support
         }
     )
+    return with_reduction(unloaded, Reduction(solver=scene.sections[0].reduction.solver))
 
 
 def _task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:

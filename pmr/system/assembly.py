@@ -18,6 +18,9 @@ from pmr.system.terms import added
 
 Array = NDArray[np.float64]
 
+#: (rad/s)^2: what nothing holds is not singular with it.
+SHIFT = 1.0
+
 
 @dataclass(frozen=True)
 class ContactRows:
@@ -161,21 +164,38 @@ class Assembly:
             return np.asarray(self.frequencies(x[None], count, None if c is None else c[None])[0])
         rows, found = self.along(x), np.full((len(x), count), np.nan)
         amplitudes = np.zeros((len(x), len(self.terms))) if c is None else c
-        for k, F_k in enumerate(rows.F):
-            M, K = self.M.toarray(), self.stiffness(amplitudes[k]).toarray()
+        for k in range(len(x)):
+            K = self.stiffness(amplitudes[k]).toarray()
             V = self.damping(amplitudes[k]) - self.D
-            K, V = (K + K.T) / 2.0, (V - V.T).toarray() / 2.0
-            rigid = np.all(F_k == 0.0, axis=1)
-            C, F = rows.C[k, ~rigid], F_k[np.ix_(~rigid, ~rigid)]
-            K = K + C.T @ np.linalg.solve(F, C)
-            if rigid.any():
-                Z = scipy.linalg.null_space(rows.C[k, rigid])
+            M, V, (K, Z) = self.M.toarray(), (V - V.T).toarray() / 2.0, _closed((K + K.T) / 2.0, rows.at(k))
+            if Z is not None:
                 M, K, V = (Z.T @ A @ Z for A in (M, K, V))
             if not len(K):
                 continue  # the contacts hold all coordinates
             omega = oscillations(M, V, K)[:count]
             found[k, : len(omega)] = omega / (2.0 * np.pi)
         return found
+
+    def modes(self, x: Array, count: int) -> tuple[Array, Array]:
+        """The lowest modes without terms, every contact closed, its places at x (sides,) m: omega (f,) and phi (n, f).
+
+        Omega in rad/s, ascending; phi^T M phi = 1, phi in 1/sqrt(kg).  Fewer than `count` where there are no more.
+        """
+        M = self.M.toarray()
+        K, Z = _closed(self.K.toarray(), self.at(x))
+        Z = np.eye(len(K)) if Z is None else Z
+        # the largest of the inverse: low modes to full relative accuracy
+        inverse, z = scipy.linalg.eigh(Z.T @ M @ Z, Z.T @ (K + SHIFT * M) @ Z)
+        omega2 = np.maximum(1.0 / inverse[::-1][:count] - SHIFT, 0.0)
+        return np.sqrt(omega2), Z @ (z[:, ::-1][:, :count] * np.sqrt(omega2 + SHIFT))
+
+
+def _closed(K: Array, rows: ContactRows) -> tuple[Array, Array | None]:
+    """K (n, n) with the contacts that give way, and a basis (n, k) of what rigid ones leave free; None without any."""
+    rigid = np.all(rows.F == 0.0, axis=1)
+    soft = rows.of(~rigid)
+    K = K + soft.C.T @ np.linalg.solve(soft.F, soft.C)
+    return K, scipy.linalg.null_space(rows.C[rigid]) if rigid.any() else None
 
 
 def oscillations(M: Array, V: Array, K: Array) -> Array:

@@ -40,6 +40,22 @@ def test_frequencies_to_four_digits(count: int, overlap: float) -> None:
     assert Assembly(small).frequencies(coordinates(small, overlap), 3) == pytest.approx(found, rel=1e-4)
 
 
+def test_modes_are_those_of_the_frequencies() -> None:
+    """M-orthonormal, of no motion that rigid contacts hold, and in balance but for the forces of these."""
+    system = full(Nested(3, elements=12))
+    system = replace(system, contacts=(replace(system.contacts[0], compliance=0.0), *system.contacts[1:]))
+    assembly, x = Assembly(system), coordinates(system, 3.0)
+    omega, phi = assembly.modes(x, 4)
+    assert omega == pytest.approx(2.0 * np.pi * assembly.frequencies(x, 4), rel=1e-6)
+    np.testing.assert_allclose(phi.T @ assembly.M @ phi, np.eye(4), atol=1e-9)
+    rows = assembly.at(x)
+    assert np.abs(rows.C[0] @ phi).max() < 1e-12 * np.abs(phi).max() * np.abs(rows.C[0]).sum()
+    soft = rows.of(np.any(rows.F != 0.0, axis=1))
+    springs = soft.C @ phi
+    stored = phi.T @ assembly.K @ phi + springs.T @ np.linalg.solve(soft.F, springs)
+    np.testing.assert_allclose(stored, np.diag(omega**2), rtol=1e-6, atol=1e-6 * omega[-1] ** 2)
+
+
 def test_four_sections_extended() -> None:
     """The other code stopped a few millimetres short: its figures, 1.000 4.857 13.30 Hz, are those of 1.507 m."""
     system = full(Nested(4))

@@ -95,12 +95,25 @@ def section_model(
     answers = _answers(residual, basis, shared, flexibility, motions)
     body.drop()
     free_dropped(model.comm)
-    values = model.comm.allreduce(shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray()))
+    values = _measured(model, shared, basis)
     carriers = CarriedRows.of(released(model).shared.rows, values, flexibility.between_any_two())
     flexible = _with_flexibility(reduced, tables(flexibility, shared))
     check_independence(flexible, _that_give_way(flexible))
     moved = inertia[0].between_any_two() if inertia else None
     return _with_coordinates(replace(flexible, carriers=replace(carriers, inertia=moved, answers=answers)), coordinates)
+
+
+def stiff_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+    """Galerkin projection with `carriers` on any basis, without fixed rows and without what the basis leaves out."""
+    fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
+    reduced, shared = without_rows(galerkin(model, basis, provenance), fixed), released(model).shared
+    return replace(reduced, carriers=CarriedRows.of(shared.rows, _measured(model, shared, basis)))
+
+
+def _measured(model: FullModel, shared: SharedCarriers, basis: Basis) -> Array:
+    """What a basis measures on carriers, U V (K, r)."""
+    found = shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
+    return np.asarray(model.comm.allreduce(found))
 
 
 def _answers(

@@ -24,6 +24,11 @@ EXPLAINED = (
 )
 
 
+def treatments(study: FinishedStudy, figure: str) -> dict[str, str]:
+    """Those of `NAMES` of which a study knows a figure: of a boom of sections supports' rows are dropped."""
+    return {name: words for name, words in NAMES.items() if f"{name}.{figure}" in study.figures}
+
+
 def comparison(study: FinishedStudy) -> ErrorTable:
     """The statements on a study's figures; those whose figure it does not have are left out."""
     rows, reasons = [], list[str]()

@@ -3,7 +3,8 @@
 Weyrer et al., section "Selected Combinations Investigation".  Errors are those against the full model's motion:
 e_NRMS of the transverse displacement along the beam, and the absolute error of the strain energy summed over all
 steps, in J.  Each is given for the three treatments of the supports' rows (`pmr.studies.nested`): ``round_off``
-is the paper's.
+is the paper's.  Of a boom of sections, held at as many extensions, rows are ``dropped``, coordinates are those of each
+section, and the singular values those of the last one.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.files import records
-from pmr.simulation import Excitation
 from pmr.studies import marching, nested, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, number
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
+from pmr.system.contacts import named
 
 #: What is no longer the largest error possible, 1.
 BELOW_MAXIMUM = 0.999
@@ -43,14 +45,14 @@ class Study(StudyBase):
     fewest: Count = Field(default=3, description="Coordinates to begin with")
 
     def plan(self) -> Plan:
-        scene = subjects.beam(self.scene, self.kind, "scene")
+        scene = subjects.either(self.scene)
         nested.check(scene, [n for n, _ in self.combinations], [m for _, m in self.combinations], "combinations")
         library = nested.library_task(scene, [n for n, _ in self.combinations], max(m for _, m in self.combinations))
         reference = marching.full_task(scene)
         bases, runs = list[Task](), list[Task]()
         for snapshots, modes in self.combinations:
             chosen = {"snapshots": snapshots, "modes": modes}
-            arguments = shared.scene_arguments(marching.resting(scene)) | chosen
+            arguments = shared.scene_arguments(marching.moving(scene)) | chosen
             bases.append(Task(_name(chosen), basis, arguments, {"library": library.key}, chosen, cost=0.1))
             needs = {"basis": bases[-1].key, "full": reference.key}
             for coordinates in range(self.fewest, snapshots * modes + 1):
@@ -60,14 +62,14 @@ class Study(StudyBase):
         return Plan((*bases, *runs), (library, reference))
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        found: dict[str, Scalar] = {}
+        found, treatments = dict[str, Scalar](), nested.treatments(scenes.load_any(self.scene))
         for snapshots, modes in self.combinations:
             name = _name({"snapshots": snapshots, "modes": modes})
             found[f"{name}.kappa"] = next(run.figures["kappa"] for run in results.runs if run.key == name)
             runs = [run for run in results.runs if run.key.startswith(f"{name}-")]
-            for treatment in nested.TREATMENTS:
+            for treatment in treatments:
                 found |= {f"{name}.{treatment}.{key}": value for key, value in _key_figures(runs, treatment)}
-        for treatment in nested.TREATMENTS:
+        for treatment in treatments:
             firsts = [found.get(f"{n}x{m}.{treatment}.first") for n, m in self.combinations]
             found[f"{treatment}.first"] = min(
                 (int(number(first)) for first in firsts if first is not None), default=None
@@ -81,10 +83,12 @@ def basis(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Task
 
     scene = shared.scene_of(arguments)
     found = nested.global_basis(scene, needs["library"], arguments["snapshots"], arguments["modes"])
-    arrays = {"singular_values": found.sigma}
-    for treatment, models in found.models.items():
-        arrays |= records.arrays(models, f"{treatment}.")
-    record = {"rank": found.rank, "kappa": kappa(found.sigma, min(STATED, len(found.sigma)))}
+    sigma = found.sigma[scene.names[-1]]
+    arrays = {"singular_values": sigma}
+    for treatment, bodies in found.models.items():
+        for name, models in bodies.items():
+            arrays |= records.arrays(models, f"{named(name, treatment)}.")
+    record = {"rank": found.rank, "kappa": kappa(sigma, min(STATED, len(sigma)))}
     return TaskResult(record, arrays)
 
 
@@ -94,15 +98,18 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     None where the model can't be simulated (noted), or where the pool spans fewer dimensions: what further vectors
     there are is round-off.
     """
-    excitation = Excitation.of(shared.scene_of(arguments))
-    full, arrays = marching.full_motion(needs["full"]), needs["basis"].arrays
+    scene, arrays = shared.scene_of(arguments), needs["basis"].arrays
+    excitation, full = marching.excitation_of(scene, needs["full"]), marching.full_motion(needs["full"])
     record: dict[str, Scalar] = {}
-    for treatment in nested.TREATMENTS:
-        models = records.record(nested.NestedModels, arrays, f"{treatment}.")
+    for treatment in nested.treatments(scene):
         record |= {f"{treatment}.beam": None, f"{treatment}.strain": None}
-        if arguments["coordinates"] - models.spent > models.longest.size:
+        bodies = {
+            name: records.record(nested.NestedModels, arrays, f"{named(name, treatment)}.") for name in scene.names
+        }
+        if all(arguments["coordinates"] - one.spent > one.longest.size for one in bodies.values()):
             continue
-        found = nested.simulated(models.of(arguments["coordinates"]), treatment, excitation, full)
+        models = {name: one.of(arguments["coordinates"]) for name, one in bodies.items()}
+        found = nested.simulated(scene, models, treatment, excitation, full)
         if found is not None:
             record[f"{treatment}.beam"] = compare.nrms(found.displacement, full.displacement)
             record[f"{treatment}.strain"] = compare.absolute_error(found.strain.sum(), full.strain.sum())

@@ -16,6 +16,7 @@ from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.compare.cable import simulate_cable
 from pmr.errors import InputError
+from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
 from pmr.studies import booms, marching, sections, shared, subjects
@@ -51,7 +52,7 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         if boom := subjects.boom(self.scene):
             return self._of_sections(boom)
-        scene = subjects.beam(self.scene, self.kind, "scene")
+        scene = scenes.beam_scene(self.scene)
         profile = scene.body.profile
         if scene.mesh.file is not None or profile is None or profile.axial_stiffness is None:
             allowed = "a scene with mesh.elements and body.profile.axial_stiffness is allowed"
@@ -100,9 +101,9 @@ class Study(StudyBase):
 def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full beam's tip; array ``tip`` (T,) in m."""
     scene = shared.scene_of(arguments)
-    body = shared.body_of(scene)
-    tip = marching.motion(body, Excitation.of(scene)).displacement[:, -1]
-    return _compared(tip, body.size, needs)
+    system = shared.full_system(scene)
+    tip = marching.motion(system, Excitation.of(scene)).displacement[:, -1]
+    return _compared(tip, system.bodies[ALONE].size, needs)
 
 
 def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:

@@ -2,7 +2,8 @@
 
 Weyrer et al., section "Optimal Combinations for Maximum Budget": for each combination the e_NRMS of the transverse
 displacement along the beam, averaged over the largest few numbers of coordinates, so that a lucky one does not decide.
-All three treatments of the supports' rows are mapped (`pmr.studies.nested`): ``round_off`` is the paper's.
+All three treatments of the supports' rows are mapped (`pmr.studies.nested`): ``round_off`` is the paper's.  Of a boom
+of sections, held at as many extensions, rows are ``dropped``, and coordinates are those of each section.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.errors import InputError
-from pmr.simulation import Excitation
 from pmr.studies import marching, nested, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults
@@ -47,7 +48,7 @@ class Study(StudyBase):
     curve: Count | None = Field(default=None, description="Pool size for which a curve is drawn")
 
     def plan(self) -> Plan:
-        scene = subjects.beam(self.scene, self.kind, "scene")
+        scene = subjects.either(self.scene)
         counts, modes = range(1, self.most_snapshots + 1), range(1, self.most_modes + 1)
         nested.check(scene, counts, modes, "most_snapshots")
         chosen = [(n, m) for n in counts for m in modes if self.smallest_pool <= n * m <= self.largest_pool]
@@ -56,8 +57,7 @@ class Study(StudyBase):
             raise InputError("study", "largest_pool", self.largest_pool, allowed)
         library = nested.library_task(scene, counts, self.most_modes)
         reference = marching.full_task(scene)
-        choice = marching.resting(scene).reduction
-        arguments = shared.scene_arguments(marching.driven(scene).model_copy(update={"reduction": choice}))
+        arguments = shared.scene_arguments(marching.moving(scene))
         needs = {"library": library.key, "full": reference.key}
         runs = []
         for n, m in chosen:
@@ -74,7 +74,7 @@ class Study(StudyBase):
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
         found: dict[str, Scalar] = {"combinations": len(results.runs)}
         pools = results.column("snapshots") * results.column("modes")
-        for treatment in nested.TREATMENTS:
+        for treatment in nested.treatments(scenes.load_any(self.scene)):
             error = np.array(results.column(f"{treatment}.error"), dtype=float)
             order = np.argsort(error, kind="stable")[: self.marked]  # those without an error come last
             keys = [results.runs[i].key for i in order if np.isfinite(error[i])]
@@ -92,21 +92,21 @@ def tile(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskR
     treatment the errors (c,).
     """
     scene = shared.scene_of(arguments)
-    excitation, full = Excitation.of(scene), marching.full_motion(needs["full"])
+    excitation, full = marching.excitation_of(scene, needs["full"]), marching.full_motion(needs["full"])
     basis = nested.global_basis(scene, needs["library"], arguments["snapshots"], arguments["modes"])
-    known: dict[tuple[int, int], float] = {}
+    known: dict[tuple[tuple[int, int], ...], float] = {}
 
     def error(treatment: str, coordinates: int) -> float:
-        model = basis.models[treatment].of(coordinates)
-        key = (0, 0) if model is None else (model.size, len(model.row_names))
+        models = {name: one.of(coordinates) for name, one in basis.models[treatment].items()}
+        key = tuple((0, 0) if one is None else (one.size, len(one.row_names)) for one in models.values())
         if key not in known:  # of 20 coordinates, two of them held, 18 are left, as of 18 without the rows
-            found = nested.simulated(model, treatment, excitation, full)
+            found = nested.simulated(scene, models, treatment, excitation, full)
             known[key] = np.nan if found is None else compare.nrms(found.displacement, full.displacement)
         return known[key]
 
     record: dict[str, Scalar] = {"rank": basis.rank}
     arrays = {"coordinates": np.array(arguments["coordinates"])}
-    for treatment in nested.TREATMENTS:
+    for treatment in basis.models:
         errors = np.array([error(treatment, r) for r in arguments["coordinates"]])
         mean = float(errors.mean())
         record[f"{treatment}.error"] = mean if np.isfinite(mean) else None

@@ -49,7 +49,7 @@ class Study(StudyBase):
             if boom := subjects.boom(file):
                 runs.append(sections.task(file.stem, sections.history, boom, {"scene": file.stem}, {}))
                 continue
-            scene = subjects.beam(file, self.kind, "scenes")
+            scene = scenes.beam_scene(file)
             if "ancf" not in scene.compare.against:
                 allowed = f"{file.name}: scenes compared with ancf are allowed"
                 raise InputError("study", "scenes", list(scene.compare.against), allowed)

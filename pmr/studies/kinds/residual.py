@@ -22,6 +22,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.compare import estimate
 from pmr.errors import InputError, SimulationError
@@ -71,7 +72,7 @@ class Study(StudyBase):
                     name, more = f"{file.stem},{basis}", more | {"basis": basis}
                     runs.append(sections.task(name, sections.by_size, largest, parameters, {}, **more))
                 continue
-            scene = subjects.beam(file, self.kind, "scenes")
+            scene = scenes.beam_scene(file)
             for basis in BASES:
                 update = {"reduction": bases.reduction(scene, basis, max(self.coordinates))}
                 arguments = shared.scene_arguments(scene.model_copy(update=update))

@@ -115,7 +115,7 @@ class Study(StudyBase):
             if boom := subjects.boom(file):
                 runs += self._of_sections(boom, file.stem)
                 continue
-            scene = subjects.beam(file, self.kind, "scenes")
+            scene = scenes.beam_scene(file)
             _check(scene, file)
             modes = shared.modes_tasks(scene)
             common |= {task.key: task for task in modes.values()}

@@ -15,6 +15,7 @@ from pmr.simulation import Excitation
 from pmr.studies import files, marching, nested, shared
 from pmr.studies.engine.task import number
 from pmr.studies.results import StudyResults
+from pmr.system.system import System
 
 SMALL = """
 kind = "combinations"
@@ -51,7 +52,7 @@ def test_held_coordinates_are_as_good_as_left_out(small: StudyResults) -> None:
     six = nested.NestedModels(models.longest, spent=2).of(8)
     assert six is not None and six.size == 6
     drive = Excitation.of(short)
-    found, expected = (marching.motion(model, drive).displacement for model in (held, six))
+    found, expected = (marching.motion(System.of(model), drive).displacement for model in (held, six))
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 

@@ -21,7 +21,9 @@ from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.studies import files, marching, nested
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import StudyResults
+from pmr.system.contacts import ALONE
 from pmr.system.projection import projected
+from pmr.system.system import System
 
 SMALL = """
 kind = "error_map"
@@ -89,14 +91,14 @@ def test_kept_rows_hold_what_their_entries_say(tmp_path: Path, snapshots: int, m
     scene = marching.driven(load(short_scene(tmp_path)))
     task = nested.library_task(scene, (snapshots,), modes)
     basis = nested.global_basis(scene, task.function(task.arguments, {}), snapshots, modes)
-    model, drive = basis.models["round_off"].of(coordinates), Excitation.of(scene)
+    model, drive = basis.models["round_off"][ALONE].of(coordinates), Excitation.of(scene)
     pin = [row for row in range(len(model.row_names)) if row not in model.moving]
     entries = model.C(1.3)[pin]
     assert len(pin) == 2 and 0.0 < np.abs(entries).max() < 1e-8
     Z = null_space(entries / np.abs(entries).max(axis=1, keepdims=True))
     left = without_rows(projected(model, Z), pin)
     assert left.size == coordinates - 2
-    found, expected = marching.motion(model, drive), marching.motion(left, drive)
+    found, expected = (marching.motion(System.of(one), drive) for one in (model, left))
     assert nrms(found.displacement, expected.displacement) < 1e-8
 
 

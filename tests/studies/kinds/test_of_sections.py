@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from finished import WORKFLOWS, finished
+from oracle import nrms_error
+from scipy.linalg import eigh, null_space
 
 from pmr import scene as scenes
+from pmr.compare.booms import respond
+from pmr.compare.runs import run_from_start
 from pmr.errors import InputError
 from pmr.pipeline import run
 from pmr.report.studies.finished import FinishedStudy
-from pmr.studies import files, kinds, subjects
+from pmr.scene.members import TAIL
+from pmr.simulation import Excitation
+from pmr.studies import files, kinds
+from pmr.studies.booms import built_of, full_of
 from pmr.studies.engine.task import number
 from pmr.studies.results import StudyResults
+from pmr.system.assembly import Assembly
+from pmr.system.from_scene import system_of
+from pmr.system.projection import projected
 
 #: What is changed in a scene of two sections.
 CHANGES = {
@@ -27,9 +39,9 @@ CHANGES = {
     'kind = "chirp"': 'kind = "sine"',
 }
 ASKED = {
-    "combinations": "combinations = [[3, 3]]",
+    "combinations": "combinations = [[3, 3], [3, 4]]",
     "convergence": "full = [2, 4, 16]",
-    "error_map": "most_snapshots = 3",
+    "error_map": "most_snapshots = 3\nmost_modes = 6\nbudget = 9\naveraged = 2\nsmallest_pool = 6",
     "histories": "",
     "residual": "coordinates = [1, 2, 4]",
     "scenes": "grid.time.step = [1e-3, 5e-4]",
@@ -57,14 +69,6 @@ def reported(kind: str, folder: Path, results: StudyResults) -> None:
 
 def test_every_kind_is_asked_here() -> None:
     assert set(ASKED) == {module.name for module in pkgutil.iter_modules(kinds.__path__)}
-
-
-@pytest.mark.parametrize("kind", sorted(subjects.OF_ONE_BODY))
-def test_what_sections_have_no_use_for_is_refused_with_the_reason(kind: str, tmp_path: Path) -> None:
-    (tmp_path / "study.toml").write_text(text(kind, tmp_path))
-    with pytest.raises(InputError) as caught:
-        files.load(tmp_path / "study.toml")
-    assert subjects.OF_ONE_BODY[kind] in str(caught.value)
 
 
 @pytest.mark.slow
@@ -130,3 +134,62 @@ def test_histories_of_sections_stand_beside_the_full_ones(tmp_path: Path) -> Non
             errors[place], rel=1e-6
         )
     reported("histories", tmp_path, found)
+
+
+def recomputed(file: Path, snapshots: int, modes: int, coordinates: int) -> float:
+    """The error along the boom on a basis that NumPy makes of modes that SciPy finds."""
+    boom = scenes.load_any(file)
+    excitation = Excitation.of(boom)
+    full = full_of(boom, built_of(boom))
+    assembly, reach = Assembly(full), boom.reach(excitation.times)
+    pool = []
+    for goal in np.linspace(reach.min(), reach.max(), snapshots):
+        step = int(np.argmin(np.abs(reach - goal)))
+        rows = assembly.at(full.coordinates(dict(zip(full.paths, excitation.s[step], strict=True))))
+        rigid = np.all(rows.F == 0.0, axis=1)
+        Z, soft = null_space(rows.C[rigid]), rows.of(~rigid)
+        K = assembly.K.toarray() + soft.C.T @ np.linalg.inv(soft.F) @ soft.C
+        pool.append(Z @ eigh(Z.T @ K @ Z, Z.T @ assembly.M.toarray() @ Z, subset_by_index=[0, modes - 1])[1])
+    bodies = {}
+    for name, body in full.bodies.items():
+        own = np.hstack(pool)[assembly.coordinates[name]]
+        moves = np.abs(own).max(axis=1) > 1e-6 * np.abs(own).max()
+        V = np.zeros((body.size, coordinates))
+        V[assembly.free[name][moves]] = np.linalg.svd(own[moves], full_matrices=False)[0][:, :coordinates]
+        held = [k for k, row in enumerate(body.row_names) if k not in body.rows.fixed and row != TAIL]
+        bodies[name] = replace(projected(body, V), carriers=body.carriers.on(V)).with_rows(held)
+    found, reference = (
+        respond(one, run_from_start(one, excitation)).displacement for one in (system_of(boom, bodies), full)
+    )
+    return nrms_error(found, reference)
+
+
+@pytest.mark.slow
+def test_bases_of_modes_of_a_boom_held_at_extensions_are_mapped(tmp_path: Path) -> None:
+    """Errors are those of models made elsewhere; snapshots at one extension alone are worst."""
+    found = finished(tmp_path, text("error_map", tmp_path))
+    errors = {run.key: number(run.figures["dropped.error"]) for run in found.runs}
+    assert set(errors) == {f"{n}x{m}" for n in (1, 2, 3) for m in range(1, 7) if n * m >= 6}
+    expected = np.mean([recomputed(tmp_path / "two.toml", 3, 4, r) for r in (8, 9)])
+    assert errors["3x4"] == pytest.approx(expected, rel=1e-5)
+    assert max(errors, key=errors.__getitem__) == "1x6" and min(errors.values()) < 1e-3
+    reported("error_map", tmp_path, found)
+
+
+@pytest.mark.slow
+def test_combinations_of_snapshots_and_modes_of_a_boom_are_compared(tmp_path: Path) -> None:
+    found = finished(tmp_path, text("combinations", tmp_path))
+    errors = {run.key: run.figures for run in found.runs}
+    for r in (5, 9):
+        expected = recomputed(tmp_path / "two.toml", 3, 4, r)
+        assert errors[f"3x4-{r}"]["dropped.beam"] == pytest.approx(expected, rel=1e-5)
+    assert number(errors["3x4-9"]["dropped.beam"]) < 0.1 * number(errors["3x4-4"]["dropped.beam"])
+    assert number(errors["3x4-9"]["dropped.strain"]) < number(errors["3x4-4"]["dropped.strain"])
+    reported("combinations", tmp_path, found)
+
+
+def test_more_snapshots_than_a_boom_has_extensions_are_refused(tmp_path: Path) -> None:
+    study = text("error_map", tmp_path).replace("most_snapshots = 3", "most_snapshots = 900")
+    (tmp_path / "study.toml").write_text(study)
+    with pytest.raises(InputError, match="most_snapshots = 900: as many snapshots as a boom has extensions"):
+        files.load(tmp_path / "study.toml")

@@ -14,7 +14,7 @@ from pmr.report.numbers import percent, plain
 from pmr.report.studies.curves import dots
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.names import listed
-from pmr.report.studies.statements import EXPLAINED, NAMES, combination
+from pmr.report.studies.statements import EXPLAINED, NAMES, combination, treatments
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 
@@ -25,38 +25,44 @@ STATED = 20
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
     """Errors over the number of coordinates, and singular values."""
-    names = combinations(study)
+    names, ways = combinations(study), treatments(study, "first")
+    sides = (
+        "on the left with the pin's rows as the singular value decomposition leaves them, on the right without. "
+        if len(ways) > 1
+        else "of each section. "
+    )
     errors_caption = (
         "Normalised RMS error of the transverse displacement along the beam (top) and absolute error of the strain "
-        "energy summed over all steps (bottom), over the number of coordinates; on the left with the pin's rows as "
-        "the singular value decomposition leaves them, on the right without. Curves end where the snapshots span no "
-        f"more dimensions. Shaded: {STATED - 4} to {STATED} coordinates, the budget of the next study."
+        f"energy summed over all steps (bottom), over the number of coordinates; {sides}Curves end where the snapshots "
+        f"span no more dimensions. Shaded: {STATED - 4} to {STATED} coordinates, the budget of the next study."
     )
     sigma_caption = "Singular values of the snapshots of each combination, over the first of them."
     at_budget = {name: _at(study, name, STATED) for name in names}
     grid = Grid(
         caption=f"Error along the beam with {STATED} coordinates (or all that there are).",
-        head=("combination", *NAMES.values()),
+        head=("combination", *ways.values()),
         rows=tuple(
-            (combination(name), *(_percent(run, treatment) for treatment in NAMES)) for name, run in at_budget.items()
+            (combination(name), *(_percent(run, treatment) for treatment in ways)) for name, run in at_budget.items()
         ),
     )
     first = Grid(
         caption="Number of coordinates from which on the error is below its maximum.",
-        head=("combination", *NAMES.values()),
-        rows=tuple((combination(name), *(_first(study, name, treatment) for treatment in NAMES)) for name in names),
+        head=("combination", *ways.values()),
+        rows=tuple((combination(name), *(_first(study, name, treatment) for treatment in ways)) for name in names),
     )
+    shown = next(iter(ways))
     return Chapter(
         anchor=prefix,
         title=study.title,
-        headline=_headline(at_budget),
+        headline=_headline(at_budget, ways),
         key_numbers=[
-            KeyNumber(percent(study.figure(f"{name}.round_off.beam")), f"{combination(name)}, all, rows left in")
+            KeyNumber(
+                percent(study.figure(f"{name}.{shown}.beam")),
+                f"{combination(name)}, all{', rows left in' if len(ways) > 1 else ''}",
+            )
             for name in names
         ],
-        paragraphs=[
-            EXPLAINED,
-        ],
+        paragraphs=[EXPLAINED] if len(ways) > 1 else [],
         blocks=[
             Block(
                 "Errors over the number of coordinates",
@@ -68,10 +74,12 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     )
 
 
-def _headline(at_budget: Mapping[str, RunRecord]) -> str:
-    left_in, dropped = ([f"{combination(name)} {_percent(run, t)}" for name, run in at_budget.items()] for t in COLUMNS)
-    ways = f"{listed(left_in)} with the pin's rows left in, {listed(dropped)} with them dropped"
-    return f"With {STATED} coordinates: {ways}."
+def _headline(at_budget: Mapping[str, RunRecord], ways: Mapping[str, str]) -> str:
+    said = {t: listed([f"{combination(name)} {_percent(run, t)}" for name, run in at_budget.items()]) for t in ways}
+    if len(ways) == 1:
+        return f"With {STATED} coordinates of each section: {said['dropped']}."
+    both = f"{said['round_off']} with the pin's rows left in, {said['dropped']} with them dropped"
+    return f"With {STATED} coordinates: {both}."
 
 
 def _first(study: FinishedStudy, name: str, treatment: str) -> str:
@@ -87,14 +95,15 @@ def combinations(study: FinishedStudy) -> list[str]:
 
 def errors(study: FinishedStudy) -> Figure:
     """Both errors, a row each; treatments side by side."""
-    gaps = {"wspace": 0.05, "hspace": 0.12}
+    gaps, ways = {"wspace": 0.05, "hspace": 0.12}, treatments(study, "first")
+    columns = [name for name in COLUMNS if name in ways]
     figure, axes = sheet(
-        WIDE, 4.4, rows=2, columns=2, margins={"top": 0.5}, sharex=True, sharey="row", gridspec_kw=gaps
+        WIDE, 4.4, rows=2, columns=len(columns), margins={"top": 0.5}, sharex=True, sharey="row", gridspec_kw=gaps
     )
     names = combinations(study)
     for row, (measure, label) in enumerate(ROWS.items()):
         every = []
-        for column, treatment in enumerate(COLUMNS):
+        for column, treatment in enumerate(columns):
             ax = axes[row, column]
             ax.axvspan(STATED - 4.5, STATED + 0.5, color=SHADE, linewidth=0.0, zorder=0.0)
             for i, name in enumerate(names):
@@ -105,9 +114,9 @@ def errors(study: FinishedStudy) -> Figure:
                 shown = [(r, number(error)) for r, error in shown if error]
                 ax.plot(*np.array(shown).T, **dots(i, 1.8))
                 every += [number(error) for _, error in shown]
-            if row == 0:
+            if row == 0 and len(columns) > 1:
                 ax.set_title(f"pin's {NAMES[treatment]}", loc="left", pad=4.0)
-            else:
+            elif row == 1:
                 ax.set_xlabel("Number of coordinates (–)")
         log_axis(axes[row, 0], min(every), max(every))
         axes[row, 0].set_ylabel(label)

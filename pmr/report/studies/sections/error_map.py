@@ -17,7 +17,7 @@ from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.canvas import HALF, INK, MUTED, WIDE, sheet
 from pmr.report.numbers import percent, plain
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.statements import EXPLAINED, NAMES, combination
+from pmr.report.studies.statements import EXPLAINED, combination, treatments
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 
@@ -28,51 +28,69 @@ LABELLED = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
     """The maps, and the combinations that are marked in them."""
-    figures, asked = study.figures, study.asked
+    figures, asked, names = study.figures, study.asked, treatments(study, "singular")
+    first, *others = names
     curve = f", the curve is {plain(asked['curve'])} snapshots in all" if asked["curve"] else ""
     what = (
         f"Normalised RMS error of the transverse displacement along the beam, averaged over up to {asked['averaged']} "
         f"numbers of coordinates, {asked['budget']} at most. Black squares: the {asked['marked']} lowest errors{curve}"
     )
-    white = "White: not investigated; crosses: a model that can't be simulated."
+    left_in = "; the pin's rows left in, as published" if others else ""
     captions = {
-        "round_off": f"{what}; the pin's rows left in, as published. {white}",
+        first: f"{what}{left_in}. White: not investigated; crosses: a model that can't be simulated.",
         "last": "The same with the pin's rows holding the last two coordinates.",
-        "dropped": "The same with the pin's rows dropped.",
     }
-    wide = drawing(f"{prefix}-round-off", error_map, captions["round_off"], study, "round_off", WIDE)
-    halves = tuple(
-        drawing(f"{prefix}-{name}", error_map, captions[name], study, name, HALF) for name in ("last", "dropped")
-    )
-    best, left_in = str(figures["dropped.best"]), str(figures["round_off.best"])
-    singular = number(figures["round_off.singular"])
-    pools = {name: plain(study.figure(f"{name}.pool")) for name in NAMES}
+    captions.setdefault("dropped", "The same with the pin's rows dropped.")
+    wide = drawing(f"{prefix}-{first.replace('_', '-')}", error_map, captions[first], study, first, WIDE)
+    halves = tuple(drawing(f"{prefix}-{name}", error_map, captions[name], study, name, HALF) for name in others)
     return Chapter(
         anchor=prefix,
         title=study.title,
-        headline=f"{combination(left_in)} is best with the pin's rows left in, at "
-        f"{percent(study.figure('round_off.error'))}; with them dropped it is {combination(best)}, at "
-        f"{percent(study.figure('dropped.error'))}.",
+        headline=_headline(study, names),
         key_numbers=[
             KeyNumber(
                 f"{combination(str(figures[f'{name}.best']))}: {percent(study.figure(f'{name}.error'))}",
-                f"best, {label}",
+                f"best, {label}" if others else "best",
             )
-            for name, label in NAMES.items()
+            for name, label in names.items()
         ],
-        paragraphs=[
-            f"{plain(number(figures['combinations']))} combinations are simulated, each with up to "
-            f"{asked['averaged']} numbers of coordinates and in three ways. {EXPLAINED}",
-            f"The pools of the {asked['marked']} best combinations hold {pools['round_off']} snapshots with the "
-            f"rows left in, {pools['last']} with two coordinates held and {pools['dropped']} with the "
-            "rows dropped (median).",
-            *_singular(singular),
-        ],
+        paragraphs=_paragraphs(study, names),
         blocks=[
-            Block("Error map", ((wide,), halves)),
-            Block("The best combinations", grids=(_marked(study),)),
+            Block("Error map", ((wide,), halves) if halves else ((wide,),)),
+            Block("The best combinations", grids=(_marked(study, names),)),
         ],
     )
+
+
+def _headline(study: FinishedStudy, names: Mapping[str, str]) -> str:
+    best = {name: combination(str(study.figures[f"{name}.best"])) for name in names}
+    error = {name: percent(study.figure(f"{name}.error")) for name in names}
+    if len(names) == 1:
+        return f"{best['dropped']} is best, at {error['dropped']}."
+    return (
+        f"{best['round_off']} is best with the pin's rows left in, at {error['round_off']}; with them dropped it is "
+        f"{best['dropped']}, at {error['dropped']}."
+    )
+
+
+def _paragraphs(study: FinishedStudy, names: Mapping[str, str]) -> list[str]:
+    asked, pools = study.asked, {name: plain(study.figure(f"{name}.pool")) for name in names}
+    simulated = (
+        f"{plain(study.figure('combinations'))} combinations are simulated, each with up to {asked['averaged']} "
+        "numbers of coordinates"
+    )
+    best = f"The pools of the {asked['marked']} best combinations hold"
+    if len(names) == 1:
+        return [
+            f"{simulated} of each section. Snapshots are modes of the whole boom, held at extensions on its way.",
+            f"{best} {pools['dropped']} snapshots (median).",
+        ]
+    return [
+        f"{simulated} and in three ways. {EXPLAINED}",
+        f"{best} {pools['round_off']} snapshots with the rows left in, {pools['last']} with two coordinates held and "
+        f"{pools['dropped']} with the rows dropped (median).",
+        *_singular(study.figure("round_off.singular")),
+    ]
 
 
 def error_map(study: FinishedStudy, treatment: str, width: float) -> Figure:
@@ -129,10 +147,10 @@ def _colour_key(figure: Figure, ax: Axes, norm: LogNorm) -> None:
         spine.set_visible(False)
 
 
-def _marked(study: FinishedStudy) -> Grid:
+def _marked(study: FinishedStudy, names: Mapping[str, str]) -> Grid:
     """The marked combinations of each treatment, best first."""
     by_key: Mapping[str, RunRecord] = {run.key: run for run in study.results.runs}
-    columns = {name: str(study.figures[f"{name}.marked"]).split() for name in NAMES}
+    columns = {name: str(study.figures[f"{name}.marked"]).split() for name in names}
     most = max(map(len, columns.values()))
 
     def cell(name: str, place: int) -> str:
@@ -141,8 +159,8 @@ def _marked(study: FinishedStudy) -> Grid:
         found = columns[name][place]
         return f"{combination(found)}  {percent(number(by_key[found].figures[f'{name}.error']))}"
 
-    rows = tuple((str(place + 1), *(cell(name, place) for name in NAMES)) for place in range(most))
-    return Grid("Snapshots, modes and mean error of the marked combinations.", ("place", *NAMES.values()), rows)
+    rows = tuple((str(place + 1), *(cell(name, place) for name in names)) for place in range(most))
+    return Grid("Snapshots, modes and mean error of the marked combinations.", ("place", *names.values()), rows)
 
 
 def _singular(count: float) -> list[str]:
