@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from pmr.compare.errors import RELATIVE_FLOOR, Quantity, round_off
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.reactions import Reactions
 from pmr.results import Energy, Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
@@ -26,6 +25,7 @@ from pmr.system.contacts import Contact, named
 from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
+Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
 
 #: Kind of contacts that hold an overlap straight: moments, no forces of pads.
 STRAIGHT = "straight"
@@ -59,7 +59,7 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
 
 def _with_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
     """With what reduced sections press on their rigid supports with."""
-    of_bodies, found, first = dict[str, Reactions](), dict[str, Array](), 0
+    of_bodies, found, first = dict[str, Supports](), dict[str, Array](), 0
     for name, body in system.bodies.items():
         loads = trajectory.loads[:, first : first + len(body.input_names)]
         first += len(body.input_names)
@@ -71,17 +71,15 @@ def _with_reactions(response: Response, system: System, trajectory: SystemTrajec
         own = [side for side in system.sides if side.place.body == name]
         for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
             forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
-        of_bodies[name], found[name] = known, forces
+        of_bodies[name], found[name] = known.supports, forces
     return with_reactions(response, of_bodies, found)
 
 
-def with_reactions(response: Response, of_bodies: Mapping[str, Reactions], forces: Mapping[str, Array]) -> Response:
+def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:
     """With the forces (T, h) of rigid supports, by body, after all other outputs."""
     if not forces:
         return response
-    supports = [
-        (body, one, unit) for body, of in of_bodies.items() for one, unit in zip(of.names, of.units, strict=True)
-    ]
+    supports = [(body, one, unit) for body, of in of_bodies.items() for one, unit in of]
     return replace(
         response,
         others=np.hstack([*([] if response.others is None else [response.others]), *forces.values()]),
@@ -100,7 +98,7 @@ def response_of(system: Joined[Any], t: Array, motion: Motion) -> Response:
     kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, forces and others
     of_bodies: tuple[list[str], list[str], list[str]] = ([], [], [])
     for name, body in system.bodies.items():
-        of, y = called(body, ()), motion.outputs[name]
+        of, y = called(body), motion.outputs[name]
         moved.append(y[:, length_outputs(body)])
         springs.append(y[:, force_outputs(body)])
         others.append(y[:, ~(length_outputs(body) | force_outputs(body))])
@@ -229,7 +227,7 @@ def bearing(system: Joined[Any]) -> list[int]:
 
 def force_kinds_of(system: Joined[Any]) -> tuple[str, ...]:
     """Of the springs of all bodies and the contacts that bear; all forces of a body alone count as those of pads."""
-    springs = [kind for body in system.bodies.values() for kind in called(body, ()).kinds[1]]
+    springs = [kind for body in system.bodies.values() for kind in called(body).kinds[1]]
     kinds = [*springs, *(system.contacts[k].kind for k in bearing(system))]
     return tuple("pad_force" if ALONE in system.bodies else f"{kind}_force" for kind in kinds)
 
@@ -237,7 +235,7 @@ def force_kinds_of(system: Joined[Any]) -> tuple[str, ...]:
 def tip_columns(system: Joined[Any]) -> list[int]:
     """Which of the displacements are those of the last body's tip."""
     last = list(system.bodies)[-1]
-    kinds = [(name, kind) for name, body in system.bodies.items() for kind in called(body, ()).kinds[0]]
+    kinds = [(name, kind) for name, body in system.bodies.items() for kind in called(body).kinds[0]]
     return [k for k, (name, kind) in enumerate(kinds) if name == last and kind.split(" ")[0] == "tip"]
 
 

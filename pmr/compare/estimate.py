@@ -235,7 +235,7 @@ def _along(system: System, displacement: Array, error: Array) -> dict[str, float
 
 
 def _probes(system: System) -> list[str]:
-    return [named(name, one) for name, body in system.bodies.items() for one in called(body, ()).others]
+    return [named(name, one) for name, body in system.bodies.items() for one in called(body).others]
 
 
 def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation) -> Estimate:

@@ -82,7 +82,7 @@ class Evaluation:
         motion = Motion({ALONE: columns["outputs"]}, columns["forces"], columns.get("peaks"), energies)
         found = response_of(System.of(body), self._t, motion)
         if body.reactions is not None:
-            found = with_reactions(found, {ALONE: body.reactions}, {ALONE: columns["reactions"]})
+            found = with_reactions(found, {ALONE: body.reactions.supports}, {ALONE: columns["reactions"]})
         return replace(
             found,
             residual_position=columns["residual_position"],

@@ -15,7 +15,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.compare import cable
-from pmr.compare.booms import Motion, response_of
+from pmr.compare.booms import Motion, Supports, bearing, response_of, with_reactions
 from pmr.compare.responses import Simulated, completed, full_simulator, repeated
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError, on_first
@@ -30,7 +30,7 @@ from pmr.scene.names import ALONE
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.needs import needs_of_contacts
-from pmr.simulation.petsc import Checkpoint, Recording, observe, observe_system, respond, static_start
+from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import Progress, TimeStepping
 from pmr.system.assembly import Assembly, oscillations
@@ -162,18 +162,19 @@ class FullOrder:
     def _distributed(
         self, excitation: Excitation, steps: Sequence[int], done: Progress, checkpoint: Checkpoint | None
     ) -> tuple[Response, dict[str, Array]]:
-        whole = self.whole
-        recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
-        if ALONE in whole.bodies and not excitation.terms:
-            model = whole.bodies[ALONE]
-            alone = observe(model, excitation, recording, progress=done, checkpoint=checkpoint)
-            return completed(self.scene, whole, respond(model, alone)), {ALONE: alone.states.q}
         whole = self._with_terms()
+        recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
         start = static_start(whole, excitation) if excitation.start == "equilibrium" else {}
-        history = observe_system(whole, excitation, recording, start, done, checkpoint)
+        history = observe(whole, excitation, recording, start, done, checkpoint)
         assert history.energy is not None
         found = response_of(whole, history.t, Motion(history.y, history.forces, history.peaks, history.energy))
-        found = replace(found, seconds=history.seconds, surplus=history.surplus)
+        found = replace(
+            with_reactions(found, *_reactions(whole, history)),
+            residual_position=history.residual_position,
+            residual_velocity=history.residual_velocity,
+            seconds=history.preparation + history.seconds,
+            surplus=history.surplus,
+        )
         return completed(self.scene, whole, found), {name: one.q for name, one in history.states.items()}
 
     def _with_terms(self) -> FullSystem:
@@ -182,6 +183,19 @@ class FullOrder:
             return self.whole
         found = self.gathered
         return replace(self.whole, terms=self.whole.comm.bcast(None if found is None else found.terms))
+
+
+def _reactions(whole: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
+    """Rigid supports whose forces are no outputs yet, and these forces (T, h), by body."""
+    system, known = whole.supported(), set(bearing(whole))
+    rows = {(one.inner.body, one.inner.row): k for k, one in enumerate(system.contacts) if k not in known}
+    forces, supports, found = np.hstack([history.forces, history.supports]), dict[str, Supports](), dict[str, Array]()
+    for name, model in whole.bodies.items():
+        own = [row for row in model.rows.rows if row.fixed and (name, row.name) in rows]
+        if own:
+            supports[name] = [(row.name, row.unit) for row in own]
+            found[name] = forces[:, [rows[name, row.name] for row in own]]
+    return supports, found
 
 
 def _sparse(whole: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:

@@ -46,6 +46,11 @@ class Reactions:
     # U Phi (K, h) on the carriers of a body of a system, whose rows each have a path coordinate of their own
     carried: Array | None = None
 
+    @property
+    def supports(self) -> list[tuple[str, str]]:
+        """Name and unit of each support."""
+        return list(zip(self.names, self.units, strict=True))
+
     def on(self, V: Array) -> Reactions:
         """Those of the body projected on V (n, r)."""
         inertia, damping, stiffness = (A[:, : len(V)] @ V for A in (self.inertia, self.damping, self.stiffness))

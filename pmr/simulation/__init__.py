@@ -2,7 +2,7 @@
 
 Every simulator of a sliding body fulfils `Simulator`: the same arguments, and a `Trajectory` that holds all steps,
 t = 0 included; of a system of bodies it is `SystemSimulator`.  Full models, of which nobody keeps all steps, have
-`petsc.observe` and `petsc.observe_system`.  What a simulator can't do it doesn't try: `pmr.scene.simulators.refuse`
+`petsc.observe`.  What a simulator can't do it doesn't try: `pmr.scene.simulators.refuse`
 says so, with the key to change.
 """
 

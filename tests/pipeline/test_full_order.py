@@ -14,7 +14,7 @@ from pmr.compare import responses
 from pmr.compare.responses import MARCHED_UP_TO, full_simulator
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.system import FullSystem
 from pmr.pipeline import full_order
 from pmr.pipeline.full_order import FullOrder
 from pmr.scene import Scene
@@ -105,9 +105,9 @@ def test_pads_that_push_are_followed_in_the_parts_that_the_reduced_model_chose(
     scene = scene.model_copy(update={"simulation": scene.simulation.model_copy(update={"simulators": SIMULATORS})})
     asked, observed, in_exudyn = dict[str, TimeStepping](), full_order.observe, responses.exudyn.simulate
 
-    def observe(model: FullModel, excitation: Excitation, *more: Any, **named: Any) -> History:
+    def observe(system: FullSystem, excitation: Excitation, *more: Any, **named: Any) -> History:
         asked["petsc"] = excitation.stepping
-        return observed(model, excitation, *more, **named)
+        return observed(system, excitation, *more, **named)
 
     def simulated(body: SlidingBody, excitation: Excitation, **named: Any) -> Trajectory:
         asked["exudyn"] = excitation.stepping

@@ -111,7 +111,7 @@ class Family:
         self.places = [
             (named(name, one), float(x))
             for name, body in models.items()
-            for one, x in zip(called(body, ()).moved, body.output_positions[length_outputs(body)], strict=True)
+            for one, x in zip(called(body).moved, body.output_positions[length_outputs(body)], strict=True)
         ]
 
     @property

@@ -1,4 +1,4 @@
-"""Full-order simulations, of one body or of a system of them: what runs the integrator and keeps what is asked for."""
+"""Full-order simulations: what runs the integrator and keeps what is asked for."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.fem.factor import factor_of
-from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
-from pmr.scene.names import ALONE
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.balance import refuse_growth
 from pmr.simulation.excitation import Excitation, places
@@ -21,12 +19,12 @@ from pmr.simulation.lengths import Lengths
 from pmr.simulation.needs import needs_of_contacts
 from pmr.simulation.petsc.checkpoint import Checkpoint
 from pmr.simulation.petsc.effective import BlockFactor
-from pmr.simulation.petsc.history import History, Recording, SystemHistory
+from pmr.simulation.petsc.history import History, Recording
 from pmr.simulation.petsc.levels import PartedSteps, contact_frequency
 from pmr.simulation.petsc.pushing import Pushing
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.resume import Keeper, Reached, identity
-from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state, static_start
+from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 
@@ -37,23 +35,28 @@ TOLD = 1000
 
 
 def observe(
-    model: FullModel,
+    system: FullSystem,
     excitation: Excitation,
     recording: Recording | None = None,
-    initial: InitialState | None = None,
+    initial: Mapping[str, InitialState] | None = None,
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> History:
-    """Simulate a full model and keep what is recorded; collective.
+    """Simulate full models and keep what is recorded; collective.
 
     Parameters
     ----------
-    model : FullModel
-        M positive definite.
-    excitation, initial, progress
-        As for `pmr.simulation.Simulator`; the initial state is whole, (n,), on every rank.
+    system : FullSystem
+        M positive definite; a model alone is `FullSystem.of` it.
+    excitation : Excitation
+        The system's paths, by name, a load for each ``body.input``, and an amplitude for each term.
     recording : Recording, optional
         By default all outputs at all steps.
+    initial : mapping of str to InitialState, optional
+        Of each body, whole, (n,), on every rank; those that are missing start at rest, undeformed.  `static_start`
+        gives one.
+    progress : callable, optional
+        As for `pmr.simulation.SystemSimulator`.
     checkpoint : Checkpoint, optional
         If its file exists, the simulation goes on from there, in the parts of steps with which it began.  On one rank
         the result is the same to the last digit as without interruption; on several as far as MUMPS adds up messages in
@@ -62,56 +65,11 @@ def observe(
     Raises
     ------
     InputError
-        If the path leaves the rows' domain, a load is missing, the initial position violates a row, rigid rows move
-        with rho_inf = 1 or only push, or the checkpoint is not of this simulation.
+        If a path leaves a row, a load is missing, the initial position violates a row, rigid rows move with rho_inf = 1
+        or only push, or the checkpoint is not of this simulation.
     SimulationError
-        If a step fails; with step, time, slider position and, where rows depend on each other, their names.  Where
+        If a step fails; with step, time, path coordinates and, where rows depend on each other, their names.  Where
         energies are recorded at every step, also if the motion grows without bound.
-    """
-    excitation.along(model.rows.domain if model.rows.rows else (-np.inf, np.inf))
-    excitation.forces(model.input_names)
-    system, excitation = FullSystem.of(model), excitation.on_slider
-    start = {} if initial is None else {ALONE: initial}
-    if initial is None and excitation.start == "equilibrium":
-        start = static_start(system, excitation)
-    found = observe_system(system, excitation, recording, start, progress, checkpoint)
-    states, names = found.states[ALONE], [*system.contact_names, *(model.row_names[k] for k in model.held)]
-
-    def of_rows(forces: Array) -> Array:
-        return np.hstack([forces, found.supports])[:, [names.index(name) for name in model.row_names]]
-
-    return History(
-        t=found.t,
-        s=found.s[:, 0],
-        y=found.y[ALONE],
-        multipliers=of_rows(found.forces),
-        residual_position=found.residual_position,
-        residual_velocity=found.residual_velocity,
-        energy=found.energy,
-        states=replace(states, s=states.s[:, 0]),
-        seconds=found.seconds,
-        preparation=found.preparation,
-        surplus=found.surplus,
-        peaks=None if np.isnan(system.clearance).all() else of_rows(found.peaks),
-    )
-
-
-def observe_system(
-    system: FullSystem,
-    excitation: Excitation,
-    recording: Recording | None = None,
-    initial: Mapping[str, InitialState] | None = None,
-    progress: Progress | None = None,
-    checkpoint: Checkpoint | None = None,
-) -> SystemHistory:
-    """Simulate full models that contacts join; arguments, errors and what is collective as of `observe`.
-
-    Parameters
-    ----------
-    excitation : Excitation
-        The system's paths, by name, a load for each ``body.input``, and an amplitude for each term.
-    initial : mapping of str to InitialState, optional
-        Of each body, whole, on every rank; those that are missing start at rest, undeformed.  `static_start` gives one.
     """
     run = _Run(system, excitation, recording or Recording(), initial or {})
     return run.history(progress, checkpoint)
@@ -139,7 +97,7 @@ class _Run:
             omega = contact_frequency(self._system, self._at.x, self._mass)
         self._lengths = Lengths.of(excitation.stepping, omega)
 
-    def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> SystemHistory:
+    def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> History:
         """Take all steps that a checkpoint has not."""
         recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:

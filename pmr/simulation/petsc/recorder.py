@@ -15,7 +15,7 @@ from pmr.fem.matrices import local_csr, without_zeros
 from pmr.fullmodel.system import FullSystem
 from pmr.results import Energy
 from pmr.simulation import balance
-from pmr.simulation.petsc.history import Recording, States, SystemHistory
+from pmr.simulation.petsc.history import History, Recording, States
 from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import State
 from pmr.simulation.petsc.terms import Terms
@@ -127,7 +127,7 @@ class Recorder:
         motion = self._inputs @ state.q if self._now is None else self._now.motion
         return half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)
 
-    def history(self, at: Sampled, seconds: float, preparation: float) -> SystemHistory:
+    def history(self, at: Sampled, seconds: float, preparation: float) -> History:
         """All of it; collective."""
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)
@@ -146,7 +146,7 @@ class Recorder:
                 least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
                 work = np.cumsum(rest[:, 3])
                 found = balance.surplus(rest[:, 0] + strain, work, least, since_start=bool(pushes.any()))
-        return SystemHistory(
+        return History(
             t=at.t[every],
             s=at.s[every],
             y=self._of_bodies(y),

@@ -15,11 +15,12 @@ import numpy as np
 from distributed import distributed
 from driving import driven
 from oracle import rich_body
+from petsc_alone import observe
 
 from pmr.fem.compat import MPI
 from pmr.scene.signals import Chirp, Sine, Step
 from pmr.simulation import TimeStepping
-from pmr.simulation.petsc import Checkpoint, Recording, observe
+from pmr.simulation.petsc import Checkpoint, Recording
 
 PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)
 LOADS = (Chirp(amplitude=300.0, times=(0.0, 0.2), frequencies=(3.0, 20.0)), Step(time=0.02, before=50.0, after=-400.0))

@@ -16,6 +16,7 @@ import pytest
 from distributed import distributed
 from driving import driven
 from oracle import rich_body
+from petsc_alone import observe
 from processes import python
 from waiting import wait_until
 
@@ -25,7 +26,7 @@ from pmr.files import npz
 from pmr.fullmodel.model import FullModel
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import TimeStepping
-from pmr.simulation.petsc import Checkpoint, Recording, observe
+from pmr.simulation.petsc import Checkpoint, Recording
 from pmr.simulation.petsc.checkpoint import Saved, load, save
 
 SCRIPT = Path(__file__).with_name("interrupted.py")

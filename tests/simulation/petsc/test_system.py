@@ -21,7 +21,7 @@ from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.native import systems
-from pmr.simulation.petsc import Checkpoint, Recording, SystemHistory, constraint, observe_system, static_start
+from pmr.simulation.petsc import Checkpoint, History, Recording, constraint, observe, static_start
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.system.system import System
 
@@ -55,9 +55,9 @@ def assert_close(found: Array, expected: Array, tolerance: float) -> None:
     assert np.abs(found - expected).max() <= tolerance * np.abs(expected).max()
 
 
-def simulated(system: System, excitation: Excitation, comm: MPI.Comm = MPI.COMM_WORLD) -> SystemHistory:
+def simulated(system: System, excitation: Excitation, comm: MPI.Comm = MPI.COMM_WORLD) -> History:
     spread = of(system, comm)
-    return observe_system(spread, excitation, EVERYTHING, static_start(spread, excitation))
+    return observe(spread, excitation, EVERYTHING, static_start(spread, excitation))
 
 
 @pytest.mark.slow
@@ -164,7 +164,7 @@ def test_newtons_law_of_every_section_at_every_step() -> None:
     system = full(BOOMS["yielding"])
     excitation, spread = driven(system, rho_inf=1.0), of(system)
     every = Recording(states=excitation.times.tolist())
-    found = observe_system(spread, excitation, every, static_start(spread, excitation))
+    found = observe(spread, excitation, every, static_start(spread, excitation))
     loads = dict(zip(system.input_names, excitation.forces(system.input_names).T, strict=True))
     supports = {"0": -found.supports[:, 0]}  # the clamp's deflection
     for name, body in system.bodies.items():
@@ -195,7 +195,7 @@ def test_equal_sections_share_a_factor() -> None:
     for other in (inner, distributed(system.bodies["1"], MPI.COMM_SELF)):
         twice = FullSystem({"a": inner, "b": other}, tuple(both))
         made = factors(twice)
-        found.append((made, observe_system(twice, given)))
+        found.append((made, observe(twice, given)))
     assert [made for made, _ in found] == [1, 2]
     for _, history in found:
         np.testing.assert_array_equal(history.y["a"], history.y["b"])
@@ -231,10 +231,10 @@ def test_cut_off_it_goes_on_to_the_same_digits(pads: str, tmp_path: Path) -> Non
     start, recording = static_start(spread, excitation), Recording(energies=True, states=[0.01, 0.03])
     checkpoint = Checkpoint(tmp_path / "checkpoint", seconds=0.0)
     with pytest.raises(InterruptionError):
-        observe_system(spread, excitation, recording, start, half_way, checkpoint)
+        observe(spread, excitation, recording, start, half_way, checkpoint)
     other = scheduled(excitation, [1, 6, 3, 2] * 10)  # a reduced model made again: the parts begun with stay
-    resumed = observe_system(spread, other, recording, start, checkpoint=checkpoint)
-    whole = observe_system(spread, excitation, recording, start)
+    resumed = observe(spread, other, recording, start, checkpoint=checkpoint)
+    whole = observe(spread, excitation, recording, start)
     for name in system.bodies:
         np.testing.assert_array_equal(resumed.y[name], whole.y[name])
         np.testing.assert_array_equal(resumed.states[name].v, whole.states[name].v)
@@ -243,11 +243,11 @@ def test_cut_off_it_goes_on_to_the_same_digits(pads: str, tmp_path: Path) -> Non
     assert resumed.surplus == whole.surplus
     stiffer = replace(spread, contacts=tuple(replace(one, compliance=2e-6) for one in spread.contacts))
     with pytest.raises(InputError, match="contacts differs"):
-        observe_system(stiffer, excitation, recording, start, checkpoint=checkpoint)
+        observe(stiffer, excitation, recording, start, checkpoint=checkpoint)
 
 
 @pytest.mark.mpi
 def test_a_path_that_is_missing() -> None:
     system = full(BOOMS["yielding"])
     with pytest.raises(InputError, match="a path for it is needed"):
-        observe_system(of(system), replace(driven(system), paths={}))
+        observe(of(system), replace(driven(system), paths={}))

@@ -17,7 +17,7 @@ from pmr.fullmodel.system import FullSystem
 from pmr.scene.signals import Constant, Sine
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.petsc import Checkpoint, Recording, observe_system, static_start
+from pmr.simulation.petsc import Checkpoint, Recording, observe, static_start
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System
 from pmr.system.terms import Term
@@ -57,7 +57,7 @@ def test_full_order_follows_terms_as_march_does() -> None:
     """From equilibrium; coordinates, forces and the energy balance."""
     system, spread = varying(Nested(2, elements=6))
     given = driven(system)
-    history = observe_system(spread, given, replace(EVERYTHING, states=(0.1,)), static_start(spread, given))
+    history = observe(spread, given, replace(EVERYTHING, states=(0.1,)), static_start(spread, given))
     expected = systems.simulate(system, given, systems.static_start(system, given))
     np.testing.assert_allclose(history.forces, expected.forces, atol=1e-8 * np.abs(expected.forces).max())
     assert history.energy is not None
@@ -70,15 +70,15 @@ def test_a_simulation_that_was_cut_off_goes_on_with_its_terms(tmp_path: object) 
     """To the last digit."""
     system, spread = varying(Nested(2, elements=4))
     given, file = driven(system), Checkpoint(tmp_path / "checkpoint.npz", seconds=0.0)  # type: ignore[operator]
-    whole = observe_system(spread, given, EVERYTHING)
+    whole = observe(spread, given, EVERYTHING)
 
     def stop(done: float) -> None:
         if done >= 0.5:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        observe_system(spread, given, EVERYTHING, progress=stop, checkpoint=file)
-    again = observe_system(spread, given, EVERYTHING, checkpoint=file)
+        observe(spread, given, EVERYTHING, progress=stop, checkpoint=file)
+    again = observe(spread, given, EVERYTHING, checkpoint=file)
     np.testing.assert_array_equal(again.forces, whole.forces)
 
 
@@ -87,4 +87,4 @@ def test_terms_beyond_buckling_do_not_converge_in_silence() -> None:
     terms = {name: Constant(amount=-1e4) for name in system.term_names}
     given = replace(driven(system), terms=terms)
     with pytest.raises(SimulationError, match="terms .* do not converge|not finite|grows"):
-        observe_system(spread, given, EVERYTHING)
+        observe(spread, given, EVERYTHING)

@@ -1,0 +1,55 @@
+"""A full model alone, as the system of one that it is, with its rows in place of contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.system import FullSystem
+from pmr.results import Energy
+from pmr.simulation import Excitation, InitialState, petsc
+from pmr.simulation.petsc import Recording, States
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Alone:
+    """What was found, (T, ...), of its outputs, rows and path."""
+
+    t: Array
+    s: Array
+    y: Array
+    multipliers: Array
+    peaks: Array
+    states: States
+    residual_position: Array
+    residual_velocity: Array
+    energy: Energy | None
+    surplus: float
+    seconds: float
+
+
+def observe(
+    model: FullModel,
+    excitation: Excitation,
+    recording: Recording | None = None,
+    initial: InitialState | None = None,
+    *more: Any,
+    **named: Any,
+) -> Alone:
+    """As `pmr.simulation.petsc.observe`."""
+    system = FullSystem.of(model)
+    found = petsc.observe(system, excitation, recording, {} if initial is None else {"": initial}, *more, **named)
+    names = [contact.name for contact in system.supported().contacts]
+    rows = [names.index(name) for name in model.row_names]
+    forces, peaks = (np.hstack([one, found.supports])[:, rows] for one in (found.forces, found.peaks))
+    return Alone(
+        found.t, found.s[:, 0], found.y[""], forces, peaks, found.states[""],
+        found.residual_position, found.residual_velocity, found.energy, found.surplus,
+        found.seconds,
+    )  # fmt: skip
