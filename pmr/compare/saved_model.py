@@ -11,6 +11,7 @@ from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_err
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.judged import parts_of_motion
 from pmr.compare.responses import check_installed, simulate
+from pmr.compare.second_order import as_made
 from pmr.compare.simulated import driven_by
 from pmr.compare.summary import Part, combined, origin, reliability, simulated, theory
 from pmr.compare.way import frequencies, in_frequency, visited
@@ -33,6 +34,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     the system's, or a simulator can't do what is asked;
     SimulationError if a step fails.
     """
+    scene = as_made(scene, system.terms)
     check_installed(scene)
     clock, excitation, models = Clock(), driven_by(scene, system), system.reduced
     made = simulate(scene, system, excitation, clock)

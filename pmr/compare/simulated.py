@@ -9,6 +9,7 @@ import numpy as np
 
 from pmr.compare.made_for import check_made_for
 from pmr.compare.responses import Simulated, refused_growth, repeated
+from pmr.compare.second_order import as_made, decided
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
@@ -43,6 +44,7 @@ def simulate_with_states(
 ) -> Simulated:
     """The same with the states of each body at the `steps`, ascending numbers."""
     system = reduced if isinstance(reduced, System) else joined(scene, reduced)
+    scene = as_made(scene, system.terms)
     with Clock().stage("reduced"), refused_growth(scene):
         return repeated(scene, system, driven_by(scene, system), scene.simulation.simulators[0], steps)
 
@@ -52,6 +54,7 @@ def driven_by(scene: Any, system: System) -> Excitation:
 
     An InputError is raised as by `check_fits`, or where a path leaves the rows of the system.
     """
+    scene = as_made(scene, system.terms)
     check_fits(scene, system)
     alone = ALONE in system.bodies
     excitation = Excitation.of(scene)
@@ -103,11 +106,12 @@ def joined(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Sy
             allowed = "a ReducedModel or a System is allowed with this scene"
         raise InputError("pmr.simulate", "models", given, allowed)
     if ALONE in names:
-        return system_of(scene, models)
+        return system_of(decided(scene, models), models)
     for number, name in enumerate(names):
         model = models[name]
         if model.section is None or model.section.name != name:
             is_of = "a whole body" if model.section is None else f"section {model.section.name}"
             raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
         check_made_for(model, scene, number)
-    return system_of(scene, {name: models[name] for name in names})
+    found = {name: models[name] for name in names}
+    return system_of(decided(scene, found), found)

@@ -10,9 +10,10 @@ from pmr.compare import memory
 from pmr.compare.accuracy import order
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
+from pmr.compare.second_order import decided
 from pmr.compare.summary import Part, combined, origin, reliability, simulated, theory
 from pmr.compare.way import in_frequency
-from pmr.errors import InputError, environment
+from pmr.errors import InputError, environment, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
@@ -160,6 +161,9 @@ def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = 
         with clock.stage("assemble"):
             built = build_bodies(scene, comm)
         log_warnings(built.values(), comm)
-        return Reduction(scene, built, reduce_bodies(scene, built, clock=clock))
+        bodies = reduce_bodies(scene, built, clock=clock)
+        models = {name: one.model for name, one in bodies.items()}
+        scene = comm.bcast(on_first(comm, lambda: decided(scene, models)))
+        return Reduction(scene, built, bodies)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None

@@ -21,6 +21,7 @@ from pmr.compare.estimated import (
 )
 from pmr.compare.judged import parts_of_motion
 from pmr.compare.responses import Simulations, quantities, simulate
+from pmr.compare.second_order import decided
 from pmr.compare.summary import Part, compared, impacts
 from pmr.compare.way import Visited, frequencies, visited
 from pmr.errors import ConvergenceError, InputError, on_first
@@ -68,11 +69,13 @@ class Bodies:
         self.built, self.clock, self._caches = built, clock, caches
         self._comm = next(iter(built.values())).model.comm
         self.bodies = reduce_bodies(scene, built, caches, clock)
+        models = {name: one.model for name, one in self.bodies.items()}
+        scene = self._comm.bcast(on_first(self._comm, lambda: decided(scene, models)))
         self.choice = self._chosen(scene)
         self.scene = scene if self.choice is None else self.choice.scene  # with the step that was chosen
         if self.choice is not None:
-            models = self.choice.models
-            self.bodies = {name: replace(one, modal=models[name]) for name, one in self.bodies.items()}
+            chosen = self.choice.models
+            self.bodies = {name: replace(one, modal=chosen[name]) for name, one in self.bodies.items()}
         self.system = system_of(self.scene, {name: one.model for name, one in self.bodies.items()})
         self.excitation = Excitation.of(self.scene)
         self.full = FullOrder.of(self.scene, models_of(built))

@@ -17,13 +17,21 @@ def frame(result: RunResult) -> str:
     moved = [f"{way} {_range(angle)}" for way, angle in angles.items() if angle["max"] > angle["min"] or angle["max"]]
     turns = f"The boom is {' and '.join(moved)}. " if moved else ""
     axes = "Deflections are measured in its own axes, which turn with it: x along it, z upwards where it lies level. "
+    buckling = result.summary.get("buckling", {"factor": None})
     if not found["second_order"]:
-        return (
-            f"{turns}{axes}Axial forces are not followed: that they bend what is bent is left out, with "
-            f"{percent(found['gyroscopic'])} (gyroscopic) and {percent(found['centrifugal'])} (centrifugal) of the "
-            "stiffness at the lowest frequency; frame.second_order keeps all three."
+        size = f" ({percent(buckling['share'])} of the stiffness at most)" if "share" in buckling else ""
+        turning = (
+            ""
+            if found["gyroscopic"] is None
+            else (
+                f", with {percent(found['gyroscopic'])} (gyroscopic) and {percent(found['centrifugal'])} (centrifugal) "
+                "of the stiffness at the lowest frequency"
+            )
         )
-    buckling = result.summary["buckling"]
+        return (
+            f"{turns}{axes}Axial forces are not followed: that they bend what is bent is left out{size}{turning}; "
+            "frame.second_order keeps all of it."
+        )
     factor = buckling["factor"]
     if factor is None:
         return f"{turns}{axes}Second order is kept; no axial force presses."

@@ -34,9 +34,10 @@ class Frame(Section):
     luffing: Signal | None = Field(default=None, description="Angle over time by which the boom is raised")
     slewing: Signal | None = Field(default=None, description="Angle over time by which it is turned, upwards axis")
     unit: Literal["rad", "degrees"] = Field(default="rad", description="Of both angles")
-    second_order: Switch = Field(
+    second_order: Switch | Literal["auto"] = Field(
         default=False,
-        description="Whether axial forces bend what is bent, and the small motion itself feels that the frame turns",
+        description="Whether axial forces bend what is bent, and the small motion itself feels that the frame turns; "
+        "auto: where they come to more than 0.2 % of what buckles the boom",
     )
 
     @model_validator(mode="after")

@@ -35,10 +35,23 @@ class FrameTerm:
     carried: str = ""  # name of the section that a cylinder carries
 
 
+#: Of which kinds a term is that changes the stiffness, by axial forces or by the frame's speed.
+STRESSES, AXIAL = ("field", "load", "cylinder", "carried"), ("field", "load", "cylinder")
+
+
 def frame_terms(scene: Scene) -> Iterator[FrameTerm]:
     """All of them; none without second order."""
-    if scene.frame is None or not scene.frame.second_order:
-        return
+    if scene.frame is not None and scene.frame.second_order:
+        yield from _all(scene)
+
+
+def stress_terms(scene: Scene) -> Iterator[FrameTerm]:
+    """Those that change the stiffness, with second order or without it; none without a frame."""
+    if scene.frame is not None:
+        yield from (term for term in _all(scene) if term.of in STRESSES)
+
+
+def _all(scene: Scene) -> Iterator[FrameTerm]:
     for member in members(scene):
         yield from _of_section(scene, member)
     for number, member in enumerate(members(scene)):
@@ -73,6 +86,6 @@ def _of_cylinder(scene: Scene, number: int, beyond: int, field: str) -> FrameTer
 
 
 def tails(member: Member) -> tuple[str, ...]:
-    """Names of what measures the tail of a section across the boom, where cylinders act with second order."""
-    second = member.frame is not None and member.frame.second_order and member.jointed and has_tail(member)
-    return tuple(f"tail {axis}" for axis in transverse(member)) if second else ()
+    """Names of what measures the tail of a section across the boom in a frame, where cylinders act."""
+    leans = member.frame is not None and member.jointed and has_tail(member)
+    return tuple(f"tail {axis}" for axis in transverse(member)) if leans else ()

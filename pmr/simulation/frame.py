@@ -13,6 +13,7 @@ r_k along e_j.  Loads are minus these.  `pmr.scene.frame` has the axes.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Literal, Self
@@ -252,9 +253,9 @@ def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
     return {INERTIA + field: motion_of(scene, member.number, field, -1.0) for field in inertia_fields(member)}
 
 
-def term_signals(scene: Scene) -> dict[str, SignalBase]:
-    """What the terms of `pmr.scene.frame_terms` are multiplied with, by their names."""
-    return {term.name: _signal(scene, term) for term in frame_terms(scene)}
+def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
+    """What the terms of `pmr.scene.frame_terms` are multiplied with, by their names: all of the scene's, or `which`."""
+    return {term.name: _signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
 
 
 def _signal(scene: Scene, term: FrameTerm) -> SignalBase:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,9 +19,11 @@ from pmr.system.terms import Term
 Array = NDArray[np.float64]
 
 
-def terms_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> tuple[Term, ...]:
-    """Those of a scene whose frame asks for second order; none otherwise."""
-    return tuple(_term(scene, one, bodies) for one in frame_terms(scene))
+def terms_of(
+    scene: Scene, bodies: Mapping[str, SlidingBody], which: Iterable[FrameTerm] | None = None
+) -> tuple[Term, ...]:
+    """Those of a scene whose frame asks for second order, none otherwise; or `which` of them."""
+    return tuple(_term(scene, one, bodies) for one in (frame_terms(scene) if which is None else which))
 
 
 def _term(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:

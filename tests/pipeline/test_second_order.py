@@ -214,3 +214,47 @@ def test_a_column_that_grows_under_its_weight_beyond_the_buckling_load() -> None
     summary = pmr.run(load(*upright)).result.summary
     expected = 7.8373 * EI / LENGTH**2 / (RHO_A * 9.81 * LENGTH)
     assert summary["buckling"]["factor"] == pytest.approx(expected, rel=1e-3)
+
+
+def held_down(share: float) -> tuple[str, str]:
+    return f"sections.beam.loads.0.signal={-share * np.pi**2 / 4.0 * EI / LENGTH**2}", "frame.luffing=0.3"
+
+
+@pytest.mark.parametrize(("asked", "share", "kept"), [("auto", 0.003, True), ("auto", 0.001, False)])
+def test_auto_keeps_second_order_where_axial_forces_matter(asked: str, share: float, kept: bool) -> None:
+    """The share of the buckling load in report and summary; the model that is made is that of the choice."""
+    scene = load(*held_down(share), f"frame.second_order={asked}")
+    outcome = pmr.run(scene)
+    summary = outcome.result.summary
+    assert summary["frame"]["second_order"] is kept and bool(outcome.system.terms) is kept
+    assert summary["buckling"]["share"] == pytest.approx(share, rel=1e-3) and summary["buckling"]["limit"] == 2e-3
+    assert summary["buckling"]["factor"] == pytest.approx(1.0 / share, rel=1e-3)
+    assert not [one for one in summary["warnings"] if "second order" in one]
+    expected = load(*held_down(share), f"frame.second_order={str(kept).lower()}")
+    a, b = (pmr.simulate(one, pmr.reduce(one).reduced).displacement for one in (scene, expected))
+    assert a == pytest.approx(b, abs=1e-12 * np.abs(b).max())
+
+
+def test_a_saved_system_is_followed_as_it_was_made_under_auto(tmp_path: Path) -> None:
+    scene = load(*held_down(0.01), "frame.second_order=auto")
+    outcome = pmr.run(scene)
+    again = simulate_saved(System.load(outcome.save(tmp_path)), scene)
+    assert again.summary["frame"]["second_order"] is True
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.01, 1), (0.001, 0)])
+def test_without_second_order_a_line_says_how_much_is_left_out_where_that_is_not_small(share: float, said: int) -> None:
+    summary = pmr.run(load(*held_down(share), "frame.second_order=false")).result.summary
+    lines = [one for one in summary["warnings"] if one.startswith("second order is left out")]
+    assert len(lines) == said
+    assert all("stiffness by 1 % at 0 s" in one and "\n" not in one for one in lines)
+    assert summary["frame"]["frequencies"] == "unstressed"
+
+
+def test_a_beam_that_spins_needs_second_order_without_any_compression() -> None:
+    """Tension and the frame's speed count as much: eta^2 over the square of its frequency, and more."""
+    speed = 1.0 / UNIT
+    turn = f"frame.luffing={{kind='ramp', times=[0.0, 10.0], values=[0.0, {10.0 * speed}]}}"
+    summary = pmr.run(load(turn, "frame.second_order=auto")).result.summary
+    assert summary["frame"]["second_order"] is True and summary["buckling"]["factor"] is None
+    assert 0.01 < summary["buckling"]["share"] < 0.2

@@ -56,11 +56,12 @@ REFUSED = [
         (PIVOT, "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[10.0, 60.0]}"),
         r"frame.luffing = 60.0: its unit has to be said where an angle goes beyond a turn",
     ),
+    ((PIVOT, LUFFING, "frame.second_order=always"), r"frame.second_order = 'always'"),
     (
         (
             PIVOT,
             LUFFING,
-            "frame.second_order=true",
+            "frame.second_order=auto",
             "sections.fly.joint.extension={kind='smooth_ramp', times=[1.0, 5.0], values=[0.0, 4.5]}",
         ),
         r"sections\[2\].joint: an extension above 0 is allowed with frame.second_order: here it is 0 m",
