@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pmr
 from pmr import scene
 from pmr.compare.step_error import LIMIT
 from pmr.mesh import read_nodes
@@ -53,6 +54,19 @@ def test_the_mesh_is_what_its_script_writes(tmp_path: Path) -> None:
     kept = read_nodes(ROOT / "meshes" / "graded_beam.msh", 5.0)
     assert np.array_equal(kept, read_nodes(tmp_path / "again.msh", 5.0))
     assert set(np.round(np.diff(kept), 9)) == {0.0625, 0.125} and {1.25, 3.75} <= set(np.round(kept, 9))
+
+
+@pytest.mark.slow
+def test_a_crane_whose_last_section_is_a_shell_moves_as_that_of_beams() -> None:
+    """Until it is far out: its walls give way under pads, by less than 1 % of the deflection."""
+    short = ["time.end=8.0", "time.step=1e-2", "section.mesh.elements=12", "section.reduction.estimate=false"]
+    tips = []
+    for name in ("crane", "crane_shell"):
+        asked = scene.load_any(ROOT / "workflows" / f"{name}.toml", short)
+        tips.append(pmr.simulate(asked, pmr.reduce(asked).reduced).of("tip", None, "z")[:, -1])
+    beams, shell = tips
+    assert shell == pytest.approx(beams, abs=0.01 * np.abs(beams).max())
+    assert np.abs(shell).max() > np.abs(beams).max()
 
 
 @pytest.mark.slow

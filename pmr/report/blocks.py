@@ -109,7 +109,7 @@ class Chapter:
     headline : str
         One sentence, for the index and above the rest.
     opening : str
-        What it is about, above the key numbers; `sketch` shows it.
+        What it is about, above the key numbers; `sketch` shows it, and `first` says in short tables what counts.
     points : sequence of Point
         What there is to say, topic by topic.
     warnings : sequence of str
@@ -124,6 +124,7 @@ class Chapter:
     opening: str = ""
     key_numbers: Sequence[KeyNumber] = ()
     sketch: Drawing | None = None
+    first: Sequence[Table] = ()
     points: Sequence[Point] = ()
     paragraphs: Sequence[str] = ()
     warnings: Sequence[str] = ()

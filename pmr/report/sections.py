@@ -7,7 +7,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from pmr.report import forces, parameters, position, probes, provenance, sentences, stresses
+from pmr.report import first_page, forces, parameters, position, probes, provenance, sentences, stresses
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, Table, drawing
 from pmr.report.columns import is_round_off, lines, not_drawn, tips
 from pmr.report.errors import compared, error_table
@@ -34,6 +34,7 @@ def chapter(result: RunResult, anchor: str) -> Chapter:
         title=result.scene.title,
         opening=sentences.opening(result),
         sketch=drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result),
+        first=first_page.tables(result),
         key_numbers=list(sentences.key_numbers(result)),
         points=sentences.points(result, found),
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],

@@ -27,6 +27,8 @@ MODELS = {
     "solid": "a solid",
     "matrices": "given matrices",
 }
+#: What is said of a part of a force before the axis of that.
+GROUND = ", of a force"
 #: Directions across the axis, as they are called.
 _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 
@@ -158,7 +160,7 @@ def loads(result: RunResult) -> list[Acting]:
                 continue
             where = f"{where} along {direction}"
             if one.axes == "ground":
-                where = f"{where}, of a force along {one.direction} of the ground"
+                where = f"{where}{GROUND} along {one.direction} of the ground"
             found.append(Acting(called, body, kind, at, where, one.signal, values, one.name))
     return found
 
@@ -167,8 +169,10 @@ def loads_as_asked(result: RunResult) -> list[Acting]:
     """The same, but a force along an axis of the ground once, along that axis."""
     found, t = dict[tuple[str, str], Acting](), result.responses["reduced"].t
     for one in loads(result):
-        whole = one if one.of == one.name else replace(one, name=one.of, values=one.signal.value(t))
-        found.setdefault((one.body, one.of or one.name), whole)
+        if one.of != one.name:
+            where = one.where.partition(" along ")[0] + one.where.partition(GROUND)[2]
+            one = replace(one, name=one.of, where=where, values=one.signal.value(t))
+        found.setdefault((one.body, one.of), one)
     return list(found.values())
 
 
