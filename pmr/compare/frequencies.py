@@ -27,7 +27,7 @@ from pmr.results import FrequencyResponse
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam
 from pmr.scene.members import member_at
-from pmr.scene.names import SLIDER, named
+from pmr.scene.names import SLIDER
 from pmr.system.assembly import Assembly, ContactRows
 from pmr.system.system import System
 
@@ -131,7 +131,7 @@ def frequency_response(
         raise InputError("scene", "observe.frequency_response", True, allowed)
     assembly = Assembly(system)
     rows, natural = assembly.along(places), assembly.frequencies(places, assembly.size, c)
-    names = [named(body, one) for body, of in system.bodies.items() for one in of.output_names]
+    names = system.output_names
     which = [k for k, name in enumerate(names) if name in tips]
     f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
     moved = np.array([_responses(assembly, rows.at(k), np.append(0.0, f), which, c[k]) for k in range(len(along))])

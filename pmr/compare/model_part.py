@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.scene import Scene
-from pmr.scene.names import input_of, named
+from pmr.scene.names import named
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
 from pmr.system.assembly import Assembly, ContactRows
@@ -105,11 +105,6 @@ def model_part(scene: Scene, found: Array, richer: str, inputs: Sequence[str], a
 def amplitudes_of(excitation: Excitation, inputs: Sequence[str]) -> Array:
     """The largest amplitude of each input during the run."""
     return np.asarray(np.abs(excitation.forces(tuple(inputs))).max(axis=0))
-
-
-def inputs_of(system: System) -> list[str]:
-    """Names of the inputs of all bodies, in the order of answers."""
-    return [input_of(name, one) for name, body in system.bodies.items() for one in body.input_names]
 
 
 def _kind(kind: str) -> int:

@@ -82,13 +82,12 @@ def observed(system: System, excitation: Excitation, t: Array, y: Array, forces:
     moved, springs, probes = (
         np.concatenate([of(body) for body in bodies]) for of in (length_outputs, force_outputs, other_outputs)
     )
-    units = [unit for body in bodies for unit in body.output_units or ("m",) * len(body.output_positions)]
     return Outputs(
         displacement=y[:, moved],
         velocity=np.empty((len(y), 0)),
         force=np.hstack([y[:, springs], rubbing(system.contacts, excitation, t, forces, forces)[:, bearing(system)]]),
         probe=y[:, probes],
-        units=tuple(unit for unit, counts in zip(units, probes, strict=True) if counts),
+        units=tuple(unit for unit, counts in zip(system.output_units, probes, strict=True) if counts),
         tips=tuple(tip_columns(system)),
         forces=force_kinds_of(system),
     )

@@ -29,7 +29,7 @@ from pmr.scene.frame_terms import frame_terms
 from pmr.scene.names import ALONE
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.excitation import Excitation, places
-from pmr.simulation.needs import needs_of_contacts
+from pmr.simulation.needs import needs_of
 from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import Progress, TimeStepping
@@ -139,7 +139,7 @@ class FullOrder:
         whole, comm, excitation = self.whole, self.whole.comm, Excitation.of(self.scene)
         excitation = excitation.with_stepping(made or excitation.stepping)
         rigid, x = whole.compliance == 0.0, places(whole, excitation)
-        refuse(self.simulator, needs_of_contacts(whole, rigid, x, excitation.stepping.rho_inf), REFERENCE)
+        refuse(self.simulator, needs_of(whole, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
             response: Response | None
             if self.simulator == "petsc":

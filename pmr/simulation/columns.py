@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pmr.system.body import Observed, force_outputs, kinds_of, length_outputs, other_outputs
+from pmr.system.body import Observed, force_outputs, kinds_of, length_outputs, names_of, other_outputs, units_of
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,7 @@ class Called:
 
 def called(body: Observed) -> Called:
     """Names of a body's outputs."""
-    count, kinds = len(body.output_positions), np.array(kinds_of(body), dtype=object)
-    names = np.array(body.output_names or [f"output {k}" for k in range(count)], dtype=object)
-    units = np.array(body.output_units or ("m",) * count, dtype=object)
+    kinds, names, units = (np.array(of(body), dtype=object) for of in (kinds_of, names_of, units_of))
     moved, forces, others = length_outputs(body), force_outputs(body), other_outputs(body)
     return Called(
         moved=tuple(names[moved]),

@@ -18,11 +18,9 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.errors.text import rounded, rounded_down
-from pmr.reduced.model import ReducedModel
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.body import pushing_rows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -89,15 +87,6 @@ def levels(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
     return tuple(2**k for k in range((parts(omega, stepping) - 1).bit_length() + 1))
 
 
-def with_parts(body: ReducedModel, excitation: Excitation) -> TimeStepping:
-    """The time grid with its number of parts spelled out, where rows only push."""
-    stepping = excitation.stepping
-    if not pushing_rows(body):
-        return stepping
-    count = parts(_omega(body, excitation), stepping)
-    return TimeStepping(stepping.end, stepping.step, stepping.rho_inf, count)
-
-
 def as_made(stepping: TimeStepping, made: NDArray[np.int64] | None, omega: float) -> TimeStepping:
     """The time grid of others that make each step in the parts it was `made` in (T,); None: what `omega` takes."""
     if omega == 0.0 or stepping.parts:
@@ -134,7 +123,3 @@ def warnings(omega: float, stepping: TimeStepping) -> list[str]:
         f"{RESOLVED:g} resolves an impact: peak forces are too small and rebounds lose energy; "
         f"time.step = {rounded_down(enough)} s, or less stiffness, is enough"
     ]
-
-
-def _omega(body: ReducedModel, excitation: Excitation) -> float:
-    return contact_frequency(System.of(body), excitation.on_slider) if pushing_rows(body) else 0.0

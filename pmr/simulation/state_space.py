@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.soundness import symmetric
 from pmr.scene.built import force_of
-from pmr.scene.names import SLIDER, named
+from pmr.scene.names import SLIDER
 from pmr.simulation.modal import diagonalise, modal_damping
 from pmr.system.assembly import Assembly, ContactRows
 from pmr.system.compliant_rows import REGULAR
@@ -89,18 +89,12 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
     X, omega2 = _modes(system, assembly, rows.C[:, firm], firm, source)
     places = np.column_stack([np.empty((len(rows.C), 0)), *(np.broadcast_to(s[p], len(rows.C)) for p in system.paths)])
     found = [_Held.at(assembly, rows.at(k), firm, X, omega2, p) for k, p in enumerate(places)]
-    r, of_bodies = len(omega2), list(system.bodies.items())
+    r = len(omega2)
     A = np.zeros((len(found), 2 * r, 2 * r))
     A[:, :r, r:], A[:, r:, r:] = np.eye(r), -_damping(system, assembly, X, omega2)
     A[:, r:, :r] = [-one.stiffness for one in found]
     B = np.zeros((len(found), 2 * r, assembly.B.shape[1]))
     B[:, r:] = [one.inputs for one in found]
-    outputs = [
-        named(name, one)
-        for name, body in of_bodies
-        for one in body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
-    ]
-    units = [unit for _, body in of_bodies for unit in body.output_units or ("m",) * len(body.output_positions)]
     return StateSpace(
         paths=system.paths,
         s=places,
@@ -109,8 +103,8 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
         C=np.array([one.measured for one in found]),
         D=np.array([one.direct for one in found]),
         inputs=system.input_names,
-        outputs=(*outputs, *map(force_of, system.contact_names)),
-        units=(*units, *("N",) * len(system.contacts)),
+        outputs=(*system.output_names, *map(force_of, system.contact_names)),
+        units=(*system.output_units, *("N",) * len(system.contacts)),
         states=(*(f"mode {k + 1}" for k in range(r)), *(f"rate of mode {k + 1}" for k in range(r))),
     )
 

@@ -80,6 +80,16 @@ def kinds_of(body: Observed) -> tuple[str, ...]:
     return tuple(_kind(name, unit) for name, unit in named)
 
 
+def names_of(body: Observed) -> tuple[str, ...]:
+    """Name of each output; of one that has none its number."""
+    return body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
+
+
+def units_of(body: Observed) -> tuple[str, ...]:
+    """Unit of each output; of a model that does not say m."""
+    return body.output_units or ("m",) * len(body.output_positions)
+
+
 def _kind(name: str, unit: str) -> str:
     if unit != "m":
         return "pad" if unit == "N" else "probe"

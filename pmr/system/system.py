@@ -22,8 +22,8 @@ from pmr.constraints.rows import Row
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.reduced.model import ReducedModel
 from pmr.system import saved
-from pmr.system.body import Body, SlidingBody, Trajectory
-from pmr.system.contacts import ALONE, SLIDER, Contact, Place, input_of, refused
+from pmr.system.body import Body, SlidingBody, Trajectory, names_of, units_of
+from pmr.system.contacts import ALONE, SLIDER, Contact, Place, input_of, named, refused
 from pmr.system.terms import Term
 from pmr.system.terms import refused as refused_term
 
@@ -208,6 +208,16 @@ class System(Joined[SlidingBody]):
         super().__post_init__()
         for term in self.terms:
             term.check(sum(self.bodies[name].size for name in term.bodies))
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """``body: output`` of all bodies, in their order; ``output`` of a body alone."""
+        return tuple(named(name, one) for name, body in self.bodies.items() for one in names_of(body))
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Of each of `output_names`."""
+        return tuple(unit for body in self.bodies.values() for unit in units_of(body))
 
     @property
     def input_units(self) -> tuple[str, ...]:

@@ -114,12 +114,8 @@ def _given(rows: Arrangement, names: _Names, start: Array) -> Iterator[Variable]
 
 def _observed(rows: Arrangement, names: _Names, first: int) -> Iterator[Variable]:
     """Outputs, their rates where they are motions, and the forces of the rows."""
-    called, units, force = list[str](), list[str](), list[bool]()
-    for part in rows.parts:
-        own, o = part.form.body, len(part.form.body.outputs)
-        called += [named(part.name, name) for name in own.output_names or [f"output {k}" for k in range(o)]]
-        units += own.output_units or ("m",) * o
-        force += force_outputs(own).tolist()
+    called, units = rows.system.output_names, rows.system.output_units
+    force = [one for body in rows.system.bodies.values() for one in force_outputs(body).tolist()]
     count = _count(called)
     outputs = [names(name if not is_force else force_of(name)) for name, is_force in zip(called, force, strict=True)]
     for k, output in enumerate(outputs):

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from pmr.scene.simulators import Needs
 from pmr.simulation.excitation import Excitation, places
-from pmr.simulation.needs import needs_of_contacts
+from pmr.simulation.needs import needs_of
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly, ContactRows
 from pmr.system.body import SlidingBody
 from pmr.system.compliant_rows import CompliantRows
-from pmr.system.contacts import ALONE, named
+from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -40,11 +40,6 @@ class Equations:
             self.alone.ensure_whole("model")
         self._compliant = CompliantRows(self.alone) if self.alone is not None and not self.sparse else None
         self._travelling = [k for k, side in enumerate(system.sides) if side.place.path is not None]
-        self.output_names = tuple(
-            named(name, one)
-            for name, body in system.bodies.items()
-            for one in body.output_names or [f"output {k}" for k in range(len(body.output_positions))]
-        )
 
     def visited(self, excitation: Excitation) -> Array:
         """X (T, sides) at the steps of an excitation; an InputError is raised where a path leaves a row."""
@@ -83,4 +78,4 @@ class Equations:
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
         """What the system asks of a simulator where its places lead along x (T, sides) m."""
-        return needs_of_contacts(self.system, ~np.any(self.assembly.along(x[:1]).F[0], axis=1), x, rho_inf)
+        return needs_of(self.system, ~np.any(self.assembly.along(x[:1]).F[0], axis=1), x, rho_inf)

@@ -59,4 +59,4 @@ def add_sensors(mbs: Any, items: SystemItems) -> SystemSensors:
         mbs.AddSensor(SensorUserFunction(sensorNumbers=[], factors=[], sensorUserFunction=one, storeInternal=True))
         for one in (moved, pushed)
     ]
-    return SystemSensors(both[0], equations.output_names, both[1], equations.system.contact_names)
+    return SystemSensors(both[0], equations.system.output_names, both[1], equations.system.contact_names)

@@ -23,7 +23,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import SideOutputs, side_outputs
 from pmr.simulation.native.start import Onset, begin, places_of, reason
-from pmr.simulation.needs import needs_of_contacts
+from pmr.simulation.needs import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.assembly import Assembly
@@ -79,7 +79,7 @@ class March:
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
         self.scheme, self.loop = methods[0].scheme(), loop_of(form, methods, parts, omega, self._paths)
         rigid = np.all(Assembly(form.modal).at(self.x[0]).F == 0.0, axis=1)
-        needs = needs_of_contacts(system, rigid, self.x, stepping.rho_inf)
+        needs = needs_of(system, rigid, self.x, stepping.rho_inf)
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         x_rate = rates_of_places(system, excitation)

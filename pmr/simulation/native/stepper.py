@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import BEYOND_ENDS, InputError, SimulationError
 from pmr.errors.text import hint
 from pmr.scene.built import force_of
-from pmr.scene.names import SLIDER, named
+from pmr.scene.names import SLIDER
 from pmr.scene.signals import Constant, Ramp
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
@@ -100,7 +100,7 @@ class Stepper:
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
         system = (body if isinstance(body, System) else System.of(body)).ensure_constant("stepper")
-        form, moved = SystemForm.of(system), _output_names(system)
+        form, moved = SystemForm.of(system), system.output_names
         on_tables = form.on_tables
         self._system, self._step, self._steps = system, step, 0
         self._inputs, self._ranges = list(system.input_names), system.ranges
@@ -282,15 +282,6 @@ class Stepper:
     @property
     def _where(self) -> str:
         return f"march failed at step {self._steps + 1}, t = {self.time + self._step:g} s"
-
-
-def _output_names(system: System) -> tuple[str, ...]:
-    """Of all bodies' outputs, in their order."""
-    return tuple(
-        named(name, one)
-        for name, body in system.bodies.items()
-        for one in body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
-    )
 
 
 def _given(values: Values, names: list[str], key: str, what: str) -> Iterator[tuple[int, float]]:
