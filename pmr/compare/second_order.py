@@ -81,7 +81,7 @@ def stressed(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stressed:
     signals, excitation = term_signals(scene, terms), Excitation.of(_with(scene, False))
     assembly, x = Assembly(system), places(system, excitation)
     axial = [term.name for term in terms if term.of in AXIAL]
-    steps = np.unique(np.linspace(0, excitation.stepping.steps, TIMES).astype(np.int64))
+    steps = _looked_at(excitation)
     factors, shares = np.full(len(steps), np.inf), np.zeros(len(steps))
     for k, step in enumerate(steps):
         with np.errstate(divide="ignore", invalid="ignore"):  # of cylinders of no length
@@ -92,6 +92,14 @@ def stressed(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stressed:
         either = [buckling_factors(assembly, x[step], {name: way * one for name, one in c.items()}) for way in (1, -1)]
         shares[k] = 1.0 / np.min(either)
     return Stressed(excitation.times[steps], factors, shares)
+
+
+def _looked_at(excitation: Excitation) -> NDArray[np.int64]:
+    """Numbers of steps; none beside a kink of an extension, which accelerates for a step and is no load that lasts."""
+    steps = np.unique(np.linspace(0, excitation.stepping.steps, TIMES).astype(np.int64))
+    kinks = [t for path in excitation.paths.values() for t in path.kinks(excitation.stepping.end)]
+    beside = np.abs(np.subtract.outer(excitation.times[steps], kinks)) < 2.0 * excitation.stepping.step
+    return steps[~beside.any(axis=1)]
 
 
 def decided(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scene:
