@@ -10,6 +10,7 @@ from pmr.compare.summary import Part
 from pmr.errors import InputError
 from pmr.results import Frequencies
 from pmr.scene import Scene
+from pmr.scene.frame import BaseMotion
 from pmr.simulation import Excitation
 from pmr.simulation.frame import Turning
 from pmr.system.system import System
@@ -31,11 +32,12 @@ def frame(scene: Scene, system: System, excitation: Excitation, frequencies: Fre
         return Part()
     luffing, slewing = scene.frame.angles
     t = excitation.times
-    speed = float(np.linalg.norm(Turning.of(luffing, slewing, t).velocity, axis=1).max())
+    speed = float(np.linalg.norm(Turning.of(luffing, slewing, t, scene.frame.rocking).velocity, axis=1).max())
     lowest = 2.0 * np.pi * float(np.nanmin(frequencies.models["reduced"][:, 0]))  # 0 past the buckling load
     said = {
         "luffing": _range(luffing.value(t)),
         "slewing": _range(slewing.value(t)),
+        **({} if scene.frame.base is None else {"base": _ranges(scene.frame.base, t)}),
         "angular_velocity": speed,
         "second_order": scene.frame.second_order,
         "gyroscopic": 2.0 * speed / lowest if lowest else None,
@@ -68,6 +70,12 @@ def _warnings(kept: bool, found: Stressed) -> list[str]:
     left_out = f"second order is left out: axial forces and the frame's speed change the stiffness {size}, so static "
     left_out += "deflections are as far off, and vibrations out of step; frame.second_order = 'auto' follows them"
     return [] if kept or not found.matters else [left_out]
+
+
+def _ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:
+    """Of each motion of the base, m or the frame's unit, and of each acceleration that is given."""
+    given = {f"acceleration.{axis}": signal for axis, signal in base.accelerations.items()}
+    return {key: _range(signal.value(t)) for key, signal in (base.motions | given).items()}
 
 
 def _range(angle: Array) -> dict[str, float]:

@@ -63,8 +63,12 @@ def parts_of(member: Member, load: Load) -> dict[str, Direction]:
     """
     if load.axes == "body":
         return {load.name: load.direction}
-    if member.frame is not None and member.frame.slewing is None:
-        turned: tuple[Direction, ...] = ("y",) if load.direction == "y" else ("x", "z")
+    planar = member.frame is not None and member.frame.slewing is None
+    turned: tuple[Direction, ...]
+    if member.frame is not None and member.frame.rocking:
+        turned = ("x", "y", "z")
+    elif planar:
+        turned = ("y",) if load.direction == "y" else ("x", "z")
     else:
         turned = ("x", "z") if load.direction == "z" else ("x", "y", "z")
     return {f"{load.name} {axis}": axis for axis in turned if axis in directions(member)}
@@ -113,8 +117,10 @@ def inertia_fields(member: Member) -> tuple[str, ...]:
     """Fields in which the frame accelerates a body: along ``x``; along x, growing with z, ``xz``; none that vanish."""
     if member.frame is None:
         return ()
-    turning = "xyz" if member.frame.slewing is not None else "xz"
+    turning = "xyz" if member.frame.leaves_plane else "xz"
     along = [axis for axis in turning if axis in directions(member)]
+    if not member.frame.turns:
+        return tuple(along)
     if model_of(member) in ("beam2d", "beam3d") and not _has_rotary_inertia(member):
         torsion = ("yz", "zy") if model_of(member) == "beam3d" and "y" in turning else ()
         return (*along, *(axis + "x" for axis in along), *torsion)
@@ -195,6 +201,6 @@ def _lateral(member: Member) -> list[str]:
     ]
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
         found.append("the weight has a lateral part")
-    if member.frame is not None and (member.frame.slewing is not None or member.frame.place[1] != 0.0):
-        found.append("the boom slews")
+    if member.frame is not None and (member.frame.leaves_plane or member.frame.place[1] != 0.0):
+        found.append("the boom slews, or its base moves sideways")
     return found

@@ -6,6 +6,10 @@ With x along the boom, z up where it lies level, and the angles :math:`\varphi` 
     \omega = (\dot\psi \sin\varphi,\; -\dot\varphi,\; \dot\psi \cos\varphi)
 
 is the frame's angular velocity in its own axes; the vertical is :math:`(\sin\varphi, 0, \cos\varphi)` there.
+
+A base that moves itself (an earthquake, a truck, a ship) carries both: its pivot goes by (x, y, z) along axes of the
+ground, and its own axes turn by :math:`R_Z(r_z) R_Y(r_y) R_X(r_x)`, roll first.  On the ground Z is upwards, and X
+where the boom points at a slewing angle of 0.
 """
 
 from __future__ import annotations
@@ -25,6 +29,46 @@ from pmr.scene.signals import Constant, Signal, SignalBase
 INERTIA = "inertia "
 
 
+class GroundAcceleration(Section):
+    """An acceleration of the base that is recorded as such."""
+
+    x: Signal | None = Field(default=None, description="Along X of the ground, in m/s^2")
+    y: Signal | None = Field(default=None, description="Along Y of the ground, in m/s^2")
+    z: Signal | None = Field(default=None, description="Upwards, in m/s^2")
+
+
+class BaseMotion(Section):
+    """How the machine below the pivot moves: an earthquake, a truck on its way, a ship."""
+
+    x: Signal | None = Field(default=None, description="Of the pivot along X of the ground, in m")
+    y: Signal | None = Field(default=None, description="Of the pivot along Y of the ground, in m")
+    z: Signal | None = Field(default=None, description="Of the pivot upwards, in m")
+    rx: Signal | None = Field(default=None, description="Angle over time about X of the base, roll, in frame.unit")
+    ry: Signal | None = Field(default=None, description="Angle over time about Y, pitch: the boom goes down")
+    rz: Signal | None = Field(default=None, description="Angle over time about Z, yaw")
+    acceleration: GroundAcceleration = Field(
+        default=GroundAcceleration(), description="Of the pivot, on top of what x, y and z say"
+    )
+
+    @model_validator(mode="after")
+    def _moves(self) -> Self:
+        if not (self.motions or any(self.accelerations.values())):
+            raise ValueError("a motion is needed: x, y, z, rx, ry, rz or acceleration")
+        return self
+
+    @property
+    def motions(self) -> dict[str, SignalBase]:
+        """Displacements in m and angles in the frame's unit, by their keys."""
+        found = {key: getattr(self, key) for key in ("x", "y", "z", "rx", "ry", "rz")}
+        return {key: signal for key, signal in found.items() if signal is not None}
+
+    @property
+    def accelerations(self) -> dict[str, SignalBase]:
+        """Those that are given as such, in m/s^2, by their axes."""
+        found = {axis: getattr(self.acceleration, axis) for axis in "xyz"}
+        return {axis: signal for axis, signal in found.items() if signal is not None}
+
+
 class Frame(Section):
     """A frame that turns about a pivot: every body moves in it, and gravity turns with it."""
 
@@ -33,7 +77,8 @@ class Frame(Section):
     )
     luffing: Signal | None = Field(default=None, description="Angle over time by which the boom is raised")
     slewing: Signal | None = Field(default=None, description="Angle over time by which it is turned, upwards axis")
-    unit: Literal["rad", "degrees"] = Field(default="rad", description="Of both angles")
+    unit: Literal["rad", "degrees"] = Field(default="rad", description="Of all angles")
+    base: BaseMotion | None = Field(default=None, description="How the machine below the pivot moves itself")
     second_order: Switch | Literal["auto"] = Field(
         default=False,
         description="Whether axial forces bend what is bent, and the small motion itself feels that the frame turns; "
@@ -42,8 +87,8 @@ class Frame(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        if self.luffing is None and self.slewing is None:
-            raise ValueError("an angle is needed: luffing, slewing or both")
+        if self.luffing is None and self.slewing is None and self.base is None:
+            raise ValueError("an angle is needed: luffing or slewing, or a motion of the base")
         if self.pivot is None:
             raise of_key("pivot", None, "a place is needed, [0.0, 0.0, 0.0] for a base whose tail is at the pivot")
         return self
@@ -59,8 +104,29 @@ class Frame(Section):
         """Luffing and slewing in rad."""
         return self._in_rad(self.luffing), self._in_rad(self.slewing)
 
+    @property
+    def rocking(self) -> tuple[SignalBase, ...]:
+        """Roll, pitch and yaw of the base in rad; none where it keeps its direction."""
+        motions = {} if self.base is None else self.base.motions
+        turned = tuple(self._in_rad(motions.get(axis)) for axis in ("rx", "ry", "rz"))
+        return turned if {"rx", "ry", "rz"} & set(motions) else ()
+
+    @property
+    def turns(self) -> bool:
+        """Whether it has an angle."""
+        return self.luffing is not None or self.slewing is not None or bool(self.rocking)
+
+    @property
+    def leaves_plane(self) -> str | None:
+        """The key of what moves the boom out of a vertical plane, None where nothing does."""
+        moved = {} if self.base is None else {f"base.{key}": one for key, one in self.base.motions.items()}
+        if self.base is not None:
+            moved |= {f"base.acceleration.{axis}": one for axis, one in self.base.accelerations.items()}
+        out = ("base.y", "base.rx", "base.rz", "base.acceleration.y")
+        return next((key for key in ("slewing", *out) if key in moved or (key == "slewing" and self.slewing)), None)
+
     def rotation(self, t: ArrayLike) -> NDArray[np.float64]:
-        """From axes of the boom into those of the ground at the times t (T,) s, (T, 3, 3)."""
+        """From axes of the boom into those of the base at the times t (T,) s, (T, 3, 3)."""
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return rotation(luffing, slewing)
 
@@ -71,9 +137,9 @@ class Frame(Section):
 
 
 def rotation(luffing: NDArray[np.float64], slewing: NDArray[np.float64]) -> NDArray[np.float64]:
-    r"""From axes of the boom into those of the ground, :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3), of angles (T,) rad.
+    r"""From axes of the boom into those of the base, :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3), of angles (T,) rad.
 
-    On the ground Z is upwards, and X where the boom points at a slewing angle of 0.
+    The base, where it does not rock, has Z upwards, and X where the boom points at a slewing angle of 0.
     """
     (c, s), (cz, sz) = (np.cos(luffing), np.sin(luffing)), (np.cos(slewing), np.sin(slewing))
     rows = [[cz * c, -sz, -cz * s], [sz * c, cz, -sz * s], [s, np.zeros_like(s), c]]

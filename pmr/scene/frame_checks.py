@@ -22,17 +22,17 @@ def check_frame(scene: Scene) -> None:
     frame = scene.frame
     if frame is None:
         return
-    for key, angle in zip(("luffing", "slewing"), frame.angles, strict=True):
+    angles = dict(zip(("luffing", "slewing"), frame.angles, strict=True))
+    angles |= dict(zip(("base.rx", "base.ry", "base.rz"), frame.rocking, strict=False))
+    for key, angle in angles.items():
         largest = max(np.abs(angle.bounds(0.0, scene.time.end)))
         if largest > TURN and "unit" not in frame.model_fields_set:
             allowed = "its unit has to be said where an angle goes beyond a turn: frame.unit = 'degrees' or 'rad'"
             raise refusal(f"frame.{key}", float(f"{largest:.4g}"), allowed)
-        kinks = angle.kinks(scene.time.end)
-        jumps = [t for t in angle.breaks if 0.0 < t <= scene.time.end and _jumps(angle, t)]
-        if jumps or kinks:
-            at, what = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
-            allowed = f"an angle with a rate that does not jump is allowed, here is {what} at {at:g} s: a smooth_ramp"
-            raise refusal(f"frame.{key}", None, allowed)
+        _check_smooth(scene, key, "an angle", angle)
+    for axis, motion in (frame.base.motions if frame.base else {}).items():
+        if axis in ("x", "y", "z"):
+            _check_smooth(scene, f"base.{axis}", "a motion", motion)
     if scene.gravity is not None and scene.gravity.direction != Gravity().direction:
         allowed = "neither direction nor inclination is allowed beside a frame: frame.luffing says where down is"
         raise refusal("gravity", None, allowed)
@@ -40,8 +40,8 @@ def check_frame(scene: Scene) -> None:
         if model_of(member) == "matrices":
             allowed = "models with a mesh are allowed in a frame: matrices do not say where their mass is"
             raise refusal(scene.key_of(member.number, "body.model"), "matrices", allowed)
-        if model_of(member) == "beam2d" and (frame.slewing is not None or frame.place[1] != 0.0):
-            key = "slewing" if frame.slewing is not None else "pivot"
+        if model_of(member) == "beam2d" and (frame.leaves_plane or frame.place[1] != 0.0):
+            key = frame.leaves_plane or "pivot"
             raise refusal(f"frame.{key}", None, "models in space are allowed with it: beam2d knows no lateral motion")
     for number in range(1, len(scene.sections) if frame.second_order else 1):
         least = scene.extension(number).bounds(0.0, scene.time.end)[0]
@@ -50,6 +50,15 @@ def check_frame(scene: Scene) -> None:
             raise refusal(f"sections[{number}].joint", None, allowed)
     if "ancf" in scene.compare.against:
         raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
+
+
+def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:
+    kinks = motion.kinks(scene.time.end)
+    jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _jumps(motion, t)]
+    if jumps or kinks:
+        at, found = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
+        allowed = f"{what} with a rate that does not jump is allowed, here is {found} at {at:g} s: a smooth_ramp"
+        raise refusal(f"frame.{key}", None, allowed)
 
 
 def _jumps(angle: SignalBase, t: float) -> bool:

@@ -57,22 +57,28 @@ def _all(scene: Scene) -> Iterator[FrameTerm]:
     for number, member in enumerate(members(scene)):
         if number and has_tail(member):
             for beyond in range(number, len(scene.sections)):
-                for field in OF_FIELD:
+                for field in _fields(scene):
                     yield _of_cylinder(scene, number, beyond, field)
 
 
+def _fields(scene: Scene) -> dict[str, str]:
+    """Those that a frame has: without an angle it accelerates all places alike."""
+    return OF_FIELD if scene.frame is not None and scene.frame.turns else {"x": OF_FIELD["x"]}
+
+
 def _of_section(scene: Scene, member: Member) -> Iterator[FrameTerm]:
-    body, slews = scene.names[member.number], scene.frame is not None and scene.frame.slewing is not None
+    assert scene.frame is not None  # of a scene that has terms
+    body, slews, turns = scene.names[member.number], scene.frame.leaves_plane is not None, scene.frame.turns
     turning = "xyz" if slews else "y"
-    for axis in turning if is_axial(member) else ():
+    for axis in turning if is_axial(member) and turns else ():
         matrix = f"rotating {axis}"
         yield FrameTerm(named(body, matrix), (body,), matrix, "rotation", axis)
         yield FrameTerm(named(body, f"turning {axis}"), (body,), matrix, "turning", axis)
     pairs = ("xx", "yy", "zz", "xy", "xz", "yz") if slews else ("xx", "zz")
-    for pair in pairs:
+    for pair in pairs if turns else ():
         if set(pair) <= set(directions(member)):
             yield FrameTerm(named(body, f"carried {pair}"), (body,), f"carried {pair}", "carried", pair)
-    for field, matrix in OF_FIELD.items():
+    for field, matrix in _fields(scene).items():
         yield FrameTerm(named(body, matrix), (body,), matrix, "field", field, member.number)
     for load in acting(member):
         if load.direction == "x" and load.on == "tip":

@@ -87,7 +87,7 @@ class Member:
         extended = self.jointed and self.number > 0  # which accelerates it
         moving = sorted(self.stretches.items()), sorted(self.ways.items())
         rows = self.pads, self.points, self.bounds, self.travel, *moving, self.straight
-        moved = self.frame and (self.frame.slewing is not None, self.frame.second_order)
+        moved = self.frame and (self.frame.leaves_plane is None, self.frame.turns, self.frame.second_order)
         return repr((part, extended, self.jointed, rows, self.gravity and self.gravity.direction, moved, self.damping))
 
     @property

@@ -60,10 +60,10 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
             stays = Listed(values=tuple(extensions[part.name].tolist()))
             joint = joint.model_copy(update={"extension": stays, "overlap": None, "follows": None})
         changed.append(part.model_copy(update={"loads": loads, "joint": joint}))
-    still = {"luffing": Constant(amount=luffing), "unit": "rad"}
+    still = {"luffing": Constant(amount=luffing), "unit": "rad", "base": None}
     still |= {"slewing": Constant(amount=0.0)} if scene.frame.slewing is not None else {}
     frame = scene.frame.model_copy(update=still)
     gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
     resting = scene.model_copy(update={"sections": tuple(changed), "frame": frame, "gravity": gravity})
     numbers = np.arange(max(len(one) for one in extensions.values()), dtype=float)
-    return np.column_stack([one.value(numbers) for one in term_signals(resting).values()])
+    return np.column_stack([one.value(numbers) for one in term_signals(resting, frame_terms(scene)).values()])

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pmr import scene as scenes
 from pmr.scene import Scene
@@ -32,14 +33,34 @@ def in_space(scene: Scene, number: int, r: Array, t: float) -> tuple[Array, Arra
     phi, psi = (float(angle.value(t)) for angle in scene.frame.angles)
     level = np.array([[np.cos(phi), 0.0, -np.sin(phi)], [0.0, 1.0, 0.0], [np.sin(phi), 0.0, np.cos(phi)]])
     turned = np.array([[np.cos(psi), -np.sin(psi), 0.0], [np.sin(psi), np.cos(psi), 0.0], [0.0, 0.0, 1.0]])
-    axes = turned @ level
+    axes, away = turned @ level, np.zeros(3)
+    if (base := scene.frame.base) is not None:
+        away += [float(base.motions[axis].value(t)) if axis in base.motions else 0.0 for axis in "xyz"]
+        rocked = [float(base.motions[axis].value(t)) if axis in base.motions else 0.0 for axis in ("rz", "ry", "rx")]
+        axes = Rotation.from_euler("ZYX", rocked).as_matrix() @ axes
     X = sum(float(scene.extension(k).value(t)) for k in range(1, number + 1))
-    return axes @ (np.array(scene.frame.place) + r + [X, 0.0, 0.0]), axes
+    return away + axes @ (np.array(scene.frame.place) + r + [X, 0.0, 0.0]), axes
+
+
+def swung(amplitude: float, frequency: float, phase: float) -> str:
+    return f"{{kind='sine', amplitude={amplitude}, frequency={frequency}, phase={phase}}}"
+
+
+#: A ship in a seaway.
+ROCKED = tuple(
+    f"frame.base.{key}={swung(amplitude, frequency, phase)}"
+    for key, amplitude, frequency, phase in (
+        ("x", 0.5, 0.11, 0.2), ("y", 0.7, 0.13, 1.0), ("z", 0.9, 0.17, 2.0),
+        ("rx", 0.3, 0.15, 0.4), ("ry", 0.2, 0.12, 1.3), ("rz", 0.25, 0.09, 2.2),
+    )
+)  # fmt: skip
+MOVED = {"on a base that stays": TURNING, "on a ship": (*TURNING, *ROCKED)}
 
 
 @pytest.mark.parametrize("t", [0.7, 2.3, 3.9])
-def test_the_field_is_the_acceleration_in_space_with_gravity(t: float) -> None:
-    scene, r, h = scenes.load_any(THREE, TURNING), np.array([2.0, 0.3, -0.4]), 1e-3
+@pytest.mark.parametrize("changes", MOVED.values(), ids=MOVED)
+def test_the_field_is_the_acceleration_in_space_with_gravity(changes: tuple[str, ...], t: float) -> None:
+    scene, r, h = scenes.load_any(THREE, changes), np.array([2.0, 0.3, -0.4]), 1e-3
     assert scene.gravity is not None
     for number in range(3):
         before, at, after = (in_space(scene, number, r, t + shift)[0] for shift in (-h, 0.0, h))
@@ -71,8 +92,9 @@ def test_gravity_of_a_frame_at_rest_is_gravity_along_that_direction() -> None:
             assert values == pytest.approx(expected[field], abs=1e-12)
 
 
-def test_terms_of_second_order_are_those_of_the_field_s_gradient() -> None:
-    scene = scenes.load_any(THREE, [*TURNING, "frame.second_order=true"])
+@pytest.mark.parametrize("changes", MOVED.values(), ids=MOVED)
+def test_terms_of_second_order_are_those_of_the_field_s_gradient(changes: tuple[str, ...]) -> None:
+    scene = scenes.load_any(THREE, [*changes, "frame.second_order=true"])
     terms, t = Excitation.of(scene).terms, np.array([0.7, 2.3, 3.9])
     A = np.array([[motion_of(scene, 0, j + k).value(t) for k in "xyz"] for j in "xyz"])
     found = np.zeros_like(A)
