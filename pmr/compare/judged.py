@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pmr.compare import boom_figures, moving_frame, pad_forces, summary
+from pmr.compare import boom_figures, frame_energy, moving_frame, pad_forces, summary
 from pmr.compare.accuracy.order import Choice
 from pmr.compare.estimated import SimulatedSystem, step_part
 from pmr.compare.responses import Simulations
@@ -41,6 +41,7 @@ def parts_of_motion(
         ),
         summary.sampling(excitation),
         moving_frame.frame(scene, system, excitation, natural),
+        frame_energy.energy(scene, system, excitation, made.first.run),
     ]
 
 

@@ -41,6 +41,20 @@ def frame(result: RunResult) -> str:
     )
 
 
+def energy(result: RunResult) -> str:
+    """Where the energy of a boom in space comes from; empty without a frame."""
+    found = result.summary.get("energy")
+    if found is None:
+        return ""
+    size = {key: f"{significant(one)}{SPACE}J" for key, one in found.items()}
+    return (
+        "The figures are of the motion in the boom's axes, in which weight and the frame's inertia are loads. In "
+        f"space, the energy of the boom grows by {size['change']} more, from start to end, than if it were rigid: "
+        f"the drives of the frame and of the extensions do {size['drives']} more, loads and travelling pads "
+        f"{size['others']}; damping and the error of the steps take {size['lost']}."
+    )
+
+
 def _share(factor: float) -> str:
     r"""By how much second order bends a boom further that rests: about :math:`1 / (1 - 1/\lambda) - 1`."""
     if factor <= 1.0:

@@ -7,7 +7,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from pmr.report import first_page, forces, parameters, position, probes, provenance, sentences, stresses
+from pmr.report import first_page, forces, moving_frame, parameters, position, probes, provenance, sentences, stresses
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, Table, drawing
 from pmr.report.columns import is_round_off, lines, not_drawn, tips
 from pmr.report.errors import compared, error_table
@@ -124,7 +124,7 @@ def energy(result: RunResult, prefix: str) -> Block:
     caption = captions.history(result, said, total)
     first = drawing(f"{prefix}-energy", histories.history, caption, result, total, "Total energy", "J", total)
     parts = drawing(f"{prefix}-energy-parts", histories.energy_parts, captions.energy_parts(result), result)
-    return Block(heading="Energy", rows=((first,), (parts,)))
+    return Block(heading="Energy", rows=((first,), (parts,)), text=moving_frame.energy(result))
 
 
 def constraint(result: RunResult, prefix: str) -> Block | None:

@@ -16,7 +16,7 @@ from pmr.report.figures import forces
 from pmr.report.figures import space as figures
 from pmr.report.figures.canvas import style
 from pmr.report.motion import line
-from pmr.report.moving_frame import frame
+from pmr.report.moving_frame import energy, frame
 from pmr.report.sections import chapter
 from pmr.results import RunResult
 
@@ -53,6 +53,14 @@ def test_what_is_left_out_is_said_with_its_size() -> None:
 def test_second_order_is_said_with_the_buckling_factor(factor: float | None, expected: str) -> None:
     text = said(frame={**TURNING, "second_order": True}, buckling={"factor": factor, "t": 10.0})
     assert expected in text and "left out" not in text
+
+
+def test_the_energy_in_space_is_said_with_who_does_the_work() -> None:
+    found: RunResult = _Result(energy={"change": 12.0, "drives": 20.0, "others": -5.0, "lost": 3.0})  # type: ignore[assignment]
+    text = energy(found)
+    for figure in ("12.0", "20.0", "\u22125.00", "3.00"):
+        assert f"{figure}\u00a0J" in text
+    assert energy(_Result()) == ""  # type: ignore[arg-type]
 
 
 FRAME = {

@@ -1,0 +1,109 @@
+"""The energy of booms in space: what their drives, loads and pads do is what it changes by."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from newton_euler import needed
+
+import pmr
+from pmr import scene as scenes
+from pmr.compare.booms import respond
+from pmr.compare.frame_energy import InSpace, in_space
+from pmr.compare.pivot import at_pivot
+from pmr.compare.simulated import driven_by
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.simulation.frame import Turning
+from pmr.simulation.native import systems
+from pmr.system.system import System
+
+pytestmark = pytest.mark.slow  # seconds each
+TESTS = Path(__file__).parents[1]
+LUFFING, CANTILEVER = (TESTS / "pipeline" / f"{name}.toml" for name in ("luffing", "cantilever"))
+CRANE = TESTS.parent / "workflows" / "crane.toml"
+
+THREE = (
+    "section.mesh.elements=8",
+    "section.reduction.estimate=false",
+    "damping.ratio=0.0",
+    "frame.pivot=[0.4, 0.0, -0.3]",
+    "frame.luffing.times=[0.0, 3.0]",
+    "section.joint.extension.times=[0.0, 2.0]",
+    "sections.fly.joint.extension.times=[0.5, 2.5]",
+    "time.end=3.0",
+)
+SLEWED = (
+    "section.mesh.elements=4",
+    "section.reduction.estimate=false",
+    "damping.ratio=0.0",
+    "frame.pivot=[0.3, 0.1, -0.5]",
+    "frame.luffing.times=[0.0, 3.0]",
+    "frame.slewing.times=[0.1, 2.9]",
+    "section.joint.extension.times=[0.05, 2.0]",
+    "sections.fly.joint.extension.times=[0.0, 2.5]",
+    "sections.fly.loads.0.signal.times=[0.2, 0.7, 1.0]",
+    "time.end=1.0",
+)
+ONE = (
+    "frame.luffing={kind='smooth_ramp', times=[0.0, 1.0], values=[0.2, 0.6], degree=9}",
+    "frame.pivot=[0.4, 0.0, -0.3]",
+    "gravity.acceleration=9.81",
+    "start=equilibrium",
+    "time.end=1.0",
+)
+
+
+def followed(scene: Scene, system: System) -> tuple[InSpace, Response]:
+    excitation = driven_by(scene, system)
+    run = systems.simulate(system, excitation, systems.start_of(system, excitation))
+    return in_space(scene, system, excitation, run), at_pivot(scene, respond(system, run))
+
+
+@pytest.mark.parametrize("second_order", ["false", "true"])
+@pytest.mark.parametrize(
+    ("file", "changes"), [(CANTILEVER, ONE), (LUFFING, THREE), (CRANE, SLEWED)], ids=["one", "three", "crane"]
+)
+def test_work_is_what_the_energy_changes_by_to_second_order_in_the_step(
+    file: Path, changes: tuple[str, ...], second_order: str
+) -> None:
+    """A boom that luffs, slews and telescopes at once, without damping."""
+    steps = [
+        scenes.load_any(file, [*changes, f"frame.second_order={second_order}", f"time.step={h}"]) for h in (4e-3, 2e-3)
+    ]
+    system, left = pmr.reduce(steps[0]).system, []
+    for scene in steps:
+        found, _ = followed(scene, system)
+        left.append(np.abs(found.unexplained).max() / np.ptp(found.energy))
+        assert np.abs(found.drives).max() > 0.05 * np.ptp(found.energy)
+    assert left[1] < 1e-4
+    assert left[1] == pytest.approx(left[0] / 4.0, rel=0.1)
+
+
+def test_the_drives_work_is_that_of_the_base_s_reactions_and_the_cylinders() -> None:
+    """Less that of rigid sections; what is left is of second order in the deflection, which is small here."""
+    stiff = "section.body.material={young=2.1e12, poisson=0.3, density=7850.0}"
+    pads = [f"section.joint.{end}.0.stiffness=3e9" for end in ("tail", "mouth")]
+    changes = [*THREE, stiff, *pads, "sections.fly.loads.0.signal=0.0", "frame.second_order=true", "time.step=1e-3"]
+    scene = scenes.load_any(LUFFING, changes)
+    found, pressed = followed(scene, pmr.reduce(scene).system)
+    t, power, out = found.t, np.zeros_like(found.t), np.zeros_like(found.t)
+    omega = Turning.of(*scene.frame.angles, t).velocity
+    power -= pressed.other("reaction of pivot ry") * omega[:, 1]
+    for number, name in enumerate(scene.names):
+        if number:
+            out += scene.extension(number).rate(t)
+            power += pressed.force(f"force of cylinder of {name}", 0) * scene.extension(number).rate(t)
+        rigid = needed(scene, number, t)
+        power -= np.einsum("tk,tk->t", rigid.moment, omega) + rigid.force[:, 0] * out
+    work = np.append(0.0, np.cumsum(power[1:] + power[:-1]) / 2.0 * scene.time.step)
+    assert work == pytest.approx(found.drives, abs=2e-3 * np.abs(found.drives).max())
+
+
+def test_a_run_says_where_the_energy_comes_from() -> None:
+    scene = scenes.load_any(LUFFING, [*THREE, "damping.ratio=0.02", "frame.second_order=true", "time.end=0.4"])
+    energy = pmr.run(scene).result.summary["energy"]
+    assert energy["change"] + energy["lost"] == pytest.approx(energy["drives"] + energy["others"])
+    assert 0.0 < energy["lost"] < abs(energy["drives"])
