@@ -1,6 +1,7 @@
 r"""The energy of a boom in space, and the work of what drives its frame, beyond those of the same boom when rigid.
 
-With the velocity V = omega x (p + X e_x + r) + X' e_x of points at rest in the frame, c = V x omega, and g the weight,
+With the velocity V = v_0 + omega x (p + X e_x + r) + X' e_x of points at rest in the frame, whose base moves by v_0,
+c = V x omega, and g the weight,
 
 .. math::
     E = \int \rho\, \bigl( V \cdot (\dot u + \omega \times u) + g\, e_Z \cdot u \bigr)
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.summary import Part
 from pmr.scene import Scene
-from pmr.scene.frame import INERTIA
+from pmr.scene.frame import INERTIA, Frame
 from pmr.scene.frame_terms import FrameTerm, frame_terms
 from pmr.scene.names import input_of
 from pmr.simulation import Excitation
@@ -89,7 +90,9 @@ class _Account:
 
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
         assert scene.frame is not None  # of those who ask
-        self._scene, self._run, self._turning = scene, run, Turning.of(*scene.frame.angles, run.t)
+        self._scene, self._run = scene, run
+        self._turning = Turning.of(*scene.frame.angles, run.t, scene.frame.rocking)
+        self._base = np.einsum("tji,tj->ti", self._turning.rotation, _of_base(scene.frame, run.t))
         none = np.zeros((len(run.t), len(OVER), 3))
         self.moments = {name: _Moments(none.copy(), none.copy()) for name in scene.names}
         self.energy, self.drives, self.others = run.energy.copy(), np.zeros(len(run.t) - 1), np.diff(run.work)
@@ -139,6 +142,7 @@ class _Account:
         t, omega, gravity = self._run.t, self._turning.velocity, self._scene.gravity
         weight = (gravity.signal.value(t) if gravity else 0.0 * t)[:, None] * self._turning.up
         V = _speeds(self._scene, omega, number, t)
+        V[:, 0] += self._base
         c = np.cross(V, omega[:, None])
         self.energy += _sum(V, of.rate) + _sum(c, of.u) + dot(weight, of.u[:, 0])
         self.drives += _sum(mean(V), np.diff(of.rate, axis=0)) + 2.0 * _sum(mean(c), np.diff(of.u, axis=0))
@@ -154,6 +158,18 @@ def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
         out[:, 0] += scene.extension(k).rate(t)
     tail = np.cross(omega, place) + out
     return np.stack([tail, *(np.cross(omega, axis) for axis in np.eye(3))], axis=1)
+
+
+def _of_base(frame: Frame, t: Array) -> Array:
+    """How fast the pivot moves along axes of the ground, (T, 3) m/s; what is given as an acceleration is integrated."""
+    found = np.zeros((len(t), 3))
+    if frame.base is not None:
+        for k, axis in enumerate("xyz"):
+            if axis in frame.base.motions:
+                found[:, k] += frame.base.motions[axis].rate(t)
+            if axis in frame.base.accelerations:
+                found[:, k] += _since_start(mean(frame.base.accelerations[axis].value(t)) * np.diff(t))
+    return found
 
 
 def _sum(a: Array, b: Array) -> Array:

@@ -54,6 +54,13 @@ ONE = (
     "start=equilibrium",
     "time.end=1.0",
 )
+#: On a base that rolls on, is shaken, and pitches.
+SHAKEN = (
+    *THREE,
+    "frame.base.x={kind='smooth_ramp', times=[0.0, 2.0], values=[0.0, 3.0]}",
+    "frame.base.ry={kind='sine', amplitude=2.0, frequency=0.3}",
+    "frame.base.acceleration.z={kind='sine', amplitude=0.5, frequency=1.1}",
+)
 
 
 def followed(scene: Scene, system: System) -> tuple[InSpace, Response]:
@@ -64,7 +71,9 @@ def followed(scene: Scene, system: System) -> tuple[InSpace, Response]:
 
 @pytest.mark.parametrize("second_order", ["false", "true"])
 @pytest.mark.parametrize(
-    ("file", "changes"), [(CANTILEVER, ONE), (LUFFING, THREE), (CRANE, SLEWED)], ids=["one", "three", "crane"]
+    ("file", "changes"),
+    [(CANTILEVER, ONE), (LUFFING, THREE), (LUFFING, SHAKEN), (CRANE, SLEWED)],
+    ids=["one", "three", "shaken", "crane"],
 )
 def test_work_is_what_the_energy_changes_by_to_second_order_in_the_step(
     file: Path, changes: tuple[str, ...], second_order: str
