@@ -59,6 +59,41 @@ def test_the_first_boom(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
+def test_a_crane_from_an_empty_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (PAGES / "crane.md").read_text()
+    monkeypatch.chdir(tmp_path)
+    for block in blocks("crane.md"):
+        asked, *answer = block.splitlines()
+        refused, command = asked.startswith("$ "), shlex.split(asked.removeprefix("$ "))
+        command += ["--set", "time.end=0.5"] if "reports/fields" in asked else []
+        done = called(monkeypatch, capsys, *command[1:])
+        assert done.returncode == (2 if refused else 0), done.stderr
+        if refused:
+            assert done.stderr.split() == " ".join(answer).split()
+    written = (tmp_path / "mine" / "scene.toml").read_text()
+    for shown in blocks("crane.md", "toml"):
+        assert all(line.split("  #")[0] in written for line in shown.splitlines())
+    folder = tmp_path / "reports"
+    first, second = (json.loads((folder / name / "summary.json").read_text()) for name in ("mine", "second_order"))
+    errors = first["errors"]["reduced_vs_full"]
+    for what, kind in (("tip", "tip"), ("pads", "pad_force")):
+        shown = re.search(rf"^\| reduced against full \| {what} \| (\S+) %", page, re.M)
+        assert shown and float(shown[1]) == pytest.approx(100.0 * errors[kind], rel=5e-3)
+    assert f"{first['coordinates']['reduced']} coordinates stand for {first['coordinates']['full']}" in page
+    assert page.count(f"{1e3 * first['max_displacement']:.2f} mm") == 2
+    assert f"{1e3 * second['max_displacement']:.2f} mm instead" in page
+    assert sum(" pull: " in line for line in first["warnings"]) == 2
+    luffing = next(pad for pad in first["pads"] if pad["name"] == "base: force of luffing cylinder")
+    assert f"up to {-1e-3 * luffing['min']:.0f} kN, at {luffing['t_min']:.2f} s and a reach" in page
+    buckling = second["buckling"]
+    assert f"{buckling['t']:.1f} s, all axial" in page and f"grow {buckling['factor']:.0f} times" in page
+    assert (folder / "fields" / "fields.pvd").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_the_body_in_exudyn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

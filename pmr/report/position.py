@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pmr.report.blocks import Block, drawing
+from pmr.report.blocks import Block, Drawing, drawing
 from pmr.report.columns import lines
 from pmr.report.figures import space
 from pmr.report.space import slews
@@ -10,16 +10,23 @@ from pmr.results import RunResult
 
 
 def in_space(result: RunResult, prefix: str) -> Block | None:
-    """The boom where it is, the way of its tip, and the buckling factor; nothing without a frame."""
-    if result.scene.frame is None or not lines(result, result.responses["reduced"]):
+    """The boom where it is, where its fields are played; nothing without a frame."""
+    played = any(body.fields is not None for body in result.bodies.values())
+    if result.scene.frame is None or not played or not lines(result, result.responses["reduced"]):
         return None
+    return Block(heading="The boom in space", rows=rows(result, prefix))
+
+
+def rows(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
+    """The boom from above where it slews, its tip over time, and the buckling factor where there is one."""
     said = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
     row = [drawing(f"{prefix}-tip-in-space", space.tip, said, result)]
     if slews(result):  # from the side it stands at the top of the page
         row.insert(0, drawing(f"{prefix}-plan", space.plan, space.caption(result, "from above"), result))
-    rows = [tuple(row)]
+    found = [tuple(row)]
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
         said = "By what all axial forces would have to grow until the boom buckles, with every pad closed, along the "
         said += "way of this run, which begins at the larger dot."
-        rows.append((drawing(f"{prefix}-buckling", space.buckling, said, result),))
-    return Block(heading="The boom in space", rows=tuple(rows))
+        both = (("reach", said), ("angle", "The same over the angle of luffing."))
+        found.append(tuple(drawing(f"{prefix}-buckling-{x}", space.buckling, said, result, x) for x, said in both))
+    return tuple(found)

@@ -86,8 +86,8 @@ def motion(result: RunResult, prefix: str) -> Block | None:
         if not lines(result, result.responses["reduced"]):
             return None
         if result.scene.frame is not None:
-            data = line.in_space(result)
-            return Block(heading="Motion", player=Player("space", data, line.said(data)))
+            data, rows = line.in_space(result), position.rows(result, prefix)
+            return Block(heading="Motion", player=Player("space", data, line.said(data)), rows=rows)
         data = line.motion(result)
         strip = drawing(f"{prefix}-snapshots", shapes.snapshots, captions.snapshots(result), result)
         return Block(heading="Motion", player=Player("line", data, line.said(data)), without_scripts=(strip,))

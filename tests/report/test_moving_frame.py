@@ -132,7 +132,7 @@ def test_the_player_has_what_puts_the_tip_where_it_is(turned: RunResult) -> None
 @pytest.mark.slow
 def test_a_page_shows_the_boom_in_space_and_only_with_a_frame(turned: RunResult, boom: RunResult) -> None:
     here, there = page([chapter(turned, "case-1")]), page([chapter(boom, "case-1")])
-    for figure in ("plan", "tip-in-space", "buckling", "pivot-forces", "pivot-moments"):
+    for figure in ("plan", "tip-in-space", "buckling-reach", "buckling-angle", "pivot-forces", "pivot-moments"):
         assert f'id="case-1-{figure}"' in here and f'id="case-1-{figure}"' not in there
     assert "Height over the pivot in m" in here and "animation space" in here
     assert "Height over the pivot in m" not in there and "animation space" not in there
@@ -143,7 +143,12 @@ def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None
     outputs = turned.responses["reduced"].outputs
     with style():
         drawn = forces.pivot(turned, [one for one in outputs if one.name == "reaction of pivot x"])
-        views = [figures.side(turned), figures.plan(turned), figures.tip(turned), figures.buckling(turned)]
+        views = [
+            figures.side(turned),
+            figures.plan(turned),
+            figures.tip(turned),
+            *(figures.buckling(turned, over) for over in ("reach", "angle")),
+        ]
     (ax,) = drawn.axes
     curve, (low, high) = ax.lines[0].get_ydata(), ax.get_ylim()
     assert np.asarray(curve) == pytest.approx(-75.0) and low < -75.0 < high and ax.get_ylabel() == "Force in kN"

@@ -172,16 +172,17 @@ def log_axis(ax: Axes, low: float, high: float) -> None:
     ax.yaxis.set_minor_locator(NullLocator())
 
 
-def octave_axis(ax: Axes, low: float, high: float) -> None:
-    """Logarithmic y-axis labelled 1, 2, 5, 10 for values that span one to four decades; else left linear."""
+def octave_axis(ax: Axes, low: float, high: float) -> bool:
+    """Logarithmic y-axis labelled 1, 2, 5, 10 for values that span one to four decades; else left linear, and False."""
     if not 10.0 < high / max(low, 1e-300) < 1e4:
-        return
+        return False
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     ticks = [step * 10.0**decade for decade in decades for step in (1.0, 2.0, 5.0)]
     ticks = [tick for tick in ticks if 0.9 * low <= tick <= 1.1 * high]
     ax.set_yscale("log")
     ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.yaxis.set_minor_locator(NullLocator())
+    return True
 
 
 def bins_of(ax: Axes) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.report import space
 from pmr.report.decimation import spread
-from pmr.report.figures.canvas import HALF, INK, MUTED, SECTIONS, WIDE, key, sheet
+from pmr.report.figures.canvas import HALF, INK, MUTED, SECTIONS, key, octave_axis, sheet
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import SPACE, plain
@@ -48,23 +48,25 @@ def tip(result: RunResult) -> Figure:
     return figure
 
 
-def buckling(result: RunResult) -> Figure:
-    """The buckling factor over how far the boom reaches and over the angle of luffing, along the way of this run."""
-    over, frame = result.summary["buckling"]["over"], result.scene.frame
+def buckling(result: RunResult, over: str) -> Figure:
+    """The buckling factor over the ``reach`` or over the ``angle`` of luffing, along the way of this run."""
+    found, frame, times = result.summary["buckling"]["over"], result.scene.frame, result.responses["reduced"].t
     assert frame is not None  # of who has a factor
-    t, factor = np.array(over["t"]), np.array([np.nan if one is None else one for one in over["factor"]])
-    angle = np.rad2deg(frame.angles[0].value(t))
-    reach = np.interp(t, result.responses["reduced"].t, result.along_at(result.responses["reduced"].t))
-    figure, axes = sheet(WIDE, 2.0, columns=2, sharey=True, gridspec_kw={"wspace": 0.08})
-    for ax, x, label in zip(axes[0], (reach, angle), ("Reach in m", "Luffing angle in degrees"), strict=True):
-        ax.plot(x, factor, color=INK, linewidth=0.7, marker=".", markersize=3.0)
-        ax.plot(x[:1], factor[:1], "o", color=INK, markersize=4.5)
-        ax.set_xlabel(label)
-        ax.margins(x=0.04)
-    axes[0, 0].set_ylabel("Buckling factor")
-    axes[0, 0].set_ylim(bottom=0.0)
-    axes[0, 0].axhline(1.0, color=LIMIT, linewidth=0.9)
-    axes[0, 1].axhline(1.0, color=LIMIT, linewidth=0.9)
+    t, factor = np.array(found["t"]), np.array([np.nan if one is None else one for one in found["factor"]])
+    figure, axes = sheet(HALF, 2.0)
+    ax: Axes = axes[0, 0]
+    if over == "angle":
+        x, label = np.rad2deg(frame.angles[0].value(t)), "Luffing angle in degrees"
+    else:
+        x, label = np.interp(t, times, result.along_at(times)), f"{result.coordinate.capitalize()} in m"
+    ax.plot(x, factor, color=INK, linewidth=0.7, marker=".", markersize=3.0)
+    ax.plot(x[:1], factor[:1], "o", color=INK, markersize=4.5)
+    ax.axhline(1.0, color=LIMIT, linewidth=0.9)
+    ax.margins(x=0.04)
+    if not octave_axis(ax, 1.0, float(np.nanmax(factor))):
+        ax.set_ylim(bottom=0.0)
+    ax.set_xlabel(label)
+    ax.set_ylabel("Buckling factor")
     key(figure, [Line2D([], [], color=LIMIT, linewidth=0.9, label="1: the boom buckles")])
     return figure
 
