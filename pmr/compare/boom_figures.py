@@ -1,29 +1,21 @@
-"""What a run of a boom says: natural frequencies on its way, errors of its sections, what its joints bear."""
+"""What a run of a boom says: natural frequencies on its way, errors of its sections."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import columns_of, friction, in_response
+from pmr.compare.booms import columns_of
 from pmr.compare.errors import relative_error
-from pmr.compare.pad_forces import PULLED, newton
 from pmr.compare.summary import Part
 from pmr.results import Frequencies, FrequencyMap, Response
-from pmr.results.extremes import Extremes
 from pmr.scene import Scene
-from pmr.scene.built import force_of
-from pmr.scene.frame import INERTIA
-from pmr.scene.members import DRIVEN
-from pmr.scene.names import ALONE, cylinder_of
-from pmr.simulation import Excitation
+from pmr.scene.names import ALONE
 from pmr.simulation.at_rest import amplitudes_at_rest, steepest
 from pmr.system.assembly import Assembly
-from pmr.system.body import SlidingBody
-from pmr.system.contacts import Contact
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -122,91 +114,3 @@ def sections(
     }
     most = {model: peak["value"] for model, peak in highest.items()}
     return Part({"sections": found, "max_von_mises": most, "stress_peak": highest})
-
-
-def joints(boom: Scene, response: Response, system: System) -> Part:
-    """``pads`` and ``cylinders`` of summary.json, smallest and largest force with their times; pads that are pulled.
-
-    Of cylinders also the largest ``friction`` that they overcome, and ``kinks``, where there are any.
-    """
-    contacts, at_kinks = system.contacts, impulses(boom, system)
-    driven = {force_of(cylinder_of(name)) for name in boom.names[1:]} & set(response.force_names)
-    reach = boom.reach(response.t)
-    loads: list[dict[str, Any]] = [
-        {"name": name.removeprefix(force_of("")), **Extremes.of(response.force(name, 0), response.t, reach).summary()}
-        for name in response.force_names
-    ]
-    pads = [load for name, load in zip(response.force_names, loads, strict=True) if name not in driven]
-    own, columns = in_response(contacts, response)
-    found = friction(own, Excitation.of(boom), response.t, response.slider_force[:, columns])
-    resisting = {cylinder_of(name): values for name, values in found.items()}
-    cylinders = [
-        load
-        | ({"friction": float(np.abs(resisting[load["name"]]).max())} if load["name"] in resisting else {})
-        | ({"kinks": kinks} if (kinks := at_kinks.get(load["name"])) else {})
-        for name, load in zip(response.force_names, loads, strict=True)
-        if name in driven
-    ]
-    warnings = _pulled(boom, contacts, pads) + _kinked(cylinders)
-    return Part({"pads": pads, "cylinders": cylinders}, warnings)
-
-
-def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
-    r"""Of each cylinder by its name, what it has to give at each kink: ``t`` in s, ``impulse`` in N s.
-
-    .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
-
-    with the masses m of the section that it pushes and of those beyond, which lean on it.
-    """
-    jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
-    masses = [_moved(system.bodies[name]) for name in boom.names[1:]]
-    found = dict[str, list[dict[str, float]]]()
-    for i, name in enumerate(boom.names[1:]):
-        at = {t: 0.0 for kinks in jumps for t in sorted(kinks)}
-        for t in at:
-            speeds = np.cumsum([kinks.get(t, 0.0) for kinks in jumps])
-            at[t] = float(np.dot(masses[i:], speeds[i:]))
-        found[cylinder_of(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
-    return found
-
-
-def _moved(body: SlidingBody) -> float:
-    """Mass in kg that an extension accelerates; 0 where there is none."""
-    along = [k for k, name in enumerate(body.input_names) if name in (DRIVEN, INERTIA + "x")]
-    if not along:
-        return 0.0
-    B = np.asarray(body.B)[:, along[0]]
-    return float(B @ np.linalg.solve(np.asarray(body.M), B))
-
-
-def _kinked(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
-    """That forces at kinks are none to size by, in a line."""
-    given = [(abs(kink["impulse"]), kink["t"], one["name"]) for one in cylinders for kink in one.get("kinks", ())]
-    if not given:
-        return []
-    most, t, name = max(given)
-    return [
-        f"extensions have kinks, where cylinders give impulses, up to {most:.4g} N s: {name} at {t:g} s; how high its "
-        "force is there depends on the step and on stiffnesses, so it is none to size by (cylinders in summary.json "
-        "have all impulses; a smooth_ramp has no kinks)"
-    ]
-
-
-def _pulled(boom: Scene, contacts: Sequence[Contact], pads: list[dict[str, Any]]) -> list[str]:
-    """Joints with pads that hold both ways and are pulled, a line each: the one that is pulled most, how many more."""
-    largest, said = max((max(pad["max"], -pad["min"]) for pad in pads), default=0.0), []
-    pulled = {pad["name"]: pad for pad in pads if -pad["min"] > PULLED * max(pad["max"], 0.1 * largest)}
-    for name in boom.names[1:]:
-        own = [one for one in contacts if one.inner.body == name and one.clearance is None and one.name in pulled]
-        if own:
-            found = [pulled[one.name] for one in own]
-            most = min(found, key=lambda pad: float(pad["min"]))
-            more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-            travelling = {one.inner.path is None for one in own}  # with the inner section's tail
-            ends = [end for end, at_tail in (("tail", True), ("mouth", False)) if at_tail in travelling]
-            said.append(
-                f"pads of the joint of {name} hold both ways and pull: {most['name']} with up to "
-                f"{newton(-most['min'])} at {most['t_min']:g} s{more}; if they can only push, set unilateral = true "
-                f"in {' and '.join(f'sections.{name}.joint.{end}' for end in ends)}"
-            )
-    return said

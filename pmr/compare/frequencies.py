@@ -28,7 +28,7 @@ from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam
 from pmr.scene.members import member_at
 from pmr.scene.names import SLIDER
-from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -115,14 +115,10 @@ def _residual(x: Any, share: float) -> Any:
 def frequency_response(
     system: System, places: Array, along: Array, tips: Collection[str], c: Array
 ) -> FrequencyResponse:
-    r"""How far the tip moves under each load, with all paths at rest: what a drive or a controller meets.
+    """How far the tip moves under each load, with all paths at rest: what a drive or a controller meets.
 
-    .. math::
-        (-\omega^2 M + i \omega D + K)\, q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
-        y = O q + W f - X \lambda
-
-    from a tenth of the lowest natural frequency to the highest, at `places` (S, sides) in m, which `along` (S,) in m
-    tells apart, with amplitudes c (S, k) of the system's terms in K and D; `tips` are names of outputs.
+    By `Assembly.answers`, from a tenth of the lowest natural frequency to the highest, at `places` (S, sides) in m,
+    which `along` (S,) in m tells apart, with amplitudes c (S, k) of the system's terms; `tips` are names of outputs.
 
     An InputError is raised where a contact only pushes.
     """
@@ -134,7 +130,8 @@ def frequency_response(
     names = system.output_names
     which = [k for k, name in enumerate(names) if name in tips]
     f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
-    moved = np.array([_responses(assembly, rows.at(k), np.append(0.0, f), which, c[k]) for k in range(len(along))])
+    omega = 2.0 * np.pi * np.append(0.0, f)
+    moved = np.array([assembly.answers(rows.at(k), omega, c[k])[:, which] for k in range(len(along))])
     static = moved[:, 0].real
     furthest = np.abs(static).max(axis=0).argmax(axis=0)  # of each load, the direction in which it moves the tip
     inputs = np.arange(len(system.input_names))
@@ -148,21 +145,6 @@ def frequency_response(
         inputs=system.input_names,
         units=tuple(_UNITS.get(unit, f"m/({unit})") for unit in system.input_units),
     )
-
-
-def _responses(assembly: Assembly, rows: ContactRows, f: Array, which: list[int], c: Array) -> NDArray[np.complex128]:
-    """Of some outputs at frequencies f (W,) in Hz, (W, o, i), at one place, with amplitudes c (k,) of the terms."""
-    M, D, K, B = (A.toarray() for A in (assembly.M, assembly.damping(c), assembly.stiffness(c), assembly.B))
-    n, scale = len(K), float(np.abs(K).max())  # forces in the unit of stiffness: rows of both kinds are of one size
-    held = np.block([[K, scale * rows.C.T], [scale * rows.C, -(scale**2) * rows.F]])
-    right = np.vstack([B, -scale * rows.H])
-    O, W, found = assembly.outputs.toarray()[which], assembly.direct[which], []
-    for omega in 2.0 * np.pi * f:
-        matrix = held.astype(complex)
-        matrix[:n, :n] += 1j * omega * D - omega**2 * M
-        x = np.linalg.solve(matrix, right)
-        found.append(O @ x[:n] + W - scale * rows.X[which] @ x[n:])
-    return np.array(found)
 
 
 def frequency_part(found: FrequencyResponse | None) -> Part:

@@ -8,9 +8,8 @@ from pmr.compare.estimated import SimulatedSystem, step_part
 from pmr.compare.responses import Simulations
 from pmr.compare.summary import Part
 from pmr.errors.environment import Clock
-from pmr.results import Frequencies, Response
+from pmr.results import Frequencies
 from pmr.scene import Scene
-from pmr.scene.names import ALONE
 from pmr.simulation import Excitation, contact_step
 from pmr.system.system import System
 
@@ -30,7 +29,7 @@ def parts_of_motion(
     excitation, known = Excitation.of(scene), None if choice is None else choice.found.step_error
     omega = contact_step.contact_frequency(system, excitation)
     return [
-        *_forces(scene, system, made.first.response, excitation),
+        pad_forces.part(scene, system, made.first.response),
         step_part(
             SimulatedSystem(system, excitation), natural.models["reduced"], clock, scene.accuracy is not None, known
         ),
@@ -43,10 +42,3 @@ def parts_of_motion(
         moving_frame.frame(scene, system, excitation, natural),
         frame_energy.energy(scene, system, excitation, made.first.run),
     ]
-
-
-def _forces(scene: Scene, system: System, response: Response, excitation: Excitation) -> list[Part]:
-    if ALONE in system.bodies:
-        return [summary.pads(scene, response)]
-    reactions = pad_forces.reactions(scene, response, scene.reach(excitation.times))
-    return [boom_figures.joints(scene, response, system), Part(reactions, pad_forces.missing(scene))]

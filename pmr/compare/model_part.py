@@ -24,7 +24,7 @@ from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
-from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -65,7 +65,10 @@ def answers(system: System, excitation: Excitation) -> Answers:
         for output, kind in zip(body.output_names, body.output_kinds, strict=True):
             known.append((_kind(kind), named(name, output)))
     known += [(_kind(one.kind), one.name) for one in system.contacts]
-    found = np.array([_static(assembly, rows.at(k)) for k in range(len(x))])
+    try:
+        found = np.array([assembly.answers(rows.at(k), np.zeros(1))[0].real for k in range(len(x))])
+    except np.linalg.LinAlgError:
+        raise InputError("system", "contacts", None, "contacts that hold all bodies are allowed") from None
     values = {key: found[:, k] for k, key in enumerate(known) if key[0] >= 0}
     return Answers(assembly.frequencies(x, FREQUENCIES), values)
 
@@ -112,16 +115,3 @@ def _kind(kind: str) -> int:
     called = kind.split(" ")[0]
     called = called if called in KINDS else f"{called}_force"
     return KINDS.index(called) if called in KINDS else -1
-
-
-def _static(assembly: Assembly, rows: ContactRows) -> Array:
-    """What outputs and forces of contacts (o + m, i) answer to a unit of each input, all contacts closed."""
-    K, B, O = (A.toarray() for A in (assembly.K, assembly.B, assembly.outputs))
-    n, scale = len(K), float(np.abs(K).max())  # forces in the unit of stiffness: rows of both kinds are of one size
-    matrix = np.block([[K, scale * rows.C.T], [scale * rows.C, -(scale**2) * rows.F]])
-    try:
-        x = np.linalg.solve(matrix, np.vstack([B, -scale * rows.H]))
-    except np.linalg.LinAlgError:
-        raise InputError("system", "contacts", None, "contacts that hold all bodies are allowed") from None
-    forces = scale * x[n:]
-    return np.vstack([O @ x[:n] + assembly.direct - rows.X @ forces, forces])

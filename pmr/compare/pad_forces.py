@@ -1,20 +1,28 @@
-"""What each pad bears, and which of those that hold both ways are pulled."""
+"""Forces of pads, cylinders and supports, and which pads that hold both ways are pulled."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.booms import friction, in_response
+from pmr.compare.summary import Part
 from pmr.results import Response
 from pmr.results.extremes import Extremes
 from pmr.results.tables import reaction_extremes
 from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_of, reaction_of
 from pmr.scene.choice import is_axial
-from pmr.scene.members import members
-from pmr.system.contacts import named
+from pmr.scene.frame import INERTIA
+from pmr.scene.members import DRIVEN, members
+from pmr.scene.names import cylinder_of
+from pmr.simulation import Excitation
+from pmr.system.body import SlidingBody
+from pmr.system.contacts import Contact, named
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -22,11 +30,50 @@ Array = NDArray[np.float64]
 PULLED = 0.01
 
 
+def part(scene: Scene, system: System, response: Response) -> Part:
+    """``pads``, ``cylinders`` and ``reactions`` of summary.json: smallest and largest force, when and where.
+
+    Of cylinders also the largest ``friction`` that they overcome, and ``kinks``, where there are any.  Pads that are
+    pulled and forces that are not known are warned of.
+    """
+    joined, along, figures = len(scene.sections) > 1, scene.along(response.t), dict[str, Any]()
+    if joined or scene.pads:
+        figures["pads"] = [{"name": name, **one.summary()} for name, one in pad_loads(scene, response).items()]
+    if joined:
+        figures["cylinders"] = list(_cylinders(scene, system, response))
+    warnings = pulled(scene, system.contacts, response) + _kinked(figures.get("cylinders", ()))
+    return Part(figures | reactions(scene, response, along), warnings + unknown(scene, response) + missing(scene))
+
+
 def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
-    """Forces in N, positive where a pad pushes the body inwards, of all pads whose force the response holds."""
-    s = np.asarray(scene.slider.path.value(response.t))
-    names = [name for ring in scene.pads for name, _, _ in ring.places]
-    return {name: Extremes.of(force, response.t, s) for name in names if (force := _force(response, name)) is not None}
+    """Forces in N, positive where a pad pushes the body inwards, of all pads whose force the response holds.
+
+    Of a body alone in the order of its rings; of sections those of all contacts but cylinders, and of springs.
+    """
+    along = scene.along(response.t)
+    names = [name for ring in _rings(scene) for name, _, _ in ring.places]
+    if len(scene.sections) > 1:
+        cylinders = set(map(cylinder_of, scene.names))
+        names = [name for one in response.force_names if (name := one.removeprefix(force_of(""))) not in cylinders]
+    known = {name: _force(response, name) for name in names}
+    return {name: Extremes.of(force, response.t, along) for name, force in known.items() if force is not None}
+
+
+def _rings(scene: Scene) -> tuple[PadRing, ...]:
+    """Of a body alone."""
+    return scene.pads if len(scene.sections) == 1 else ()
+
+
+def _cylinders(scene: Scene, system: System, response: Response) -> Iterator[dict[str, Any]]:
+    at_kinks, along = impulses(scene, system), scene.along(response.t)
+    own, columns = in_response(system.contacts, response)
+    resisting = friction(own, Excitation.of(scene), response.t, response.slider_force[:, columns])
+    driven = {force_of(cylinder_of(name)): name for name in scene.names[1:]}
+    for force in response.force_names:
+        if (body := driven.get(force)) is not None:
+            found = {"name": cylinder_of(body), **Extremes.of(response.force(force, 0), response.t, along).summary()}
+            found |= {"friction": float(np.abs(resisting[body]).max())} if body in resisting else {}
+            yield found | ({"kinks": kinks} if (kinks := at_kinks[cylinder_of(body)]) else {})
 
 
 def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object]:
@@ -70,35 +117,24 @@ def _force(response: Response, name: str) -> Array | None:
     return response.other(reaction_of(name)) if reaction_of(name) in response.other_names else None
 
 
-def summary(scene: Scene, response: Response) -> dict[str, object]:
-    """``pads`` of summary.json: ``name``, and what `Extremes.summary` says in N; empty for points."""
-    loads = pad_loads(scene, response)
-    return {"pads": [{"name": name, **load.summary()} for name, load in loads.items()]} if scene.pads else {}
-
-
-def warnings(scene: Scene, response: Response) -> list[str]:
-    """What a user should know of the pads, a line each."""
-    return pulled(scene, response) + unknown(scene, response) + missing(scene)
-
-
-def pulled(scene: Scene, response: Response) -> list[str]:
-    """Rings with pads that hold both ways and are pulled, a line each: how many, which most, when, what to set.
+def pulled(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
+    """Rings and joints with pads that hold both ways and are pulled, a line each: how many, which most, what to set.
 
     Points that hold a planar beam both ways are meant to, so only pads count.
     """
-    loads = pad_loads(scene, response)
+    loads, said = pad_loads(scene, response), list[str]()
     largest = max((max(load.most, -load.least) for load in loads.values()), default=0.0)
-    said = []
-    for ring in scene.pads:
-        found = {
-            name: load
-            for name, load in loads.items()
-            if name in [called for called, _, _ in ring.places]
-            and not ring.unilateral
-            and -load.least > max(PULLED * max(load.most, 0.1 * largest), response.force_round_off)
-        }
-        if found:
-            said.append(_line(ring, found))
+    found = {
+        name: load
+        for name, load in loads.items()
+        if -load.least > max(PULLED * max(load.most, 0.1 * largest), response.force_round_off)
+    }
+    for ring in _rings(scene):
+        own = {name: found[name] for name, _, _ in ring.places if name in found and not ring.unilateral}
+        said += [_of_ring(ring, own)] if own else []
+    for name in scene.names[1:]:
+        held = [one for one in contacts if one.inner.body == name and one.clearance is None and one.name in found]
+        said += [_of_joint(name, held, found)] if held else []
     return said
 
 
@@ -106,7 +142,7 @@ def unknown(scene: Scene, response: Response) -> list[str]:
     """Pads whose force the model doesn't tell, in a line: a rigid pad that stays holds by the choice of coordinates."""
     names = [
         name
-        for ring in scene.pads
+        for ring in _rings(scene)
         for name, face, _ in ring.places
         if ring.stiffness == "rigid" and not ring.moving and _force(response, name) is None
     ]
@@ -116,7 +152,7 @@ def unknown(scene: Scene, response: Response) -> list[str]:
     return [f"{pads} rigid and stay on the body: whether they are pulled isn't known; a stiffness in N/m tells it"]
 
 
-def _line(ring: PadRing, found: Mapping[str, Extremes]) -> str:
+def _of_ring(ring: PadRing, found: Mapping[str, Extremes]) -> str:
     most = min(found, key=lambda name: found[name].least)
     load = found[most]
     pads = f"{len(found)} of {len(ring.places)} pads of the ring {ring.name} pull"
@@ -125,6 +161,59 @@ def _line(ring: PadRing, found: Mapping[str, Extremes]) -> str:
     worst = f"{most} with up to {newton(-load.least)} at {load.t_least:g} s (s = {load.s_least:.4g} m)"
     most_of_all = "most of all " if len(found) > 1 else ""
     return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
+
+
+def _of_joint(name: str, held: Sequence[Contact], found: Mapping[str, Extremes]) -> str:
+    most = min((one.name for one in held), key=lambda pad: found[pad].least)
+    more = f", and {len(held) - 1} more" if len(held) > 1 else ""
+    travelling = {one.inner.path is None for one in held}  # with the inner section's tail
+    ends = [end for end, at_tail in (("tail", True), ("mouth", False)) if at_tail in travelling]
+    return (
+        f"pads of the joint of {name} hold both ways and pull: {most} with up to "
+        f"{newton(-found[most].least)} at {found[most].t_least:g} s{more}; if they can only push, set "
+        f"unilateral = true in {' and '.join(f'sections.{name}.joint.{end}' for end in ends)}"
+    )
+
+
+def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
+    r"""Of each cylinder by its name, what it has to give at each kink: ``t`` in s, ``impulse`` in N s.
+
+    .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
+
+    with the masses m of the section that it pushes and of those beyond, which lean on it.
+    """
+    jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
+    masses = [_moved(system.bodies[name]) for name in boom.names[1:]]
+    found = dict[str, list[dict[str, float]]]()
+    for i, name in enumerate(boom.names[1:]):
+        at = {t: 0.0 for kinks in jumps for t in sorted(kinks)}
+        for t in at:
+            speeds = np.cumsum([kinks.get(t, 0.0) for kinks in jumps])
+            at[t] = float(np.dot(masses[i:], speeds[i:]))
+        found[cylinder_of(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
+    return found
+
+
+def _moved(body: SlidingBody) -> float:
+    """Mass in kg that an extension accelerates; 0 where there is none."""
+    along = [k for k, name in enumerate(body.input_names) if name in (DRIVEN, INERTIA + "x")]
+    if not along:
+        return 0.0
+    B = np.asarray(body.B)[:, along[0]]
+    return float(B @ np.linalg.solve(np.asarray(body.M), B))
+
+
+def _kinked(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
+    """That forces at kinks are none to size by, in a line."""
+    given = [(abs(kink["impulse"]), kink["t"], one["name"]) for one in cylinders for kink in one.get("kinks", ())]
+    if not given:
+        return []
+    most, t, name = max(given)
+    return [
+        f"extensions have kinks, where cylinders give impulses, up to {most:.4g} N s: {name} at {t:g} s; how high its "
+        "force is there depends on the step and on stiffnesses, so it is none to size by (cylinders in summary.json "
+        "have all impulses; a smooth_ramp has no kinks)"
+    ]
 
 
 def newton(force: float) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare import errors, pad_forces, ringing, trust
+from pmr.compare import errors, ringing, trust
 from pmr.compare.outputs import impulsive
 from pmr.compare.spectrum import band_of, error_below
 from pmr.errors import environment
@@ -115,12 +115,6 @@ def sampling(excitation: Excitation) -> Part:
     """What of path and loads the simulation does not see, or sees otherwise than they were given."""
     signals, stepping = excitation.signals, excitation.stepping
     return Part(warnings=resolution.unseen(signals, stepping) + resolution.overshooting(signals, stepping))
-
-
-def pads(scene: Scene, response: Response) -> Part:
-    """Forces of the pads and of rigid supports."""
-    reactions = pad_forces.reactions(scene, response, np.asarray(scene.slider.path.value(response.t)))
-    return Part(pad_forces.summary(scene, response) | reactions, pad_forces.warnings(scene, response))
 
 
 def reliability(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Part:

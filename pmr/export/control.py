@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.errors.environment import check_installed
 from pmr.export.formats import Options
-from pmr.export.places import held_at
+from pmr.export.places import held_at, placed
 from pmr.files.whole import replaced
-from pmr.simulation.state_space import StateSpace
+from pmr.simulation.state_space import StateSpace, state_space
+from pmr.system.assembly import Assembly
 
 Array = NDArray[np.float64]
 #: Frequencies of a response.
@@ -99,12 +100,15 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
-    space = held_at(npz_path, options)
+    system, s = placed(npz_path, options)
+    space, assembly = state_space(system, s, npz_path.name), Assembly(system)
     output = max(k for k, unit in enumerate(space.units) if unit == "m")
     natural = space.natural
     lowest = natural[natural > FREE * natural.max()].min()
     f = np.geomspace(0.1 * lowest, 1.2 * natural.max(), FREQUENCIES) / (2.0 * np.pi)
-    response = space.frequency_response(2.0 * np.pi * f)[:, :, output]
+    rows = assembly.along(np.atleast_2d(system.coordinates(s)))
+    answers = [assembly.answers(rows.at(k), 2.0 * np.pi * f)[:, output] for k in range(len(space.s))]
+    response = np.array(answers)
     with replaced(target) as part:
         part.write_text(_table(space, f, response, space.outputs[output]), encoding="utf-8")
     _draw(space, f, np.abs(response), space.outputs[output], target.with_suffix(".png"))

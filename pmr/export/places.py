@@ -24,17 +24,22 @@ PLACES = 21
 
 
 def held_at(npz_path: Path, options: Options) -> StateSpace:
-    """A saved system at each of its `places`, or one of its sections without the contacts of its joints.
+    """State space of `placed`; errors as there and of `state_space`."""
+    return state_space(*placed(npz_path, options), npz_path.name)
 
-    Raises InputError as `places`, `section_alone` and `state_space`.
+
+def placed(npz_path: Path, options: Options) -> tuple[System, Mapping[str, Array]]:
+    """A saved system and its `places`, or one of its sections without the contacts of its joints.
+
+    Raises InputError as `places` and `section_alone`.
     """
     if options.section is None:
         system = System.load(npz_path).ensure_constant(npz_path.name)
-        return state_space(system, places(system, options.at), npz_path.name)
+        return system, places(system, options.at)
     if options.at is not None:
         allowed = "none is allowed with --section: without its joints nothing of a section depends on a place"
         raise InputError("command line", "--at", options.at, allowed)
-    return state_space(section_alone(npz_path, options.section), {}, npz_path.name)
+    return section_alone(npz_path, options.section), {}
 
 
 def section_alone(npz_path: Path, name: str) -> System:

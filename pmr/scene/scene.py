@@ -194,6 +194,10 @@ class Scene(Listed):
         tails = [self.extension(number).value(t) for number in range(1, len(self.sections))]
         return np.asarray(np.sum([np.zeros_like(np.asarray(t, float)), *tails], axis=0) + self.sections[-1].length)
 
+    def along(self, t: ArrayLike) -> Array:
+        """Where the way has led at the times t, m: the path coordinate of a body alone, the reach of sections."""
+        return self.reach(t) if len(self.sections) > 1 else np.asarray(self.slider.path.value(t))
+
     def without_loads(self) -> Self:
         """The scene with nothing but zeros for loads: what its modes depend on."""
         nothing = {"signal": Constant(amount=0.0)}

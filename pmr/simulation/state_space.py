@@ -1,4 +1,4 @@
-r"""A reduced system with its places held: state space on a grid of path coordinates, and frequency response.
+r"""A reduced system with its places held: state space on a grid of path coordinates.
 
 .. math::
     \dot x = A(s)\, x + B(s)\, f, \qquad y = C(s)\, x + D(s)\, f, \qquad x = (z, \dot z), \qquad
@@ -66,14 +66,6 @@ class StateSpace:
         r = self.A.shape[1] // 2
         found: Array = np.sqrt(np.abs(np.linalg.eigvals(-self.A[:, r:, :r]).real))
         return np.sort(found, axis=1)
-
-    def frequency_response(self, omega: Array) -> NDArray[np.complex128]:
-        """C (i omega - A)^-1 B + D, complex (S, W, q, i), at circular frequencies (W,) in rad/s."""
-        size = self.A.shape[1]
-        found = np.empty((len(self.s), len(omega), self.C.shape[1], self.B.shape[2]), dtype=complex)
-        for k, w in enumerate(omega):
-            found[:, k] = self.C @ np.linalg.solve(1j * w * np.eye(size) - self.A, self.B) + self.D
-        return found
 
 
 def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:

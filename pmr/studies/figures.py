@@ -64,12 +64,12 @@ def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
 
 
 def _forces(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
-    extremes = force_extremes(response, _path(scene, response))
+    extremes = force_extremes(response, scene.along(response.t))
     if extremes:
         yield "largest_force", max(max(found.most, -found.least) for found in extremes.values())
     for name, found in extremes.items():
         yield from ((f"forces.{name}.{key}", value) for key, value in found.summary().items())
-    for of, found in reaction_extremes(response, _path(scene, response)).items():
+    for of, found in reaction_extremes(response, scene.along(response.t)).items():
         room = "moments" if of.unit == "N m" else "reactions"
         yield from ((f"{room}.{of.support}.{key}", value) for key, value in found.summary().items())
 
@@ -84,14 +84,10 @@ def _frequencies(s: Array, omega: Array) -> Iterator[tuple[str, Scalar]]:
 
 
 def _probes(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
-    for name, found in probe_extremes(response, _path(scene, response)).items():
+    for name, found in probe_extremes(response, scene.along(response.t)).items():
         yield from ((f"probes.{name}.{key}", value) for key, value in found.summary().items())
         largest = cycles(response.t, response.other(name))[:1, 0]
         yield f"probes.{name}.range", float(largest.sum())
-
-
-def _path(scene: Scene, response: Response) -> Array:
-    return np.asarray(scene.slider.path.value(response.t))
 
 
 def at_the_tip(response: Response) -> Response:

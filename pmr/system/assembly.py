@@ -140,6 +140,27 @@ class Assembly:
             found.H[:, contacts] = evaluate(known.inputs, s)[:, rows]
             found.X[:, :, contacts] = evaluate(known.outputs, s)[:, :, rows]
 
+    def answers(self, rows: ContactRows, omega: Array, c: Sequence[float] | Array = ()) -> NDArray[np.complex128]:
+        r"""What outputs and forces of contacts (W, o + m, i) answer to a unit of each input at omega (W,) in rad/s.
+
+        .. math::
+            (-\omega^2 M + i \omega D + K)\, q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
+            y = O q + W f - X \lambda
+
+        with every contact closed, amplitudes c (k,) of the terms in K and D.  A LinAlgError is raised where they do not
+        hold the bodies at rest.
+        """
+        M, D, K, B = (A.toarray() for A in (self.M, self.damping(c), self.stiffness(c), self.B))
+        n, scale = len(K), float(np.abs(K).max())  # forces in the unit of stiffness: rows of both kinds are of one size
+        held = np.block([[K, scale * rows.C.T], [scale * rows.C, -(scale**2) * rows.F]]).astype(complex)
+        right, O, found = np.vstack([B, -scale * rows.H]), self.outputs.toarray(), list[Array]()
+        for w in omega:
+            matrix = held.copy()
+            matrix[:n, :n] += 1j * w * D - w**2 * M
+            q, forces = np.vsplit(np.linalg.solve(matrix, right), [n])
+            found.append(np.vstack([O @ q + self.direct - rows.X @ (scale * forces), scale * forces]))
+        return np.array(found)
+
     def rates(self, x: Array, x_rate: Array) -> Array:
         """dC/dt (m, n) of the contacts with their places at x (sides,) m, which move by x_rate (sides,) m/s."""
         found = np.zeros((len(self.system.contacts), self.size))

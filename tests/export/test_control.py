@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, project, rich_body
 from processes import called
+from state_spaces import frequency_response
 
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.errors import InputError
@@ -49,7 +50,7 @@ def response(model: ReducedModel, s: float, w: float) -> NDArray[np.complex128]:
 
 def test_the_response_is_that_of_the_equations(model: ReducedModel) -> None:
     omega = np.array([0.0, 3.0, 40.0, 700.0])
-    found = state_space(System.of(model), {"slider": S}, "model").frequency_response(omega)
+    found = frequency_response(state_space(System.of(model), {"slider": S}, "model"), omega)
     for k, s in enumerate(S):
         for j, w in enumerate(omega):
             expected = response(model, s, w)

@@ -14,8 +14,9 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare import memory, responses
-from pmr.compare.boom_figures import frequency_map, joints
+from pmr.compare.boom_figures import frequency_map
 from pmr.compare.booms import respond, with_friction
+from pmr.compare.pad_forces import part
 from pmr.errors import InputError
 from pmr.export.paraview import Travelling, write_series
 from pmr.fem.compat import MPI
@@ -383,7 +384,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
         assert np.abs(added - resisting).max() < 1e-3 * np.abs(resisting).max()
     drives = [name.startswith("force of cylinder") for name in found.force_names]
     assert np.array_equal(rubbing.slider_force[:, np.invert(drives)], found.slider_force[:, np.invert(drives)])
-    told = {one["name"]: one for one in joints(boom, rubbing, system).figures["cylinders"]}
+    told = {one["name"]: one for one in part(boom, system, rubbing).figures["cylinders"]}
     assert told["cylinder of fly"]["max"] == rubbing.force("force of cylinder of fly", 0).max()
     assert told["cylinder of middle"]["friction"] == pytest.approx(np.abs(resisting).max(), rel=1e-3)
 

@@ -1,0 +1,14 @@
+"""What a state space answers by frequency."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation.state_space import StateSpace
+
+
+def frequency_response(space: StateSpace, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """C (i omega - A)^-1 B + D, complex (S, W, q, i), at circular frequencies (W,) in rad/s."""
+    resolvents = [np.linalg.solve(1j * w * np.eye(space.A.shape[1]) - space.A, space.B) for w in omega]
+    return np.stack([space.C @ one + space.D for one in resolvents], axis=1)
