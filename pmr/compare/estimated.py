@@ -13,6 +13,7 @@ from scipy.ndimage import maximum_filter1d
 from pmr.compare import coverage, estimate, step_error
 from pmr.compare.attached import UnsettledError
 from pmr.compare.outputs import KINDS
+from pmr.compare.responses import Simulations
 from pmr.compare.summary import Part
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
@@ -44,6 +45,10 @@ class ReductionError:
     band: Array | None = None  # how far off the tip may be over time, (T, d) in m
     sections: Mapping[str, float] = field(default_factory=dict)  # along each section of a boom, fractions
 
+    def of_section(self, name: str) -> dict[str, Any]:
+        """What is said of one section."""
+        return {"estimate": self.sections[name]} if name in self.sections else {}
+
 
 def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
     """Whether it takes another model of the same body to tell the error (`pmr.compare.estimate.by_other`)."""
@@ -59,7 +64,6 @@ def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
 
 def reduction_error(
     scene: Scene,
-    models: Mapping[str, ReducedModel],
     moved: SimulatedSystem,
     clock: Clock,
     other: ReducedModel | None = None,
@@ -67,10 +71,10 @@ def reduction_error(
 ) -> ReductionError:
     """The reduction's error as enrichment modes tell it, or an `other` model of a body alone, and what is not in it.
 
-    `models` are those of the bodies on their modes, `moved` is their system with what drove it.  One that is `found`
-    already is not computed again.
+    `moved` is the bodies' system with what drove it.  One that is `found` already is not computed again.
     """
     system, excitation, run = moved
+    models = system.modal
     asked = all(part.reduction.estimate for part in scene.sections)
     telling = models if other is None else {ALONE: other}
 
@@ -107,6 +111,12 @@ class SimulatedSystem(NamedTuple):
     system: System
     excitation: Excitation
     run: SystemTrajectory | None = None
+
+    @classmethod
+    def of(cls, system: System, excitation: Excitation, made: Simulations) -> SimulatedSystem:
+        """As the simulators of a scene moved it, in the parts of a step that they took."""
+        run = made.first.run
+        return cls(system, excitation if run is None else excitation.with_stepping(made.made), run)
 
 
 def _made(clock: Clock, make: Callable[[], estimate.Estimate]) -> tuple[estimate.Estimate | None, str, list[str]]:

@@ -18,12 +18,12 @@ from pmr.compare.way import frequencies, in_frequency, visited
 from pmr.errors.environment import Clock
 from pmr.results import BodyResult, Loads, Paths, RunResult, Shapes
 from pmr.scene import Scene
-from pmr.simulation import Excitation
 from pmr.system.contacts import ALONE
+from pmr.system.from_scene import with_terms_of
 from pmr.system.system import System
 
-#: Why there is no estimate for a boom of several sections.
-NO_ESTIMATE = "the file of a boom has its sections as they are simulated, without the modes that tell it"
+#: Why there is no estimate for a boom from a file of versions 1 and 2.
+EARLIER = "the file is of an earlier version, which has sections as they are simulated, without the modes that tell it"
 
 
 def simulate_saved(system: System, scene: Any) -> RunResult:
@@ -36,11 +36,13 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     """
     scene = as_made(scene, system.terms)
     check_installed(scene)
+    system = with_terms_of(scene, system)
     clock, excitation, models = Clock(), driven_by(scene, system), system.reduced
     made = simulate(scene, system, excitation, clock)
     responses, response = {"reduced": made.first.response}, made.first.response
     natural = frequencies(scene, system, excitation, visited(scene, excitation, 0), None)
-    error, by_frequency = _error(scene, system, clock), in_frequency(scene, system, excitation)
+    moved, by_frequency = SimulatedSystem.of(system, excitation, made), in_frequency(scene, system, excitation)
+    error = _error(scene, moved, clock)
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
     parts = [
         origin(scene),
@@ -53,7 +55,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
             }
         ),
         simulated(made.seconds, made.agreement, {}),
-        sections(scene, responses, sizes, {}),
+        sections(scene, responses, sizes, {name: error.of_section(name) for name in models}),
         error.part,
         *parts_of_motion(scene, system, made, natural, clock),
         frequency_part(by_frequency),
@@ -76,7 +78,9 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     )
 
 
-def _error(scene: Scene, system: System, clock: Clock) -> ReductionError:
-    if ALONE in system.bodies:
-        return reduction_error(scene, system.reduced, SimulatedSystem(system, Excitation.of(scene)), clock)
-    return ReductionError(Part({"estimate": {"tip": None, "beam": None, "reason": NO_ESTIMATE}}))
+def _error(scene: Scene, moved: SimulatedSystem, clock: Clock) -> ReductionError:
+    error = reduction_error(scene, moved, clock)
+    bodies, asked = moved.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
+    if asked and any(one.cylinder_modes and name not in moved.system.on_modes for name, one in bodies):
+        return ReductionError(Part({"estimate": error.part.figures["estimate"] | {"reason": EARLIER}}))
+    return error

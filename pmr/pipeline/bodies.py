@@ -28,7 +28,7 @@ from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
-from pmr.reduction.bodies import cached_body, reduce_bodies
+from pmr.reduction.bodies import cached_body, joined, reduce_bodies
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
 from pmr.reduction.recover.from_scene import Recovered, recover, recovered_steps
@@ -37,7 +37,6 @@ from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.petsc import Checkpoint
-from pmr.system.from_scene import system_of
 
 Array = NDArray[np.float64]
 
@@ -76,7 +75,7 @@ class Bodies:
         if self.choice is not None:
             chosen = self.choice.models
             self.bodies = {name: replace(one, modal=chosen[name]) for name, one in self.bodies.items()}
-        self.system = system_of(self.scene, {name: one.model for name, one in self.bodies.items()})
+        self.system = joined(self.scene, self.bodies)
         self.excitation = Excitation.of(self.scene)
         self.full = FullOrder.of(self.scene, models_of(built))
         self._other = self._another()
@@ -106,11 +105,7 @@ class Bodies:
         scene, system, responses = self.scene, self.system, motions.responses
         assert motions.reduced is not None
         error = self._error(motions.reduced)
-        more = {
-            name: ({"estimate": error.sections[name]} if name in error.sections else {})
-            | (seen[name].summary() if name in seen else {})
-            for name in scene.names
-        }
+        more = {name: error.of_section(name) | (seen[name].summary() if name in seen else {}) for name in scene.names}
         sizes = {
             name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()
         }
@@ -177,10 +172,8 @@ class Bodies:
     def _error(self, made: Simulations) -> ReductionError:
         """The reduction's, as it is estimated."""
         known = None if self.choice is None else self.choice.found.estimate
-        run, excitation = made.first.run, self.excitation
-        moved = SimulatedSystem(self.system, excitation if run is None else excitation.with_stepping(made.made), run)
-        models = {name: one.modal for name, one in self.bodies.items()}
-        return reduction_error(self.scene, models, moved, self.clock, self._other, known)
+        moved = SimulatedSystem.of(self.system, self.excitation, made)
+        return reduction_error(self.scene, moved, self.clock, self._other, known)
 
     def _full_frequencies(self, at: Visited) -> Array:
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)

@@ -51,8 +51,15 @@ class Reduction:
     @cached_property
     def system(self) -> System:
         """What `pmr.simulate(scene, ...)` takes, and a file holds."""
-        found = system_of(self.scene, {name: one.model for name, one in self.bodies.items()})
+        found = joined(self.scene, self.bodies)
         return found if ALONE in found.bodies else replace(found, provenance=self.scene.recorded)
+
+
+def joined(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
+    """The system of a scene's bodies as they are simulated; it knows them without modes of cylinders too."""
+    found = system_of(scene, {name: one.model for name, one in bodies.items()})
+    told = {name: one.modal for name, one in bodies.items() if one.modal is not one.model and one.tells_errors}
+    return replace(found, on_modes=told)
 
 
 def reduce_bodies(

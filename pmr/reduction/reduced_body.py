@@ -27,6 +27,11 @@ class ReducedBody:
         """This rank's rows (n_local, k) of the basis."""
         return np.array(self.basis.V.getDenseArray())
 
+    @property
+    def tells_errors(self) -> bool:
+        """Whether the model on the basis alone tells errors: it knows the inertia of what it leaves out."""
+        return self.modal.carriers is not None and self.modal.carriers.inertia is not None
+
     @cached_property
     def model(self) -> ReducedModel:
         """What is simulated: a section of a boom has the modes of its cylinder as well."""

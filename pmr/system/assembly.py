@@ -204,11 +204,13 @@ class Assembly:
         """
         M = self.M.toarray()
         K, Z = _closed(self.K.toarray(), self.at(x))
-        Z = np.eye(len(K)) if Z is None else Z
+        K = K + SHIFT * M
+        if Z is not None:
+            M, K = Z.T @ M @ Z, Z.T @ K @ Z
         # the largest of the inverse: low modes to full relative accuracy
-        inverse, z = scipy.linalg.eigh(Z.T @ M @ Z, Z.T @ (K + SHIFT * M) @ Z)
-        omega2 = np.maximum(1.0 / inverse[::-1][:count] - SHIFT, 0.0)
-        return np.sqrt(omega2), Z @ (z[:, ::-1][:, :count] * np.sqrt(omega2 + SHIFT))
+        inverse, z = scipy.linalg.eigh(M, K, subset_by_index=(max(len(K) - count, 0), len(K) - 1))
+        phi = z[:, ::-1] / np.sqrt(inverse[::-1])
+        return np.sqrt(np.maximum(1.0 / inverse[::-1] - SHIFT, 0.0)), phi if Z is None else Z @ phi
 
 
 def _closed(K: Array, rows: ContactRows) -> tuple[Array, Array | None]:

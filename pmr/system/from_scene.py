@@ -31,6 +31,11 @@ def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
     return System(bodies, contacts_of(scene, bodies), terms=terms(bodies), terms_of=terms)
 
 
+def with_terms_of(scene: Scene, system: System) -> System:
+    """A system from a file, which has terms for its own bodies, with what makes those of other models of them."""
+    return replace(system, terms_of=partial(terms_of, scene))
+
+
 def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
     """All contacts between the sections, and with the ground; of a body alone as `System.of` has them."""
     if ALONE in bodies:

@@ -1,8 +1,9 @@
 """One file of a system: its reduced bodies, the contacts between them, and the scene that it was made from.
 
 An npz file whose header in JSON has format, version, names of the bodies, contacts, terms and provenance; the arrays of
-body k stand behind ``bodies.k.``, as `pmr.files.records` names them, and the matrices of term k are
-``terms.k.stiffness`` and ``terms.k.damping``.  Nothing in it is pickled.
+body k stand behind ``bodies.k.``, as `pmr.files.records` names them; behind ``on_modes.k.`` those of bodies without the
+modes of their cylinders, whose names the header has too; and the matrices of term k are ``terms.k.stiffness`` and
+``terms.k.damping``.  Nothing in it is pickled.
 """
 
 from __future__ import annotations
@@ -26,17 +27,18 @@ from pmr.system.contacts import ALONE, Contact
 from pmr.system.terms import Term
 
 FORMAT = "pmr-system"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 
 
 @dataclass(frozen=True)
 class Saved:
     """What a file holds."""
 
-    bodies: dict[str, ReducedModel]
+    bodies: Mapping[str, ReducedModel]
     contacts: tuple[Contact, ...]
     terms: tuple[Term, ...]
     provenance: dict[str, Any]
+    on_modes: Mapping[str, ReducedModel]  # as `pmr.system.system.System` has them
 
 
 @dataclass(frozen=True)
@@ -49,37 +51,32 @@ class _TermHeader:
 
 @dataclass(frozen=True)
 class _Header:
-    """Of version 2; version 1 has no terms."""
+    """Of version 3; version 2 has no models on modes, version 1 no terms either."""
 
     bodies: tuple[str, ...]
     contacts: tuple[Contact, ...]
     provenance: dict[str, Any]
     terms: tuple[_TermHeader, ...] = ()
+    on_modes: tuple[str, ...] = ()
 
 
 _HEADER = TypeAdapter(_Header)
 
 
-def write(
-    path: Path,
-    bodies: Mapping[str, Any],
-    contacts: tuple[Contact, ...],
-    terms: tuple[Term, ...],
-    provenance: Mapping[str, Any],
-) -> None:
-    """Write a system, all of it or nothing; an InputError is raised where a body is not reduced."""
+def write(path: Path, system: Saved) -> None:
+    """Write a system, all of it or nothing."""
     arrays = dict[str, NDArray[Any]]()
-    for number, (name, body) in enumerate(bodies.items()):
-        if not isinstance(body, ReducedModel):
-            raise InputError("system", f"bodies.{name}", type(body).__name__, "a ReducedModel is allowed in a file")
-        arrays |= records.arrays(body, f"bodies.{number}.")
-    for number, term in enumerate(terms):
+    for kind, models in {"bodies": system.bodies, "on_modes": system.on_modes}.items():
+        for number, body in enumerate(models.values()):
+            arrays |= records.arrays(body, f"{kind}.{number}.")
+    for number, term in enumerate(system.terms):
         arrays |= {f"terms.{number}.{key}": matrix for key, matrix in term.arrays.items()}
-    header = {"format": FORMAT, "version": FORMAT_VERSION, "units": "SI", "bodies": list(bodies)}
+    header = {"format": FORMAT, "version": FORMAT_VERSION, "units": "SI", "bodies": list(system.bodies)}
     parts = {
-        "contacts": [asdict(one) for one in contacts],
-        "terms": [{"name": term.name, "bodies": term.bodies} for term in terms],
-        "provenance": dict(provenance),
+        "contacts": [asdict(one) for one in system.contacts],
+        "terms": [{"name": term.name, "bodies": term.bodies} for term in system.terms],
+        "provenance": dict(system.provenance),
+        "on_modes": list(system.on_modes),
     }
     npz.write(path, arrays, {**header, **parts})
 
@@ -103,9 +100,12 @@ def read(path: Path) -> Saved | ReducedModel:
             {field.name: header[field.name] for field in fields(_Header) if field.name in header}
         )
         data = npz.read(path)
-        models = [records.record(ReducedModel, data, f"bodies.{number}.") for number in range(len(known.bodies))]
+        models, on_modes = (
+            [records.record(ReducedModel, data, f"{kind}.{number}.") for number in range(len(names))]
+            for kind, names in {"bodies": known.bodies, "on_modes": known.on_modes}.items()
+        )
         terms = tuple(_term(one, data, f"terms.{number}.") for number, one in enumerate(known.terms))
-        wrong = _contradiction(known, models)
+        wrong = _contradiction(known, models, on_modes)
     except InputError:
         raise
     except ValidationError as error:
@@ -116,7 +116,8 @@ def read(path: Path) -> Saved | ReducedModel:
         raise InputError(str(path), "", None, f"not a system written by pmr ({error})") from None
     if wrong:
         raise InputError(str(path), "", None, f"not a sound system: {wrong}")
-    return Saved(dict(zip(known.bodies, models, strict=True)), known.contacts, terms, known.provenance)
+    bodies, told = dict(zip(known.bodies, models, strict=True)), dict(zip(known.on_modes, on_modes, strict=True))
+    return Saved(bodies, known.contacts, terms, known.provenance, told)
 
 
 def _term(known: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> Term:
@@ -124,7 +125,7 @@ def _term(known: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> 
     return Term(known.name, known.bodies, **found)
 
 
-def _contradiction(known: _Header, models: list[ReducedModel]) -> str | None:
+def _contradiction(known: _Header, models: list[ReducedModel], on_modes: list[ReducedModel]) -> str | None:
     """What is wrong with it, in words; None where names are names and every body is sound."""
     places = [place for one in known.contacts for place in (one.inner, one.outer) if place is not None]
     named = {"bodies": known.bodies, "contacts": tuple(one.name for one in known.contacts)}
@@ -138,4 +139,19 @@ def _contradiction(known: _Header, models: list[ReducedModel]) -> str | None:
     for name, model in zip(known.bodies, models, strict=True):
         if wrong := model.contradiction():
             return f"bodies.{name}: {wrong}"
+    for name, model in zip(known.on_modes, on_modes, strict=True):
+        if name not in known.bodies:
+            return f"on_modes.{name}: {', '.join(known.bodies)} are allowed"
+        if wrong := model.contradiction() or _other(models[known.bodies.index(name)], model):
+            return f"on_modes.{name}: {wrong}"
+    return None
+
+
+def _other(model: ReducedModel, on_modes: ReducedModel) -> str | None:
+    """Why one model is no other with modes of its cylinder, in words; None where it may be."""
+    for names in ("row_names", "input_names", "output_names"):
+        if getattr(model, names) != getattr(on_modes, names):
+            return f"{names} {getattr(on_modes, names)} are not those of its body"
+    if on_modes.size + model.cylinder_modes != model.size:
+        return f"{on_modes.size} coordinates, {model.size - model.cylinder_modes} are allowed"
     return None

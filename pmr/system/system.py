@@ -199,10 +199,13 @@ class System(Joined[SlidingBody]):
     terms_of: Callable[[Mapping[str, SlidingBody]], tuple[Term, ...]] | None = field(
         default=None, compare=False, repr=False, kw_only=True
     )
+    # bodies before modes of their cylinders joined them, where they have some: by these errors are estimated
+    on_modes: Mapping[str, ReducedModel] = field(default_factory=dict, repr=False, kw_only=True)
 
     def with_bodies(self, bodies: Mapping[str, SlidingBody]) -> System:
         """The system with other models of the same bodies; with terms only if it knows how to make theirs."""
-        return replace(self, bodies=bodies, terms=self.terms if self.terms_of is None else self.terms_of(bodies))
+        terms = self.terms if self.terms_of is None else self.terms_of(bodies)
+        return replace(self, bodies=bodies, terms=terms, on_modes={})
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -234,6 +237,11 @@ class System(Joined[SlidingBody]):
                 raise InputError("system", f"bodies.{name}", kind, "a ReducedModel is allowed here")
         return found
 
+    @property
+    def modal(self) -> dict[str, ReducedModel]:
+        """The bodies without the modes of their cylinders, as far as they are known without; errors as of `reduced`."""
+        return self.reduced | dict(self.on_modes)
+
     def ensure_constant(self, source: str) -> System:
         """Itself; an InputError of `source` is raised where it has terms that vary in time: whoever asks knows none."""
         if self.terms:
@@ -247,9 +255,11 @@ class System(Joined[SlidingBody]):
     def save(self, path: str | Path) -> Path:
         """Write reduced bodies, contacts, terms and provenance as one npz file, not compressed; nothing is pickled.
 
+        Beside them stand the bodies without modes of cylinders, by which errors are estimated.
+
         An InputError is raised where a body is not reduced.
         """
-        saved.write(Path(path), self.bodies, self.contacts, self.terms, self.provenance)
+        saved.write(Path(path), saved.Saved(self.reduced, self.contacts, self.terms, self.provenance, self.on_modes))
         return Path(path)
 
     @classmethod
@@ -266,7 +276,7 @@ class System(Joined[SlidingBody]):
         try:
             if isinstance(found, ReducedModel):
                 return cls.of(found)
-            return cls(found.bodies, found.contacts, found.provenance, terms=found.terms)
+            return cls(found.bodies, found.contacts, found.provenance, terms=found.terms, on_modes=found.on_modes)
         except InputError as error:
             raise InputError(str(path), error.key, error.value, error.allowed) from None
 

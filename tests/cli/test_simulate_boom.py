@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from processes import FENICSX, PETSC, called, without
 
 import pmr
+from pmr.compare.saved_model import EARLIER, simulate_saved
 from pmr.compare.simulated import check_fits
 from pmr.errors import InputError
 from pmr.system.assembly import Assembly
@@ -59,7 +61,42 @@ def test_it_finds_what_the_run_found(folder: Path, tmp_path: Path) -> None:
     one, other = (json.loads((place / "summary.json").read_text()) for place in (out, folder))
     for key in ("max_displacement", "pads", "cylinders", "reactions", "scene_hash", "title"):
         assert one[key] == other[key]
-    assert one["estimate"]["reason"] and one["model"]["scene_hash"] == other["scene_hash"]
+    assert one["model"]["scene_hash"] == other["scene_hash"]
+    same_estimates(one, other)
+
+
+def same_estimates(one: dict[str, Any], other: dict[str, Any]) -> None:
+    """Of a saved boom and of its run, of sections too: there is one, and it is the same."""
+    assert one["estimate"]["beam"] > 0.0 and "seconds" in one["estimate"]
+    of_sections = [[section["estimate"] for section in summary["sections"]] for summary in (one, other)]
+    assert of_sections[0] == pytest.approx(of_sections[1], rel=1e-10)
+    assert set(one["estimate"]) == set(other["estimate"])
+    for key, value in other["estimate"].items():
+        if key != "seconds":
+            number = isinstance(value, float)
+            assert one["estimate"][key] == (pytest.approx(value, rel=1e-10) if number else value)
+
+
+def test_errors_with_second_order_are_estimated_too() -> None:
+    """By other models of the sections, whose terms the scene makes."""
+    quick = ["section.mesh.elements=8", "compare.against=[]", "time.end=0.02", "time.step=1e-3", "simulation.repeats=1"]
+    scene = pmr.load_scene("crane", quick)
+    outcome = pmr.run(scene)
+    assert outcome is not None
+    found = simulate_saved(replace(outcome.system, terms_of=None), scene)
+    same_estimates(found.summary, outcome.result.summary)
+
+
+def test_of_a_file_of_an_earlier_version_errors_are_not_estimated(folder: Path, tmp_path: Path) -> None:
+    with np.load(folder / "system.npz") as data:
+        arrays = {name: array for name, array in data.items() if not name.startswith("on_modes.")}
+    header = json.loads(str(arrays["header"]))
+    del header["on_modes"]
+    arrays["header"] = np.array(json.dumps(header | {"version": 2}))
+    np.savez(tmp_path / "system.npz", **arrays)
+    scene = pmr.load_scene("boom_two", SHORT)
+    found = simulate_saved(System.load(tmp_path / "system.npz"), scene).summary["estimate"]
+    assert found["beam"] is None and found["reason"] == EARLIER
 
 
 def test_under_another_scene_it_is_the_run_of_that_scene(system: System) -> None:

@@ -24,7 +24,8 @@ EARLIER = Path(__file__).parents[1] / "files" / "earlier" / "reduced.npz"
 
 @pytest.fixture(scope="module")
 def system() -> System:
-    return replace(reduced(Nested(3, elements=10, clearance=1e-4), 2), provenance={"scene": {"title": "Three"}})
+    found = reduced(Nested(3, elements=10, clearance=1e-4), 2)
+    return replace(found, provenance={"scene": {"title": "Three"}}, on_modes={"1": found.bodies["1"]})
 
 
 def test_what_was_saved_is_read(system: System, tmp_path: Path) -> None:
@@ -36,8 +37,9 @@ def test_what_was_saved_is_read(system: System, tmp_path: Path) -> None:
         system.provenance,
         list(system.bodies),
     )
-    for name, body in system.bodies.items():
-        expected, arrays = records.arrays(body), records.arrays(found.bodies[name])
+    pairs = [(body, found.bodies[name]) for name, body in system.bodies.items()]
+    for one, other in [*pairs, (system.on_modes["1"], found.on_modes["1"])]:
+        expected, arrays = records.arrays(one), records.arrays(other)
         assert set(arrays) == set(expected)
         for key, values in expected.items():
             np.testing.assert_array_equal(arrays[key], values)
@@ -95,6 +97,12 @@ FORGED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "less than rigid": (contact(compliance=-1.0), "compliance = -1.0"),
     "text for a compliance": (contact(compliance="x"), "contacts.0.compliance"),
     "a mass that is none": (lambda arrays: arrays.update({"bodies.1.M": -arrays["bodies.1.M"]}), "bodies.1: M has"),
+    "a model on modes of another size": (
+        lambda arrays: arrays.update({"on_modes.0.M": arrays["on_modes.0.M"][:2, :2]}),
+        "on_modes.1: ",
+    ),
+    "a model on modes of another body": (changed(lambda header: header | {"on_modes": ["0"]}), "on_modes.0: "),
+    "a model on modes of no body": (changed(lambda header: header | {"on_modes": ["9"]}), "on_modes.9: 0, 1, 2 are"),
     "a missing matrix": (lambda arrays: arrays.pop("bodies.2.K"), "bodies.2.K"),
 }
 

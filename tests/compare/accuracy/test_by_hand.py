@@ -32,7 +32,7 @@ def judged(seed: int) -> tuple[float | None, float]:
     scene = sliding_scene(seed)
     reduction = reduce(scene)
     excitation, reduced = Excitation.of(scene), reduction.reduced
-    found = reduction_error(scene, {"": reduced}, SimulatedSystem(reduction.system, excitation), Clock()).part
+    found = reduction_error(scene, SimulatedSystem(reduction.system, excitation), Clock()).part
     step = step_error(reduced, excitation)
     estimated = found.figures["estimate"]["beam"]
     said = not any("may be larger" in line for line in found.warnings) and step.settled and estimated is not None
