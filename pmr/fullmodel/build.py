@@ -14,7 +14,8 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel import free_motions
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structure import Structure, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Structure
 from pmr.fullmodel.system import FullSystem
 from pmr.fullmodel.wanted import wanted_matrices
 from pmr.scene import Scene

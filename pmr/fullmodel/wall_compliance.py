@@ -26,7 +26,8 @@ from pmr.fem.distributed import freed
 from pmr.fem.matrices import gather
 from pmr.fem.replicated import factor_for_columns
 from pmr.fullmodel.pads import Pad, Pads, restrain
-from pmr.fullmodel.structure import Clamp, Structure, couple, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.mesh.named import read_mesh
 from pmr.models import DIRECTIONS, StructuralModel

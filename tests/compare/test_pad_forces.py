@@ -17,7 +17,7 @@ from pmr.compare.pad_forces import pad_loads, pulled, unknown
 from pmr.compare.simulated import simulate
 from pmr.files import records
 from pmr.fullmodel.from_scene import structure_of
-from pmr.fullmodel.structure import structural_model
+from pmr.fullmodel.structural import structural_model
 from pmr.pipeline import reduce, run
 from pmr.report.columns import forces, tips
 from pmr.results import Energy, Response, RunResult

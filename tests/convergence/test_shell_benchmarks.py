@@ -18,7 +18,8 @@ from cylinder import pinched
 from statics import static_outputs
 from surfaces import mapped
 
-from pmr.fullmodel.structure import Action, Clamp, Structure, Weight, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
 from pmr.mesh.named import Group
 from pmr.models.shell import Shell
 from pmr.scene.structures import Material, Plate, ShellBody

@@ -7,7 +7,8 @@ import pytest
 from blocks import BLOCKS, block
 
 from pmr.fullmodel.eigensolvers import DenseEigenSolver
-from pmr.fullmodel.structure import Clamp, Structure, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Clamp, Structure
 from pmr.models.solid import Solid
 from pmr.scene.structures import Material, SolidBody
 

@@ -14,7 +14,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structure import structural_model
+from pmr.fullmodel.structural import structural_model
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell

@@ -17,7 +17,8 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Pads, Support
-from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure
 from pmr.fullmodel.system import FullSystem
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D

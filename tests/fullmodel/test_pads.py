@@ -13,7 +13,8 @@ from pmr.constraints.rows import Row, Rows
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.pads import Pad, Pads, Support, fixed_pad, moving_pad, restrain
-from pmr.fullmodel.structure import Action, PadForce, Structure, Weight, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, PadForce, Structure, Weight
 from pmr.mesh.named import Group
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D

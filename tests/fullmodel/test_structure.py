@@ -12,7 +12,8 @@ from textbook import relative
 
 from pmr.errors import InputError
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver
-from pmr.fullmodel.structure import Action, Clamp, Structure, Weight, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
 from pmr.mesh.named import NamedMesh
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D

@@ -10,7 +10,8 @@ import scipy.linalg
 from gathering import gathered
 
 from pmr.fullmodel.pads import Pad, Pads, Support
-from pmr.fullmodel.structure import Action, Clamp, Structure, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Structure
 from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance
 from pmr.fullmodel.walls import Sliding, Standing, Walls, summary
 from pmr.mesh.box import BoxBoom

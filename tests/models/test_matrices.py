@@ -12,7 +12,8 @@ from gathering import gathered
 from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.pads import Pads, Support, restrain
-from pmr.fullmodel.structure import Structure, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Structure
 from pmr.mesh.strip import Window
 from pmr.models.matrices import Matrices
 from pmr.reduction.recover.fields import View

@@ -19,7 +19,8 @@ import pytest
 from statics import static_outputs
 
 from pmr.fullmodel.eigensolvers import SlepcEigenSolver
-from pmr.fullmodel.structure import Action, Clamp, Structure, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Structure
 from pmr.mesh import read_mesh
 from pmr.mesh.box import BoxBoom, write_shell, write_solid
 from pmr.models import StructuralModel

@@ -15,7 +15,8 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure, Weight, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure, Weight
 from pmr.mesh.named import NamedMesh
 from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D

@@ -15,7 +15,8 @@ from pmr import scene as scenes
 from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.eigensolvers import eigensolver
-from pmr.fullmodel.structure import Clamp, Structure, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Clamp, Structure
 from pmr.models.matrices import Matrices
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]

@@ -8,7 +8,8 @@ from boxes import box
 
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Pad, Pads
-from pmr.fullmodel.structure import Action, Clamp, Structure, Weight, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
 from pmr.models.shell import Shell
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.residual.model import section_model

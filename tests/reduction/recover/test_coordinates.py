@@ -14,7 +14,7 @@ from pmr.fem.distributed import inner, times
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structure import structural_model
+from pmr.fullmodel.structural import structural_model
 from pmr.models.shell import Shell
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import Basis, modal_basis

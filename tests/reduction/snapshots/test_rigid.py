@@ -16,7 +16,8 @@ from pmr.fullmodel.build import build
 from pmr.fullmodel.eigensolvers import eigensolver
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structure import Clamp, Structure, structural_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Clamp, Structure
 from pmr.pipeline import run
 from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
 from pmr.reduction.snapshots.free_modes import _beside, free_modes

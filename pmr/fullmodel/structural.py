@@ -1,0 +1,147 @@
+"""The full model of a structure: its matrices, rows, loads and outputs on the coordinates that it has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.constraints.rows import Rows
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import freed, sparse
+from pmr.fem.matrices import columns
+from pmr.fullmodel.assembly import Operators, operators_of, padded, projected, rayleigh, share
+from pmr.fullmodel.model import FullModel, RigidMotions
+from pmr.fullmodel.moving import Moving
+from pmr.fullmodel.pads import Restraints, restrain
+from pmr.fullmodel.probes import Gauge
+from pmr.fullmodel.structure import Action, Coupling, PadForce, Structure, couple
+from pmr.fullmodel.symmetry import mirror_images
+from pmr.reduced.moving import CARRIED, ROTATING
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
+    """Assemble a structure on `comm`; its rows are the pads', for what is clamped is left out.
+
+    Raises an `InputError` if a place does not exist, a rigid coupling meets a clamp or another one, or a pad leaves its
+    face.
+    """
+    model = structure.model
+    base = operators_of(model, comm)
+    coupling = couple(structure)
+    attached = coupling.attached_mass()
+    size = coupling.T.shape[1]
+    restraints = restrain(structure.pads, model, coupling.T)
+    springs = restraints.stiffness(size) + structure.pads.walls.stiffness(size)
+    moving = Moving(model, structure.masses, comm)
+    loads = [sp.csr_matrix((0, size)), *(coupling.load(load, base.M, moving) for load in structure.loads)]
+    operators = Operators(
+        _reduced(base.M, coupling.T, attached),
+        _reduced(base.K, coupling.T, padded(springs, attached)),
+    )
+    of_pads = [isinstance(one, PadForce) for one in structure.outputs]
+    places = coupling.rows([one for one in structure.outputs if not isinstance(one, PadForce)])
+    forces = [restraints.force(one.pad, size) for one in structure.outputs if isinstance(one, PadForce)]
+    outputs = sp.vstack([places, *forces], format="csr")[np.argsort(np.argsort(of_pads, kind="stable"))]
+    return FullModel(
+        operators.M,
+        rayleigh(structure.damping),
+        operators.K,
+        inputs=columns(operators.M, sp.vstack(loads, format="csr")),
+        outputs=columns(operators.M, outputs),
+        rows=Rows(restraints.rows, size),
+        input_names=tuple(load.name for load in structure.loads),
+        output_positions=np.array([_position(output, structure) for output in structure.outputs]),
+        output_names=tuple(output.name for output in structure.outputs),
+        output_units=tuple(output.unit for output in structure.outputs),
+        output_kinds=tuple(output.kind for output in structure.outputs),
+        reference_frequency=model.reference_frequency,
+        rigid=_rigid_motions(coupling, restraints, operators.M),
+        node_stations=model.node_stations,
+        mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
+        ports={port.name: coupling.rows([port]) for port in structure.ports},
+        matrices=_added(structure.matrices, coupling, moving),
+    )
+
+
+def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str, PETSc.Mat]:
+    """What a moving frame and axial forces add, by name; matrices that vanish are left out.  Collective.
+
+    Walls that give way under pads have no part in it: their dents are small, and so is what they weigh.
+    """
+    tensors, nothing = ROTATING | CARRIED, sp.csr_matrix((coupling.T.shape[1],) * 2)
+    matrices = dict[str, PETSc.Mat]()
+    for name in names:
+        if name in tensors:
+            own, attached = moving.inertia(tensors[name]), coupling.attached(tensors[name])
+        else:
+            own, attached = moving.geometric_stiffness(name), nothing
+        found = _reduced(own, coupling.T, attached)
+        if found.norm(PETSc.NormType.NORM_INFINITY) > 0.0:
+            matrices[name] = found
+        else:
+            freed(found)
+    moving.drop()
+    return matrices
+
+
+def _rigid_motions(coupling: Coupling, restraints: Restraints, M: PETSc.Mat) -> RigidMotions:
+    """This rank's rows of them, and what clamps and springs measure of each."""
+    springs = [np.asarray(spring @ coupling.rigid) for spring in restraints.vectors(coupling.T.shape[1])]
+    return RigidMotions(coupling.rigid[slice(*M.getOwnershipRange())].copy(), np.vstack([coupling.clamped, *springs]))
+
+
+def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
+    """T^T A T + added, distributed in consecutive shares; entries of `added` have a place even if zero.
+
+    A is freed.  Where nothing is coupled there is no product: T only leaves coordinates out, or none.
+    """
+    first, last = A.getOwnershipRange()
+    low, high = share(T.shape[1], A.comm.tompi4py())
+    if not _leaves_out(T):
+        P = sparse(T[first:last], A, columns=int(high - low))
+        result = projected(A, P)
+        freed(P)
+    elif T.shape[0] > T.shape[1]:
+        result = _without_rest(A, np.flatnonzero(np.diff(T.indptr))[low:high])
+    else:
+        result = A
+    if added.nnz:
+        more = sparse(added[low:high], result, columns=int(high - low))
+        result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        freed(more)
+    return result
+
+
+def _without_rest(A: PETSc.Mat, own: Indices) -> PETSc.Mat:
+    """Rows and columns of A that any rank owns afterwards; A is freed."""
+    chosen = PETSc.IS().createGeneral(own.astype(PETSc.IntType), comm=A.comm)
+    result = A.createSubMatrix(chosen, chosen)
+    freed(A, chosen)
+    return result
+
+
+def _leaves_out(T: sp.csr_matrix) -> bool:
+    """Whether T z has the coordinates z in their order, and zeros between them.
+
+    A mass on a single node has as many entries as coordinates, in another place and with other signs.
+    """
+    T = T.tocoo()
+    order = np.argsort(T.row, kind="stable")
+    return T.nnz == T.shape[1] and bool(np.all(T.data == 1.0) and np.all(T.col[order] == np.arange(T.nnz)))
+
+
+def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
+    """Where along the axis an output is measured, m."""
+    if isinstance(output, Gauge):
+        return float(output.at[0])
+    if isinstance(output, Action):
+        return float(structure.model.centroid(output.on)[0])
+    places = {pad.name: pad.at for pad in structure.pads.fixed}
+    places |= {support.name: float(structure.model.centroid(support.on)[0]) for support in structure.pads.supports}
+    return places[output.pad]
