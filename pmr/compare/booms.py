@@ -18,9 +18,9 @@ from pmr.scene.built import force_of, reaction_of
 from pmr.scene.names import ALONE, cylinder_of
 from pmr.simulation import Excitation
 from pmr.simulation.columns import called
-from pmr.simulation.modal import inertia_share, unpressed
+from pmr.simulation.modal import inertia_share, support_forces, unpressed
 from pmr.simulation.native import systems
-from pmr.system.body import force_outputs, length_outputs
+from pmr.system.body import Trajectory, force_outputs, length_outputs
 from pmr.system.contacts import Contact, named
 from pmr.system.system import Joined, System, SystemTrajectory
 
@@ -64,15 +64,48 @@ def _with_reactions(response: Response, system: System, trajectory: SystemTrajec
         loads = trajectory.loads[:, first : first + len(body.input_names)]
         first += len(body.input_names)
         known, motion = body.reactions, trajectory.bodies[name]
-        if not isinstance(body, ReducedModel) or body.carriers is None or known is None or known.carried is None:
+        if not isinstance(body, ReducedModel) or known is None:
             continue
-        carried = known.carried - body.carriers.values @ inertia_share(body, known).T
-        forces = unpressed(body, known, motion, loads)
-        own = [side for side in system.sides if side.place.body == name]
-        for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
-            forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
+        if name == ALONE:
+            forces = support_forces(body, _on_rows(system, body, motion), loads)
+        elif body.carriers is None or known.carried is None:
+            continue
+        else:
+            carried = known.carried - body.carriers.values @ inertia_share(body, known).T
+            forces = unpressed(body, known, motion, loads)
+            own = [side for side in system.sides if side.place.body == name]
+            for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
+                forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
+        forces = forces - _of_terms(system, name, inertia_share(body, known), trajectory)
         of_bodies[name], found[name] = known.supports, forces
     return with_reactions(response, of_bodies, found)
+
+
+def _on_rows(system: System, body: ReducedModel, motion: Trajectory) -> Trajectory:
+    """The motion of a body alone with the path coordinate (T,), and multipliers of all of its rows."""
+    multipliers = np.zeros((len(motion.t), len(body.row_names)))
+    moving = 0
+    for k, side in enumerate(system.sides):
+        multipliers[:, body.row_names.index(side.place.row)] = motion.multipliers[:, k]
+        moving = k if side.place.path is not None else moving
+    s = motion.s[:, moving] if motion.s.shape[1] else np.full(len(motion.t), body.domain[0])
+    return replace(motion, s=s, multipliers=multipliers)
+
+
+def _of_terms(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
+    """What terms that vary in time take from the forces on a body's rigid supports, (T, h)."""
+    found: Array | float = 0.0
+    if trajectory.amplitudes is None:
+        return found
+    for term, c in zip(system.terms, trajectory.amplitudes.T, strict=True):
+        if (work := term.supports.get(name)) is not None:
+            motions = [trajectory.bodies[one] for one in term.bodies]
+            before = term.bodies.index(name) and system.bodies[term.bodies[0]].size
+            for key, A in term.arrays.items():
+                own = A[before : before + system.bodies[name].size]
+                moved = np.hstack([one.q if key == "stiffness" else one.v for one in motions])
+                found = found + c[:, None] * (moved @ (work - P @ own).T)
+    return found
 
 
 def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:

@@ -14,7 +14,8 @@ the sum of forces and moments).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -45,6 +46,9 @@ class Reactions:
     rows: PPoly  # (C(s) Phi)^T (h, m) of the rows that are no rigid supports, zero for these
     # U Phi (K, h) on the carriers of a body of a system, whose rows each have a path coordinate of their own
     carried: Array | None = None
+    # Phi^T A V (h, n) of the body's `matrices`, and its `ports` on Phi, (h,) each, by their names
+    matrices: Mapping[str, Array] = field(default_factory=dict)
+    ports: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def supports(self) -> list[tuple[str, str]]:
@@ -54,7 +58,8 @@ class Reactions:
     def on(self, V: Array) -> Reactions:
         """Those of the body projected on V (n, r)."""
         inertia, damping, stiffness = (A[:, : len(V)] @ V for A in (self.inertia, self.damping, self.stiffness))
-        return replace(self, inertia=inertia, damping=damping, stiffness=stiffness)
+        matrices = {name: A[:, : len(V)] @ V for name, A in self.matrices.items()}
+        return replace(self, inertia=inertia, damping=damping, stiffness=stiffness, matrices=matrices)
 
     def with_rows(self, numbers: list[int]) -> Reactions:
         """Those of the body with none but these of its rows."""

@@ -78,6 +78,11 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
             inputs=np.asarray(model.comm.allreduce(motions.T @ local_csr(model.inputs))),
             rows=PPoly(np.ascontiguousarray(c.swapaxes(2, 3)), rows.x),
             carried=None if reduced.carriers is None else _carried(model, motions),
+            matrices={name: inner(motions, times(A, V), model.comm) for name, A in model.matrices.items()},
+            ports={
+                name: model.comm.allreduce(np.asarray(row[:, model.share] @ motions)[0])
+                for name, row in model.ports.items()
+            },
         ),
     )
 

@@ -28,13 +28,28 @@ def terms_of(
 
 def _term(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
     if one.of == "cylinder":
-        apart = sp.csr_matrix(_apart(scene, one, bodies))
-        return Term(one.name, one.bodies, stiffness=_carried(bodies[one.carried], one.component) * (apart.T @ apart))
+        apart, mass = sp.csr_matrix(_apart(scene, one, bodies)), _carried(bodies[one.carried], one.component)
+        moved = {name: mass * (_moved(scene, one, bodies, name).T @ apart) for name in one.bodies}
+        supports = {name: A for name, A in moved.items() if A.size}
+        return Term(one.name, one.bodies, stiffness=mass * (apart.T @ apart), supports=supports)
     (name,) = one.bodies
     matrix = bodies[name].matrices.get(one.matrix, sp.csr_matrix((bodies[name].size,) * 2))
+    known = bodies[name].reactions
+    on = None if known is None else known.matrices.get(one.matrix)
+    supports = {} if on is None else {name: on[:, : bodies[name].size]}
     if one.of == "rotation":
-        return Term(one.name, one.bodies, damping=matrix)
-    return Term(one.name, one.bodies, stiffness=matrix)
+        return Term(one.name, one.bodies, damping=matrix, supports=supports)
+    return Term(one.name, one.bodies, stiffness=matrix, supports=supports)
+
+
+def _moved(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
+    """What motions of the rigid supports of a body with that name do to the distance of `_apart`, (d, h)."""
+    known, sign = bodies[name].reactions, 1.0 if name == one.bodies[0] else -1.0
+    rows = tails(member_at(scene, one.number))
+    if known is None or not known.ports:
+        return np.zeros((len(rows), 0))
+    nothing = np.zeros(len(known.names))
+    return np.array([sign * known.ports.get(row, nothing) for row in rows])
 
 
 def _apart(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:

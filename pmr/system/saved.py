@@ -71,6 +71,8 @@ def write(path: Path, system: Saved) -> None:
             arrays |= records.arrays(body, f"{kind}.{number}.")
     for number, term in enumerate(system.terms):
         arrays |= {f"terms.{number}.{key}": matrix for key, matrix in term.arrays.items()}
+        on = {term.bodies.index(name): A for name, A in term.supports.items()}
+        arrays |= {f"terms.{number}.supports.{body}": A for body, A in on.items()}
     header = {"format": FORMAT, "version": FORMAT_VERSION, "units": "SI", "bodies": list(system.bodies)}
     parts = {
         "contacts": [asdict(one) for one in system.contacts],
@@ -122,7 +124,9 @@ def read(path: Path) -> Saved | ReducedModel:
 
 def _term(known: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> Term:
     found = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
-    return Term(known.name, known.bodies, **found)
+    on = {name: f"{prefix}supports.{body}" for body, name in enumerate(known.bodies)}
+    supports = {name: np.asarray(data[key], float) for name, key in on.items() if key in data}
+    return Term(known.name, known.bodies, **found, supports=supports)
 
 
 def _contradiction(known: _Header, models: list[ReducedModel], on_modes: list[ReducedModel]) -> str | None:

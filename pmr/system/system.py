@@ -324,10 +324,12 @@ class SystemTrajectory:
     parts: NDArray[np.int64] | None = None  # (T,): of how many parts each step was made (`pmr.simulation.contact_step`)
     # (T, m) N s: of the step that ends at t, as generalized-alpha weighs forces; None where no contact only pushes
     impulses: Array | None = None
+    amplitudes: Array | None = None  # c (T, k) of the system's terms, None where there are none
 
     def at(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
         """Some of its steps, by their numbers (S,); what belongs to a step that ends there is left out."""
         bodies = {name: one.at(steps) for name, one in self.bodies.items()}
         kept = ("t", "forces", "peaks", "loads", "energy", "work")
         changed: dict[str, Any] = {name: getattr(self, name)[steps] for name in kept}
+        changed["amplitudes"] = None if self.amplitudes is None else self.amplitudes[steps]
         return replace(self, bodies=bodies, parts=None, impulses=None, **changed)

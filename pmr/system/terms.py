@@ -11,7 +11,7 @@ of a frame that turns, with an antisymmetric V of a unit angular velocity.  The 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,9 @@ class Term:
     # PETSc's of a distributed body
     stiffness: Any = None
     damping: Any = None
+    # Phi^T G, or of a damping Phi^T V, (h, n): by the name of a body, the work on motions of its rigid supports
+    # (`pmr.reduced.reactions`)
+    supports: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 1 <= len(set(self.bodies)) == len(self.bodies) <= 2:
@@ -66,7 +69,7 @@ class Term:
         """On other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense."""
         V = sp.block_diag([sp.csr_matrix(motions[name]) for name in self.bodies], format="csr")
         found: dict[str, Any] = {key: (V.T @ (A @ V)).toarray() for key, A in self._sparse.items()}
-        return replace(self, **found)
+        return replace(self, **found, supports={})
 
     def among(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
         """Among `size` coordinates, where those of a body with number 0 or more stand; others are left out; sparse."""
@@ -74,7 +77,7 @@ class Term:
         kept = np.flatnonzero(at >= 0)
         P = sp.csr_matrix((np.ones(len(kept)), (at[kept], kept)), shape=(size, len(at)))
         found: dict[str, Any] = {key: sp.csr_matrix(P @ A @ P.T) for key, A in self._sparse.items()}
-        return replace(self, **found)
+        return replace(self, **found, supports={})
 
     @property
     def _sparse(self) -> dict[str, sp.csr_matrix]:

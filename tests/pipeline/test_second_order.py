@@ -6,12 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from newton_euler import needed
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 import pmr
 from pmr import scene as scenes
 from pmr.compare.boom_figures import frequency_map
+from pmr.compare.booms import respond
+from pmr.compare.pivot import at_pivot
 from pmr.compare.saved_model import simulate_saved
 from pmr.compare.way import frequencies, visited
 from pmr.errors import InputError
@@ -21,6 +24,7 @@ from pmr.results import Frequencies
 from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation
+from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -258,3 +262,36 @@ def test_a_beam_that_spins_needs_second_order_without_any_compression() -> None:
     summary = pmr.run(load(turn, "frame.second_order=auto")).result.summary
     assert summary["frame"]["second_order"] is True and summary["buckling"]["factor"] is None
     assert 0.01 < summary["buckling"]["share"] < 0.2
+
+
+def test_a_clamp_bears_the_moment_of_a_load_along_on_what_is_bent() -> None:
+    """F L + P w at rest, and P along: equilibrium of the bent column."""
+    P, F = 0.5 * np.pi**2 / 4.0 * EI / LENGTH**2, 20.0
+    press = f"{{name='press', on='tip', direction='x', signal={-P}}}"
+    push = f"{{name='push', on='tip', direction='z', signal={F}}}"
+    scene = load(f"sections.beam.loads=[{press}, {push}]", "start=equilibrium")
+    found = pmr.simulate(scene, pmr.reduce(scene).reduced)
+    w = found.tip[0]
+    assert P * w > 0.3 * F * LENGTH  # it matters
+    moment = found.other("reaction of pivot ry")
+    assert np.abs(moment).max() == pytest.approx(F * LENGTH + P * w, rel=1e-4)
+    assert np.ptp(moment) < 1e-6 * np.abs(moment).max()
+    assert found.other("reaction of pivot x")[0] == pytest.approx(-P, rel=1e-9)
+    assert found.other("reaction of pivot z")[0] == pytest.approx(F, rel=1e-6)
+
+
+def test_a_base_bears_the_moment_of_the_weight_of_bent_sections() -> None:
+    """At rest: what rigid sections would press with, and g sin(phi) times how far their mass is aside."""
+    scene = load("frame.luffing=40.0", "frame.second_order=true", "section.mesh.elements=8", "time.end=0.02",
+                 "section.reduction.estimate=false", "sections.fly.loads.0.signal=0.0", file=LUFFING)  # fmt: skip
+    system = pmr.reduce(scene).system
+    run = systems.simulate(system, excitation := Excitation.of(scene), systems.start_of(system, excitation))
+    found = at_pivot(scene, respond(system, run))
+    aside = sum(
+        np.asarray(body.B)[:, body.input_names.index("inertia z")] @ run.bodies[name].q[0]
+        for name, body in system.bodies.items()
+    )
+    rigid = sum(needed(scene, number, found.t[:1]).moment[0, 1] for number in range(3))
+    bent = 9.81 * np.sin(np.deg2rad(40.0)) * aside
+    assert abs(bent) > 5e-4 * abs(rigid)
+    assert found.other("reaction of pivot ry")[0] + rigid == pytest.approx(-bent, abs=1e-2 * abs(bent))

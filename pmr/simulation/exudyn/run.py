@@ -125,4 +125,7 @@ class Run:
         peaks = np.where(pushes, np.vstack([forces[:1], within]), forces)
         made = np.concatenate([[1], parts])
         energy, work = balanced.stored[ends], balanced.work[ends]
-        return SystemTrajectory(t, bodies, forces, peaks, motion.f[ends], energy, work, seconds, surplus, made)
+        c = motion.c[ends] if system.terms else None
+        return SystemTrajectory(
+            t, bodies, forces, peaks, motion.f[ends], energy, work, seconds, surplus, made, amplitudes=c
+        )

@@ -73,7 +73,7 @@ def simulate(
     parts = found.get("parts", np.ones(T, np.int64))
     return SystemTrajectory(
         t, motions, forces, peaks, march.f[kept], found["stored"], found["work"], ended.seconds, ended.surplus, parts,
-        found.get("impulses"),
+        found.get("impulses"), excitation.amplitudes(system.term_names)[kept] if system.terms else None,
     )  # fmt: skip
 
 
