@@ -36,6 +36,8 @@ def test_a_base_that_is_accelerated_upwards_weighs_as_gravity_does(second_order:
     base = moved(*raised, f"frame.base={{acceleration={{z={COMES}}}}}")
     assert np.abs(gravity.displacement).max() > 1e-4
     assert base.displacement == pytest.approx(gravity.displacement, abs=1e-10 * np.abs(gravity.displacement).max())
+    reaction, expected = (one.other("reaction of pivot x") for one in (base, gravity))
+    assert reaction == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
 
 
 def test_sections_on_a_base_that_is_accelerated_upwards_weigh_as_under_gravity() -> None:
