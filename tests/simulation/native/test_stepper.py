@@ -57,6 +57,33 @@ def test_only_the_chosen_outputs_are_returned_always_in_the_same_memory(small: R
     np.testing.assert_allclose(w[8], first[0], rtol=1e-12)
 
 
+def test_names_forces_and_states_are_those_of_a_system_of_one(small: ReducedModel) -> None:
+    """A force among the outputs is found by the loop of all systems, outputs alone by the step on tables."""
+    every = Stepper(small, step=1e-3, s=2.0)
+    names = every.output_names
+    chosen = Stepper(small, step=1e-3, s={"slider": 2.0}, outputs=[names[-1], names[3], 8])
+    for s in (2.0, 2.001, 2.003):
+        y, found = every.step(s, 50.0), chosen.step({"slider": s}, {"F": 50.0})
+    force = every.forces["slider 0"]
+    assert names[-1] == "force of slider 0" and every.multipliers.tolist() == [force] and force != 0.0
+    np.testing.assert_allclose(found, [force, y[3], y[8]], rtol=1e-9)
+    np.testing.assert_allclose(every.outputs, [*y, force], rtol=1e-9)
+    again = Stepper(small, step=1e-3, s=2.003, F=50.0, initial=every.states)
+    np.testing.assert_allclose(again.q, every.q, rtol=0.0, atol=1e-12 * np.abs(every.q).max())
+
+
+def test_a_body_alone_starts_as_its_scene_says(small: ReducedModel) -> None:
+    """In equilibrium under its weight, where the scene says so: it stays there."""
+    body = with_weight(small, 1.0)
+    still = replace(body, provenance={"scene": body.provenance["scene"] | {"start": "equilibrium"}})
+    stepper = Stepper(still, 1e-3, 2.0)
+    start = stepper.outputs[:-1]
+    assert np.abs(start).max() > 0.0 and not Stepper(body, 1e-3, 2.0).q.any()
+    for _ in range(10):
+        stepper.step(2.0)
+    np.testing.assert_allclose(stepper.outputs[:-1], start, rtol=0.0, atol=1e-8 * np.abs(start).max())
+
+
 def test_steps_take_no_memory(small: ReducedModel) -> None:
     stepper = Stepper(small, step=1e-3, s=2.0, outputs=[8])
     F = np.zeros(1)
