@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,10 +88,28 @@ def described_scene(scene: scenes.Scene) -> dict[str, str]:
     rows = {"title": scene.title, "hash": scene.hash}
     for one in members(scene):
         rows |= _describe_body(one) if len(scene.sections) == 1 else {one.part.name: _in_a_line(scene, one)}
-    return rows | {
-        "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
-        "compared with": ", ".join(scene.compare.against) or "nothing",
-    }
+    return (
+        rows
+        | _frame(scene)
+        | {
+            "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
+            "compared with": ", ".join(scene.compare.against) or "nothing",
+        }
+    )
+
+
+def _frame(scene: scenes.Scene) -> dict[str, str]:
+    """How a boom is raised and turned."""
+    if scene.frame is None:
+        return {}
+    said = []
+    for name, angle in zip(("luffing", "slewing"), scene.frame.angles, strict=True):
+        low, high = (math.degrees(end) for end in angle.bounds(0.0, scene.time.end))
+        if low or high:
+            said.append(f"{name} {low:.4g} to {high:.4g} degrees" if high > low else f"{name} {low:.4g} degrees")
+    said += ["a base that moves"] * (scene.frame.base is not None)
+    pivot = ", ".join(f"{at:g}" for at in scene.frame.place)
+    return {"frame": f"{'; '.join(said) or 'level'}; tail at ({pivot}) m from the pivot"}
 
 
 def _describe_body(one: Member) -> dict[str, str]:

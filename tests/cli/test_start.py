@@ -128,6 +128,13 @@ def test_the_cranes_load_pulls_straight_down_however_the_boom_is_turned() -> Non
     assert of("wind")[-1] == pytest.approx([0.0, 300.0, 0.0], abs=1e-9)
 
 
+def test_info_says_how_a_boom_is_raised_and_turned(tmp_path: Path) -> None:
+    RUN.invoke(app, ["new", "crane", str(tmp_path / "mine")])
+    said = " ".join(RUN.invoke(app, ["info", str(tmp_path / "mine")]).stdout.split())
+    assert "luffing 20 to 60 degrees; slewing 0 to 90 degrees; tail at (0, 0, 0) m from the pivot" in said
+    assert "hoisting on tip along z of the ground" in said
+
+
 def test_the_meshs_comment_has_the_wall_of_the_scene() -> None:
     said = re.search(r"thickness = ([\d.]+)", (TEMPLATES / "mesh_of_a_box.py").read_text())
     assert said and float(said[1]) == scenes.load(Path(str(TEMPLATES / "boom.toml"))).body.box.wall

@@ -50,7 +50,7 @@ def stressed(result: RunResult) -> bool:
 
 
 def instants(result: RunResult) -> list[Moment]:
-    """In each third of the stretch that the mouth visits, farthest out first, the time of the largest stress.
+    """In each third of the stretch that the mouth visits the time of the largest stress, in order of time.
 
     Without stresses that of the largest displacement; one moment alone where the mouth rests.
     """
@@ -62,7 +62,8 @@ def instants(result: RunResult) -> list[Moment]:
         _largest(weight, inside, named) for part in np.unique(parts) if len(inside := np.flatnonzero(parts == part))
     ]
     largest = weight if stressed(result) else np.zeros_like(weight)
-    return [Moment(k, float(t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k])) for k in frames]
+    chosen = sorted(frames)
+    return [Moment(k, float(t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k])) for k in chosen]
 
 
 def of_the_peak(result: RunResult, among: Sequence[Moment]) -> Moment:

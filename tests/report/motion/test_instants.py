@@ -15,6 +15,7 @@ def test_each_third_of_the_way_shows_its_largest_stress(make_space, make_fields)
     # s rises from 1.5 m at 0.2 s to 4 m at 0.7 s, the stress follows half a sine over the second
     assert [moment.t for moment in found] == pytest.approx([0.35, 0.5, 0.55])
     assert [moment.extension for moment in found] == pytest.approx([6.0 - moment.s for moment in found])
+    assert [moment.t for moment in found] == sorted(moment.t for moment in found)
     assert [moment.s for moment in found] == pytest.approx(positions(result)[[moment.frame for moment in found]])
     assert found[1].peak == pytest.approx(stress_of(fields).max())
 
