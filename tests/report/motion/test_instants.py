@@ -15,9 +15,14 @@ def test_each_third_of_the_way_shows_its_largest_stress(make_space, make_fields)
     # s rises from 1.5 m at 0.2 s to 4 m at 0.7 s, the stress follows half a sine over the second
     assert [moment.t for moment in found] == pytest.approx([0.35, 0.5, 0.55])
     assert [moment.extension for moment in found] == pytest.approx([6.0 - moment.s for moment in found])
-    assert [moment.t for moment in found] == sorted(moment.t for moment in found)
     assert [moment.s for moment in found] == pytest.approx(positions(result)[[moment.frame for moment in found]])
     assert found[1].peak == pytest.approx(stress_of(fields).max())
+
+
+def test_pictures_stand_in_order_of_time_where_the_mouth_goes_back(make_space, make_fields) -> None:
+    back = {"path": {"kind": "ramp", "times": [0.2, 0.7], "values": [4.0, 1.5]}}
+    found = instants(make_space(fields=make_fields("triangle"), slider=back))
+    assert len(found) == 3 and [moment.t for moment in found] == sorted(moment.t for moment in found)
 
 
 def test_a_mouth_at_rest_is_shown_once(make_space, make_fields) -> None:
