@@ -94,11 +94,12 @@ def _borne(model: ReducedModel, known: Reactions, answers: Answers, turned: Arra
     )
 
 
-def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
+def with_attachment_modes(model: ReducedModel, loads: Array, left_out: float = LEFT_OUT) -> ReducedModel:
     """The model with the principal answers to loads (T, K + i) in N, on its carriers and inputs, as coordinates.
 
-    They are those with the most inertia: at rest nothing is missing.  Where there is a cylinder, `RICHER` modes of it
-    are among them.  Without either, and where none moves what is left out, the model stays as it is.
+    They are those with the most inertia, all but a share `left_out` of it: at rest nothing is missing.  Where there is
+    a cylinder, `RICHER` modes of it are among them.  Without either, and where none moves what is left out, the model
+    stays as it is.
 
     A ValueError is raised where it does not know flexibility and inertia of what it leaves out on its carriers.
     """
@@ -106,7 +107,7 @@ def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
     if carriers is None or carriers.flexibility is None or carriers.inertia is None:
         raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
     R, S, answers = _on_loads(carriers.flexibility), _on_loads(carriers.inertia), carriers.answers
-    G = _principal(S, loads)
+    G = _principal(S, loads, left_out)
     measured, moved = R @ G, S @ G  # of the answers, and of what their inertia moves
     outputs = np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G
     K, M = G.T @ measured, G.T @ moved
@@ -172,7 +173,7 @@ def _on_loads(part: CarrierFlexibility) -> Array:
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 
-def _principal(S: Array, loads: Array) -> Array:
+def _principal(S: Array, loads: Array, left_out: float) -> Array:
     """Combinations G (K + i, k) of the loads with G^T S G = I, those whose answers have the most inertia first."""
     mass, Q = np.linalg.eigh(S)
     mass = np.maximum(mass, 0.0)
@@ -182,7 +183,7 @@ def _principal(S: Array, loads: Array) -> Array:
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]
     known = np.cumsum(np.maximum(energy, 0.0))
-    enough = 1 + int(np.searchsorted(known, (1.0 - LEFT_OUT) * known[-1]))
+    enough = 1 + int(np.searchsorted(known, (1.0 - left_out) * known[-1]))
     some = energy > CANCELLED**2 * mass[-1] * np.sum(loads**2)
     chosen = slice(min(MOST, enough, int(np.count_nonzero(some))))
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])
