@@ -11,13 +11,53 @@ from typing import Any
 
 from numba import njit
 from numba.core.caching import FunctionCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 
 # Without Numba's runtime nothing can be allocated.  NaN and infinity stay visible, while sums may be reordered.
 OPTIONS = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}, "error_model": "numpy", "nogil": True, "_nrt": False}
 
+
+class _Part(JITCodeLibrary):
+    """Code of a function that stands in others alone, where it is optimised and translated with theirs.
+
+    Numba would do both for each function by itself as well, and again for all that it calls: most of the time that a
+    loop takes to compile, for code that nobody calls.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """None: it has no address."""
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        """Itself, for what would be told the address of an environment."""
+        return self
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Nothing: what can't raise or print needs none."""
+
+
+class _PartCompiler(Compiler):
+    """Numba's, for such a function."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        self.state.library = _Part(self.state.targetctx.codegen(), function.__qualname__)
+        return super().compile_extra(function)
+
+
 #: For functions that are parts of others: a call would copy the headers of all arrays.  Python can't call them: what it
 #: would call takes a third of the time in which they are compiled.
-inlined = njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)
+inlined = njit(
+    pipeline_class=_PartCompiler, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS
+)
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -37,7 +37,7 @@ def run(loop: Loop, scheme: Scheme, outputs: Any, drive: Drive, record: Record, 
 
     The `scheme` is that of whole steps.  Recorded is each `every`-th step.
     """
-    steps, row, until = every * len(record.multipliers), 0, every
+    steps, row, until = every * len(record.multipliers), np.int64(0), every
     for n in range(steps):
         begin_impulses(loop.state.contact)
         failed = _step(loop.levels, loop, scheme, drive, n, record.peaks, row)

@@ -23,12 +23,12 @@ def twice(x):
 """
 
 
-def load(folder: Path) -> Any:
+def load(folder: Path, name: str = "twice") -> Any:
     specification = importlib.util.spec_from_file_location("some_kernel", folder / "some_kernel.py")
     assert specification and specification.loader
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
-    return module.twice
+    return getattr(module, name)
 
 
 def test_compiled_once_and_again_after_a_change_in_the_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,3 +70,34 @@ def test_what_another_version_left_is_compiled_again(tmp_path: Path) -> None:
     finally:
         sys.path.remove(str(tmp_path))
         sys.modules.pop("some_kernel", None)
+
+
+PARTS = """
+from pmr.simulation.native.compilation import compiled, inlined
+
+@inlined
+def part(x):
+    return 2.0 * x
+
+@inlined
+def both(x):
+    return part(x) + part(part(x))
+
+@compiled
+def whole(x):
+    return both(x) + 1.0
+"""
+
+
+def test_what_stands_in_others_alone_is_not_translated_by_itself(tmp_path: Path) -> None:
+    (tmp_path / "some_kernel.py").write_text(PARTS)
+    whole = load(tmp_path, "whole")
+    assert whole(1.5) == 10.0
+    for name, translated in (("part", False), ("both", False), ("whole", True)):
+        (made,) = whole.py_func.__globals__[name].overloads.values()
+        engine = made.target_context.codegen()._engine
+        assert engine.is_symbol_defined(made.fndesc.llvm_func_name) == translated
+    assert sum(whole.stats.cache_hits.values()) == 0
+    again = load(tmp_path, "whole")
+    assert again(1.5) == 10.0
+    assert sum(again.stats.cache_hits.values()) == 1
