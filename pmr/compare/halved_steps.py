@@ -20,7 +20,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.resolution import aliased
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import length_outputs
-from pmr.system.system import System
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
@@ -60,8 +60,9 @@ def reference_rho(system: System, rho_inf: float) -> float:
 class Stepped:
     """A system that is simulated with several steps.
 
-    The given run chooses its parts as any run does.  What it is compared with has as many in every step, and as many in
-    a shorter one: were they fewer there, impacts would be the same in all.
+    The given run chooses its parts as any run does.  What it is compared with makes each step in as many as that run
+    made it in or those beside it, whichever are most, and as many in half the step: so parts become shorter with the
+    step, at impacts and between them.
     """
 
     def __init__(self, system: System, excitation: Excitation) -> None:
@@ -69,25 +70,46 @@ class Stepped:
         self.pushing = not np.isnan(system.clearance).all()
         #: The time grid that the error is asked for of.
         self.given = replace(excitation.stepping, schedule=())
-        omega = contact_frequency(system, excitation)
-        #: Of how many parts the steps are made in the runs that the given one is compared with, and their `rho_inf`.
-        self.parts = contact_step.parts(omega, self.given) if self.pushing else self.given.parts
         self.reference_rho = reference_rho(system, self.given.rho_inf)
         #: What of a displacement may be round-off, in m.
         self.round_off = round_off(system.bodies, excitation.forces(system.input_names), self.given.end)
         #: Numbers of the tip's displacements among all.
         self.tips = tip_columns(system)
+        self.moved = np.flatnonzero(np.concatenate([length_outputs(body) for body in system.bodies.values()]))
+        chosen = self.pushing and not self.given.parts and self.recorded(self.given)
+        #: The given run, where it chose parts.
+        self.run = run_from_start(system, excitation.on_grid(self.given)) if chosen else None
+        self._parts = self.given.parts
+        if self.pushing and self.run is None:
+            self._parts = contact_step.parts(contact_frequency(system, excitation), self.given)
 
-    def displacements(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
-        """All or some, (T, o) m at each `every`-th step; errors as for `pmr.simulation.Simulator`."""
-        system, excitation, bodies = self._system, self.excitation.on_grid(stepping), self._system.bodies.values()
-        moved = np.flatnonzero(np.concatenate([length_outputs(body) for body in bodies]))
-        chosen = moved if which is None else moved[which]
-        recorded = stepping.steps * (2 * sum(body.size for body in bodies) + len(system.contacts))
-        if recorded > MOST_RECORDED:
-            return systems.observe(SystemForm.of(system), excitation, chosen.tolist(), every).y
-        run = run_from_start(system, excitation, every)
-        return np.hstack(list(systems.displacements(system, run).values()))[:, chosen]
+    def halved(self, times: int) -> TimeStepping:
+        """The time grid of a run that the given one is compared with, its step halved so many times."""
+        given, step = self.given, self.given.step / 2**times
+        if self.run is None or self.run.parts is None:
+            return TimeStepping(given.end, step, self.reference_rho, self._parts)
+        made = np.pad(self.run.parts[1:], 1, mode="edge")
+        most = np.max([made[:-2], made[1:-1], made[2:]], axis=0)
+        return TimeStepping(given.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
+
+    def recorded(self, stepping: TimeStepping) -> bool:
+        """Whether all steps of a run are to be recorded."""
+        bodies, contacts = self._system.bodies.values(), len(self._system.contacts)
+        return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
+
+    def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
+        """All steps of a run; errors as for `pmr.simulation.Simulator`."""
+        return run_from_start(self._system, self.excitation.on_grid(stepping))
+
+    def displacements(self, run: SystemTrajectory) -> Array:
+        """Displacements (T, o) m of a run."""
+        return np.hstack(list(systems.displacements(self._system, run).values()))[:, self.moved]
+
+    def observed(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
+        """All or some, (T, o) m, at each `every`-th step of a run of which no more is recorded; errors likewise."""
+        chosen = self.moved if which is None else self.moved[which]
+        excitation = self.excitation.on_grid(stepping)
+        return systems.observe(SystemForm.of(self._system), excitation, chosen.tolist(), every).y
 
 
 class Runs:
@@ -97,18 +119,19 @@ class Runs:
         self._stepped, stepping = stepped, stepped.given
         self._stride = -(-stepping.steps // COMPARED)
         self._budget = BUDGET_OF_IMPACTS if stepped.pushing else BUDGET
+        self._last: SystemTrajectory | None = None
         self.halved, self.taken = -1, 0
 
     @property
     def stepping(self) -> TimeStepping:
         """Of the last run."""
-        given = self._stepped.given
-        return TimeStepping(given.end, given.step / 2**self.halved, self._stepped.reference_rho, self._stepped.parts)
+        return self._stepped.halved(self.halved)
 
     @property
     def _work(self) -> int:
         """Steps of the last run, those that are parts of one included."""
-        return self.stepping.steps * max(1, self._stepped.parts)
+        stepping = self.stepping
+        return sum(stepping.schedule) or stepping.steps * max(1, stepping.parts)
 
     @property
     def resolved(self) -> bool:
@@ -123,11 +146,13 @@ class Runs:
 
     def given(self, first: Array) -> Array:
         """Displacements (T, o) in m with the given step and rho_inf, beside the `first` run; raises as `next`."""
-        given = self._stepped.given
-        if (self._stepped.reference_rho, self._stepped.parts) == (given.rho_inf, given.parts):
+        given, run, stepping = self._stepped.given, self._stepped.run, self.stepping
+        if run is not None:
+            return self._moving(self._stepped.displacements(run.at(slice(None, None, self._stride))))
+        if (stepping.rho_inf, stepping.parts) == (given.rho_inf, given.parts):
             return first
         self.taken += self._work
-        return self._moving(given, self._stride)
+        return self._moving(self._made(given, self._stride)[0])
 
     def next(self) -> Array:
         """Displacements (T, o) in m of the next run, where runs are compared.
@@ -136,26 +161,37 @@ class Runs:
         """
         self.halved += 1
         try:
-            y = self._moving(self.stepping, self._stride * 2**self.halved)
+            y, self._last = self._made(self.stepping, self._stride * 2**self.halved)
         except SimulationError:
             self.halved -= 1
             raise
         self.taken += self._work
-        return y
+        return self._moving(y)
 
     def band(self) -> float:
         """Frequency in Hz above which 1 % of the tip's motion lies, by its RMS, in the last run; 0 if nothing moves.
 
         Where the tip rests, on a support for instance, that of all outputs.
         """
-        y = self._moving(self.stepping, 1, self._stepped.tips)
-        if not np.any(y):
-            y = self._moving(self.stepping, 1)
-        return band(y, self.stepping.step)
+        of, stepping = self._stepped, self.stepping
+        if self._last is None:
+            y = self._moving(of.observed(stepping, 1, of.tips))
+            if not np.any(y):
+                y = self._moving(of.observed(stepping, 1))
+            return band(y, stepping.step)
+        all_of_them = of.displacements(self._last)
+        y = self._moving(all_of_them[:, of.tips])
+        return band(y if np.any(y) else self._moving(all_of_them), stepping.step)
 
-    def _moving(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
+    def _made(self, stepping: TimeStepping, every: int) -> tuple[Array, SystemTrajectory | None]:
+        """Displacements at each `every`-th step of a run, and the run where all of it is recorded."""
+        if not self._stepped.recorded(stepping):
+            return self._stepped.observed(stepping, every), None
+        run = self._stepped.simulate(stepping)
+        return self._stepped.displacements(run.at(slice(None, None, every))), run
+
+    def _moving(self, y: Array) -> Array:
         """With zeros in the columns that don't exceed round-off."""
-        y = self._stepped.displacements(stepping, every, which)
         return settled(y, y, self._stepped.round_off)[0]
 
 

@@ -16,7 +16,7 @@ from oracle import flexible, full_body, paper_basis, project, rich_body
 from pmr import scene as scenes
 from pmr.compare import step_error as step_errors
 from pmr.compare.errors import relative_error
-from pmr.compare.halved_steps import Ladder
+from pmr.compare.halved_steps import Ladder, Stepped
 from pmr.compare.runs import run_from_start
 from pmr.compare.step_error import LIMIT, StepError, summary, warnings
 from pmr.errors import SimulationError
@@ -261,3 +261,11 @@ def test_of_sections_on_pads_that_push_the_tolerance_of_parts_is_in_it() -> None
         for one in (given, fine)
     )
     assert 0.8 <= said.beam / relative_error(y, truth[::4]) <= 2.0
+    stepped = Stepped(system, excitation)
+    assert stepped.run is not None and stepped.run.parts is not None
+    made = stepped.run.parts[1:]
+    for times in (0, 1, 2):  # as many parts in half a step, an impact may come a step earlier or later, and no more
+        schedule = np.reshape(stepped.halved(times).schedule, (given.steps, 2**times))
+        assert (schedule >= made[:, None]).all() and (schedule[1:] >= made[:-1, None]).all()
+        assert (schedule[:-1] >= made[1:, None]).all()
+        assert schedule.sum() <= 3 * 2**times * made.sum()
