@@ -76,7 +76,7 @@ def _borne(result: RunResult) -> Rows:
         where = sentences.where_the_peak_is(result, "reduced")
         yield "largest von Mises stress", f"{quantity(largest, 'Pa')}{f', {where}' if where else ''}"
     else:
-        yield "von Mises stress", "not computed: a table [recovery] asks for it"
+        yield "stress", "not computed: a table [recovery] asks for it"
     yield from _forces(result)
     yield from _deflection(result)
     yield from _lowest(result)

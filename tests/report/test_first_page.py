@@ -65,7 +65,7 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     trust = rows(result, "How far to trust it")
     assert trust["model"].startswith("not known: compare.richer") and trust["time step"] == "not known: too short"
     assert trust["reduction"].startswith("not known") and trust["mesh"].startswith("not known")
-    assert rows(result, "What it bears")["von Mises stress"].startswith("not computed")
+    assert rows(result, "What it bears")["stress"].startswith("not computed")
     model = {"beside": "shell", "beam": 0.4, "frequency": 0.6}
     known = SUMMARY | {"budget": {"mesh": {"beam": 0.01}, "model": model}}
     trust = rows(make_space(summary=known), "How far to trust it")

@@ -29,7 +29,7 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
     unit, columns = unit_for(largest, "N"), min(len(shown), 2)
     rows = -(-len(shown) // columns)
     gaps = {"hspace": 0.3, "wspace": 0.09}
-    tall, margins = (0.85, {"top": 0.42}) if columns > 1 else (1.25, {})
+    tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # below the key each panel has its name
     figure, axes = sheet(
         WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
     )
