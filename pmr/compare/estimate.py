@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -247,8 +247,8 @@ def _probes(system: System) -> list[str]:
     return [named(name, one) for name, body in system.bodies.items() for one in called(body).others]
 
 
-def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation) -> Estimate:
-    r"""The error of a model on any basis, from another one of the same body whose error can be estimated.
+def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Estimate:
+    r"""The error of a body alone on any basis, from another one of the same body whose error can be estimated.
 
     .. math:: \lVert y - y_r \rVert \le \lVert y_b - y_r \rVert + \lVert y - y_b \rVert
 
@@ -256,7 +256,8 @@ def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation) 
     ValueError, InputError, SimulationError as for `estimate` of the other model.
     """
     begin = time.perf_counter()
-    systems = [System.of(one) for one in (model, better)]
+    terms = () if system.terms_of is None else system.terms_of({ALONE: better})
+    systems = [system, replace(System.of(better), terms=terms)]
     of_better = estimate({ALONE: better}, systems[1], excitation)
     own, other = (_Simulated.of(one, excitation).outputs for one in systems)
     floors, known = Floors.of(systems[1], excitation), dict(of_better.errors)

@@ -80,7 +80,7 @@ def reduction_error(
 
     def make() -> estimate.Estimate:
         if other is not None:
-            return estimate.by_other(models[ALONE], other, excitation)
+            return estimate.by_other(system, other, excitation)
         return found or estimate.estimate(models, system, excitation, run)
 
     failed, scattered = "", list[str]()

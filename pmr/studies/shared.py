@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmr.errors import InputError
 from pmr.files import records
 from pmr.results import Response
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
@@ -36,7 +37,13 @@ NOTHING = Constant(amount=0.0)
 
 
 def scene_arguments(scene: Scene) -> dict[str, Any]:
-    """A scene as arguments of a task; the hash stands for the content of files that the scene names."""
+    """A scene as arguments of a task; the hash stands for the content of files that the scene names.
+
+    An InputError is raised for a body alone with second order, which most kinds of study do not follow.
+    """
+    if len(scene.sections) == 1 and scene.frame is not None and scene.frame.second_order:
+        allowed = "false is allowed in a study of a body alone; studies of kind 'scenes' follow second order"
+        raise InputError("scene", "frame.second_order", scene.frame.second_order, allowed)
     plain = scene.model_copy(update={"title": "", "published": None})
     return {"scene": plain.model_dump(mode="json"), "hash": plain.hash}
 

@@ -21,6 +21,7 @@ from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import TimeStepping
 from pmr.simulation.native import simulator as march
 from pmr.system.body import FullBody, displacement
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -85,7 +86,7 @@ def test_what_probes_measure_has_estimates_by_name(r: int) -> None:
     assert list(found.probes) == ["gauge"] and found.of("probe") == found.probes["gauge"]
     assert 1.0 < found.probes["gauge"] / nrms_error(own.probe, truth_.probe) < 2.0
     assert own.displacement.shape[1] == 31  # the gauge is no place along the beam
-    other = by_other(model, enriched(full, r + 4, enrichment=4), excitation).probes["gauge"]
+    other = by_other(System.of(model), enriched(full, r + 4, enrichment=4), excitation).probes["gauge"]
     assert nrms_error(own.probe, truth_.probe) < other < 2.0 * found.probes["gauge"]
     assert estimated.summary(found)["probes"] == found.probes
 
@@ -151,10 +152,10 @@ def test_of_any_basis_a_model_of_free_modes_tells_the_error(r: int) -> None:
     """At least the true one, and more by what that model is off by itself."""
     full, excitation = full_body(30), driven(PATH, LOADS[0], STEPPING)
     pod, w = project(full, paper_basis(full, 5, 6, r)), truth(full, PATH, LOADS[0], STEPPING)
-    beam, error = errors(by_other(pod, enriched(full, 6, enrichment=4), excitation), pod, w, PATH, LOADS[0])
+    beam, error = errors(by_other(System.of(pod), enriched(full, 6, enrichment=4), excitation), pod, w, PATH, LOADS[0])
     for free in (6, 10):
         better = enriched(full, free, enrichment=4)
-        found, own = by_other(pod, better, excitation), estimate(better, excitation)
+        found, own = by_other(System.of(pod), better, excitation), estimate(better, excitation)
         assert beam <= found.beam <= 1.01 * beam + 2.0 * own.beam
         assert np.abs(found.error - error).max() < 0.5 * own.largest
         assert found.by == "other model" and estimated.summary(found)["chi"] is None
