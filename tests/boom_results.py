@@ -11,6 +11,7 @@ import pytest
 from pmr.fields.series import Fields, Grid
 from pmr.results import BodyResult, Energy, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Scene
+from pmr.scene.members import member_at
 
 MakeSpace = Callable[..., RunResult]
 STATIONS, STEPS = 5, 1000
@@ -77,9 +78,9 @@ def make_space() -> MakeSpace:
             responses={name: _response(name, t, 1 if planar else 2, forces) for name in responses},
             paths=Paths(("slider",), scene.slider.path.value(t)[:, None], scene.slider.path.rate(t)[:, None]),
             loads=Loads(
-                tuple(scene.signals),
-                tuple("m/s^2" if name == "gravity" else "N" for name in scene.signals),
-                np.stack([signal.value(t) for signal in scene.signals.values()], axis=1),
+                tuple(member_at(scene).signals),
+                tuple("m/s^2" if name == "gravity" else "N" for name in member_at(scene).signals),
+                np.stack([signal.value(t) for signal in member_at(scene).signals.values()], axis=1),
             ),
             bodies={"": BodyResult(shapes, fields, {name: 49.0e6 * np.sin(np.pi * times) for name in stress})},
             frequencies=Frequencies(s, s[:, None], {"reduced": f}),

@@ -8,10 +8,9 @@ from pydantic import Field
 
 from pmr.errors import InputError
 from pmr.scene import asked
-from pmr.scene.built import WEIGHT, Body, Load, MeshChoice, PadRing, Slider, Support
+from pmr.scene.built import Body, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.parts import Part
-from pmr.scene.signals import SignalBase
-from pmr.scene.structures import PointMass, Probe
+from pmr.scene.structures import PointMass
 from pmr.scene.whole import Whole
 
 
@@ -57,10 +56,6 @@ class Listed(Whole):
         return self.alone.observe
 
     @property
-    def probes(self) -> tuple[Probe, ...]:
-        return self.alone.probes
-
-    @property
     def reduction(self) -> asked.Reduction:
         return self.alone.reduction
 
@@ -69,12 +64,6 @@ class Listed(Whole):
         slider = self.alone.slider
         assert slider is not None  # as the checks say
         return slider
-
-    @property
-    def signals(self) -> dict[str, SignalBase]:
-        """What drives each input of the model, by its name."""
-        weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
-        return {load.name: load.signal for load in self.loads} | weight
 
     @property
     def path_bounds(self) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from pmr.errors import InputError
 from pmr.pipeline import reduce
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
+from pmr.scene.members import member_at
 from pmr.scene.names import ALONE
 from pmr.scene.signals import Constant
 from pmr.simulation import Excitation
@@ -85,7 +86,7 @@ def hung(scene: Scene, model: ReducedModel, row: Array) -> Array:
     items = exu.itemInterface
     container = exu.SystemContainer()
     mbs = container.AddSystem()
-    boom = add_sliding_body(mbs, model, scene.slider.path, scene.signals)
+    boom = add_sliding_body(mbs, model, scene.slider.path, member_at(scene).signals)
     zero: dict[str, Any] = dict.fromkeys(("referenceCoordinates", "initialCoordinates", "initialCoordinates_t"), [0.0])
     node = mbs.AddNode(items.NodeGenericODE2(numberOfODE2Coordinates=1, **zero))
     mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.array([[MASS]]), forceVector=[-WEIGHT]))

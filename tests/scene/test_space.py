@@ -47,11 +47,11 @@ def test_a_dumped_scene_is_the_same_scene(load) -> None:
 
 
 def test_gravity_is_the_last_input_and_comes_up_smoothly(load) -> None:
-    names = list(load().signals)
+    names = list(member_at(load()).signals)
     assert names[-1] == "gravity" and len(names) == 3
-    weight = load().signals["gravity"]
+    weight = member_at(load()).signals["gravity"]
     assert weight.value([0.0, 0.5, 1.0, 9.0]) == pytest.approx([0.0, 9.80665 / 2, 9.80665, 9.80665])
-    assert load("gravity.rise=0.0").signals["gravity"].value(0.0) == 9.80665
+    assert member_at(load("gravity.rise=0.0")).signals["gravity"].value(0.0) == 9.80665
 
 
 @pytest.mark.parametrize("direction", ["[-1.0,0.0,-1.0]", "[-1e-200,0.0,-1e-200]", "[-1e300,0,-1e300]"])
