@@ -114,14 +114,14 @@ def _frame(scene: scenes.Scene) -> dict[str, str]:
 
 def _describe_body(one: Member) -> dict[str, str]:
     """A body alone."""
-    from pmr.scene.choice import choose
+    from pmr.scene.choice import choose, undecided
 
     chosen, (low, high), part = choose(one), one.bounds, one.part
     pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in one.pads]
     points = [f"{len(one.points)} row(s)"] if one.points else []
     return {
         "body": f"{chosen.model}, {_size(part.body)}",
-        "model": f"{part.body.model}: {'; '.join(chosen.reasons)}",
+        "model": f"{part.body.model}: {'at least that, by measurement: ' * undecided(one)}{'; '.join(chosen.reasons)}",
         "slider" if one.points else "pads": f"{', '.join([*pads, *points])}; s from {low:g} to {high:g} m",
         "loads": ", ".join(_loads(one)),
         "reduction": f"{part.reduction.coordinates} coordinates: {_describe_reduction(part.reduction)}",

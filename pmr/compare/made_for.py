@@ -28,6 +28,23 @@ class Made(Protocol):
     def provenance(self) -> dict[str, Any]: ...
 
 
+def with_models_of(scene: Scene, made: Made | Mapping[str, Made]) -> Scene:
+    """The scene with the models that measurements chose for what was `made` of it, wherever it names none itself.
+
+    That is a system, a model of a body alone, or a model of each section by its name.
+    """
+    parts = []
+    for number, (name, part) in enumerate(scene.bodies.items()):
+        one = made.get(name) if isinstance(made, Mapping) else made
+        written = {} if one is None else one.provenance.get("scene") or {}
+        if "sections" in written:
+            written = written["sections"][number] if number < len(written["sections"]) else {}
+        known = {key: value for key, value in written.get("body", {}).items() if key in ("model", "walls")}
+        chosen = known if part.body.model == "auto" and known.get("model", "auto") != "auto" else {}
+        parts.append(part.model_copy(update={"body": part.body.model_copy(update=chosen)}) if chosen else part)
+    return scene.model_copy(update={"sections": tuple(parts)})
+
+
 def check_made_for(model: Made, scene: Scene, number: int | None = None) -> None:
     """Bodies, supports, pads, joints, damping, what is observed, places and directions of loads are those of the model.
 

@@ -1,27 +1,28 @@
 r"""How far a structural model is off, beside a richer one of the same bodies, pads and loads: a part of the budget.
 
-Both are asked for what decides a slow motion, at the ends and in the middle of the path: static answers :math:`y_{oi}`
-of outputs o to each load i by itself, all contacts closed, and the two lowest frequencies.  With a_i the largest
-amplitude that load i has during the run, a kind of output (displacements, forces of pads) is off by
+Both are reduced alike and simulated under the scene's paths and loads.  With :math:`y_o(t)` the histories of a kind of
+outputs (displacements, forces of pads) the model is off by
 
 .. math::
-    e = \frac{\lVert (y^{richer}_{oi} - y_{oi})\, a_i \rVert}{\lVert y^{richer}_{oi}\, a_i \rVert}
+    e = \frac{\lVert y^{richer}_o(t_j) - y_o(t_j) \rVert}{\lVert y^{richer}_o(t_j) \rVert}
 
-over all its outputs, all loads and all three places.
+over all outputs of the kind that both models have, and all steps; and in a frequency, one of the two lowest at places
+all along the path, by the largest :math:`|f / f^{richer} - 1|`.  Of the richer model those modes count that move most
+in directions which the poorer one knows: a planar beam has no lateral modes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
+from pmr.compare.responses import refused_growth, repeated
+from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.names import named
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
 from pmr.system.assembly import Assembly
@@ -29,89 +30,104 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Frequencies that are compared, and kinds of outputs, as numbers say.
-FREQUENCIES, KINDS = 2, ("beam", "tip", "pad_force", "cylinder_force", "support_force")
-#: Of the largest answer: a kind that is less is nothing.
-NOTHING = 1e-12
-#: What is not compared.
-NOT_COVERED = (
-    "stress, which pads, loads and corners decide where walls bend",
-    "modes beyond the second one",
-    "pads that open",
-)
+#: Frequencies that are compared, modes among which they are, and places along the path.
+FREQUENCIES, MODES, PLACES = 2, 12, 9
+#: Share of a mode's motion that a poorer model knows, for the mode to be one that it should have.
+KNOWN = 0.5
+#: Of the largest motion of any mode: less is round-off.
+NOTHING = 1e-9
+#: Kinds of outputs that are compared, and what a summary calls them.
+KINDS = {"beam": "beam", "tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
+DIRECTIONS = ("x", "y", "z")
+#: What is no error of a model: that of another simulator.
+SIMULATOR = "march"
+STRESS = "stress, which pads, loads and corners decide where walls bend"
+IMPACTS = "impacts of pads that land and lift off, which no two models have alike"
 
 
 @dataclass(frozen=True)
-class Answers:
-    """Of one model at P places."""
+class Motion:
+    """What one model says of a run."""
 
-    frequencies: Array  # (P, 2) Hz
-    values: Mapping[tuple[int, str], Array]  # by kind and name: (P, i) for a unit of each load
+    frequencies: Array  # (P, f) Hz
+    moved: Array  # (P, 3, f): squares of what the outputs of each mode move along x, y, z
+    response: Response
+
+    @classmethod
+    def of(cls, scene: Scene, system: System) -> Motion:
+        """Raises an `InputError` where the motion grows without bound."""
+        excitation = Excitation.of(scene)
+        x = places(system, excitation)[steps_of(excitation)]
+        with refused_growth(scene):
+            response = repeated(scene, system, excitation, SIMULATOR).response
+        assembly, kinds = Assembly(system), [kind for body in system.bodies.values() for kind in body.output_kinds]
+        frequencies, moved = list[Array](), list[Array]()
+        for place in x:
+            omega, phi = assembly.modes(place, MODES)
+            frequencies.append(omega / (2.0 * np.pi))
+            shapes = assembly.outputs @ phi
+            rows = ([kind in (f"beam {d}", f"tip {d}") for kind in kinds] for d in DIRECTIONS)
+            moved.append(np.array([(shapes[which] ** 2).sum(axis=0) for which in rows]))
+        return cls(np.array(frequencies), np.array(moved), response)
+
+    def lowest(self, known: Array) -> Array:
+        """The lowest frequencies (P, 2) Hz of modes that move most in `known` directions, (3,) of True or False."""
+        every, share = self.moved.sum(axis=1), self.moved[:, known].sum(axis=1)
+        mine = (share >= KNOWN * every) & (share > NOTHING * share.max(axis=1, keepdims=True))
+        if not self.moved[:, ~known].any():
+            mine[:] = True  # torsion, too, which moves no output
+        found = np.full((len(mine), FREQUENCIES), np.nan)
+        for k, of_place in enumerate(mine):
+            those = self.frequencies[k, of_place][:FREQUENCIES]
+            found[k, : len(those)] = those
+        return found
+
+    def histories(self, kind: str) -> dict[str, Array]:
+        """Of all outputs of a kind by their names, each (T,)."""
+        numbers = {one.name: k for k, one in enumerate(self.response.outputs) if one.kind == kind}
+        return {name: self.response.column(k) for name, k in numbers.items()}
 
 
 def steps_of(excitation: Excitation) -> list[int]:
-    """Those at which all paths together are shortest, longest, and nearest to the middle of both."""
+    """Those at which all paths together are nearest to places from shortest to longest."""
     reach = excitation.s.reshape(len(excitation.times), -1).sum(axis=1)
-    low, high = int(np.argmin(reach)), int(np.argmax(reach))
-    middle = int(np.argmin(np.abs(reach - (reach[low] + reach[high]) / 2.0)))
-    return sorted({low, middle, high}, key=lambda step: float(reach[step]))
+    at = np.linspace(reach.min(), reach.max(), PLACES)
+    return list(dict.fromkeys(int(np.argmin(np.abs(reach - one))) for one in at))
 
 
-def answers(system: System, excitation: Excitation) -> Answers:
-    """Raises an `InputError` where contacts do not hold the bodies."""
-    assembly, x = Assembly(system), places(system, excitation)[steps_of(excitation)]
-    rows, known = assembly.along(x), list[tuple[int, str]]()
-    for name, body in system.bodies.items():
-        for output, kind in zip(body.output_names, body.output_kinds, strict=True):
-            known.append((_kind(kind), named(name, output)))
-    known += [(_kind(one.kind), one.name) for one in system.contacts]
-    try:
-        found = np.array([assembly.answers(rows.at(k), np.zeros(1))[0].real for k in range(len(x))])
-    except np.linalg.LinAlgError:
-        raise InputError("system", "contacts", None, "contacts that hold all bodies are allowed") from None
-    values = {key: found[:, k] for k, key in enumerate(known) if key[0] >= 0}
-    return Answers(assembly.frequencies(x, FREQUENCIES), values)
-
-
-def compared(own: Answers, richer: Answers) -> Array:
-    """What both have, as one array (own or richer, P, numbers): frequencies, then kind by kind each output's answers.
-
-    Its first row of numbers says of what kind each is: -1 a frequency.
-    """
-    both = [key for key in own.values if key in richer.values]
-    kinds = [-1.0] * FREQUENCIES + [float(kind) for kind, name in both for _ in own.values[kind, name][0]]
-    rows = [np.hstack([one.frequencies, *(one.values[key] for key in both)]) for one in (own, richer)]
-    return np.stack([np.tile(kinds, (len(rows[0]), 1)), *rows])
-
-
-def model_part(scene: Scene, found: Array, richer: str, inputs: Sequence[str], amplitudes: Array) -> dict[str, Any]:
-    """``budget.model`` of summary.json from what `compared` says, and the largest amplitude of each of the `inputs`."""
-    kinds, own, other = found[0, 0], found[1], found[2]
+def model_part(scene: Scene, own: Motion, richer: Motion, called: str) -> dict[str, Any]:
+    """``budget.model`` of summary.json; what moves in neither model is off by None."""
     shares: dict[str, float | None] = {}
-    for number, kind in enumerate(KINDS):
-        of_kind = kinds == number
-        if of_kind.any():
-            a = np.tile(amplitudes, int(of_kind.sum()) // len(inputs))
-            size = float(np.linalg.norm(other[:, of_kind] * a))
-            off = float(np.linalg.norm((other - own)[:, of_kind] * a))
-            shares[kind] = off / size if size > NOTHING else None
-    f = {name: values[:, kinds < 0.0] for name, values in (("own", own), ("richer", other))}
+    for kind, name in KINDS.items():
+        both = own.histories(kind), richer.histories(kind)
+        names = [one for one in both[0] if one in both[1]]
+        if names:
+            y, reference = (np.array([of[one] for one in names]) for of in both)
+            shares[name] = _off(y, reference)
+    known = own.moved.any(axis=(0, 2))
+    f = {"own": own.lowest(known), "richer": richer.lowest(known)}
+    pushing = any(ring.unilateral for part in scene.sections for ring in part.pads)
+    pushing |= any(ring.unilateral for part in scene.sections if part.joint for ring in part.joint.rings)
     return {
-        "beside": richer,
+        "beside": called,
         **shares,
-        "frequency": float(np.abs(f["own"] / f["richer"] - 1.0).max()),
+        "largest": _off(np.array(_largest(own)), np.array(_largest(richer))),
+        "frequency": float(np.nanmax(np.abs(f["own"] / f["richer"] - 1.0))),
         "frequencies": {name: values.tolist() for name, values in f.items()},
-        "not_covered": [*NOT_COVERED, *["the terms of a moving frame"] * (scene.frame is not None)],
+        "not_covered": [STRESS, *[IMPACTS] * pushing],
     }
 
 
-def amplitudes_of(excitation: Excitation, inputs: Sequence[str]) -> Array:
-    """The largest amplitude of each input during the run."""
-    return np.asarray(np.abs(excitation.forces(tuple(inputs))).max(axis=0))
+def error(part: Mapping[str, Any]) -> float:
+    """The largest one that a part states, a fraction."""
+    return float(max(part[kind] for kind in (*KINDS.values(), "largest", "frequency") if part.get(kind) is not None))
 
 
-def _kind(kind: str) -> int:
-    """Its number; -1 of what is not compared."""
-    called = kind.split(" ")[0]
-    called = called if called in KINDS else f"{called}_force"
-    return KINDS.index(called) if called in KINDS else -1
+def _largest(motion: Motion) -> float:
+    return float(np.abs(motion.response.displacement).max())
+
+
+def _off(y: Array, reference: Array) -> float | None:
+    """Of the reference's norm; in units of its largest value, which squares can't overflow."""
+    unit = float(np.abs(reference).max())
+    return float(np.linalg.norm((y - reference) / unit) / np.linalg.norm(reference / unit)) if unit > 0.0 else None

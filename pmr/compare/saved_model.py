@@ -10,6 +10,7 @@ from pmr.compare.boom_figures import sections
 from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_error
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.judged import parts_of_motion
+from pmr.compare.made_for import with_models_of
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.second_order import as_made
 from pmr.compare.simulated import driven_by
@@ -36,6 +37,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     """
     scene = as_made(scene, system.terms)
     check_installed(scene)
+    scene = with_models_of(scene, system)
     system = with_terms_of(scene, system)
     clock, excitation, models = Clock(), driven_by(scene, system), system.reduced
     made = simulate(scene, system, excitation, clock)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.made_for import check_made_for
+from pmr.compare.made_for import check_made_for, with_models_of
 from pmr.compare.responses import Simulated, refused_growth, repeated
 from pmr.compare.second_order import as_made, decided
 from pmr.errors import InputError
@@ -43,6 +43,7 @@ def simulate_with_states(
     scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel], steps: Sequence[int]
 ) -> Simulated:
     """The same with the states of each body at the `steps`, ascending numbers."""
+    scene = with_models_of(scene, reduced)
     system = reduced if isinstance(reduced, System) else joined(scene, reduced)
     scene = as_made(scene, system.terms)
     with Clock().stage("reduced"), refused_growth(scene):

@@ -19,7 +19,7 @@ from pmr.fullmodel.structure import Structure
 from pmr.fullmodel.system import FullSystem
 from pmr.fullmodel.wanted import wanted_matrices
 from pmr.scene import Scene
-from pmr.scene.choice import model_of
+from pmr.scene.choice import model_of, undecided
 from pmr.scene.members import members
 from pmr.scene.names import ALONE, SLIDER
 from pmr.system.from_scene import contacts_of
@@ -79,8 +79,12 @@ def warnings(structure: Structure) -> list[str]:
 def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, Built]:
     """The full models of a scene's bodies by their names; equal ones are one and the same.  Collective.
 
-    Raises an `InputError` if a mesh can't be had or does not fit what stands on it, or something is free to move.
+    Raises an `InputError` if a mesh can't be had or does not fit what stands on it, something is free to move, or
+    measurements have yet to decide a model.
     """
+    for member in filter(undecided, members(scene)):
+        allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
+        raise InputError("scene", scene.key_of(member.number, "body.model"), "auto", allowed)
     made, found = dict[tuple[str, str], Built](), dict[str, Built]()
     matrices = wanted_matrices(scene)
     for name, member in zip(scene.names, members(scene), strict=True):

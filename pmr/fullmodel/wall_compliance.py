@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -73,10 +74,13 @@ class SlidingCompliance:
     beside: Array  # (p, k, m)
 
 
+@lru_cache(maxsize=8)
 def wall_compliance(
-    body: PlateBody, standing: Sequence[Pad], ends: Sequence[tuple[str, str]], rings: Sequence[Ring]
+    body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> tuple[Array, list[SlidingCompliance]]:
     """Of pads that stay and ends along directions, (m, m), and of pads that slide.  Not collective.
+
+    Kept for who asks again: equal sections, and a model that was measured before it is taken.
 
     Raises an `InputError` if a pad leaves its face.
     """

@@ -45,9 +45,9 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
         masses,
     )
     known = directions(member)
-    ends = [(end, d) for end in ENDS if end in _carrying(part) for d in AT_AN_END if d in known]
-    rings = [Ring(tuple(own), span) for span, own in sliding]
-    C, found = comm.bcast(on_first(comm, lambda: wall_compliance(plates, staying, ends, rings)))
+    ends = tuple((end, d) for end in ENDS if end in _carrying(part) for d in AT_AN_END if d in known)
+    rings = tuple(Ring(tuple(own), span) for span, own in sliding)
+    C, found = comm.bcast(on_first(comm, lambda: wall_compliance(plates, tuple(staying), ends, rings)))
     sheet = body.material.density * box.wall
     soft = np.diagonal(C) > 0.0  # an end that is stiffer than the beam's is as stiff
     left = [end for end, gives in zip(ends, soft[len(staying) :], strict=True) if gives]

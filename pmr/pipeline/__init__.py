@@ -10,7 +10,7 @@ from pmr.compare import memory
 from pmr.compare.accuracy import order
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
-from pmr.compare.second_order import decided
+from pmr.compare.second_order import decided as with_order
 from pmr.compare.summary import Part, combined, origin, reliability, simulated, theory
 from pmr.compare.way import in_frequency
 from pmr.errors import InputError, environment, on_first
@@ -22,7 +22,7 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies
-from pmr.pipeline.model_part import measured
+from pmr.pipeline.model_part import Decided, decided, measured
 from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
 from pmr.reduction.recover.framed import framed_body
@@ -90,7 +90,8 @@ def _run(
     scene: Scene, comm: MPI.Comm, clock: Clock, checkpoint: Checkpoint | None, cache: Path | None
 ) -> Outcome | None:
     check_installed(scene)
-    scene = order.prepared(scene)
+    chosen = _decided(scene, comm, clock, cache)
+    scene = order.prepared(chosen.scene)
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
         free_motions = left_free(scene, built) if scene.free_motions == "allowed" else []
@@ -108,7 +109,7 @@ def _run(
     if scene.recovery is not None:
         with clock.stage("recover"):
             seen |= bodies.recover(motions)
-    of_model = measured(scene, bodies.system.input_names, clock, caches, lambda one: reduce(one, comm).system)
+    of_model = measured(scene, comm, clock, caches, lambda one: _reduced(one, comm).system, chosen)
     if motions.reduced is None:
         return None
     (judged, tip_error), system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
@@ -130,6 +131,8 @@ def _run(
         frequency_part(by_frequency),
     ]
     summary = combined(parts)
+    if chosen.said is not None:
+        summary["chosen_model"] = chosen.said
     if of_model is not None:
         summary["budget"] = summary.get("budget", {}) | {"model": of_model}
     result = RunResult(
@@ -158,12 +161,20 @@ def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = 
         allowed = "none is allowed where the reduced model alone is made: pmr.run(scene) chooses model and step"
         raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
     try:
-        with clock.stage("assemble"):
-            built = build_bodies(scene, comm)
-        log_warnings(built.values(), comm)
-        bodies = reduce_bodies(scene, built, clock=clock)
-        models = {name: one.model for name, one in bodies.items()}
-        scene = comm.bcast(on_first(comm, lambda: decided(scene, models)))
-        return Reduction(scene, built, bodies)
+        return _reduced(_decided(scene, comm, clock, None).scene, comm, clock)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
+
+
+def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None) -> Reduction:
+    clock = clock or Clock()
+    with clock.stage("assemble"):
+        built = build_bodies(scene, comm)
+    log_warnings(built.values(), comm)
+    bodies = reduce_bodies(scene, built, clock=clock)
+    models = {name: one.model for name, one in bodies.items()}
+    return Reduction(comm.bcast(on_first(comm, lambda: with_order(scene, models))), built, bodies)
+
+
+def _decided(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> Decided:
+    return decided(scene, comm, clock, cache, lambda one: _reduced(one, comm).system)

@@ -1,53 +1,114 @@
-"""The model's own error: a scene's bodies beside richer ones, reduced alike, measured once per structure."""
+"""The model's own error, by a scene's bodies beside richer ones, reduced and moved alike; and models chosen by it."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pmr.compare import model_part
-from pmr.errors import ConvergenceError, InputError
+from pmr.compare.model_part import Motion
+from pmr.errors import ConvergenceError, InputError, SimulationError, on_first
 from pmr.errors.environment import Clock
-from pmr.reduction.cache import Cache
-from pmr.reduction.content import structure_in
+from pmr.fem.compat import MPI
+from pmr.fullmodel.build import build_bodies
+from pmr.reduction.cache import Cache, cache_in
 from pmr.scene import Scene
-from pmr.scene.richer import beside
-from pmr.simulation import Excitation
+from pmr.scene.checks import check
+from pmr.scene.choice import model_of
+from pmr.scene.members import members
+from pmr.scene.richer import alike, beside, candidates
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
+SystemOf = Callable[[Scene], System]
+#: What is no reason not to run: the error is not known then.
+UNKNOWN = (InputError, ConvergenceError, SimulationError)
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Decided:
+    """A scene whose models are all known, and what was measured to choose them; the same on every rank."""
+
+    scene: Scene
+    part: Mapping[str, Any] | None = None  # ``budget.model`` of what was chosen; None where nothing was
+    said: Mapping[str, Any] | None = None  # ``chosen_model`` of summary.json
+
+
+def decided(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, system_of: SystemOf) -> Decided:
+    """The smallest models that are off by the scene's `compare.model_tolerance` at most, beside a shell; collective.
+
+    Where none can be compared with a shell the smallest ones are taken, and the reason is said.
+    """
+    options = candidates(scene)
+    if not options:
+        return Decided(scene)
+    with clock.stage("choice of the model"):
+        cached = None
+        if cache is not None:  # of the smallest model, which takes no time
+            cached = cache_in(cache, next(iter(build_bodies(options[0], comm).values())).model)
+        return _chosen(options, comm, cached, system_of)
 
 
 def measured(
-    scene: Scene,
-    inputs: tuple[str, ...],
-    clock: Clock,
-    caches: Mapping[str, Cache],
-    system_of: Callable[[Scene], System],
-) -> dict[str, Any] | None:
-    """``budget.model`` of summary.json; None unless the scene asks for it.  Collective.
+    scene: Scene, comm: MPI.Comm, clock: Clock, caches: Mapping[str, Cache], system_of: SystemOf, known: Decided
+) -> Mapping[str, Any] | None:
+    """``budget.model`` of summary.json; None unless the scene asks for it, or its model was chosen.  Collective.
 
     What keeps it from being known stands there as ``reason``.
     """
     if scene.compare.richer == "none":
-        return None
-    excitation = Excitation.of(scene)
+        return known.part
     with clock.stage("richer model"):
         try:
             own, richer, called = beside(scene)
-
-            def compute() -> Array:
-                both = (model_part.answers(system_of(one), excitation) for one in (own, richer))
-                return model_part.compared(*both)
-
-            s = excitation.s[model_part.steps_of(excitation)].tolist()
-            asked = {"own": structure_in(own), "richer": structure_in(richer), "s": s, "inputs": inputs}
             cache = next(iter(caches.values()), None)
-            found = compute() if cache is None else cache.arrays("model", asked, compute)
-        except (InputError, ConvergenceError) as error:  # no reason not to run
+            return _part(own, _moved(richer, comm, cache, system_of), called, comm, cache, system_of)
+        except UNKNOWN as error:
             return {"beside": None, "reason": str(error)}
-    amplitudes = model_part.amplitudes_of(excitation, inputs)
-    return model_part.model_part(scene, found, called, inputs, amplitudes)
+
+
+def _chosen(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Decided:
+    *beams, shell = options
+    tried = list[dict[str, Any]]()
+
+    def said(scene: Scene, **more: Any) -> dict[str, Any]:
+        return _named(scene) | {"tolerance": scene.compare.model_tolerance, "tried": tried} | more
+
+    try:
+        richer = _moved(alike(shell), comm, cache, system_of)
+        for one in beams:
+            part = _part(alike(one), richer, "shell", comm, cache, system_of)
+            tried.append(_named(one) | {"error": model_part.error(part)})
+            if comm.rank == 0:
+                _log.info("%(name)s, walls %(walls)s: off by %(error).2g of what a shell says", tried[-1])
+            if tried[-1]["error"] <= one.compare.model_tolerance:
+                return Decided(one, part, said(one))
+    except UNKNOWN as error:
+        return Decided(beams[0], {"beside": None, "reason": str(error)}, said(beams[0], reason=str(error)))
+    check(shell)  # which may not have what only a beam can
+    return Decided(shell, None, said(shell))
+
+
+def _part(
+    own: Scene, richer: Motion | None, called: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
+) -> dict[str, Any]:
+    """On every rank, of motions that rank 0 has."""
+    motion = _moved(own, comm, cache, system_of)
+    part = None if motion is None or richer is None else model_part.model_part(own, motion, richer, called)
+    found: dict[str, Any] = comm.bcast(part)
+    return found
+
+
+def _moved(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:
+    """On rank 0; None on the others."""
+    system = system_of(scene) if cache is None else cache.system_of(scene, lambda: system_of(scene))
+    return on_first(comm, lambda: Motion.of(scene, system))
+
+
+def _named(scene: Scene) -> dict[str, Any]:
+    """The model that was chosen wherever none was known: that of the outermost body."""
+    last = members(scene)[-1]
+    return {"name": model_of(last), "walls": last.part.body.walls}

@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,11 @@ from pmr.reduction.content import content_of, structure_in
 from pmr.reduction.reduced_body import ReducedBody
 from pmr.reduction.snapshots import Snapshots
 from pmr.scene import Scene
+from pmr.scene.names import ALONE
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
+Kept = TypeVar("Kept")
 _log = logging.getLogger(__name__)
 
 FORMAT = "pmr-cache"
@@ -70,7 +73,7 @@ class Cache:
         """The reduced model of a scene with the same structure on another mesh; on every rank, collective."""
         file = self._file("mesh", {"scene": structure_in(scene), "path": scene.travel})
         found = self._read(file)
-        model = None if found is None else self._model(file)
+        model = None if found is None else self._loaded_by(ReducedModel.load, file)
         if model is None:
             model = self.model.comm.bcast(make())
             self._write(file, {}, model)
@@ -86,12 +89,22 @@ class Cache:
         self._write(file, {"array": made})
         return made
 
+    def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
+        """The reduced system of a scene of any structure; on every rank, collective."""
+        path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
+        file = self._file("system", {"scene": structure_in(scene), "path": path})
+        found = None if self._read(file) is None else self._loaded_by(System.load, file)
+        if found is None:
+            found = make()
+            self._write(file, {}, found)
+        return found
+
     def _file(self, kind: str, asked: Mapping[str, Any]) -> Path:
         text = repr((self.content, sorted(asked.items())))
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
 
     def _loaded(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
-        model = self._model(file)
+        model = self._loaded_by(ReducedModel.load, file)
         if model is None:
             return None
         share = slice(*self.model.M.getOwnershipRange())
@@ -100,16 +113,16 @@ class Cache:
         snapshots = Snapshots(S, arrays["omega"], arrays["s"], arrays["residuals"], str(arrays["source"]))
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
-    def _model(self, file: Path) -> ReducedModel | None:
-        """The reduced model beside a file, on every rank; None where it isn't sound."""
+    def _loaded_by(self, load: Callable[[Path], Kept], file: Path) -> Kept | None:
+        """What is beside a file, on every rank; None where it isn't sound."""
         found = None
         if self.model.comm.rank == 0:
             try:
-                found = ReducedModel.load(_beside(file))
+                found = load(_beside(file))
             except InputError as error:
                 _log.warning("%s is made again: %s", file, error)
-        model: ReducedModel | None = self.model.comm.bcast(found)
-        return model
+        kept: Kept | None = self.model.comm.bcast(found)
+        return kept
 
     def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
         """On every rank; None where there is no such file, or none that is sound."""
@@ -124,7 +137,9 @@ class Cache:
         result: dict[str, NDArray[Any]] | None = self.model.comm.bcast(found)
         return result
 
-    def _write(self, file: Path, arrays: Mapping[str, NDArray[Any]], model: ReducedModel | None = None) -> None:
+    def _write(
+        self, file: Path, arrays: Mapping[str, NDArray[Any]], model: ReducedModel | System | None = None
+    ) -> None:
         if self.model.comm.rank != 0:
             return
         try:
@@ -154,5 +169,5 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
 
 
 def _beside(file: Path) -> Path:
-    """Where the reduced model of a reduction is."""
+    """Where the reduced model or system is."""
     return file.with_name(f"{file.stem}-reduced.npz")

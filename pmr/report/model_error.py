@@ -1,12 +1,13 @@
-"""The model's own error in words: static answers and frequencies beside a richer model, or that it is not known."""
+"""The model's own error in words: its motion and frequencies beside a richer model's, or that it is not known."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from pmr.report.blocks import KeyNumber
 from pmr.report.numbers import percent
-from pmr.report.subject import along
+from pmr.report.subject import alone, along, chosen_by, spoken
 from pmr.results import RunResult
 
 #: What the models are called with which others are compared.
@@ -21,19 +22,28 @@ OF = {
 
 def model(result: RunResult) -> str:
     """In two or three sentences; that it is not known in one, with the key that tells it."""
-    found = result.summary.get("budget", {}).get("model")
+    found, chosen = result.summary.get("budget", {}).get("model"), result.summary.get("chosen_model")
+    why = "" if chosen is None or alone(result) else f"Sections are {_chosen(chosen)}. "
     if found is None:
-        return "How far the structural model itself is off is not known: compare.richer measures it."
+        richest = "" if chosen is None else " for a shell, the richest one there is"
+        return (
+            f"{why}How far the structural model itself is off is not known{richest or ': compare.richer measures it'}."
+        )
     if found["beside"] is None:
-        return f"How far the structural model itself is off is not known: {found['reason']}."
+        return f"{why}How far the structural model itself is off is not known: {found['reason']}."
     shares = {"beam": along(result), **OF}
     off = [f"{percent(found[kind])} {of}" for kind, of in shares.items() if found.get(kind) is not None]
-    static = f"the model's static answers are off by {', '.join(off)}; " if off else ""
+    moved = f"the model is off by {', '.join(off)} over the run; " if off else ""
+    most = f" and its largest displacement by {percent(found['largest'])}" if found.get("largest") is not None else ""
     return (
-        f"Beside {CALLED[found['beside']]} of the same bodies, pads and loads {static}"
-        f"its two lowest frequencies are off by up to {percent(found['frequency'])}, at the ends and in the middle of "
-        f"the path. Not compared: {'; '.join(found['not_covered'])}."
+        f"{why}Beside {CALLED[found['beside']]} of the same bodies, pads and loads {moved}"
+        f"its two lowest frequencies are off by up to {percent(found['frequency'])} along the path{most}. "
+        f"Not compared: {'; '.join(found['not_covered'])}."
     )
+
+
+def _chosen(found: Mapping[str, Any]) -> str:
+    return f"{spoken(found['name'], found['walls'])}, {chosen_by(found)}"
 
 
 def key_number(result: RunResult) -> Iterator[KeyNumber]:
@@ -42,4 +52,4 @@ def key_number(result: RunResult) -> Iterator[KeyNumber]:
     if found is None or found["beside"] is None or found.get("beam") is None:
         return
     more = f"lowest frequencies {percent(found['frequency'])}; beside {CALLED[found['beside']]}"
-    yield KeyNumber(percent(found["beam"]), "the model's own error, static", more)
+    yield KeyNumber(percent(found["beam"]), "the model's own error", more)

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.numbers import SPACE, plain
+from pmr.report.numbers import SPACE, percent, plain
 from pmr.results import BodyResult, RunResult
 from pmr.scene.choice import choose, parts_of
 from pmr.scene.members import member_at, members
@@ -79,16 +80,28 @@ def reduced_size(result: RunResult) -> int:
     return int(result.summary.get("coordinates", {}).get("reduced", basis))
 
 
-def spoken(model: str) -> str:
+def spoken(model: str, walls: str = "rigid") -> str:
     """A model in words."""
-    return MODELS.get(model, f"a {model.replace('_', ' ')}")
+    gives = " whose walls give way" if walls == "give" and model in ("beam2d", "beam3d") else ""
+    return MODELS.get(model, f"a {model.replace('_', ' ')}") + gives
+
+
+def chosen_by(measured: Mapping[str, Any]) -> str:
+    """Why measurements chose a model: what each that was tried is off by, in a clause."""
+    if "reason" in measured:
+        return f"the smallest one, which nothing could be compared with: {measured['reason']}"
+    tried = [f"{spoken(one['name'], one['walls'])} {percent(one['error'])}" for one in measured["tried"]]
+    of = percent(measured["tolerance"])
+    return f"as measured: beside a shell {', '.join(tried)} off, where {of} is allowed"
 
 
 def represented(result: RunResult) -> Model:
     """What a body alone is represented by."""
     scene = result.scene
+    if (measured := result.summary.get("chosen_model")) is not None:
+        return Model(spoken(scene.body.model, scene.body.walls), chosen_by(measured))
     if scene.body.model != "auto":
-        return Model(spoken(scene.body.model), "as the scene names it")
+        return Model(spoken(scene.body.model, scene.body.walls), "as the scene names it")
     chosen = choose(member_at(scene))
     return Model(spoken(chosen.model), f"since {'; '.join(chosen.reasons)}")
 

@@ -222,6 +222,9 @@ class Compare(Section):
     richer: Literal["none", "next", "beam3d", "shell"] = Field(
         default="none", description="Structural model beside which the error of the scene's own one is measured"
     )
+    model_tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
+        default=0.05, description="Largest error of the structural model that body.model = 'auto' may choose"
+    )
 
 
 class _Ordered(Section):

@@ -69,7 +69,7 @@ class Region(Section):
 class Body(Section):
     """What slides: a box boom, a beam by its stiffnesses, or whatever the mesh file holds.
 
-    `model` ``auto`` takes the smallest model that represents what the scene asks for (`pmr.scene.choice`).
+    `model` ``auto`` takes the smallest one that a run measures to be near enough to a shell.
     """
 
     model: ModelName = Field(default="auto", description="Structural model; auto: the smallest that will do")

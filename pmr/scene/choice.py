@@ -1,4 +1,7 @@
-"""The smallest model that represents what a scene asks for, and why."""
+"""The model of a body: the one that its scene names, or for ``auto`` the least that can carry what the scene asks for.
+
+Which model is accurate enough is measured beside a shell (`pmr.pipeline.model_part`), not decided here.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,6 @@ from pmr.scene.section import Direction
 
 #: A wall is taken to answer at once up to this share of its own lowest frequency.
 QUASI_STATIC = 1.0 / 3.0
-#: Pads this share of a face's breadth or less beside its edges press on the web.
-AT_THE_WEB = 0.1
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Choice:
 
 
 def choose(member: Member) -> Choice:
-    """What the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that represents it."""
+    """What the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that can carry what is asked."""
     if member.part.body.model != "auto":
         return Choice(member.part.body.model, ("the scene names it",))
     if member.part.body.profile is not None:
@@ -34,8 +35,13 @@ def choose(member: Member) -> Choice:
         return Choice("shell", tuple(shell))
     if space := _lateral(member):
         return Choice("beam3d", tuple(space))
-    walls = "walls give way under pads only" if member.part.body.walls == "give" else "no wall deforms by itself"
-    return Choice("beam2d", (f"all loads and masses lie in the vertical plane, and {walls}",))
+    return Choice("beam2d", ("all loads and masses lie in the vertical plane",))
+
+
+def undecided(member: Member) -> bool:
+    """Whether measurements are to decide the model: ``auto``, of a box of which a beam can carry what is asked."""
+    body = member.part.body
+    return body.model == "auto" and body.box is not None and model_of(member) != "shell"
 
 
 def model_of(member: Member) -> str:
@@ -169,22 +175,14 @@ def _stresses(member: Member) -> list[str]:
 
 
 def _walls(member: Member) -> list[str]:
-    """Reasons for which walls deform by themselves."""
-    box, material, found = member.part.body.box, member.part.body.material, []
+    """Reasons for which a beam can't stand for the walls."""
+    box, material = member.part.body.box, member.part.body.material
     if box is None:
         return []
-    for ring in member.pads if member.part.body.walls == "rigid" else ():
-        for name, face, across in ring.places:
-            half = (box.width if face in ("bottom", "top") else box.height) / 2.0
-            if half - abs(across) > AT_THE_WEB * 2.0 * half:
-                found.append(f"the pad {name} presses on the middle of a wall, {half - abs(across):g} m from the web")
     highest = max((one.highest_frequency(-np.inf, np.inf) for one in member.signals.values()), default=0.0)
     own = wall_frequency(box, material.young, material.poisson, material.density)
-    if highest > QUASI_STATIC * own:
-        found.append(f"loads of {highest:g} Hz come near the walls' own frequency of {own:.3g} Hz")
-    if box.frames:
-        found.append("the box has frames")
-    return found[:1] + [f"and {len(found) - 1} more of this kind"] * (len(found) > 1)
+    near = f"loads of {highest:g} Hz come near the walls' own frequency of {own:.3g} Hz"
+    return [near] * (highest > QUASI_STATIC * own) + ["the box has frames"] * bool(box.frames)
 
 
 def _lateral(member: Member) -> list[str]:

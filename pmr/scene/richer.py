@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pmr.errors import InputError
-from pmr.scene.asked import Observe, Reduction
-from pmr.scene.choice import model_of
+from pmr.scene.asked import Observe, Reduction, Simulation
+from pmr.scene.checks import check
+from pmr.scene.choice import model_of, undecided
 from pmr.scene.members import members
 from pmr.scene.scene import Scene
 
@@ -30,7 +31,49 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
         raise _none(asked, "a box is needed to make one of")
     if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
         raise _none(asked, "walls that give way are to be compared with a shell")
-    return _with(scene, own), _with(scene, [richer] * len(own)), richer
+    return alike(scene), _with(scene, [richer] * len(own)), richer
+
+
+def candidates(scene: Scene) -> list[Scene]:
+    """Scenes among which measurements decide, from the smallest models to shells; none where all models are known.
+
+    Planar beams, beams in space, each with walls that give way, and shells, as far as they can carry what is asked.
+    All bodies whose model is ``auto`` get the same one.
+    """
+    open_ = [member for member in members(scene) if undecided(member)]
+    if not open_:
+        return []
+    least = max(ORDER.index(model_of(member)) for member in open_)
+    beams = [(walls, model) for walls in ("rigid", "give") for model in ORDER[least:-1]]
+    asked = [walls for walls in ("rigid", "give") if any(one.part.body.walls == walls for one in open_)][-1]
+    found = [_decided(scene, model, walls) for walls, model in beams if asked in ("rigid", walls)]
+    return [*filter(_sound, found), _decided(scene, ORDER[-1], "rigid")]
+
+
+def alike(one: Scene) -> Scene:
+    """The scene with its models, but places and a reduction by which models can be compared."""
+    return _with(one, [model_of(member) for member in members(one)])
+
+
+def _decided(scene: Scene, model: str, walls: str) -> Scene:
+    """With this model and these walls wherever none is known."""
+    parts = []
+    for member in members(scene):
+        part = member.part
+        if part.body.model == "auto" and part.body.box is not None:
+            chosen = {"model": model, "walls": walls} if undecided(member) else {"model": model_of(member)}
+            part = part.model_copy(update={"body": part.body.model_copy(update=chosen)})
+        parts.append(part)
+    return scene.model_copy(update={"sections": tuple(parts)})
+
+
+def _sound(scene: Scene) -> bool:
+    """Whether the models can carry what is asked."""
+    try:
+        check(scene)
+    except InputError:
+        return False
+    return True
 
 
 def _none(asked: str, why: str) -> InputError:
@@ -38,7 +81,10 @@ def _none(asked: str, why: str) -> InputError:
 
 
 def _with(scene: Scene, models: list[str]) -> Scene:
-    """With these models, places that all of them have, and a reduction that no scene's own choice makes inexact."""
+    """With these models, places that all of them have, and a reduction that no scene's own choice makes inexact.
+
+    Nothing is asked of it but its motion, once.
+    """
     parts = []
     for part, model in zip(scene.sections, models, strict=True):
         length, walls = part.length, part.body.walls if model != "shell" else "rigid"
@@ -50,4 +96,6 @@ def _with(scene: Scene, models: list[str]) -> Scene:
             "reduction": Reduction(coordinates=COORDINATES, estimate=False, solver=part.reduction.solver),
         }
         parts.append(part.model_copy(update=changes))
-    return scene.model_copy(update={"sections": tuple(parts), "accuracy": None, "budget": None, "recovery": None})
+    once = Simulation(simulators=("march",), repeats=1)
+    left_out = {"accuracy": None, "budget": None, "recovery": None, "simulation": once}
+    return scene.model_copy(update={"sections": tuple(parts), **left_out})

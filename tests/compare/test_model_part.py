@@ -1,4 +1,4 @@
-"""The model's part of the budget: answers of a system, and what two of them are apart."""
+"""The model's part of the budget: motions of two models, and what they are apart."""
 
 from __future__ import annotations
 
@@ -9,63 +9,84 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare.model_part import KINDS, Answers, answers, compared, model_part, steps_of
+from pmr.compare.model_part import IMPACTS, PLACES, STRESS, Motion, error, model_part, steps_of
 from pmr.scene import load_any
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
 from pmr.system.assembly import Assembly
-from pmr.system.statics import equilibrium
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
-BEAM, TIP, PAD = (KINDS.index(kind) for kind in ("beam", "tip", "pad_force"))
+QUICK = ["compare.against=[]", "time.end=0.2", "time.step=2e-3", "mesh.elements=12"]
 
 
-def two() -> tuple[Answers, Answers]:
-    """At two places, of two loads; the richer one has an output that the other one lacks."""
-    rng = np.random.default_rng(5)
-    keys = [(BEAM, "z at 1 m"), (BEAM, "z at 2 m"), (TIP, "tip z"), (PAD, "top")]
-    own = Answers(np.array([[2.0, 3.0], [4.0, 5.0]]), {key: rng.uniform(-1.0, 1.0, (2, 2)) for key in keys})
-    richer = {key: values * (1.25 if key[0] == BEAM else 2.0) for key, values in own.values.items()}
-    return own, Answers(own.frequencies / [[1.0, 1.1], [1.6, 1.0]], {(PAD, "left"): np.ones((2, 2))} | richer)
+@pytest.fixture(scope="module")
+def boom():
+    """A beam on pads and its motion."""
+    scene = load_any(WORKFLOWS / "boom_beam.toml", QUICK)
+    return scene, Motion.of(scene, pmr.reduce(scene).system)
 
 
-def test_parts_are_differences_over_what_the_richer_model_answers() -> None:
-    scene = load_any(WORKFLOWS / "boom_beam.toml", [])
-    found = model_part(scene, compared(*two()), "shell", ["a", "b"], np.array([3.0, 1e-3]))
-    assert found["beam"] == pytest.approx(0.2) and found["tip"] == pytest.approx(0.5) == found["pad_force"]
-    assert found["frequency"] == pytest.approx(0.6)
-    assert np.array(found["frequencies"]["own"]) == pytest.approx(two()[0].frequencies)
-    assert "cylinder_force" not in found and any("stress" in one for one in found["not_covered"])
+def scaled(motion: Motion, displacement: float = 1.0, force: float = 1.0) -> Motion:
+    response = motion.response
+    changes = {"displacement": displacement * response.displacement, "slider_force": force * response.slider_force}
+    return replace(motion, response=replace(response, **changes))
 
 
-def test_loads_count_by_their_largest_amplitude() -> None:
-    scene = load_any(WORKFLOWS / "boom_beam.toml", [])
-    own, richer = two()
-    for values in richer.values.values():
-        values[:, 1] = 7.0
-    found = model_part(scene, compared(own, richer), "shell", ["a", "b"], np.array([3.0, 0.0]))
-    assert found["beam"] == pytest.approx(0.2)
-    still = model_part(scene, compared(own, richer), "shell", ["a", "b"], np.zeros(2))
-    assert still["beam"] is None and still["frequency"] == pytest.approx(0.6)
+def test_parts_are_differences_over_what_the_richer_model_does(boom) -> None:
+    scene, motion = boom
+    richer = replace(scaled(motion, 1.25, 2.0), frequencies=motion.frequencies / 1.1)
+    found = model_part(scene, motion, richer, "shell")
+    assert [found[kind] for kind in ("beam", "tip", "largest")] == pytest.approx([0.2, 0.2, 0.2])
+    assert [found[kind] for kind in ("pad_force", "frequency")] == pytest.approx([0.5, 0.1])
+    assert error(found) == found["pad_force"]
+    assert "cylinder_force" not in found and found["not_covered"] == [STRESS]
+
+
+def test_outputs_count_that_both_models_have(boom) -> None:
+    """A planar beam has none across: lateral motion of a richer one is nothing that it says wrong."""
+    scene, motion = boom
+    response = motion.response
+    kept = [k for k, name in enumerate(response.output_names) if " z" in name or name.startswith("z ")]
+    assert 0 < len(kept) < len(response.output_names)
+    names = tuple(f"other {name}" if k not in kept else name for k, name in enumerate(response.output_names))
+    moved = response.displacement.copy()
+    moved[:, [k for k in range(len(names)) if k not in kept]] *= 7.0
+    other = replace(motion, response=replace(response, output_names=names, displacement=moved))
+    found = model_part(scene, motion, other, "shell")
+    assert found["beam"] == 0.0 == found["tip"]
+
+
+def test_what_does_not_move_is_off_by_nothing_that_is_known(boom) -> None:
+    scene, motion = boom
+    found = model_part(scene, motion, scaled(motion, 0.0), "shell")
+    assert found["beam"] is None and found["tip"] is None and found["pad_force"] == 0.0
+    pads = [ring.model_copy(update={"unilateral": True}) for ring in scene.pads]
+    pushing = scene.model_copy(update={"pads": tuple(pads)})
+    assert model_part(pushing, motion, motion, "shell")["not_covered"] == [STRESS, IMPACTS]
+
+
+def test_modes_count_that_move_where_the_poorer_model_can(boom) -> None:
+    """Beside a planar beam those of a beam in space that are lateral do not."""
+    scene, motion = boom
+    planar = replace(motion, moved=motion.moved * [[[1.0], [0.0], [1.0]]])
+    vertical = motion.moved[:, 2] > motion.moved[:, 1]
+    lowest = np.array([f[mine][:2] for f, mine in zip(motion.frequencies, vertical, strict=True)])
+    assert np.any(lowest != motion.frequencies[:, :2])
+    found = model_part(scene, replace(planar, frequencies=1.1 * motion.frequencies), motion, "beam3d")["frequencies"]
+    assert np.array(found["richer"]) == pytest.approx(lowest)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["boom_beam", "boom_two"])
-def test_answers_are_those_of_an_equilibrium(name: str) -> None:
-    """One section and several by the same code; pads that only push are taken as closed."""
+def test_frequencies_are_those_at_places_all_along(name: str) -> None:
+    """One section and several by the same code."""
     scene = load_any(WORKFLOWS / f"{name}.toml", ["compare.against=[]"])
+    fewer = scene.time.model_copy(update={"step": scene.time.end / 100.0})
+    scene = scene.model_copy(update={"time": fewer, "simulation": scene.simulation.model_copy(update={"repeats": 1})})
     system, excitation = pmr.reduce(scene).system, Excitation.of(scene)
-    both_ways = tuple(replace(one, clearance=None) for one in system.contacts)
-    system = replace(system, contacts=both_ways)
-    steps, assembly = steps_of(excitation), Assembly(system)
-    s = excitation.s.sum(axis=1)
-    assert s[steps[0]] == s.min() and s[steps[-1]] == s.max() and len(steps) == 3
-    found, x = answers(system, excitation), places(system, excitation)[steps]
-    f = np.random.default_rng(1).uniform(-1.0, 1.0, len(system.input_names))
-    for k in range(3):
-        rest = equilibrium(assembly, x[k], f)
-        forces = dict(zip(system.contact_names, rest.forces, strict=True))
-        for (kind, called), values in found.values.items():
-            if called in forces and kind == PAD:
-                assert values[k] @ f == pytest.approx(forces[called], rel=1e-6, abs=1e-8 * abs(rest.forces).max())
-        assert found.frequencies[k] == pytest.approx(assembly.frequencies(x[k], 2), rel=1e-9)
+    steps, s = steps_of(excitation), excitation.s.sum(axis=1)
+    assert len(steps) == PLACES and s[steps] == pytest.approx(np.linspace(s.min(), s.max(), PLACES), abs=0.25)
+    x = places(system, excitation)[steps]
+    found = Motion.of(scene, system).lowest(np.full(3, True))
+    for k in (0, PLACES // 2, PLACES - 1):
+        assert found[k] == pytest.approx(Assembly(system).frequencies(x[k : k + 1], 2)[0], rel=1e-9)

@@ -8,9 +8,9 @@ import pytest
 
 from pmr.errors import InputError
 from pmr.scene import load_any
-from pmr.scene.choice import model_of
+from pmr.scene.choice import model_of, undecided
 from pmr.scene.members import members
-from pmr.scene.richer import COORDINATES, PLACES, beside
+from pmr.scene.richer import COORDINATES, PLACES, beside, candidates
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 
@@ -63,3 +63,35 @@ def test_cells_of_the_shell_may_be_said_where_a_beam_is_compared_with_one() -> N
     assert scene("boom_beam", "compare.richer=shell", "mesh.size=0.2").sections[0].mesh.size == 0.2
     with pytest.raises(InputError, match="no effect"):
         scene("boom_beam", "mesh.size=0.2")
+
+
+PLANAR = ("loads.gust.direction=z",)
+AUTO = ("section.body.model=auto",)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "expected"),
+    [
+        ("boom", (), "beam3d rigid, beam3d give, shell rigid"),
+        ("boom", PLANAR, "beam2d rigid, beam3d rigid, beam2d give, beam3d give, shell rigid"),
+        ("boom", ("body.walls=give",), "beam3d give, shell rigid"),
+        ("boom", ("body.box.frames=[3.0]", "body.box.frame_depth=0.05"), ""),
+        ("boom", ("recovery.stress=true",), ""),
+        ("boom_beam", (), ""),
+        ("paper_evolved", (), ""),
+        ("boom_three", AUTO, "beam2d rigid, beam3d rigid, beam2d give, beam3d give, shell rigid"),
+    ],
+)
+def test_models_among_which_measurements_decide(name: str, changes: tuple[str, ...], expected: str) -> None:
+    """From the smallest that can carry what is asked to a shell; none of a scene whose models are all known."""
+    found = candidates(scene(name, *changes))
+    assert all(len({(model_of(one), one.part.body.walls) for one in members(each)}) == 1 for each in found)
+    last = [members(each)[-1] for each in found]
+    assert ", ".join(f"{model_of(one)} {one.part.body.walls}" for one in last) == expected
+    assert not any(undecided(one) for each in found for one in members(each))
+
+
+def test_a_section_whose_model_is_named_keeps_it() -> None:
+    found = candidates(scene("boom_three", "sections.fly.body.model=auto"))
+    assert {tuple(model_of(one) for one in members(each))[:2] for each in found} == {("beam2d", "beam2d")}
+    assert [model_of(members(each)[-1]) for each in found][-1] == "shell"

@@ -117,8 +117,8 @@ def test_damping_in_two_ways_names_the_file_that_has_both(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("overrides", "model", "reason"),
     [
-        ((), "shell", "the pad tail bottom right presses on the middle of a wall, 0.05 m from the web"),
-        ((AT_THE_WEB,), "beam3d", "the load gust acts along y"),
+        ((), "beam3d", "the load gust acts along y"),
+        (("body.box.frames=[3.0]", "body.box.frame_depth=0.05"), "shell", "the box has frames"),
         ((AT_THE_WEB, VERTICAL), "beam2d", "all loads and masses lie in the vertical plane"),
         ((AT_THE_WEB, VERTICAL, "recovery={every=0.1}"), "shell", "stresses are asked for"),
         ((AT_THE_WEB, VERTICAL, PROBE % "strain"), "shell", "stresses are asked for"),
@@ -132,7 +132,7 @@ def test_damping_in_two_ways_names_the_file_that_has_both(tmp_path: Path) -> Non
         (("body.model=solid",), "solid", "the scene names it"),
     ],
 )
-def test_the_scene_decides_the_model(load, overrides, model, reason) -> None:
+def test_the_scene_decides_what_a_model_has_to_carry(load, overrides, model, reason) -> None:
     chosen = choose(member_at(load(*overrides)))
     assert chosen.model == model and reason in chosen.reasons[0]
 
@@ -154,7 +154,6 @@ def test_a_wall_is_a_long_plate() -> None:
         ("pads=[]", "nothing slides"),
         (f"pads=[{{{MOUTH},clearance=1e-3}}]", "pads[0].clearance = 0.001: 0 is allowed unless unilateral = true"),
         ("compare.against=['ancf']", "the ANCF reference needs body.profile"),
-        ("reduction={basis='eigenmodes',positions='nodes'}", "'path' or a list"),
         ("recovery={every=0.0015}", "recovery.every = 0.0015: a multiple of time.step"),
         ("body.model=beam2d", "loads[1].direction = 'y': x, z and ry are allowed for beam2d"),
         ("masses=[{name='m',on='tip',mass=1.0},{name='m',on='tip',mass=2.0}]", "masses = 'm': names that differ"),
@@ -168,6 +167,11 @@ def test_what_does_not_fit_is_refused_in_one_line(load, override, message) -> No
     with pytest.raises(InputError) as refused:
         load(override)
     assert message in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_nodes_are_those_of_a_beam(load) -> None:
+    with pytest.raises(InputError, match="'path' or a list"):
+        load("body.model=shell", "reduction={basis='eigenmodes',positions='nodes'}")
 
 
 def test_a_study_of_planar_beams_refuses_a_boom() -> None:
