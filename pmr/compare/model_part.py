@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.responses import refused_growth, repeated
+from pmr.compare.second_order import as_made
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -56,6 +57,7 @@ class Motion:
     @classmethod
     def of(cls, scene: Scene, system: System) -> Motion:
         """Raises an `InputError` where the motion grows without bound."""
+        scene = as_made(scene, system.terms)
         excitation = Excitation.of(scene)
         x = places(system, excitation)[steps_of(excitation)]
         with refused_growth(scene):
