@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,12 +11,13 @@ import numpy as np
 import pytest
 from boom_results import SUMMARY, MakeSpace
 
+from pmr.fields.series import Fields
 from pmr.report import space
 from pmr.report.document import page
 from pmr.report.figures import forces
 from pmr.report.figures import space as figures
 from pmr.report.figures.canvas import style
-from pmr.report.motion import line
+from pmr.report.motion import album, line, player
 from pmr.report.moving_frame import energy, frame
 from pmr.report.sections import chapter
 from pmr.results import RunResult
@@ -161,3 +163,26 @@ def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None
             places = places[np.isfinite(places).all(axis=1)]
             assert len(places) > 2
             assert (places >= (left, low)).all() and (places <= (right, high)).all()
+
+
+@pytest.mark.parametrize("kind", ["line", "triangle"])
+def test_bodies_are_played_and_pictured_where_they_are(
+    make_space: MakeSpace, make_fields: Callable[[str], Fields], kind: str
+) -> None:
+    """Rotations and origins of the page, and points of pictures: tail at its place from the pivot, tip above it."""
+    result = make_space(fields=make_fields(kind), frame={"pivot": [0.5, 0.0, -0.3], "unit": "degrees", "luffing": 90.0})
+    pose = player.player(result)["pose"]
+    rotation, origin = unpacked(pose["rotation"]).reshape(-1, 3, 3), unpacked(pose["origin"]).reshape(-1, 3)
+    s = result.scene.slider.path.value(result.body.fields.t)  # the body is drawn at -s, and pads at its mouth at 0
+    assert origin == pytest.approx(np.stack([0.5 + s, 0.0 * s, -0.3 + 0.0 * s], axis=1), abs=1e-3)
+    assert rotation == pytest.approx(np.tile([[0, 0, -1], [0, 1, 0], [1, 0, 0]], (len(s), 1, 1)), abs=1e-3)
+    low, high = np.array(pose["centre"]) - pose["size"] / 2.0, np.array(pose["centre"]) + pose["size"] / 2.0
+    assert low[2] <= 0.0 and high[2] >= 6.5
+    shot = next(shot for _, shot, _ in album._Views(result).shots())
+    body = shot.pieces[0].points
+    assert body[:, 2].min() == pytest.approx(0.5, abs=0.2) and body[:, 2].max() == pytest.approx(6.5, abs=0.2)
+    assert np.abs(body[:, 1]).max() < 0.3
+
+
+def test_bodies_without_a_frame_have_no_pose(make_space: MakeSpace, make_fields: Callable[[str], Fields]) -> None:
+    assert player.player(make_space(fields=make_fields("triangle")))["pose"] is None
