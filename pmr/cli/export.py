@@ -23,6 +23,14 @@ def export(
     fmi: Annotated[
         str | None, typer.Option("--fmi", metavar="2|3", help="Version of the interface, for fmu.  [default: 3]")
     ] = None,
+    platforms: Annotated[
+        str | None,
+        typer.Option(
+            "--platforms",
+            metavar="host|all",
+            help="What an fmu has binaries for: this machine's system, or Linux, Windows and macOS.  [default: host]",
+        ),
+    ] = None,
     at: Annotated[
         str | None,
         typer.Option("--at", metavar="S,...", help="Places of the sliders in m, for state spaces.  [default: a grid]"),
@@ -40,13 +48,13 @@ def export(
     --------
         pmr export reports/paper_simple/reduced.npz --to exudyn
 
-        pmr export reports/boom_shell/reduced.npz --to fmu --fmi 2
+        pmr export reports/boom_shell/reduced.npz --to fmu --fmi 2 --platforms all
 
         pmr export reports/boom_shell/reduced.npz --to matlab --at 1.5,2.5,4
     """
     ensure_file(out_file, model) if out_file else ensure_writable(model.parent)
     finished(model.parent)
-    written = write(to, model, out_file, Options(fmi, at, section))
+    written = write(to, model, out_file, Options(fmi, at, section, platforms))
     if section is not None:
         say(out, f"section {section} alone, without its joints")
     say(out, str(written))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import platform as this
 import re
 import subprocess
 import sys
 import tempfile
 import zipfile
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,6 +46,8 @@ PLATFORMS = (
     Platform("darwin64", "x86_64-darwin", "x86_64-macos", ".dylib"),
     Platform("", "aarch64-darwin", "aarch64-macos", ".dylib"),
 )
+#: What `Platform.folder_3` is called after, as Python names processors and systems.
+_MACHINES = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 _FLAGS = ("-shared", "-std=c99", "-O3", "-fvisibility=hidden", "-fno-sanitize=undefined", "-s")
 
 
@@ -58,6 +63,18 @@ class Contents:
         """Files of C by their names."""
         found = {Path(name): text for name, text in self.texts.items()}
         return {path.name: text for path, text in found.items() if path.suffix in {".c", ".h"}}
+
+
+def chosen(asked: str | None, version: str) -> tuple[Platform, ...]:
+    """The platforms that are asked for: ``all``, or by default the one that this machine is; all if it is none of them.
+
+    Raises InputError if something else is asked for.
+    """
+    if asked not in (None, "host", "all"):
+        raise InputError("command line", "--platforms", asked, "host or all is allowed")
+    here = f"{_MACHINES.get(this.machine().lower(), '')}-{this.system().lower()}"
+    found = tuple(one for one in PLATFORMS if one.folder_3 == here and _place(one, version))
+    return PLATFORMS if asked == "all" else found or PLATFORMS
 
 
 def write_fmu(
@@ -147,14 +164,19 @@ def _binaries(folder: Path, found: Contents, version: str, platforms: Sequence[P
     """Shared libraries by their names in the archive."""
     for name, text in found.sources.items():
         (folder / name).write_text(text)
-    binaries = {}
+    libraries = {}
     for platform in platforms:
-        place = platform.folder_2 if version == "2" else platform.folder_3
-        if place:
-            library = folder / "binaries" / place / f"{found.described.identifier}{platform.suffix}"
-            _compile(folder, found.described.sources, platform, library)
-            binaries[f"binaries/{place}/{library.name}"] = library.read_bytes()
-    return binaries
+        if place := _place(platform, version):
+            library = Path("binaries", place, f"{found.described.identifier}{platform.suffix}")
+            libraries[library] = (folder, found.described.sources, platform, folder / library)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # each waits for a compiler, a process of its own
+        list(pool.map(lambda one: _compile(*one), libraries.values()))
+    return {library.as_posix(): (folder / library).read_bytes() for library in libraries}
+
+
+def _place(platform: Platform, version: str) -> str:
+    """The platform's folder in a version of the interface, empty where that knows none."""
+    return platform.folder_2 if version == "2" else platform.folder_3
 
 
 def _compile(folder: Path, sources: Sequence[str], platform: Platform, target: Path) -> None:
