@@ -15,7 +15,20 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks import approaches, compiling, fmu, growth, latency, limit, offline, peer, report, requirements, scale
+from benchmarks import (
+    approaches,
+    compiling,
+    fmu,
+    growth,
+    latency,
+    limit,
+    offline,
+    peer,
+    report,
+    requirements,
+    scale,
+    waited_for,
+)
 from pmr.errors import environment
 from pmr.fem.compat import versions as fenicsx_versions
 
@@ -33,6 +46,7 @@ def sections(long: bool) -> Mapping[str, Callable[[], Any]]:
         "growth": lambda: growth.measure(long),
         "fmu": lambda: fmu.measure(repeats),
         "compiling": compiling.measure,
+        "waited for": waited_for.measure,
         "peer": lambda: [peer.measure(elements, repeats) for elements in PEER_ELEMENTS],
         "approaches": lambda: {
             "small": approaches.small(repeats),

@@ -307,6 +307,24 @@ def compiling(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
     )
 
 
+def waited_for(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
+    """Processor time of commands."""
+    rows = tuple((name, quantity(one["seconds"], "s"), quantity(one["asked"], "s")) for name, one in found.items())
+    held = sum(one["seconds"] <= one["asked"] for one in found.values())
+    return Chapter(
+        anchor=prefix,
+        title="",
+        headline=f"{held} of {len(found)} commands take no more than is asked.",
+        blocks=[
+            Block(
+                "Commands",
+                text="First: with nothing compiled yet, neither loops nor a platform's C library.",
+                grids=(Grid("Processor time of a command and what it starts.", ("command", "here", "asked"), rows),),
+            )
+        ],
+    )
+
+
 def offline(found: Mapping[str, Any], prefix: str) -> Chapter:
     """Everything before a simulation."""
     caption = "Seconds of each stage against the full model's coordinates; filled: one rank, open: two."
@@ -372,6 +390,7 @@ PAGES: Mapping[str, tuple[str, Callable[[Any, str], Chapter]]] = {
     "growth": ("Cost against size", growth),
     "limit": ("Distance to the machine's limit", limit),
     "compiling": ("Compiling", compiling),
+    "waited for": ("What is waited for", waited_for),
     "peer": ("POD and projection beside pyMOR", peer),
     "offline": ("Before the simulation", offline),
     "scale": ("A shell before the simulation", scale),

@@ -39,6 +39,8 @@ def _all(sections: Mapping[str, Any]) -> Iterator[Requirement]:
     if "limit" in sections:
         factor = max(size["factor"] for size in sections["limit"]["sizes"])
         yield Requirement("compiled loop over the least time that the core allows", factor, 3.0, False, "ratio")
+    for name, one in sections.get("waited for", {}).items():
+        yield Requirement(f"{name}: processor time", one["seconds"], one["asked"], False, "s")
     if "scale" in sections:
         yield from _scale(sections["scale"])
 

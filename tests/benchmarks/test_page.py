@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from benchmarks import latency, limit, report, requirements
+from benchmarks import latency, limit, pages, report, requirements, waited_for
 from pmr.errors import environment
 
 
@@ -31,6 +33,15 @@ def test_a_page_of_what_was_measured_needs_nothing_else(tmp_path: Path) -> None:
     assert all(one["text"] in page for one in judged)
     assert "Other work was running" in page
     assert not re.search(r'(src|href)="(?!#|data:)', page)
+
+
+def test_what_is_waited_for_stands_beside_what_was_asked(tmp_path: Path) -> None:
+    found = {"pmr --help": {"seconds": 0.2, "asked": 0.3}, "pmr info": {"seconds": 0.9, "asked": 0.8}}
+    assert [one["holds"] for one in requirements.judged({"waited for": found})] == [True, False]
+    assert pages.waited_for(found, "waited").headline == "1 of 2 commands take no more than is asked."
+    assert waited_for.seconds_of(tmp_path, {}, sys.executable, "-c", "sum(range(3_000_000))") > 0.0
+    with pytest.raises(subprocess.CalledProcessError):
+        waited_for.seconds_of(tmp_path, {}, sys.executable, "-c", "raise SystemExit(2)")
 
 
 def test_a_requirement_is_met_or_missed() -> None:
