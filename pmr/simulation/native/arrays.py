@@ -112,6 +112,8 @@ class State(NamedTuple):
     factor: Array  # (m, m): L below the diagonal, 1 / pivots on it, of the Schur complement L diag(pivots) L^T
     weighted: Array  # (m, r'): C / S where they are needed apart
     shares: Array  # (q,): what `Outputs.of_rows` is multiplied by
+    # (r',): accelerations S^-1 B f where the inputs move the rows through them alone; (0,) where `couplings` do it
+    given: Array
     contact: Contact | None = None  # None, a type of its own to the compiler, where all rows hold both ways
 
 

@@ -29,7 +29,7 @@ def loop_of(
 
     `omega` in rad/s is that of contacts that only push (`pmr.simulation.contact_step`).
     """
-    system, schemes = form.system, [method.scheme() for method in methods]
+    system, schemes = form.modal, [method.scheme() for method in methods]
     body = form.on_tables
     of_levels = [] if body is None else [tables(form, body, scheme) for scheme in schemes]
     constants = bodies(form, paths) if body is None else None

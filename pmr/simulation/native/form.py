@@ -15,6 +15,7 @@ from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native.arrays import DAMPING, INPUT, ROW, STIFFNESS, UNIT, Contact, Divided, Modes, Scheme, State
 from pmr.simulation.native.simd import LANES, aligned, padded
 from pmr.system.contacts import ALONE
+from pmr.system.rings import Combined, combined
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -63,16 +64,22 @@ class SystemForm:
         """(r,): where modes stand among all, and not what fills them up."""
         return np.concatenate([np.arange(own.start, own.stop) for own in self.columns.values()])
 
-    @cached_property
+    @property
     def modal(self) -> System:
-        """The system in its modes; a body whose tables say all is without carriers."""
+        """The system in its modes, rings of pads as few contacts; a body whose tables say all is without carriers."""
+        return self.combined.system
+
+    @cached_property
+    def combined(self) -> Combined:
+        """The same, and what tells the forces of all contacts."""
         bodies = {}
         for name, form in self.forms.items():
             carriers = None if self.system.on_one_path else self.system.bodies[name].carriers
             on_modes = None if carriers is None else carriers.on(form.X).with_rows(form.rows)
             bodies[name] = replace(form.body, carriers=on_modes)
         motions = {name: form.X for name, form in self.forms.items()}
-        return System(bodies, self.system.contacts, terms=tuple(term.on(motions) for term in self.system.terms))
+        terms = tuple(term.on(motions) for term in self.system.terms)
+        return combined(System(bodies, self.system.contacts, terms=terms))
 
     @cached_property
     def on_tables(self) -> ReducedModel | None:
@@ -129,7 +136,7 @@ class SystemForm:
 
     def state(self, scheme: Scheme, contact: Contact | None, shares: int) -> State:
         """At rest, before the rows are evaluated; `shares` as many as `State` says."""
-        m, (i, r) = len(self.system.contacts), self.modes.B.shape
+        m, (i, r) = len(self.modal.contacts), self.modes.B.shape
         modes = np.zeros((ROW + max(m, 1), r))
         modes[: INPUT + 1] = self.constant_modes(scheme)
         return State(
@@ -141,6 +148,7 @@ class SystemForm:
             factor=np.zeros((m, m)),
             weighted=aligned(np.zeros((m, r))),
             shares=np.zeros(shares),
+            given=aligned(np.zeros(r if self.on_tables is None else 0)),
             contact=contact,
         )
 

@@ -58,7 +58,7 @@ class March:
             excitation.along(self.body.domain)  # refused in its own words
         self.x, self._paths = places(system, excitation), tuple(excitation.paths)
         parts: tuple[int, ...] = (1,)
-        self.pushing, omega = ~np.isnan(system.clearance), 0.0
+        self.pushing, omega = ~np.isnan(form.modal.clearance), 0.0
         if self.pushing.any():
             asked = bool(stepping.parts or stepping.schedule)
             omega = 0.0 if asked else contact_step.contact_frequency(form.modal, excitation)
@@ -78,12 +78,13 @@ class March:
         )
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
         self.scheme, self.loop = methods[0].scheme(), loop_of(form, methods, parts, omega, self._paths)
-        rigid = np.all(Assembly(form.modal).at(self.x[0]).F == 0.0, axis=1)
-        needs = needs_of(system, rigid, self.x, stepping.rho_inf)
+        x = places(form.modal, excitation)
+        rigid = np.all(Assembly(form.modal).at(x[0]).F == 0.0, axis=1)
+        needs = needs_of(form.modal, rigid, x, stepping.rho_inf)
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         x_rate = rates_of_places(system, excitation)
-        begin(self.loop, form, methods[0], Onset(self._paths, s[0], self.x[0], x_rate, f[0], initial, c[0]))
+        begin(self.loop, form, methods[0], Onset(self._paths, s[0], self.x[0], x_rate, x[0], f[0], initial, c[0]))
         self._account = None if self.body is None else balance.Account(self.body, stepping.steps)
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
 
@@ -111,11 +112,11 @@ class March:
         of_bodies = [chosen[(chosen >= at) & (chosen < end)] - at for at, end in zip(first, first[1:], strict=False)]
         return side_outputs(self.form, dict(zip(self.form.forms, map(np.ndarray.tolist, of_bodies), strict=True)))
 
-    def outputs_at(self, x: Array, f: Array) -> Array:
-        """Theirs (o,) of the present state with the contacts' places at x (sides,) m: O q + W f - X lambda."""
+    def outputs_at(self, s: Mapping[str, float], f: Array) -> Array:
+        """Theirs (o,) of the present state where the paths lead to s m: O q + W f - X lambda."""
         assembly, state = Assembly(self.form.modal), self.loop.state
         moved = assembly.outputs @ state.modes[Z, self.form.used] + assembly.direct @ f
-        return np.asarray(moved - assembly.at(x).X @ state.multipliers)
+        return np.asarray(moved - assembly.at(self.form.modal.coordinates(s)).X @ state.multipliers)
 
     def run(self, take: Callable[[Steps], None], progress: Progress | None = None) -> Ended:
         """Take all steps; `take` gets some of them at a time.
@@ -170,7 +171,7 @@ class March:
         drive = Drive(s[reach], f[reach], given, None if c is None else c[reach])
         taken, failed = kernel.run(loop, self.scheme, outputs, drive, rows, every)
         if failed:
-            why = reason(self.system, loop.state.modes[ROW:], failed)
+            why = reason(self.form.modal, loop.state.modes[ROW:], failed)
             raise SimulationError(f"march failed at {self._where(first + taken)}: {why}")
 
     def _steps(self, first: int, last: int, rows: Record) -> Steps:

@@ -71,7 +71,7 @@ def _on(loop: Loop, level: int) -> Loop:
     state, levels = loop.state, loop.levels
     now = State(
         state.modes, state.multipliers, state.position, state.interval, state.couplings, state.factor, state.weighted,
-        state.shares, contact_of(state.contact, levels, level),
+        state.shares, state.given, contact_of(state.contact, levels, level),
     )  # fmt: skip
     tables = tables_of(loop.tables, levels, level)
     divided = divided_of(levels, level)

@@ -41,11 +41,11 @@ class Polynomials(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """Constants of bodies with r' modes, K carriers and i inputs in all, and of m contacts; m' as r'."""
+    """Constants of bodies with r' modes, K carriers and i inputs in all, and of m contacts; i' and m' as r'."""
 
     values: Array  # (K, r'): what the modes measure on the carriers
-    inputs: Array  # (K, i) m/N: U R B
-    energy: Array  # (i, i) m/N: B^T R B
+    inputs: Array  # (K, i') m/N: U R B
+    energy: Array  # (i, i') m/N: B^T R B
     flexibility: Array  # all U R U^T in m/N, flat, one body after the other; nothing of a body without
     first_flexibility: Indices  # (bodies + 1,)
     carriers: Indices  # (bodies + 1,): where each body's begin
@@ -53,7 +53,7 @@ class Bodies(NamedTuple):
     compliance: Array  # (m,) m/N
     moves: Indices  # (m, 2): the first and behind the last mode that a contact holds
     staying: Array  # (m, r'): rows of the sides that stay where they are
-    staying_inputs: Array  # (m, i) m/N: H of these
+    staying_inputs: Array  # (m, i') m/N: H of these
     staying_half: Array  # (m, m') m/N: half of G between these
     staying_answers: Array  # (K, m') m/N: U R b^T of these
     rows: Polynomials
@@ -81,18 +81,20 @@ class Sides(NamedTuple):
     moved: NDArray[np.bool_]  # (1,): whether the contacts' rows have changed since `account` was last called
     powers: Array  # (q, p'): 1, d, d^2, ... of the distance d into the interval
     of_modes: Array  # (q, p', r')
-    of_inputs: Array  # (q, p', i)
+    of_inputs: Array  # (q, p', i')
     of_staying: Array  # (q, p', m')
     of_others: Array  # (q, q, p', p'), the lower half
     room: Array  # (d, p')
     half: Array  # (m, m') m/N: N of G = N + N^T
-    inputs: Array  # (m, i) m/N: H
+    inputs: Array  # (m, i') m/N: H
+    loads: Array  # (i',) N
+    forces: Array  # (m',) N
     old_rows: Array  # (m, r')
     old_half: Array
     old_inputs: Array
     old_z: Array  # (r',)
-    old_multipliers: Array  # (m,)
-    old_loads: Array  # (i,)
+    old_loads: Array
+    old_forces: Array
     energy: Array  # (2,) J: what is stored, and the work done since the start
 
 
@@ -121,8 +123,8 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
             answers[first:last, :m] = R @ staying[:, first:last].T
     return Bodies(
         values=aligned(values),
-        inputs=inputs,
-        energy=energy,
+        inputs=padded(inputs),
+        energy=padded(energy),
         flexibility=np.concatenate([np.empty(0), *(R.ravel() for R in flexibility)]),
         first_flexibility=starts([R.size for R in flexibility]),
         carriers=carriers,
@@ -130,7 +132,7 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         compliance=system.compliance,
         moves=moves,
         staying=aligned(staying @ values),
-        staying_inputs=staying @ inputs,
+        staying_inputs=padded(staying @ inputs),
         staying_half=aligned(staying @ answers / 2.0),
         staying_answers=aligned(answers),
         rows=_polynomials(system, paths),
@@ -191,18 +193,20 @@ def sides(constants: Bodies, paths: int) -> Sides:
         moved=np.zeros(1, np.bool_),
         powers=aligned(np.zeros((q, p))),
         of_modes=aligned(np.zeros((q, p, r))),
-        of_inputs=np.zeros((q, p, i)),
+        of_inputs=aligned(np.zeros((q, p, i))),
         of_staying=aligned(np.zeros((q, p, wide))),
         of_others=aligned(np.zeros((q, q, p, p))),
         room=aligned(np.zeros((width, p))),
         half=aligned(np.zeros((m, wide))),
-        inputs=np.zeros((m, i)),
+        inputs=aligned(np.zeros((m, i))),
+        loads=aligned(np.zeros(i)),
+        forces=aligned(np.zeros(wide)),
         old_rows=aligned(np.zeros((m, r))),
         old_half=aligned(np.zeros((m, wide))),
-        old_inputs=np.zeros((m, i)),
+        old_inputs=aligned(np.zeros((m, i))),
         old_z=aligned(np.zeros(r)),
-        old_multipliers=np.zeros(m),
-        old_loads=np.zeros(i),
+        old_loads=aligned(np.zeros(i)),
+        old_forces=aligned(np.zeros(wide)),
         energy=np.zeros(2),
     )
 

@@ -94,11 +94,12 @@ def _enter(bodies: Bodies, sides: Sides, a: int) -> None:
                 at = bodies.carriers[body] + rows.touched[touched + l]
                 value = value + load(bodies.staying_answers[at], n) * rows.coefficients[first + l, p]
             store(sides.of_staying[a, p], n, value)
-        for n in range(sides.inputs.shape[1]):
-            sides.of_inputs[a, p, n] = 0.0
+        for n in range(0, sides.inputs.shape[1], LANES):
+            value = spread(0.0)
             for l in range(width):
                 at = bodies.carriers[body] + rows.touched[touched + l]
-                sides.of_inputs[a, p, n] += bodies.inputs[at, n] * rows.coefficients[first + l, p]
+                value = value + load(bodies.inputs[at], n) * rows.coefficients[first + l, p]
+            store(sides.of_inputs[a, p], n, value)
     if not flexible:
         return
     for c in range(len(sides.interval)):
@@ -135,8 +136,8 @@ def _stay(bodies: Bodies, state: State, sides: Sides, k: int) -> None:
         store(state.modes[ROW + k], n, load(bodies.staying[k], n))
     for n in range(0, sides.half.shape[1], LANES):
         store(sides.half[k], n, load(bodies.staying_half[k], n))
-    for n in range(sides.inputs.shape[1]):
-        sides.inputs[k, n] = bodies.staying_inputs[k, n]
+    for n in range(0, sides.inputs.shape[1], LANES):
+        store(sides.inputs[k], n, load(bodies.staying_inputs[k], n))
 
 
 @inlined
@@ -151,9 +152,11 @@ def _add_side(bodies: Bodies, state: State, sides: Sides, a: int) -> None:
         store(state.modes[ROW + k], n, value)
     if bodies.first_flexibility[body + 1] == bodies.first_flexibility[body]:
         return
-    for n in range(sides.inputs.shape[1]):
+    for n in range(0, sides.inputs.shape[1], LANES):
+        value = load(sides.inputs[k], n)
         for p in range(powers):
-            sides.inputs[k, n] += sides.of_inputs[a, p, n] * sides.powers[a, p]
+            value = value + load(sides.of_inputs[a, p], n) * sides.powers[a, p]
+        store(sides.inputs[k], n, value)
     for n in range(0, sides.half.shape[1], LANES):
         value = load(sides.half[k], n)
         for p in range(powers):
@@ -179,7 +182,7 @@ def _between(sides: Sides, a: int, c: int) -> float:
 
 @inlined
 def _couple_contact(bodies: Bodies, divided: Divided, scheme: Scheme, state: State, sides: Sides, k: int) -> None:
-    """Row k of the contacts' matrix, up to its diagonal, and what inputs move in it."""
+    """Row k of the contacts' matrix, up to its diagonal, and what inputs move in it by themselves."""
     m, row, unit, weighted = len(state.multipliers), state.modes[ROW + k], state.modes[UNIT], state.weighted[k]
     if len(divided.damped) > 0:
         for n in range(len(row)):
@@ -194,4 +197,4 @@ def _couple_contact(bodies: Bodies, divided: Divided, scheme: Scheme, state: Sta
         state.couplings[k, l] = sides.half[k, l] + sides.half[l, k] + scheme.z_gain * total(value)
     state.couplings[k, k] += bodies.compliance[k]
     for l in range(divided.B.shape[0]):
-        state.couplings[k, m + l] = sides.inputs[k, l] + scheme.z_gain * dot(divided.B[l], row)
+        state.couplings[k, m + l] = sides.inputs[k, l]

@@ -34,6 +34,7 @@ class Onset:
     # of the contacts' sides as `System.sides` has them (sides,): places in m and their rates in m/s
     x: Array
     x_rate: Array
+    places: Array  # the same places of the loop's contacts, `SystemForm.modal`
     f: Array  # (i,) N
     initial: Mapping[str, InitialState]  # of each body; those that are missing start at rest, undeformed
     c: Array = field(default_factory=lambda: np.zeros(0))  # (K,): amplitudes of terms
@@ -50,7 +51,7 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     where contacts that give way depend on each other, and some of them only push.
     """
     assembly, state, stiffness = Assembly(form.modal), loop.state, loop.modes.stiffness
-    rows = assembly.at(onset.x)
+    rows = assembly.at(onset.places)
     C = np.zeros((len(rows.C), len(stiffness)))
     C[:, form.used] = rows.C
     z, v = np.zeros((2, len(stiffness)))
@@ -68,7 +69,7 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     try:
         state.multipliers[:] = multipliers_of(C, rows.F, free, C @ z + rows.H @ onset.f, state.contact)
     except NotSettledError as error:
-        why = reason(form.system, C, error.number)
+        why = reason(form.modal, C, error.number)
         raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}") from None
     if state.contact is not None:
         state.contact.force[:] = state.contact.share[:] = state.multipliers
@@ -81,7 +82,7 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     if loop.sides is not None:
         failed = move_sides(loop.bodies, loop.divided, method.scheme(), state, loop.sides, onset.s)
         if failed:
-            why = reason(form.system, C, failed)
+            why = reason(form.modal, C, failed)
             raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}")
         energy.account(loop.modes, loop.bodies, state, loop.sides, onset.f)
         loop.sides.energy[1] = 0.0

@@ -67,6 +67,8 @@ def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
     m, i, coupled = len(state.multipliers), len(f), len(divided.damped) > 0
     if coupled:
         _couple(divided, scheme, state.modes)
+    _give(divided, state, f)
+    _push_given(scheme, state)
     expect(terms, divided, state, f, c)
     push(terms, scheme, state.modes)
     failed, multiplier = _find_multipliers(state.contact, divided, scheme, state, terms, f)
@@ -75,7 +77,7 @@ def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
     if m > 1 or i > 1 or coupled or terms is not None:
         _add_others(divided, state, f)
     finish(terms, state.modes)
-    force = f[0] if i > 0 else 0.0
+    force = f[0] if i > 0 and len(state.given) == 0 else 0.0
     _advance(scheme, state.modes, force, multiplier)
     return FINISHED
 
@@ -118,6 +120,7 @@ def _find_in_contact(
             return failed, state.multipliers[0]
         if len(divided.damped) > 0:
             _couple(divided, scheme, state.modes)
+            _push_given(scheme, state)
             push(terms, scheme, state.modes)
 
 
@@ -153,6 +156,24 @@ def _advance(scheme: Scheme, modes: Array, force: float, multiplier: float) -> N
 
 
 @inlined
+def _give(divided: Divided, state: State, f: Array) -> None:
+    """Accelerations by all inputs, where these are not in the rows' couplings."""
+    for n in range(0, len(state.given), LANES):
+        value = spread(0.0)
+        for l in range(len(f)):
+            value = value + load(divided.B[l], n) * f[l]
+        store(state.given, n, value)
+
+
+@inlined
+def _push_given(scheme: Scheme, state: State) -> None:
+    """Let them act on the displacement that a step leads to without multipliers."""
+    free = state.modes[Z_FREE]
+    for n in range(0, len(state.given), LANES):
+        store(free, n, load(free, n) + load(state.given, n) * scheme.z_gain)
+
+
+@inlined
 def _couple(divided: Divided, scheme: Scheme, modes: Array) -> None:
     """Stiffness and a damping that couples the modes: the table's STIFFNESS, DAMPING and UNIT are zero then."""
     for n in range(divided.damped.shape[1]):
@@ -169,7 +190,9 @@ def _add_others(divided: Divided, state: State, f: Array) -> None:
     if not coupled:
         for n in range(0, r, LANES):
             store(others, n, spread(0.0))
-    for l in range(1, len(f)):
+    for n in range(0, len(state.given), LANES):
+        store(others, n, load(others, n) + load(state.given, n))
+    for l in range(1, 0 if len(state.given) else len(f)):
         for n in range(0, r, LANES):
             store(others, n, load(others, n) + load(divided.B[l], n) * f[l])
     for k in range(0 if coupled else 1, len(state.multipliers)):

@@ -177,7 +177,7 @@ class Stepper:
             self._take_loads(F)
         failed = self._advance(s)
         if failed:
-            why = reason(self._system, self._state.modes[ROW:], failed)
+            why = reason(self._march.form.modal, self._state.modes[ROW:], failed)
             raise SimulationError(f"{self._where}{places_of(tuple(self._ranges), self._s)}: {why}")
         self._steps += 1
         return self._y
@@ -185,8 +185,8 @@ class Stepper:
     @property
     def outputs(self) -> Array:
         """All of `output_names`, at present."""
-        x = self._system.coordinates(dict(zip(self._ranges, self._s, strict=True)))
-        return np.concatenate([self._march.outputs_at(x, self._f), self._state.multipliers])
+        s = dict(zip(self._ranges, self._s.tolist(), strict=True))
+        return np.concatenate([self._march.outputs_at(s, self._f), self.multipliers])
 
     @property
     def time(self) -> float:
@@ -213,12 +213,12 @@ class Stepper:
     @property
     def multipliers(self) -> Array:
         """Forces (m,) of the contacts in N, positive where they push."""
-        return self._state.multipliers.copy()
+        return self._march.form.combined.forces(self._state.multipliers.copy())
 
     @property
     def forces(self) -> dict[str, float]:
         """The same by the contacts' names."""
-        return dict(zip(self._system.contact_names, self._state.multipliers.tolist(), strict=True))
+        return dict(zip(self._system.contact_names, self.multipliers.tolist(), strict=True))
 
     @property
     def contact(self) -> float:
@@ -253,7 +253,7 @@ class Stepper:
         march = self._march
         failed = kernel.run(march.loop, march.scheme, self._seen, self._drive, self._record, 1)[1]
         assert self._record.y is not None
-        self._y = np.concatenate([self._record.y[0], self._record.multipliers[0]])[self._chosen]
+        self._y = np.concatenate([self._record.y[0], self.multipliers])[self._chosen]
         return int(failed)
 
     def _excitation(self, step: float, rho_inf: float) -> Excitation:

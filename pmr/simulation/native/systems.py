@@ -63,17 +63,19 @@ def simulate(
 
     ended = march.run(taken, progress)
     kept = slice(None, None, every)
-    t, forces, motions = march.t[kept], found["multipliers"], {}
+    forces_of, pushing = march.form.combined.forces, ~np.isnan(system.clearance)
+    t, forces, motions = march.t[kept], forces_of(found["multipliers"]), {}
     for name, form in march.form.forms.items():
         columns, own = march.form.columns[name], march.x[kept, system.sides_of(name)]
         q, v = found["z"][:, columns] @ form.X.T, found["v"][:, columns] @ form.X.T
         pressed = system.pressed(name, forces)
         motions[name] = Trajectory(t, q, v, pressed, own, ended.seconds, surplus=ended.surplus)
-    peaks = np.where(march.pushing, found.get("peaks", forces), forces)
+    peaks = np.where(pushing, forces_of(found["peaks"]), forces) if "peaks" in found else forces
+    impulses = forces_of(found["impulses"]) if "impulses" in found else None
     parts = found.get("parts", np.ones(T, np.int64))
     return SystemTrajectory(
         t, motions, forces, peaks, march.f[kept], found["stored"], found["work"], ended.seconds, ended.surplus, parts,
-        found.get("impulses"), excitation.amplitudes(system.term_names)[kept] if system.terms else None,
+        impulses, excitation.amplitudes(system.term_names)[kept] if system.terms else None,
     )  # fmt: skip
 
 
@@ -88,13 +90,13 @@ def observe(
     `pmr.simulation.SystemSimulator`.
     """
     march = March(form, excitation, start_of(form.system, excitation))
-    first = march.outputs_at(march.x[0], march.f[0])
+    first = march.outputs_at(dict(zip(excitation.paths, excitation.s[0], strict=True)), march.f[0])
     chosen = np.arange(len(first)) if outputs is None else np.asarray(outputs, np.int64)
     count = excitation.stepping.steps // every + 1
     y, forces = np.empty((count, len(chosen))), np.empty((count, len(march.pushing)))
     y[0], forces[0] = first[chosen], march.loop.state.multipliers
     seconds = march.observe(march.outputs_of(chosen), every, y[1:], forces[1:])
-    return Observation(march.t[::every], y, forces, seconds)
+    return Observation(march.t[::every], y, form.combined.forces(forces), seconds)
 
 
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:

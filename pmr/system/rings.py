@@ -1,0 +1,186 @@
+r"""Pads of one ring as fewer contacts: six pads hold the stiff cross-section of a beam in three ways.
+
+Pads that hold both ways, and stand at the same place of the same bodies, measure
+
+.. math:: c_\rho(x) = \sum_\kappa S_{\rho\kappa}\, \hat c_\kappa(x), \qquad
+    S^T \mathrm{diag}(k)\, S = \bar k\, 1, \quad \bar k \text{ the mean of } k
+
+with fewer rows than they are where the section does not deform between them.  Gap and force of each are in proportion,
+so contacts :math:`\hat c` of stiffness :math:`\bar k` do the same to both bodies, whatever these are, and from their
+forces mu those of the pads are :math:`\lambda = \mathrm{diag}(k / \bar k)\, S \mu`, exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.reduced.carriers import CarriedRows, CarrierFlexibility
+from pmr.reduced.model import ReducedModel
+from pmr.system.contacts import Contact, Place
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: What a pad adds to the others of its ring, over the largest, that is round-off in modes and flexibility.
+DEPENDENT = 1e-10
+
+
+@dataclass(frozen=True)
+class Combined:
+    """A system with fewer contacts."""
+
+    system: System
+    # (m, m'): its contacts' forces (T, m') times the transposed are those of the m original ones; None: the same
+    shares: Array | None = None
+
+    def forces(self, found: Array) -> Array:
+        """(..., m) of all contacts from those of this system (..., m')."""
+        return found if self.shares is None else found @ self.shares.T
+
+
+def combined(system: System) -> Combined:
+    """A system in its modes, with as few contacts as its rings of pads need."""
+    if system.on_one_path:
+        return Combined(system)
+    numbers, contacts, shares = np.eye(len(system.contacts)), list[Contact](), list[Array]()
+    bodies = {name: _Rows(body) for name, body in system.reduced.items()}
+    for ring, S in _rings(system.contacts, bodies):
+        pads = [system.contacts[k] for k in ring]
+        scaled = np.sqrt(_relative_stiffness(pads))
+        for n, share in enumerate(S.T):
+            measured = share if len(ring) == 1 else share * scaled * [pad.direction for pad in pads]
+            places = [
+                replace(same[0], row=bodies[same[0].body].combine([place.row for place in same], measured))
+                for same in zip(*map(_places, pads), strict=True)
+            ]
+            one = replace(pads[n], inner=places[0], outer=(*places, None)[1])
+            if len(ring) > 1:
+                mean = float(np.mean([1.0 / pad.compliance for pad in pads]))
+                one = replace(one, direction=1.0, compliance=1.0 / mean)
+            contacts.append(one)
+            shares.append((share * scaled) @ numbers[ring])
+    if len(contacts) == len(numbers):
+        return Combined(system)
+    models = {name: rows.model for name, rows in bodies.items()}
+    return Combined(System(models, tuple(contacts), terms=system.terms), np.array(shares).T)
+
+
+def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _Rows]) -> list[tuple[list[int], Array]]:
+    """Numbers of contacts that are combined, each with S (pads, fewer), or of one by itself."""
+    found = dict[object, list[int]]()
+    for number, contact in enumerate(contacts):
+        combines = contact.clearance is None and contact.compliance > 0.0
+        where = tuple((one.body, one.at, one.path, one.rate) for one in _places(contact))
+        found.setdefault(where if combines else number, []).append(number)
+    rings = list[tuple[list[int], Array]]()
+    for ring in found.values():
+        S = _orthonormal(bodies, [contacts[k] for k in ring]) if len(ring) > 1 else None
+        rings.extend([([k], np.ones((1, 1))) for k in ring] if S is None else [(ring, S)])
+    return rings
+
+
+def _places(contact: Contact) -> list[Place]:
+    return [contact.inner] if contact.outer is None else [contact.inner, contact.outer]
+
+
+def _relative_stiffness(pads: Sequence[Contact]) -> Array:
+    """Over their mean, (pads,)."""
+    if len(pads) == 1:
+        return np.ones(1)
+    stiffness = 1.0 / np.array([pad.compliance for pad in pads])
+    return np.asarray(stiffness / np.mean(stiffness))
+
+
+def _orthonormal(bodies: Mapping[str, _Rows], pads: Sequence[Contact]) -> Array | None:
+    """(pads, fewer) of the pads' rows times the root of their relative stiffness; None where it takes them all."""
+    measured = []
+    for same in zip(*map(_places, pads), strict=True):
+        one = bodies[same[0].body].measured([place.row for place in same])
+        if one is None:
+            return None
+        measured.append(one)
+    signed = np.sqrt(_relative_stiffness(pads)) * [pad.direction for pad in pads]
+    S, size, _ = np.linalg.svd(signed[:, None] * np.hstack(measured), full_matrices=False)
+    fewer = S[:, size > DEPENDENT * size[0]]
+    return None if len(fewer.T) == len(pads) else fewer
+
+
+class _Rows:
+    """Rows of a body, and combinations of them, on no more carriers than these take."""
+
+    def __init__(self, body: ReducedModel) -> None:
+        assert body.carriers is not None  # as a system has it that is not on one path
+        self._body, self._carriers, self._size = body, body.carriers, 0
+        self._parts = list[sp.csr_matrix]()
+        self._names = dict[tuple[object, ...], str]()
+        self._rows = list[tuple[Array, Indices, Array]]()
+
+    def measured(self, names: Sequence[str]) -> Array | None:
+        """What the rows measure of modes, flexibility and inputs, (rows, .), of rows that differ in nothing else.
+
+        None where they do.
+        """
+        found = [self._on_path(name) for name in names]
+        breaks, touched, coefficients = found[0]
+        for other in found[1:]:
+            apart = other[1] - other[1].min() - (touched - touched.min())
+            if not (np.array_equal(breaks, other[0]) and not apart.any() and np.array_equal(coefficients, other[2])):
+                return None
+        used = np.unique(touched - touched.min())
+        parts = [self._carriers.values]
+        if (left := self._carriers.flexibility) is not None:
+            parts += [left.rows, left.inputs, left.outputs.T]
+        scaled = [part / (np.abs(part).max(initial=0.0) or 1.0) for part in parts]
+        return np.array([np.concatenate([part[at.min() + used].ravel() for part in scaled]) for _, at, _ in found])
+
+    def combine(self, names: Sequence[str], shares: Array) -> str:
+        """Add the sum of rows times `shares` (rows,), unless it is there; its name."""
+        key = (*names, shares.tobytes())
+        if key not in self._names:
+            found = [self._on_path(name) for name in names]
+            breaks, touched, coefficients = found[0]
+            used = np.unique(touched)
+            numbers = np.arange(len(used))
+            shape = (len(used), len(self._carriers.values))
+            sums = [
+                share * sp.csr_matrix((np.ones(len(used)), (numbers, used - touched.min() + at.min())), shape)
+                for share, (_, at, _) in zip(shares, found, strict=True)
+            ]
+            self._parts.append(sum(sums[1:], sums[0]))
+            self._rows.append((breaks, self._size + np.searchsorted(used, touched), coefficients))
+            self._size += len(used)
+            self._names[key] = f"{names[0]}, {len(self._names)}"
+        return self._names[key]
+
+    @property
+    def model(self) -> ReducedModel:
+        """The body with these rows and carriers."""
+        P, old = sp.vstack(self._parts, format="csr"), self._carriers
+        known = old.flexibility
+        left = known and CarrierFlexibility(
+            rows=np.asarray((P @ (P @ known.rows).T).T),
+            inputs=P @ known.inputs,
+            outputs=np.asarray((P @ known.outputs.T).T),
+            direct=known.direct,
+            energy=known.energy,
+        )
+        carriers = CarriedRows(
+            values=P @ old.values,
+            breaks={str(k): breaks for k, (breaks, _, _) in enumerate(self._rows)},
+            touched={str(k): touched for k, (_, touched, _) in enumerate(self._rows)},
+            coefficients={str(k): coefficients for k, (_, _, coefficients) in enumerate(self._rows)},
+            enrichment=np.zeros((P.shape[0], 0)),
+            flexibility=left,
+        )
+        return replace(self._body, row_names=tuple(self._names.values()), carriers=carriers)
+
+    def _on_path(self, name: str) -> tuple[Array, Indices, Array]:
+        """Breaks, touched carriers and coefficients of a row."""
+        k, own = str(self._body.row_names.index(name)), self._carriers
+        return own.breaks[k], own.touched[k], own.coefficients[k]

@@ -1,0 +1,62 @@
+"""Rings of pads as fewer contacts, beside all pads by themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pmr
+from pmr import scene as scenes
+from pmr.compare.simulated import driven_by
+from pmr.simulation.native import form as forms
+from pmr.simulation.native import systems
+from pmr.system.rings import Combined, combined
+from pmr.system.system import System, SystemTrajectory
+
+CRANE = Path(__file__).parents[2] / "workflows" / "crane.toml"
+#: With kinds of pads that differ in stiffness within a ring, and between its rings.
+CHANGES = (
+    "section.mesh.elements=6",
+    "section.reduction.coordinates=8",
+    "section.reduction.estimate=false",
+    "section.joint.tail.0.stiffness=2e8",
+    "frame.luffing={kind='smooth_ramp', times=[0.0, 1.0], values=[10.0, 30.0]}",
+    "section.joint.extension={kind='smooth_ramp', times=[0.1, 0.4], values=[0.6, 1.6]}",
+    "sections.fly.joint.extension={kind='smooth_ramp', times=[0.1, 0.5], values=[0.6, 1.4]}",
+    "time.end=0.6",
+    "time.step=4e-3",
+)
+
+
+def moved(changes: tuple[str, ...] = ()) -> tuple[System, SystemTrajectory]:
+    scene = scenes.load_any(CRANE, (*CHANGES, *changes))
+    system = pmr.reduce(scene).system
+    softer = [replace(c, compliance=3.0 * c.compliance) if "bottom" in c.name else c for c in system.contacts]
+    system = replace(system, contacts=tuple(softer))
+    excitation = driven_by(scene, system)
+    return system, systems.simulate(system, excitation, systems.start_of(system, excitation))
+
+
+def test_a_ring_of_pads_of_a_beam_is_three_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, fewer = moved()
+    whole = combined(system)
+    kept = [contact for contact in system.contacts if contact.kind != "pad"]
+    assert len(whole.system.contacts) == 4 * 3 + len(kept) < len(system.contacts)
+    monkeypatch.setattr(forms, "combined", Combined)
+    _, all_of = moved()
+    assert fewer.forces == pytest.approx(all_of.forces, abs=1e-9 * np.abs(all_of.forces).max())
+    assert fewer.energy == pytest.approx(all_of.energy, abs=1e-9 * np.abs(all_of.energy).max())
+    for name, body in all_of.bodies.items():
+        assert fewer.bodies[name].q == pytest.approx(body.q, abs=1e-9 * np.abs(body.q).max())
+        assert fewer.bodies[name].multipliers.shape == body.multipliers.shape
+
+
+def test_pads_that_only_push_or_do_not_give_way_stay_by_themselves() -> None:
+    system = moved()[0]
+    pushing = replace(system, contacts=tuple(replace(c, clearance=0.0) for c in system.contacts))
+    rigid = replace(system, contacts=tuple(replace(c, compliance=0.0) for c in system.contacts))
+    assert combined(pushing).system is pushing and combined(rigid).system is rigid
+    assert combined(pushing).forces(np.ones(3)) == pytest.approx(np.ones(3))
