@@ -9,6 +9,11 @@ import pytest
 
 import pmr
 from pmr.compare.frequencies import reduced_frequencies
+from pmr.fem.compat import MPI
+from pmr.fullmodel.build import build_bodies
+from pmr.simulation import Excitation
+from pmr.simulation.excitation import places
+from pmr.system.assembly import Assembly
 
 pytest.importorskip("gmsh")
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -55,3 +60,39 @@ def test_pads_that_only_push_dent_the_walls_too() -> None:
         assert np.all(response.slider_force >= 0.0) and response.slider_force.max() > 1e4
         sag[walls] = float(np.abs(response.displacement).max())
     assert sag["give"] > 1.3 * sag["rigid"]
+
+
+#: Coarse cells and long steps; both models have the same.
+COARSE = ["section.mesh={size=0.2,along=0.4}", "section.body={model='beam3d',walls='give'}", "time.step=5e-3"]
+
+
+def coarse(*changes: str):
+    scene = pmr.load_scene(WORKFLOWS / "boom_three_shell.toml", [*ALONE, *COARSE, "compare.richer=shell", *changes])
+    return scene.model_copy(update={"accuracy": None})
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_walls_give_way_alike_on_all_ranks() -> None:
+    """Rank 0 alone presses on shells; what it finds all ranks take."""
+    x = np.array([0.7, 0.9])
+    for scene in (
+        coarse(),
+        pmr.load_scene(WORKFLOWS / "boom_beam_walls.toml", [*ALONE, "mesh.size=0.2", "mesh.along=0.4"]),
+    ):
+        here, together = (build_bodies(scene, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+        for name, one in here.items():
+            walls, same = one.structure.pads.walls, together[name].structure.pads.walls
+            assert walls.count == same.count > 0
+            assert same.standing.compliance == pytest.approx(walls.standing.compliance, rel=1e-12)
+            for a, b in zip(walls.sliding, same.sliding, strict=True):
+                assert b.compliance == pytest.approx(a.compliance, rel=1e-12)
+        f = [frequencies_of(scene, comm, x) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)]
+        assert f[1] == pytest.approx(f[0], rel=1e-6)
+
+
+def frequencies_of(scene, comm: MPI.Comm, share: np.ndarray) -> np.ndarray:
+    """The lowest ones of the reduced system where its paths are so far along."""
+    system, excitation = pmr.reduce(scene, comm).system, Excitation.of(scene)
+    steps = (share * (len(excitation.times) // 2)).astype(int)
+    return Assembly(system).frequencies(places(system, excitation)[steps], 2)
