@@ -157,10 +157,10 @@ def _trusted(result: RunResult) -> Rows:
 def _model(summary: Mapping[str, Any]) -> str:
     found = summary.get("budget", {}).get("model") or {}
     if found.get("beside") is None:
-        return "not known: compare.richer = 'next' measures it"
-    static = _share(found, "beam")
+        return f"not known: {found.get('reason') or 'compare.richer measures it'}"
+    known = _share(found, "beam")
     frequency = f"lowest frequencies {percent(found['frequency'])}" if found.get("frequency") is not None else ""
-    return ", ".join(filter(None, (f"{static} in static answers" if static else "", frequency)))
+    return ", ".join(filter(None, (f"{known} over the run" if known else "", frequency)))
 
 
 def _share(found: Any, key: str) -> str:
