@@ -18,6 +18,10 @@ from pmr.system.system import System
 Array = NDArray[np.float64]
 
 
+#: Of motions in the plane, below which those across it are none.
+ACROSS = 1e-9
+
+
 def frame(scene: Scene, system: System, excitation: Excitation, frequencies: Frequencies) -> Part:
     r"""``frame`` and ``buckling`` of summary.json; nothing without a frame.
 
@@ -59,7 +63,29 @@ def frame(scene: Scene, system: System, excitation: Excitation, frequencies: Fre
         "share_t": found.share_at,
         "limit": LIMIT,
     }
-    return Part({"frame": said, "buckling": buckling}, _warnings(scene.frame.second_order is not False, found))
+    return Part(
+        {"frame": said, "buckling": buckling},
+        [*_warnings(scene.frame.second_order is not False, found), *_in_plane(scene, system)],
+    )
+
+
+def _in_plane(scene: Scene, system: System) -> list[str]:
+    """A line where buckling across the plane of luffing is not seen: reduced models hold what inputs move."""
+    assert scene.frame is not None  # of a scene that has one
+    held = []
+    for name, body in system.bodies.items():
+        across, up = (
+            np.abs(np.asarray(body.outputs)[[k for k, one in enumerate(body.output_names) if one.endswith(f" {axis}")]])
+            for axis in "yz"
+        )
+        if across.size and up.size and across.max() <= ACROSS * up.max():
+            held.append(name or "the body")
+    if not held or not scene.frame.second_order:
+        return []
+    return [
+        f"buckling across the plane of luffing is not looked for in {', '.join(held)}: nothing acts across it, so the "
+        "reduced model does not move there; a load along y, of any size, brings it in"
+    ]
 
 
 def _warnings(kept: bool, found: Stressed) -> list[str]:

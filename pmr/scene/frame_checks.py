@@ -48,6 +48,10 @@ def check_frame(scene: Scene) -> None:
         if least <= 0.0:
             allowed = f"an extension above 0 is allowed with frame.second_order: here it is {least:g} m"
             raise refusal(f"sections[{number}].joint", None, allowed)
+    for support in scene.sections[0].supports if frame.second_order else ():
+        if "x" in support.held and scene.sections[0].place(support.on) not in (0.0, None):
+            allowed = "the tail is allowed as the place that holds the base along with frame.second_order"
+            raise refusal(scene.key_of(0, "supports"), support.on, f"{allowed}: axial forces are those from there on")
     if "ancf" in scene.compare.against:
         raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
 

@@ -295,3 +295,51 @@ def test_a_base_bears_the_moment_of_the_weight_of_bent_sections() -> None:
     bent = 9.81 * np.sin(np.deg2rad(40.0)) * aside
     assert abs(bent) > 5e-4 * abs(rigid)
     assert found.other("reaction of pivot ry")[0] + rigid == pytest.approx(-bent, abs=1e-2 * abs(bent))
+
+
+BOX = "body.box = { length = 5.0, width = 0.22, height = 0.32, wall = 0.006 }"
+BODIES = {
+    "beam3d": ("sections.beam.mesh.elements=10",),
+    "shell": ("sections.beam.mesh={size=0.11, along=0.3}",),
+    "solid": ("sections.beam.mesh={size=0.11, along=0.5}",),
+}
+
+
+def of_model(folder: Path, model: str, *changes: str) -> Scene:
+    """The cantilever as a box of another model."""
+    lines = [line for line in CANTILEVER.read_text().splitlines() if not line.startswith(("body.profile", "mesh."))]
+    text = "\n".join(lines).replace('body.model = "beam2d"', f'body.model = "{model}"\n{BOX}')
+    (folder / "box.toml").write_text(text)
+    about = ("sections.beam.reduction.coordinates=14", "sections.beam.observe={start=0.5, end=4.5, count=5}")
+    return load(*BODIES[model], *about, *changes, file=folder / "box.toml")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", BODIES)
+def test_a_body_alone_of_any_model_is_stressed_as_its_full_model(model: str, tmp_path: Path) -> None:
+    """A load along lowers its frequency in the plane, reduced as in full."""
+    free, stressed = (
+        natural(of_model(tmp_path, model, f"sections.beam.loads.0.signal={-P}")).models for P in (0.0, 5e5)
+    )
+    assert stressed["reduced"][0, 0] < 0.9 * free["reduced"][0, 0]
+    full = stressed["full"][0]
+    in_plane = full[np.argmin(np.abs(full - stressed["reduced"][0, 0]))]  # the full one moves across it, too
+    assert stressed["reduced"][0, 0] == pytest.approx(in_plane, rel=1e-3)
+
+
+def test_a_line_says_where_buckling_across_the_plane_is_not_looked_for(tmp_path: Path) -> None:
+    side = "{name='side', on='tip', direction='y', signal=0.0}"
+    press = "{name='press', on='tip', direction='x', signal=-5e5}"
+    for loads, lines in ((f"[{press}]", 1), (f"[{press}, {side}]", 0)):
+        summary = pmr.run(of_model(tmp_path, "beam3d", f"sections.beam.loads={loads}")).result.summary
+        assert len([one for one in summary["warnings"] if one.startswith("buckling across the plane")]) == lines
+        flatwise = summary["buckling"]["factor"]
+        assert (flatwise < 3.0) == (lines == 0)  # the weak way is known where something acts there
+
+
+def test_a_base_that_is_held_along_anywhere_but_at_its_tail_is_refused() -> None:
+    pins = "{name='foot', on='tail', directions=['z', 'ry']}, {name='head', on='tip', directions=['x']}"
+    with pytest.raises(InputError, match=r"supports = 'tip': the tail is allowed") as refused:
+        load(f"sections.beam.supports=[{pins}]")
+    assert "\n" not in str(refused.value)
+    assert load(f"sections.beam.supports=[{pins}]", "frame.second_order=false")
