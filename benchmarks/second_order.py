@@ -34,10 +34,6 @@ def main() -> None:
             measure(WORKFLOWS / "crane.toml", [*CRANE, *sizes, f"frame.second_order={asked}"])
             for asked in ("false", "true")
         )
-        print(
-            f"{name}: {1e6 * first[0]:.2f} us a step, {first[1]:.0f} times as fast as real time; with second order ",
-            end="",
-        )
         print(f"{name}: {1e6 * first[0]:.2f} us a step, {first[1]:.0f} times as fast as real time")
         ratio = second[0] / first[0]
         print(f"  with second order {1e6 * second[0]:.2f} us, {second[1]:.0f} times; {ratio:.1f} times the step")
