@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pmr.scene.built import Gravity
-from pmr.scene.choice import model_of
+from pmr.scene.choice import model_of, parts_of
 from pmr.scene.members import members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
@@ -52,6 +52,13 @@ def check_frame(scene: Scene) -> None:
         if "x" in support.held and scene.sections[0].place(support.on) not in (0.0, None):
             allowed = "the tail is allowed as the place that holds the base along with frame.second_order"
             raise refusal(scene.key_of(0, "supports"), support.on, f"{allowed}: axial forces are those from there on")
+    for member in members(scene) if frame.second_order else ():
+        for load in member.part.loads:
+            if load.on != "tip" and "x" in parts_of(member, load).values():
+                allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
+                raise refusal(
+                    scene.key_of(member.number, "loads"), load.on, f"{allowed}: axial forces act from there on"
+                )
     if "ancf" in scene.compare.against:
         raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
 

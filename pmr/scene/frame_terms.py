@@ -5,16 +5,16 @@ r"""What a frame that moves adds to the equations of small motions, as terms: wh
 
 with the axial force that a section's own acceleration along the boom makes of it, :math:`a_x + A_{xx} x` from its tail
 on, a load along x at its tip, and that of cylinders between two tails: one of length l that pushes with F has
-:math:`-F/(2 l)\, (w_i - w_o)^2`, where F accelerates all that it carries.  :math:`M = N_{xx} + N_{yy} + N_{zz}`.
+:math:`-F/(2 l)\, (w_i - w_o)^2`, where F accelerates all that it carries and bears the loads along x on it.  :math:`M = N_{xx} + N_{yy} + N_{zz}`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pmr.scene.choice import acting, directions, has_tail, is_axial, transverse
-from pmr.scene.members import Member, members
+from pmr.scene.members import Member, member_at, members
 from pmr.scene.names import cylinder_of, named
 from pmr.scene.scene import Scene
 
@@ -29,14 +29,17 @@ class FrameTerm:
     name: str
     bodies: tuple[str, ...]  # one, or the inner and the outer one of a cylinder
     matrix: str  # of the body; of a cylinder that of `carried`
-    of: str  # `rotation`, `turning`, `carried`, `field`, `load` or `cylinder`
+    of: str  # `rotation`, `turning`, `carried`, `field`, `load`, `cylinder` (inertia) or `cylinder load`
     component: str  # ``y`` of a rotation, ``xz`` of what is carried; a field; the name of a load
     number: int = 0  # of the section that is accelerated
     carried: str = ""  # name of the section that a cylinder carries
 
 
 #: Of which kinds a term is that changes the stiffness, by axial forces or by the frame's speed.
-STRESSES, AXIAL = ("field", "load", "cylinder", "carried"), ("field", "load", "cylinder")
+STRESSES, AXIAL = (
+    ("field", "load", "cylinder", "cylinder load", "carried"),
+    ("field", "load", "cylinder", "cylinder load"),
+)
 
 
 def frame_terms(scene: Scene) -> Iterator[FrameTerm]:
@@ -59,6 +62,8 @@ def _all(scene: Scene) -> Iterator[FrameTerm]:
             for beyond in range(number, len(scene.sections)):
                 for field in _fields(scene):
                     yield _of_cylinder(scene, number, beyond, field)
+                for load in _along(member_at(scene, beyond)):
+                    yield replace(_of_cylinder(scene, number, beyond, load), of="cylinder load")
 
 
 def _fields(scene: Scene) -> dict[str, str]:
@@ -85,10 +90,15 @@ def _of_section(scene: Scene, member: Member) -> Iterator[FrameTerm]:
             yield FrameTerm(named(body, f"axial {load.name}"), (body,), "axial tip", "load", load.name, member.number)
 
 
+def _along(member: Member) -> Iterator[str]:
+    """Names of the inputs that act along a section."""
+    return (load.name for load in acting(member) if load.direction == "x")
+
+
 def _of_cylinder(scene: Scene, number: int, beyond: int, field: str) -> FrameTerm:
     inner, outer, carried = (scene.names[k] for k in (number, number - 1, beyond))
     name = f"{cylinder_of(inner)} that carries {carried}, {field}"
-    return FrameTerm(name, (inner, outer), OF_FIELD[field], "cylinder", field, number, carried)
+    return FrameTerm(name, (inner, outer), OF_FIELD.get(field, "axial tip"), "cylinder", field, number, carried)
 
 
 def tails(member: Member) -> tuple[str, ...]:

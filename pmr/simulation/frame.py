@@ -27,6 +27,7 @@ from pmr.scene.built import Load
 from pmr.scene.choice import inertia_fields, parts_of
 from pmr.scene.frame import INERTIA, Frame, rotation
 from pmr.scene.frame_terms import FrameTerm, frame_terms
+from pmr.scene.joints import Linear
 from pmr.scene.members import Member, member_at
 from pmr.scene.section import Direction
 from pmr.scene.signals import Constant, SignalBase
@@ -250,7 +251,7 @@ class Rotation(OfAngles):
 
 
 class Pushed(OfFrame):
-    """What a cylinder pushes a section with, over its length: minus an acceleration over an extension, 1/s^2."""
+    """What a cylinder pushes with, over its length: minus an acceleration, or a load against it, over an extension."""
 
     acceleration: SignalBase
     length: SignalBase
@@ -356,5 +357,9 @@ def _signal(scene: Scene, term: FrameTerm) -> SignalBase:
     if term.of == "cylinder":
         carried = motion_of(scene, scene.names.index(term.carried), term.component)
         return Pushed(acceleration=carried, length=scene.extension(term.number), step=scene.time.step)
+    if term.of == "cylinder load":
+        load = load_signals(scene, member_at(scene, scene.names.index(term.carried)))[term.component]
+        against = Linear(signal=load, ratio=-1.0, offset=0.0)
+        return Pushed(acceleration=against, length=scene.extension(term.number), step=scene.time.step)
     about = {"of": term.of, "component": term.component, "step": scene.time.step}
     return Rotation(**_angles(scene.frame), **about)

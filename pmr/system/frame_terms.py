@@ -27,8 +27,9 @@ def terms_of(
 
 
 def _term(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
-    if one.of == "cylinder":
-        apart, mass = sp.csr_matrix(_apart(scene, one, bodies)), _carried(bodies[one.carried], one.component)
+    if one.of in ("cylinder", "cylinder load"):
+        apart = sp.csr_matrix(_apart(scene, one, bodies))
+        mass = _carried(bodies[one.carried], one.component) if one.of == "cylinder" else 1.0
         moved = {name: mass * (_moved(scene, one, bodies, name).T @ apart) for name in one.bodies}
         supports = {name: A for name, A in moved.items() if A.size}
         return Term(one.name, one.bodies, stiffness=mass * (apart.T @ apart), supports=supports)

@@ -29,6 +29,10 @@ def load(*changes: str) -> Scene:
 
 
 REFUSED = [
+    (
+        (PIVOT, LUFFING, "frame.second_order=true", "sections.fly.loads=[{name='p',on=3.0,direction='x',signal=1.0}]"),
+        r"sections\[2\].loads = 3.0: the tip is allowed with frame.second_order as the place of a load along the boom",
+    ),
     ((LUFFING,), r"frame.pivot: a place is needed"),
     ((PIVOT,), r"frame: an angle is needed"),
     (
