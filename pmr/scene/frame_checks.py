@@ -57,7 +57,7 @@ def check_frame(scene: Scene) -> None:
             if load.on != "tip" and "x" in parts_of(member, load).values():
                 allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
                 raise refusal(
-                    scene.key_of(member.number, "loads"), load.on, f"{allowed}: axial forces act from there on"
+                    scene.key_of(member.number, "loads"), load.on, allowed
                 )
     if "ancf" in scene.compare.against:
         raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")

@@ -5,7 +5,8 @@ r"""What a frame that moves adds to the equations of small motions, as terms: wh
 
 with the axial force that a section's own acceleration along the boom makes of it, :math:`a_x + A_{xx} x` from its tail
 on, a load along x at its tip, and that of cylinders between two tails: one of length l that pushes with F has
-:math:`-F/(2 l)\, (w_i - w_o)^2`, where F accelerates all that it carries and bears the loads along x on it.  :math:`M = N_{xx} + N_{yy} + N_{zz}`.
+:math:`-F/(2 l)\, (w_i - w_o)^2`, where F accelerates all that it carries, against the loads along x
+on it.  :math:`M = N_{xx} + N_{yy} + N_{zz}`.
 """
 
 from __future__ import annotations
