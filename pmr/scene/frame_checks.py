@@ -56,9 +56,7 @@ def check_frame(scene: Scene) -> None:
         for load in member.part.loads:
             if load.on != "tip" and "x" in parts_of(member, load).values():
                 allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
-                raise refusal(
-                    scene.key_of(member.number, "loads"), load.on, allowed
-                )
+                raise refusal(scene.key_of(member.number, "loads"), load.on, allowed)
     if "ancf" in scene.compare.against:
         raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
 
