@@ -49,7 +49,9 @@ def recorded(system: System, source: str) -> Recorded:
         scene = system.provenance["scene"]
         if any(map(_names_a_file, _signals(scene))):
             raise ValueError("a signal in a model holds its numbers itself")
-        return _of_body(scene, system) if ALONE in system.bodies else _of_sections(scene, system)
+        if ALONE in system.bodies and not scene.get("frame"):
+            return _of_body(scene, system)
+        return _of_sections(scene, system)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         why = "this one has none" if error.args == ("scene",) else repr(error)
         raise InputError(source, "provenance.scene", None, f"a file that holds its scene is allowed: {why}") from None
@@ -75,7 +77,7 @@ def _of_body(scene: Any, system: System) -> Recorded:
 def _of_sections(scene: Any, system: System) -> Recorded:
     boom = Scene.model_validate(scene, context=RECORDED)
     _bounded(TimeStepping(boom.time.end, boom.time.step))
-    if set(system.bodies) != set(boom.names) or not set(system.paths) <= set(boom.paths):
+    if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.paths):
         raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
     return of_boom(boom, system)
 

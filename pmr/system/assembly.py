@@ -39,6 +39,11 @@ class ContactRows:
         """None but some of the contacts (m,), at one place."""
         return ContactRows(self.C[which], self.F[np.ix_(which, which)], self.H[which], self.X[:, which])
 
+    def unit(self, K: Any) -> float:
+        """Of forces, the size of the stiffness K (n, n) or, of rigid motions alone, of contacts: rows of one size."""
+        flexibility = abs(self.F).max(initial=0.0)
+        return float(abs(K).max() or (abs(self.C).max() ** 2 / flexibility if flexibility else 1.0))
+
     @cached_property
     def answers(self) -> Array:
         """F^-1 C and F^-1 H side by side, at one place."""
@@ -151,7 +156,7 @@ class Assembly:
         hold the bodies at rest.
         """
         M, D, K, B = (A.toarray() for A in (self.M, self.damping(c), self.stiffness(c), self.B))
-        n, scale = len(K), float(np.abs(K).max())  # forces in the unit of stiffness: rows of both kinds are of one size
+        n, scale = len(K), rows.unit(K)
         held = np.block([[K, scale * rows.C.T], [scale * rows.C, -(scale**2) * rows.F]]).astype(complex)
         right, O, found = np.vstack([B, -scale * rows.H]), self.outputs.toarray(), list[Array]()
         for w in omega:

@@ -97,7 +97,7 @@ def _solved(assembly: Assembly, rows: ContactRows, closed: Mask, gap: Array, f: 
 def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array], Array]:
     """Solutions of ((K, C^T), (C, -F)) for right sides (n + m, ...); not finite where it is singular."""
     C, F = sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
-    n, scale = K.shape[0], abs(K).max()  # forces in the unit of stiffness: rows of both kinds are of one size then
+    n, scale = K.shape[0], rows.unit(K)
     matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
     units = np.concatenate([np.ones(n), np.full(C.shape[0], scale)])
     try:

@@ -121,6 +121,11 @@ def rings(**more: Any) -> dict[str, Any]:
 
 PLANE = {"bottom": [0.0], "top": [0.0]}
 SPACE = {"bottom": [-0.06, 0.06], "top": [0.0], "left": [0.0], "right": [0.0]}
+RAISED = {
+    "pivot": [0.0, 0.0, 0.0],
+    "luffing": {"kind": "smooth_ramp", "times": [0.0, 0.2], "values": [0.3, 0.6]},
+    "second_order": True,
+}
 HOISTED = {"cylinder": {"stiffness": 5e7}}
 
 #: By the letter of their columns.
@@ -174,4 +179,6 @@ KINDS = {
     "P": Kind(boom("Sections of shells", "shell", rings(faces=SPACE), lengths=2.0, size=0.2, along=0.4), at=0.62),
     "Q": Kind(boom("Sections that push", "beam2d", rings(faces=PLANE, unilateral=True) | HOISTED)),
     "R": Kind(boom("Rigid overlaps", "beam2d", rings(stiffness="rigid") | {"rigid_overlap": True})),
+    "S": Kind(boom("Sections in a frame", "beam2d", rings(faces=PLANE) | HOISTED) | {"frame": RAISED}),
+    "T": Kind(changed(PLANAR_BOOM, time=STEPPED, recovery=None, gravity={}, frame=RAISED)),
 }

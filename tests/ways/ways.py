@@ -146,9 +146,9 @@ def stepper(subject: Subject) -> None:
     rho = min(scene.time.rho_inf, 0.9)
     excitation = Excitation.of(scene).with_stepping(TimeStepping(scene.time.end, scene.time.step, rho, parts=1))
     s, f = excitation.s, excitation.forces(system.input_names)
-    y = simulated_outputs(system, excitation)
     with refusals():
         one = pmr.Stepper(system, scene.time.step, s[0] if len(s[0]) > 1 else s[0, 0], f[0], rho)
+    y = simulated_outputs(system, excitation)
     found = [one.step(at if len(at) > 1 else at[0], loads).copy() for at, loads in zip(s[1:], f[1:], strict=True)]
     moved = np.concatenate([length_outputs(body) for body in system.bodies.values()])
     size = np.abs(y[:, moved]).max()

@@ -133,7 +133,7 @@ def write(
 
 def contents(system: System, scene: Recorded, name: str, version: str) -> Contents:
     """Description, source and reference trajectory of a system whose binaries are called `name`; errors as `write`."""
-    found = constants(system)
+    found = constants(system.ensure_constant(name))
     run = reference(found.rows, scene)
     listed = variables(found.rows, run.start_values, run.nominal)
     paths = [variable.name for variable in listed if variable.within is not None]
