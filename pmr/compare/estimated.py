@@ -99,10 +99,11 @@ def reduction_error(
 
 def _left_out(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> list[str]:
     """What an estimate leaves out, a clause each."""
+    stressed = [coverage.SECOND_ORDER] * bool(system.terms)
     if ALONE in models:
-        return coverage.not_covered(models[ALONE], excitation.signals, excitation.stepping)
+        return [*stressed, *coverage.not_covered(models[ALONE], excitation.signals, excitation.stepping)]
     damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())
-    return [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped]
+    return [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped, *stressed]
 
 
 class SimulatedSystem(NamedTuple):

@@ -149,7 +149,7 @@ def _trusted(result: RunResult) -> Rows:
     else:
         known = _share(estimate, "beam")
         yield "reduction", f"{known}, estimated" if known else "not known: nothing was compared with a full model"
-    missing = [*estimate.get("not_covered", ()), *summary.get("budget", {}).get("model", {}).get("not_covered", ())]
+    missing = [*(estimate.get("not_covered") or ()), *summary.get("budget", {}).get("model", {}).get("not_covered", ())]
     if missing:
         yield "not covered", "; ".join(_once(missing))
 

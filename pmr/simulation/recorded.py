@@ -66,6 +66,8 @@ def _of_body(scene: Any, system: System) -> Recorded:
     end, step, rho_inf = (float(scene["time"][key]) for key in ("end", "step", "rho_inf"))
     stepping = _bounded(TimeStepping(end, step, rho_inf))
     path, start = _SIGNAL.validate_python(scene["slider"]["path"]), scene.get("start", "rest")
+    if len(loads) != len(system.input_names):
+        raise ValueError(f"{len(loads)} given, one for each input is allowed: {', '.join(system.input_names)}")
     named = dict(zip(system.input_names, loads, strict=True))
     excitation = Excitation({SLIDER: path}, named, stepping, start=start)
     first_loads = excitation.f[0].copy()

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import petsc_alone
 import pytest
 from booms import Boom, boom
 from boxes import box
@@ -27,7 +28,6 @@ from pmr.scene.built import GRAVITY
 from pmr.scene.signals import Constant
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation import petsc as fullorder
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
 from pmr.system.compliant_rows import CompliantRows
@@ -134,7 +134,7 @@ def test_ten_coordinates_follow_the_full_model() -> None:
     """Gusts included: the first one comes in the third second."""
     scene = boom(shell(), span=3.0)
     full = structural_model(scene.structure)
-    every = fullorder.observe(full, scene.excitation)
+    every = petsc_alone.observe(full, scene.excitation)
     few = march.observe(modal_form(reduced(full, 10)), scene.excitation)
     released = [i for i, row in enumerate(full.rows.rows) if not row.fixed]
     assert nrms(few.y[:, 58:60], every.y[:, 58:60]) < 0.002

@@ -74,7 +74,7 @@ def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
     failed, multiplier = _find_multipliers(state.contact, divided, scheme, state, terms, f)
     if failed:
         return failed
-    if m > 1 or i > 1 or coupled or terms is not None:
+    if m > 1 or i > 1 or coupled or terms is not None or len(state.given) > 0:
         _add_others(divided, state, f)
     finish(terms, state.modes)
     force = f[0] if i > 0 and len(state.given) == 0 else 0.0

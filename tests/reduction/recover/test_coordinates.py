@@ -6,6 +6,7 @@ from typing import Any
 
 import booms
 import numpy as np
+import petsc_alone
 import pytest
 from boxes import box
 
@@ -25,7 +26,6 @@ from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.structures import Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation import petsc as fullorder
 from pmr.simulation.native import simulator as march
 from pmr.simulation.petsc import Recording
 from pmr.system.body import Trajectory, displacement
@@ -136,7 +136,7 @@ def test_recovered_states_are_nearly_those_of_the_full_model(case: Case) -> None
     body = flexible(case.full, basis)
     states = case.simulated(body)[1]
     recording = Recording(outputs=[0], states=tuple(states.t))
-    exact = fullorder.observe(case.full, case.excitation, recording).states.q
+    exact = petsc_alone.observe(case.full, case.excitation, recording).states.q
 
     def energy(q: np.ndarray) -> float:
         return float(np.trace(inner(q.T, times(case.full.K, np.ascontiguousarray(q.T)), case.full.comm)))

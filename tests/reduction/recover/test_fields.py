@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import booms
 import numpy as np
+import petsc_alone
 import pytest
 from boxes import box
 
@@ -19,8 +20,8 @@ from pmr.reduction.residual.model import flexible_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, Profile, ShellBody
-from pmr.simulation import petsc as fullorder
 from pmr.simulation.native import simulator as march
+from pmr.simulation.petsc import Recording
 from pmr.system.states import BodyStates
 
 pytestmark = pytest.mark.mpi
@@ -110,7 +111,7 @@ def test_ten_coordinates_know_the_largest_stress() -> None:
     full, t = structural_model(boom.structure), boom.excitation.times[steps]
     basis = modal_basis(free_modes(full, 10))
     body = flexible_model(FreeBody(full), basis, {})
-    exact = fullorder.observe(full, boom.excitation, fullorder.Recording((0,), states=tuple(t)))
+    exact = petsc_alone.observe(full, boom.excitation, Recording((0,), states=tuple(t)))
     whole = march.simulate(body, boom.excitation)
     view, recovery = View.of(boom.structure), Recovery(full, np.array(basis.V.getDenseArray()), body)
     states = BodyStates.along_path(body, whole.at(steps), boom.excitation.f[steps])
