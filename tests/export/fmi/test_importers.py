@@ -192,7 +192,9 @@ def test_the_boom_of_the_manual_is_driven_under_fmpy(fmpy: Path, tmp_path: Path)
     run = systems.simulate(system, given, systems.static_start(system, given))
     tip = systems.displacements(system, run)["fly"][-1, -1]
     force = run.forces[-1, system.contact_names.index("cylinder of fly")]
-    assert [float(number) for number in done.stdout.splitlines()[-1].split()] == pytest.approx([tip, force], rel=1e-6)
+    found = [float(number) for number in done.stdout.splitlines()[-1].split()]
+    assert found[0] == pytest.approx(tip, rel=1e-6)
+    assert found[1] == pytest.approx(force, rel=1e-5)  # of a rigid row (index 3): places times mass over h^2
 
 
 def test_steps_through_the_c_interface_are_timed(exported: Exported, tmp_path: Path) -> None:

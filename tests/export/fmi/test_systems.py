@@ -357,7 +357,8 @@ def test_a_body_without_contacts_or_paths_is_a_system_too(two: Reduction, tmp_pa
     base = two.reduced["base"].without_joints()
     system, stepping = System({"base": base}, ()), TimeStepping(0.02, STEP, 0.8)
     weight = of_boom(two.scene, two.system).excitation.loads["base.gravity"]
-    scene = Recorded("base", Excitation({}, {"base.gravity": weight}, stepping), np.array([9.81]), static=True)
+    driven = Excitation({}, {"base.gravity": weight}, stepping, start="equilibrium")
+    scene = Recorded("base", driven, np.array([9.81]))
     instance = Instance(compiled(contents(system, scene, "base", "3"), tmp_path, "3"))
     (moved,) = [[name for name in instance.library.named("output") if name.endswith("tip_z")]]
     instance.initialise()
