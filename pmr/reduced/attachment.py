@@ -60,19 +60,29 @@ def with_cylinder_modes(model: ReducedModel, count: int = CYLINDER) -> ReducedMo
     assert found.carriers is not None
     reactions = None if model.reactions is None else _borne(model, model.reactions, answers, turned)
     on_modes = replace(found.carriers, answers=replace(answers, turned=turned))
-    return replace(found, carriers=on_modes, reactions=reactions, matrices=_matrices(model, answers, turned))
+    loads = np.zeros((len(answers.rows) + len(answers.inputs), turned.shape[1]))
+    return replace(found, carriers=on_modes, reactions=reactions, matrices=_matrices(model, loads, turned))
 
 
-def _matrices(model: ReducedModel, answers: Answers, turned: Array) -> dict[str, Array]:
-    """The model's `matrices` with combinations (k, a) of the first answers as its last coordinates."""
-    r, n, (count, a) = model.size, answers.rows.shape[1], turned.shape
-    found = {}
-    for name, A in answers.matrices.items():
-        X = np.zeros((len(A), r + a))
+def _matrices(model: ReducedModel, loads: Array, turned: Array) -> dict[str, Array]:
+    """The model's `matrices` with a coordinates more, as far as they are known.
+
+    Those are answers to combinations `loads` (K + i, a) of loads on carriers and inputs, and combinations `turned`
+    (k, a) of the first that answer the cylinder.
+    """
+    carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, turned.shape
+    assert carriers is not None
+    answers, K, found = carriers.answers, len(carriers.values), dict[str, Array]()
+    n, c = 0 if answers is None else answers.rows.shape[1], 0 if modes is None else modes.count
+    for name, A in carriers.matrices.items():
+        known, X = loads if len(A) == r + c + len(loads) + n else np.zeros_like(loads), np.zeros((len(A), r + a))
         X[:r, :r], X[len(A) - n : len(A) - n + count, r:] = np.eye(r), turned
-        if model.enrichment is not None and model.carriers is not None:  # modes that have joined the answers
-            joined = answers.shares(model.carriers.enrichment, model.enrichment)[:, :count]
-            X[r : r + len(joined), r:] = joined @ turned
+        if modes is not None:  # which have joined the answers
+            on_modes = (carriers.enrichment.T @ known[:K] + modes.B @ known[K:]) / modes.stiffness[:, None]
+            shares = 0.0 if answers is None else answers.shares(carriers.enrichment, modes)[:, :count] @ turned
+            X[r : r + c, r:] = on_modes + shares
+        if known is loads:
+            X[r + c : r + c + len(loads), r:] = loads
         found[name] = X.T @ A @ X
     return found
 
@@ -120,9 +130,8 @@ def with_attachment_modes(model: ReducedModel, loads: Array, left_out: float = L
         return model if answers is None else _rigid_along(model, answers)
     turned, stiffness = _turned(K, M)
     found = _extended(model, stiffness, measured @ turned, outputs @ turned)
-    # of what a moving frame and axial forces add, only the cylinder's modes are known, not answers to loads
-    known = {} if answers is None else _matrices(model, answers, turned[G.shape[1] :])
-    return replace(found, matrices={**found.matrices, **known})
+    g = G.shape[1]
+    return replace(found, matrices={**found.matrices, **_matrices(model, G @ turned[:g], turned[g:])})
 
 
 def _turned(K: Array, M: Array) -> tuple[Array, Array]:

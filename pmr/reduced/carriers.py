@@ -72,21 +72,11 @@ class Answers:
     supports: Array  # Phi^T M x (h, n) with the motions of `pmr.reduced.reactions`, of none but the largest basis
     # (k, a): combinations of the first k that are the model's last a coordinates; none where no such are
     turned: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    # (R + n, R + n): the model's `matrices` between the R vectors of the largest basis and the vectors beyond it
-    matrices: Mapping[str, Array] = field(default_factory=dict)
 
     def shares(self, U: Array, modes: EnrichmentModes) -> Array:
         """How much of each mode (c, n) the vectors gain; the modes measure U (K, c) on the carriers."""
         powers = np.arange(1, self.rows.shape[1] + 1)
         return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
-
-    def contradiction(self, r: int) -> str | None:
-        """What is wrong with the matrices of a model of r coordinates, in words; None where they are sound."""
-        least = r - self.turned.shape[1] + self.rows.shape[1]
-        for name, A in self.matrices.items():
-            if A.shape != (len(A), len(A)) or len(A) < least or not np.isfinite(A).all():
-                return f"the answers' matrices.{name} has shape {A.shape} or is not finite"
-        return None
 
     def joined(self, U: Array, modes: EnrichmentModes, sign: float) -> Answers:
         """With the modes among what is left out, or without them where `sign` is -1; arguments as for `shares`."""
@@ -118,6 +108,9 @@ class CarriedRows:
     inertia: CarrierFlexibility | None = None
     # what answers the cylinder of a boom's section (`pmr.reduced.attachment`)
     answers: Answers | None = None
+    # the model's `matrices` between the R vectors of the largest basis, what the part that it leaves out answers to the
+    # K + i loads on carriers and inputs (where these are not too many), and the n vectors of `answers` (if any)
+    matrices: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
@@ -177,4 +170,9 @@ class CarriedRows:
                 return f"the carriers' row {k} has coefficients of shape {b.shape} or that are not finite"
             if not np.all((touched >= 0) & (touched < len(self.values))):
                 return f"the carriers' row {k} touches a carrier that there is none of"
-        return None if self.answers is None else self.answers.contradiction(self.values.shape[1])
+        known = self.answers
+        least = self.values.shape[1] + (0 if known is None else known.rows.shape[1] - known.turned.shape[1])
+        for name, A in self.matrices.items():
+            if A.shape != (len(A), len(A)) or len(A) < least or not np.isfinite(A).all():
+                return f"the carriers' matrices.{name} has shape {A.shape} or is not finite"
+        return None

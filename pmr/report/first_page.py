@@ -45,7 +45,7 @@ def _asked(result: RunResult) -> Rows:
         if box is not None:
             sides = f"{plain(1e3 * box.width)} × {plain(1e3 * box.height)}"
             size = f", box of {plain(box.length)}{SPACE}m, {sides}{SPACE}mm, wall {plain(1e3 * box.wall)}{SPACE}mm"
-        yield name or "body", f"{model}{size}"
+        yield name or "structure", f"{model}{size}"
     for name, part in scene.bodies.items():
         for mass in part.masses:
             yield named(name, mass.name), f"{plain(mass.mass)}{SPACE}kg"

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from pmr import scene as scenes
 from pmr.fullmodel.build import build_bodies
-from pmr.reduced.attachment import CYLINDER, with_cylinder_modes
+from pmr.reduced.attachment import CYLINDER, with_attachment_modes, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
 from pmr.reduction.bodies import reduce_bodies
@@ -80,6 +80,29 @@ def test_matrices_of_a_moving_frame_know_the_cylinders_modes() -> None:
         assert found.contradiction() is None
         assert np.abs(found.matrices["M"] - found.M).max() < 1e-7
         assert np.abs((found.matrices["K"] - found.K) / np.outer(scale, scale)).max() < 1e-7
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+@pytest.mark.parametrize("name", ["base", "fly"])
+def test_matrices_of_a_moving_frame_know_answers_to_loads(name: str) -> None:
+    """Were they mass and stiffness, they would be those of the model with its attachment modes."""
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ("time.end=0.1", "section.mesh.elements=24"))
+    built = {
+        name: replace(one, model=replace(one.model, matrices={"M": one.model.M, "K": one.model.K}))
+        for name, one in build_bodies(boom).items()
+    }
+    modal = reduce_bodies(boom, built)[name].modal
+    assert modal.enrichment is not None and modal.carriers is not None
+    rng = np.random.default_rng(5)
+    for model in (modal, extended(modal, 1)):
+        assert model.carriers is not None
+        loads = rng.standard_normal((6, len(model.carriers.values) + len(model.input_names)))
+        found = with_attachment_modes(model, loads)
+        assert found.size > model.size + 3
+        scale = np.sqrt(np.maximum(np.diagonal(found.K), np.diagonal(found.K)[model.size :].min()))
+        assert np.abs(found.matrices["M"] - found.M).max() < 1e-6
+        assert np.abs((found.matrices["K"] - found.K) / np.outer(scale, scale)).max() < 1e-6
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ def rows(result: RunResult, title: str) -> dict[str, str]:
 
 def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
     asked = rows(result, "What was asked")
-    assert asked["body"] == f"a shell, box of 6{SPACE}m, 300 × 400{SPACE}mm, wall 8{SPACE}mm"
+    assert asked["structure"] == f"a shell, box of 6{SPACE}m, 300 × 400{SPACE}mm, wall 8{SPACE}mm"
     assert asked["payload"] == f"250{SPACE}kg" and asked["gust"] == f"up to 500{SPACE}N on tip along y"
 
 

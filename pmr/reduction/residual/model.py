@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
@@ -25,7 +26,7 @@ from pmr.reduced.truncation import is_modal, truncated
 from pmr.reduction.basis import Basis
 from pmr.reduction.galerkin import RANK_CHECKS, galerkin, without_rows
 from pmr.reduction.residual.operator import ResidualFlexibility
-from pmr.reduction.residual.tables import LoadFlexibility, load_flexibility, load_powers, meeting, tables
+from pmr.reduction.residual.tables import LoadFlexibility, carrier_loads, load_flexibility, load_powers, meeting, tables
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.scene.members import TAIL
 
@@ -42,6 +43,8 @@ ROUND_OFF = 100.0
 FLOOR = float(np.sqrt(np.finfo(float).eps))
 #: A row that answers forces, and the basis, by less than this share of what another one does is held by the supports.
 HELD = 1e-12
+#: Of all answers to loads together, up to which matrices of a moving frame and of second order are known between them.
+MOST_ENTRIES = 20_000_000
 
 
 def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
@@ -92,7 +95,9 @@ def section_model(
     reduced = _projected(residual, basis, provenance)
     powers = 2 if coordinates < basis.size else 1  # with enrichment modes the inertia, too
     flexibility, *inertia = load_powers(residual, shared.carriers, None, powers)
-    answers = _answers(residual, basis, shared, flexibility, motions)
+    x = _cylinders(residual, shared, flexibility)
+    answers = None if x is None else _answers(residual, shared, x, motions)
+    matrices = _matrices(residual, basis, carrier_loads(model, shared.carriers) if inertia else None, x)
     body.drop()
     free_dropped(model.comm)
     values = _measured(model, shared, basis)
@@ -100,7 +105,8 @@ def section_model(
     flexible = _with_flexibility(reduced, tables(flexibility, shared))
     check_independence(flexible, _that_give_way(flexible))
     moved = inertia[0].between_any_two() if inertia else None
-    return _with_coordinates(replace(flexible, carriers=replace(carriers, inertia=moved, answers=answers)), coordinates)
+    known = replace(carriers, inertia=moved, answers=answers, matrices=matrices)
+    return _with_coordinates(replace(flexible, carriers=known), coordinates)
 
 
 def stiff_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
@@ -116,23 +122,40 @@ def _measured(model: FullModel, shared: SharedCarriers, basis: Basis) -> Array:
     return np.asarray(model.comm.allreduce(found))
 
 
-def _answers(
-    residual: ResidualFlexibility,
-    basis: Basis,
-    shared: SharedCarriers,
-    flexibility: LoadFlexibility,
-    motions: Array | None,
-) -> Answers | None:
-    """What answers the cylinder that holds the body's tail along it: nothing where supports do; None without a row."""
-    tail, model = next((row for row in shared.rows if row.name == TAIL), None), residual.model
-    if tail is None:
+def _tail(shared: SharedCarriers) -> Array | None:
+    """What the cylinder of a section takes hold of, on the carriers (K,); None without one."""
+    tail = next((row for row in shared.rows if row.name == TAIL), None)
+    return None if tail is None else np.asarray(tail.weights(tail.breaks[0]).toarray()[0])
+
+
+def _cylinders(residual: ResidualFlexibility, shared: SharedCarriers, flexibility: LoadFlexibility) -> Array | None:
+    """This rank's rows (n_local, n) of what answers the cylinder: nothing where supports do; None without one."""
+    load = _tail(shared)
+    if load is None:
         return None
+    x = residual.powers(load @ shared.carriers[:, residual.model.share], RICHER + 1)
+    R = flexibility.between_any_two().rows
+    return x * 0.0 if load @ R @ load <= HELD * np.diagonal(R).max() else x
+
+
+def _matrices(
+    residual: ResidualFlexibility, basis: Basis, loads: sp.csc_matrix | None, x: Array | None
+) -> dict[str, Array]:
+    """The model's matrices between its basis, answers to `loads`, unless these are too many, and the cylinder's x."""
+    model, vectors = residual.model, [np.array(basis.V.getDenseArray())]
+    if not model.matrices:
+        return {}
+    if loads is not None and model.size * loads.shape[1] <= MOST_ENTRIES:
+        vectors.append(residual.apply(loads.toarray(order="F")))
+    every = np.hstack([*vectors, *([] if x is None else [x])])
+    return {name: inner(every, times(A, every), model.comm) for name, A in model.matrices.items()}
+
+
+def _answers(residual: ResidualFlexibility, shared: SharedCarriers, x: Array, motions: Array | None) -> Answers:
+    """What x (n_local, n), that which answers the cylinder, measures."""
+    model, load = residual.model, _tail(shared)
+    assert load is not None  # as there is x
     U, comm = shared.carriers[:, model.share], model.comm
-    load = tail.weights(tail.breaks[0]).toarray()[0]
-    x, R = residual.powers(load @ U, RICHER + 1), flexibility.between_any_two().rows
-    if load @ R @ load <= HELD * np.diagonal(R).max():
-        x[:] = 0.0
-    both = np.hstack([np.array(basis.V.getDenseArray()), x]) if model.matrices else x
     return Answers(
         load=load,
         rows=comm.allreduce(U @ x),
@@ -141,7 +164,6 @@ def _answers(
         stiffness=inner(x, times(model.K, x), comm),
         inertia=inner(x, times(model.M, x), comm),
         supports=inner(x[:, :0] if motions is None else motions, times(model.M, x), comm),
-        matrices={name: inner(both, times(A, both), comm) for name, A in model.matrices.items()},
     )
 
 
