@@ -22,8 +22,7 @@ Array = NDArray[np.float64]
 
 #: What no estimate covers; a run's ``step`` has the figure of the time step.
 NEVER = "stresses away from probes"
-#: What it does not cover with second order: on 40 random booms the true error was up to 1.4 times the estimate at the
-#: tip and 4.3 times in the forces of pads.
+#: What it does not cover with second order of a body with too many carriers (`pmr.reduced.attachment.knows_matrices`).
 SECOND_ORDER = "what axial forces and the frame do to what the coordinates leave out, forces of pads most of all"
 #: Why there is no estimate of forces.
 BLOWS = "forces of sliders: at a kink of the path a rigid slider strikes the beam, as hard as the step is short"

@@ -18,6 +18,7 @@ from pmr.compare.summary import Part
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
 from pmr.errors.text import rounded
+from pmr.reduced.attachment import knows_matrices
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Reduction, Scene
 from pmr.simulation import Excitation, TimeStepping
@@ -99,7 +100,7 @@ def reduction_error(
 
 def _left_out(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> list[str]:
     """What an estimate leaves out, a clause each."""
-    stressed = [coverage.SECOND_ORDER] * bool(system.terms)
+    stressed = [coverage.SECOND_ORDER] * (bool(system.terms) and not all(map(knows_matrices, models.values())))
     if ALONE in models:
         return [*stressed, *coverage.not_covered(models[ALONE], excitation.signals, excitation.stepping)]
     damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())

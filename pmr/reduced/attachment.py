@@ -61,30 +61,44 @@ def with_cylinder_modes(model: ReducedModel, count: int = CYLINDER) -> ReducedMo
     reactions = None if model.reactions is None else _borne(model, model.reactions, answers, turned)
     on_modes = replace(found.carriers, answers=replace(answers, turned=turned))
     loads = np.zeros((len(answers.rows) + len(answers.inputs), turned.shape[1]))
-    return replace(found, carriers=on_modes, reactions=reactions, matrices=_matrices(model, loads, turned))
+    return _in_a_frame(replace(found, carriers=on_modes, reactions=reactions), model, loads, turned)
 
 
-def _matrices(model: ReducedModel, loads: Array, turned: Array) -> dict[str, Array]:
-    """The model's `matrices` with a coordinates more, as far as they are known.
+def knows_matrices(model: ReducedModel) -> bool:
+    """Whether the matrices of a moving frame and of second order are known on attachment modes."""
+    carriers = model.carriers
+    if carriers is None or not carriers.matrices:
+        return not model.matrices
+    beyond = 0 if carriers.answers is None else carriers.answers.rows.shape[1] - model.cylinder_modes
+    modes = 0 if model.enrichment is None else model.enrichment.count
+    size = model.size + modes + len(carriers.values) + len(model.input_names) + beyond
+    return all(len(A) == size for A in carriers.matrices.values())
+
+
+def _in_a_frame(found: ReducedModel, model: ReducedModel, loads: Array, turned: Array) -> ReducedModel:
+    """`found` with the matrices and ports of a model that has `a` coordinates less, as far as they are known.
 
     Those are answers to combinations `loads` (K + i, a) of loads on carriers and inputs, and combinations `turned`
     (k, a) of the first that answer the cylinder.
     """
     carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, turned.shape
     assert carriers is not None
-    answers, K, found = carriers.answers, len(carriers.values), dict[str, Array]()
+    if not carriers.matrices:
+        return found
+    answers, K = carriers.answers, len(carriers.values)
     n, c = 0 if answers is None else answers.rows.shape[1], 0 if modes is None else modes.count
-    for name, A in carriers.matrices.items():
-        known, X = loads if len(A) == r + c + len(loads) + n else np.zeros_like(loads), np.zeros((len(A), r + a))
-        X[:r, :r], X[len(A) - n : len(A) - n + count, r:] = np.eye(r), turned
-        if modes is not None:  # which have joined the answers
-            on_modes = (carriers.enrichment.T @ known[:K] + modes.B @ known[K:]) / modes.stiffness[:, None]
-            shares = 0.0 if answers is None else answers.shares(carriers.enrichment, modes)[:, :count] @ turned
-            X[r : r + c, r:] = on_modes + shares
-        if known is loads:
-            X[r + c : r + c + len(loads), r:] = loads
-        found[name] = X.T @ A @ X
-    return found
+    size = len(next(iter(carriers.matrices.values())))
+    known, X = loads if size == r + c + len(loads) + n else np.zeros_like(loads), np.zeros((size, r + a))
+    X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), turned
+    if modes is not None:  # which have joined the answers
+        on_modes = (carriers.enrichment.T @ known[:K] + modes.B @ known[K:]) / modes.stiffness[:, None]
+        shares = 0.0 if answers is None else answers.shares(carriers.enrichment, modes)[:, :count] @ turned
+        X[r : r + c, r:] = on_modes + shares
+    if known is loads:
+        X[r + c : r + c + len(loads), r:] = loads
+    matrices = {name: X.T @ A @ X for name, A in carriers.matrices.items()}
+    ports = {name: row @ X for name, row in carriers.ports.items()}
+    return replace(found, matrices={**found.matrices, **matrices}, ports={**found.ports, **ports})
 
 
 def _borne(model: ReducedModel, known: Reactions, answers: Answers, turned: Array) -> Reactions:
@@ -131,7 +145,7 @@ def with_attachment_modes(model: ReducedModel, loads: Array, left_out: float = L
     turned, stiffness = _turned(K, M)
     found = _extended(model, stiffness, measured @ turned, outputs @ turned)
     g = G.shape[1]
-    return replace(found, matrices={**found.matrices, **_matrices(model, G @ turned[:g], turned[g:])})
+    return _in_a_frame(found, model, G @ turned[:g], turned[g:])
 
 
 def _turned(K: Array, M: Array) -> tuple[Array, Array]:

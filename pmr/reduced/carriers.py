@@ -111,6 +111,7 @@ class CarriedRows:
     # the model's `matrices` between the R vectors of the largest basis, what the part that it leaves out answers to the
     # K + i loads on carriers and inputs (where these are not too many), and the n vectors of `answers` (if any)
     matrices: Mapping[str, Array] = field(default_factory=dict)
+    ports: Mapping[str, Array] = field(default_factory=dict)  # its `ports` on all these, (R + K + i + n,)
 
     @classmethod
     def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
@@ -175,4 +176,8 @@ class CarriedRows:
         for name, A in self.matrices.items():
             if A.shape != (len(A), len(A)) or len(A) < least or not np.isfinite(A).all():
                 return f"the carriers' matrices.{name} has shape {A.shape} or is not finite"
+            least = len(A)
+        for name, row in self.ports.items():
+            if row.shape != (len(row),) or len(row) < least or not np.isfinite(row).all():
+                return f"the carriers' ports.{name} has shape {row.shape} or is not finite"
         return None

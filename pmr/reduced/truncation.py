@@ -74,7 +74,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
         outputs=np.hstack([model.outputs, back.outputs]),
         rows=side_by_side(model.rows, back.rows),
         matrices={name: _with(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
-        ports={name: np.append(row, np.zeros(count)) for name, row in model.ports.items()},
+        ports={name: _port(model, name, count) for name in model.ports},
         flexibility=_joined(model.flexibility, back, -1.0),
         enrichment=_part(model.enrichment, slice(count, None)) if count < found else None,
         carriers=None if model.carriers is None else model.carriers.extended(back),
@@ -117,6 +117,13 @@ def _with(A: Array, of_all: Array | None, count: int) -> Array:
     """A (r, r) on `count` modes more, by what is known of all modes; zero where nothing is."""
     r = len(A) + count
     return np.pad(A, (0, count)) if of_all is None else np.ascontiguousarray(of_all[:r, :r])
+
+
+def _port(model: ReducedModel, name: str, count: int) -> Array:
+    """A port (r + count,) on `count` modes more, which it measures nothing of unless that is known."""
+    known = None if model.carriers is None else model.carriers.ports.get(name)
+    beyond = np.zeros(count) if known is None else known[model.size : model.size + count]
+    return np.append(model.ports[name], beyond)
 
 
 def _block(A: Array, diagonal: Array) -> Array:

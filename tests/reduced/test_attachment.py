@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.optimize import brentq
 
 from pmr import scene as scenes
+from pmr.fem.matrices import local_csr
 from pmr.fullmodel.build import build_bodies
+from pmr.fullmodel.model import FullModel
 from pmr.reduced.attachment import CYLINDER, with_attachment_modes, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
@@ -82,14 +85,21 @@ def test_matrices_of_a_moving_frame_know_the_cylinders_modes() -> None:
         assert np.abs((found.matrices["K"] - found.K) / np.outer(scale, scale)).max() < 1e-7
 
 
+def tip(model: FullModel) -> dict[str, sp.csr_matrix]:
+    """Its last output, as a port."""
+    return {"tip": sp.csr_matrix(local_csr(model.outputs).T[-1])}
+
+
 @pytest.mark.slow
 @pytest.mark.numerical
 @pytest.mark.parametrize("name", ["base", "fly"])
 def test_matrices_of_a_moving_frame_know_answers_to_loads(name: str) -> None:
-    """Were they mass and stiffness, they would be those of the model with its attachment modes."""
+    """Were they mass, stiffness and an output, they would be those of the model with its attachment modes."""
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ("time.end=0.1", "section.mesh.elements=24"))
     built = {
-        name: replace(one, model=replace(one.model, matrices={"M": one.model.M, "K": one.model.K}))
+        name: replace(
+            one, model=replace(one.model, matrices={"M": one.model.M, "K": one.model.K}, ports=tip(one.model))
+        )
         for name, one in build_bodies(boom).items()
     }
     modal = reduce_bodies(boom, built)[name].modal
@@ -103,6 +113,7 @@ def test_matrices_of_a_moving_frame_know_answers_to_loads(name: str) -> None:
         scale = np.sqrt(np.maximum(np.diagonal(found.K), np.diagonal(found.K)[model.size :].min()))
         assert np.abs(found.matrices["M"] - found.M).max() < 1e-6
         assert np.abs((found.matrices["K"] - found.K) / np.outer(scale, scale)).max() < 1e-6
+        assert found.ports["tip"] == pytest.approx(found.outputs[-1], abs=1e-9 * np.abs(found.outputs[-1]).max())
 
 
 @pytest.mark.slow

@@ -97,7 +97,7 @@ def section_model(
     flexibility, *inertia = load_powers(residual, shared.carriers, None, powers)
     x = _cylinders(residual, shared, flexibility)
     answers = None if x is None else _answers(residual, shared, x, motions)
-    matrices = _matrices(residual, basis, carrier_loads(model, shared.carriers) if inertia else None, x)
+    matrices, ports = _matrices(residual, basis, carrier_loads(model, shared.carriers) if inertia else None, x)
     body.drop()
     free_dropped(model.comm)
     values = _measured(model, shared, basis)
@@ -105,7 +105,7 @@ def section_model(
     flexible = _with_flexibility(reduced, tables(flexibility, shared))
     check_independence(flexible, _that_give_way(flexible))
     moved = inertia[0].between_any_two() if inertia else None
-    known = replace(carriers, inertia=moved, answers=answers, matrices=matrices)
+    known = replace(carriers, inertia=moved, answers=answers, matrices=matrices, ports=ports)
     return _with_coordinates(replace(flexible, carriers=known), coordinates)
 
 
@@ -140,15 +140,20 @@ def _cylinders(residual: ResidualFlexibility, shared: SharedCarriers, flexibilit
 
 def _matrices(
     residual: ResidualFlexibility, basis: Basis, loads: sp.csc_matrix | None, x: Array | None
-) -> dict[str, Array]:
-    """The model's matrices between its basis, answers to `loads`, unless these are too many, and the cylinder's x."""
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """The model's matrices between its basis, answers to `loads`, unless these are too many, and the cylinder's x.
+
+    And its ports on all these.
+    """
     model, vectors = residual.model, [np.array(basis.V.getDenseArray())]
     if not model.matrices:
-        return {}
+        return {}, {}
     if loads is not None and model.size * loads.shape[1] <= MOST_ENTRIES:
         vectors.append(residual.apply(loads.toarray(order="F")))
     every = np.hstack([*vectors, *([] if x is None else [x])])
-    return {name: inner(every, times(A, every), model.comm) for name, A in model.matrices.items()}
+    matrices = {name: inner(every, times(A, every), model.comm) for name, A in model.matrices.items()}
+    ports = {name: model.comm.allreduce(row[:, model.share] @ every)[0] for name, row in model.ports.items()}
+    return matrices, ports
 
 
 def _answers(residual: ResidualFlexibility, shared: SharedCarriers, x: Array, motions: Array | None) -> Answers:
