@@ -69,10 +69,7 @@ def knows_matrices(model: ReducedModel) -> bool:
     carriers = model.carriers
     if carriers is None or not carriers.matrices:
         return not model.matrices
-    beyond = 0 if carriers.answers is None else carriers.answers.rows.shape[1] - model.cylinder_modes
-    modes = 0 if model.enrichment is None else model.enrichment.count
-    size = model.size + modes + len(carriers.values) + len(model.input_names) + beyond
-    return all(len(A) == size for A in carriers.matrices.values())
+    return len(carriers.spanned) > 0
 
 
 def _in_a_frame(found: ReducedModel, model: ReducedModel, loads: Array, turned: Array) -> ReducedModel:
@@ -87,15 +84,15 @@ def _in_a_frame(found: ReducedModel, model: ReducedModel, loads: Array, turned: 
         return found
     answers, K = carriers.answers, len(carriers.values)
     n, c = 0 if answers is None else answers.rows.shape[1], 0 if modes is None else modes.count
-    size = len(next(iter(carriers.matrices.values())))
-    known, X = loads if size == r + c + len(loads) + n else np.zeros_like(loads), np.zeros((size, r + a))
+    size, p = len(next(iter(carriers.matrices.values()))), len(carriers.spanned)
+    known, X = loads if p else np.zeros_like(loads), np.zeros((size, r + a))
     X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), turned
     if modes is not None:  # which have joined the answers
         on_modes = (carriers.enrichment.T @ known[:K] + modes.B @ known[K:]) / modes.stiffness[:, None]
         shares = 0.0 if answers is None else answers.shares(carriers.enrichment, modes)[:, :count] @ turned
         X[r : r + c, r:] = on_modes + shares
-    if known is loads:
-        X[r + c : r + c + len(loads), r:] = loads
+    if p:
+        X[r + c : r + c + p, r:] = carriers.spanned @ loads
     matrices = {name: X.T @ A @ X for name, A in carriers.matrices.items()}
     ports = {name: row @ X for name, row in carriers.ports.items()}
     return replace(found, matrices={**found.matrices, **matrices}, ports={**found.ports, **ports})

@@ -108,10 +108,11 @@ class CarriedRows:
     inertia: CarrierFlexibility | None = None
     # what answers the cylinder of a boom's section (`pmr.reduced.attachment`)
     answers: Answers | None = None
-    # the model's `matrices` between the R vectors of the largest basis, what the part that it leaves out answers to the
-    # K + i loads on carriers and inputs (where these are not too many), and the n vectors of `answers` (if any)
+    # the model's `matrices` between the R vectors of the largest basis, p vectors that span what the part that it
+    # leaves out answers to loads on carriers and inputs (none where they are many), and the n of `answers` (if any)
     matrices: Mapping[str, Array] = field(default_factory=dict)
-    ports: Mapping[str, Array] = field(default_factory=dict)  # its `ports` on all these, (R + K + i + n,)
+    ports: Mapping[str, Array] = field(default_factory=dict)  # its `ports` on all these, (R + p + n,)
+    spanned: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (p, K + i): these answers by the p vectors
 
     @classmethod
     def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
@@ -173,6 +174,11 @@ class CarriedRows:
                 return f"the carriers' row {k} touches a carrier that there is none of"
         known = self.answers
         least = self.values.shape[1] + (0 if known is None else known.rows.shape[1] - known.turned.shape[1])
+        if (p := len(self.spanned)) and (
+            self.spanned.shape[1] < len(self.values) or not np.isfinite(self.spanned).all()
+        ):
+            return f"the carriers' spanned has shape {self.spanned.shape} or is not finite"
+        least += p
         for name, A in self.matrices.items():
             if A.shape != (len(A), len(A)) or len(A) < least or not np.isfinite(A).all():
                 return f"the carriers' matrices.{name} has shape {A.shape} or is not finite"

@@ -45,6 +45,8 @@ FLOOR = float(np.sqrt(np.finfo(float).eps))
 HELD = 1e-12
 #: Of all answers to loads together, up to which matrices of a moving frame and of second order are known between them.
 MOST_ENTRIES = 20_000_000
+#: Share of the squares of answers of unit size below which a direction among them is left out.
+SPANNED = 1e-13
 
 
 def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
@@ -97,7 +99,9 @@ def section_model(
     flexibility, *inertia = load_powers(residual, shared.carriers, None, powers)
     x = _cylinders(residual, shared, flexibility)
     answers = None if x is None else _answers(residual, shared, x, motions)
-    matrices, ports = _matrices(residual, basis, carrier_loads(model, shared.carriers) if inertia else None, x)
+    loads = carrier_loads(model, shared.carriers)
+    span, spanned = _span(residual, loads) if inertia and model.matrices else (None, np.zeros((0, loads.shape[1])))
+    matrices, ports = _matrices(model, [np.array(basis.V.getDenseArray()), span, x])
     body.drop()
     free_dropped(model.comm)
     values = _measured(model, shared, basis)
@@ -105,7 +109,7 @@ def section_model(
     flexible = _with_flexibility(reduced, tables(flexibility, shared))
     check_independence(flexible, _that_give_way(flexible))
     moved = inertia[0].between_any_two() if inertia else None
-    known = replace(carriers, inertia=moved, answers=answers, matrices=matrices, ports=ports)
+    known = replace(carriers, inertia=moved, answers=answers, matrices=matrices, ports=ports, spanned=spanned)
     return _with_coordinates(replace(flexible, carriers=known), coordinates)
 
 
@@ -138,19 +142,29 @@ def _cylinders(residual: ResidualFlexibility, shared: SharedCarriers, flexibilit
     return x * 0.0 if load @ R @ load <= HELD * np.diagonal(R).max() else x
 
 
-def _matrices(
-    residual: ResidualFlexibility, basis: Basis, loads: sp.csc_matrix | None, x: Array | None
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """The model's matrices between its basis, answers to `loads`, unless these are too many, and the cylinder's x.
+def _span(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | None, Array]:
+    """Vectors (n_local, p) that span R's answers to loads (n_local, L), and the answers by them (p, L).
 
-    And its ports on all these.
+    None where loads are too many: of a beam p is no more than its degrees of freedom, of a shell up to L.
     """
-    model, vectors = residual.model, [np.array(basis.V.getDenseArray())]
+    model = residual.model
+    if model.size * loads.shape[1] > MOST_ENTRIES:
+        return None, np.zeros((0, loads.shape[1]))
+    Z = residual.apply(loads.toarray(order="F"))
+    gram = inner(Z, Z, model.comm)
+    size = np.sqrt(np.diagonal(gram))
+    scaled = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
+    share, Q = np.linalg.eigh(scaled[:, None] * gram * scaled)
+    kept = share > SPANNED * share[-1]
+    root = np.sqrt(share[kept])
+    return Z @ (scaled[:, None] * Q[:, kept] / root), (root[:, None] * Q[:, kept].T) * size
+
+
+def _matrices(model: FullModel, vectors: list[Array | None]) -> tuple[dict[str, Array], dict[str, Array]]:
+    """The model's matrices between all vectors (n_local, .), and its ports on them."""
     if not model.matrices:
         return {}, {}
-    if loads is not None and model.size * loads.shape[1] <= MOST_ENTRIES:
-        vectors.append(residual.apply(loads.toarray(order="F")))
-    every = np.hstack([*vectors, *([] if x is None else [x])])
+    every = np.hstack([one for one in vectors if one is not None])
     matrices = {name: inner(every, times(A, every), model.comm) for name, A in model.matrices.items()}
     ports = {name: model.comm.allreduce(row[:, model.share] @ every)[0] for name, row in model.ports.items()}
     return matrices, ports
