@@ -8,8 +8,9 @@ from pydantic import Field
 
 from pmr.errors import InputError
 from pmr.scene import asked
-from pmr.scene.built import Body, Load, MeshChoice, PadRing, Slider, Support
+from pmr.scene.built import WEIGHT, Body, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.parts import Part
+from pmr.scene.signals import SignalBase
 from pmr.scene.structures import PointMass
 from pmr.scene.whole import Whole
 
@@ -64,6 +65,12 @@ class Listed(Whole):
         slider = self.alone.slider
         assert slider is not None  # as the checks say
         return slider
+
+    @property
+    def signals(self) -> dict[str, SignalBase]:
+        """What drives each input of the model, by its name: what users of Exudyn give `add_sliding_body`."""
+        weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
+        return {load.name: load.signal for load in self.loads} | weight
 
     @property
     def path_bounds(self) -> tuple[float, float]:

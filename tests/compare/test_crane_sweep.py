@@ -32,4 +32,4 @@ def test_reduced_beside_full_and_the_estimate_on_random_cranes() -> None:
         elif error > ROUND_OFF:
             ratios.append(estimate["tip"] / error)
     assert np.median(errors) < 5e-3
-    assert min(ratios) > 0.95
+    assert len(ratios) >= 0.9 * len(errors) and 0.95 < min(ratios) <= max(ratios) < 5.0
