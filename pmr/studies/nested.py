@@ -32,7 +32,7 @@ from pmr.compare.boom_figures import on_the_way
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.scene import Scene
-from pmr.scene.choice import directions, fewest_rows
+from pmr.scene.choice import directions, fewest_rows, model_of
 from pmr.scene.members import members
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
@@ -94,6 +94,12 @@ def check(scene: Scene, snapshots: Sequence[int], modes: Sequence[int], key: str
     Raises InputError with source ``"study"``; the given key where numbers are too large.
     """
     if ALONE not in scene.bodies:
+        if any(part.joint is not None and part.joint.rigid_overlap for part in scene.sections):
+            allowed = "joints without rigid_overlap are allowed: its rigid rows take all of so few coordinates"
+            raise InputError("study", "scene", scene.title, allowed)
+        if any(model_of(member) not in ("beam2d", "beam3d") for member in members(scene)):
+            allowed = "sections that are beams are allowed: modes of the whole boom are found by dense matrices"
+            raise InputError("study", "scene", scene.title, allowed)
         if len(on_the_way(scene, Excitation.of(scene).times, max(snapshots))) < max(snapshots):
             allowed = "as many snapshots as a boom has extensions on its way are allowed"
             raise InputError("study", key, max(snapshots), allowed)
