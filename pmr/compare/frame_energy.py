@@ -110,7 +110,7 @@ class _Account:
 
     def add_term(self, of: FrameTerm, term: Term, c: Array) -> None:
         """One of second order with amplitudes c (T,)."""
-        if of.of == "load":  # whose work it is
+        if of.of in ("load", "cylinder load"):  # whose work it is
             return
         q, v = (np.hstack([getattr(self._run.bodies[name], what) for name in term.bodies]) for what in "qv")
         G, V = ((0.0 * q.T if A is None else A @ q.T).T for A in (term.stiffness, term.damping))
