@@ -75,16 +75,6 @@ class LinePlayer extends Playback {
     return this.deflection(beam, i - 1, frame) * (1 - part) + this.deflection(beam, i, frame) * part;
   }
 
-  line(pen, points, colour, width, dash = []) {
-    pen.strokeStyle = colour;
-    pen.lineWidth = width;
-    pen.setLineDash(dash);
-    pen.beginPath();
-    points.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
-    pen.stroke();
-    pen.setLineDash([]);
-  }
-
   rest(pen, y) { this.line(pen, [[this.x(0), y], [this.x(this.data.length), y]], RULE, 1, [3, 3]); }
 
   beam(pen, y, beam, frame) {

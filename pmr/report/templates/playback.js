@@ -35,6 +35,16 @@ class Playback {
     this.slider.setAttribute("aria-valuetext", text);
   }
 
+  line(pen, points, colour, width, dash = []) {
+    pen.strokeStyle = colour;
+    pen.lineWidth = width;
+    pen.setLineDash(dash);
+    pen.beginPath();
+    points.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+
   toggle() {
     this.playing = !this.playing;
     this.button.textContent = this.playing ? "❚❚" : "▶";

@@ -68,9 +68,9 @@ class SpacePlayer extends Playback {
       const on = ([across, up]) => [view.x + across * view.metre, view.y - up * view.metre];
       const seen = (own) => on(this.turned(own, frame)[view.name]);
       this.axes(pen, view, on);
-      this.stroke(pen, this.way.slice(0, frame + 1).map((at) => on(at[view.name])), "#9aa5b1", 1, [4, 3]);
+      this.line(pen, this.way.slice(0, frame + 1).map((at) => on(at[view.name])), "#9aa5b1", 1, [4, 3]);
       for (const beam of this.beams) {
-        this.stroke(pen, beam.x.map((_, i) => on(this.place(beam, i, frame)[view.name])), beam.colour, beam.width);
+        this.line(pen, beam.x.map((_, i) => on(this.place(beam, i, frame)[view.name])), beam.colour, beam.width);
       }
       if (view.name === "side") this.bars(pen, seen, frame);
       this.arrows(pen, seen, frame, view.metre);
@@ -82,16 +82,6 @@ class SpacePlayer extends Playback {
     }
     const end = this.way[frame].side.map((value) => value.toFixed(1));
     this.say(`${this.clock}, tip ${end[0]} m out, ${end[1]} m up`);
-  }
-
-  stroke(pen, points, colour, width, dash = []) {
-    pen.strokeStyle = colour;
-    pen.lineWidth = width;
-    pen.setLineDash(dash);
-    pen.beginPath();
-    points.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
-    pen.stroke();
-    pen.setLineDash([]);
   }
 
   write(pen, text, x, y, align, colour = "#1c2733") {
@@ -109,21 +99,21 @@ class SpacePlayer extends Playback {
       return Array.from({ length: Math.max(count, 0) }, (_, i) => Number(((first + i) * step).toPrecision(6)));
     };
     for (const at of ticks(low, high)) {
-      this.stroke(pen, [on([at, bottom]), on([at, up])], grid, 1);
+      this.line(pen, [on([at, bottom]), on([at, up])], grid, 1);
       this.write(pen, String(at), on([at, bottom])[0], on([at, bottom])[1] + 16, "center", muted);
     }
     for (const at of ticks(bottom, up)) {
-      this.stroke(pen, [on([low, at]), on([high, at])], grid, 1);
+      this.line(pen, [on([low, at]), on([high, at])], grid, 1);
       this.write(pen, String(at), on([low, at])[0] - 6, on([low, at])[1] + 4, "right", muted);
     }
     const [x, y] = on([(low + high) / 2, bottom]);
     this.write(pen, name === "side" ? "distance and height in m" : "X and Y in m", x, y + 34, "center", muted);
-    if (name === "side") this.stroke(pen, [on([low, 0]), on([high, 0])], muted, 2);
+    if (name === "side") this.line(pen, [on([low, 0]), on([high, 0])], muted, 2);
   }
 
   names(pen, x, y) {
     for (const { label, colour } of this.beams) {
-      this.stroke(pen, [[x, y - 4], [x + 14, y - 4]], colour, 3);
+      this.line(pen, [[x, y - 4], [x + 14, y - 4]], colour, 3);
       this.write(pen, label, x + 19, y, "left");
       x += pen.measureText(label).width + 36;
     }
@@ -144,7 +134,7 @@ class SpacePlayer extends Playback {
       const [[x, y], [ux, uy]] = [seen(own), seen([own[0], own[1], own[2] + pad.way])];
       const size = Math.hypot(ux - x, uy - y) || 1, [nx, ny] = [(ux - x) / size, (uy - y) / size];
       const far = 7 + 30 * Math.abs(pad.force[frame]);
-      this.stroke(pen, [[x + 7 * nx, y + 7 * ny], [x + far * nx, y + far * ny]], "#7b2d8e", 5);
+      this.line(pen, [[x + 7 * nx, y + 7 * ny], [x + far * nx, y + far * ny]], "#7b2d8e", 5);
     }
   }
 
@@ -157,7 +147,7 @@ class SpacePlayer extends Playback {
       if (part < 0.02) continue;
       const [nx, ny] = [dx / size, dy / size], long = 10 + 26 * part;
       const [x, y] = [foot[0] + long * nx, foot[1] + long * ny];
-      this.stroke(pen, [foot, [x, y]], "#7b2d8e", 1.5);
+      this.line(pen, [foot, [x, y]], "#7b2d8e", 1.5);
       pen.fillStyle = "#7b2d8e";
       pen.beginPath();
       for (const [a, b] of [[0, 0], [-7, 3], [-7, -3]]) pen.lineTo(x + a * nx - b * ny, y + a * ny + b * nx);
