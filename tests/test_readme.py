@@ -37,3 +37,10 @@ def test_links_and_commands_exist() -> None:
 @pytest.mark.parametrize("name", ["CONTRIBUTING.md", "CHANGELOG.md", "LICENSE"])
 def test_what_a_project_has(name: str) -> None:
     assert (ROOT / name).stat().st_size > 200
+
+
+def test_the_tests_of_the_validation_exist() -> None:
+    rows = re.findall(r"\| (tests/\S+\.py)::(\w+) \|", (ROOT / "docs" / "validation.md").read_text())
+    assert len(rows) > 20
+    for file, name in rows:
+        assert f"\ndef {name}(" in (ROOT / file).read_text(), (file, name)
