@@ -30,8 +30,11 @@ from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
-#: Steps between two looks at the clock, the keyboard and the progress; fewer where steps in parts take long.
-BLOCK = 4096
+#: Steps between two looks at the clock, the keyboard and the progress; fewer where steps in parts take long.  The way
+#: into compiled code and cold caches take some 40 us, a seventh of 4096 steps of a body of six coordinates.
+BLOCK = 16384
+#: Numbers that are recorded in the meantime: fewer steps where there are more coordinates.
+RECORDED = 2**22
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,8 @@ class March:
 
         A GrowthError is raised where more than `balance.GROWN` of the largest energy comes from nowhere.
         """
-        room = self._room(min(BLOCK, len(self.t) - 1) + 1)
+        most = max(1, min(BLOCK, RECORDED // (2 * len(self.form.used)), len(self.t) - 1))
+        room = self._room(most + 1)
 
         def taken(first: int, last: int) -> None:
             rows = some(room, slice(last - first + 1))
@@ -140,7 +144,7 @@ class March:
         def advance(first: int, last: int) -> None:
             self._take(first, some(room, slice(1, last - first + 1)), None, 1)
 
-        seconds = in_blocks(len(self.t), BLOCK, self.finest, advance, taken, progress)
+        seconds = in_blocks(len(self.t), most, self.finest, advance, taken, progress)
         least = balance.round_off(self.form.modes.B @ self.form.modes.B.T, self.f, float(self.t[1]))
         surplus = balance.surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
         balance.refuse_growth(surplus, "march", self._growing)

@@ -261,10 +261,12 @@ def test_what_is_compiled_for_the_first_time_is_not_timed(rich: FullBody, monkey
     assert taken == [0, STEPPING.steps]  # the first call, before the clock runs, takes no step
 
 
-def test_blocks_leave_no_trace(rich: FullBody, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("limit", ["steps", "numbers"])
+def test_blocks_leave_no_trace(rich: FullBody, monkeypatch: pytest.MonkeyPatch, limit: str) -> None:
     whole = march.simulate(rich, driven(PATH, LOADS, STEPPING))
     seen = march.observe(modal_form(rich), driven(PATH, LOADS, STEPPING), every=3)
-    monkeypatch.setattr(marching, "BLOCK", 13)
+    size = modal_form(rich).body.size
+    monkeypatch.setattr(marching, *{"steps": ("BLOCK", 13), "numbers": ("RECORDED", 13 * 2 * size)}[limit])
     told: list[float] = []
     np.testing.assert_array_equal(march.simulate(rich, driven(PATH, LOADS, STEPPING), progress=told.append).q, whole.q)
     np.testing.assert_array_equal(march.observe(modal_form(rich), driven(PATH, LOADS, STEPPING), every=3).y, seen.y)
