@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 
 from pmr.cli.console import Model, ensure_file, ensure_writable, out, say
-from pmr.export.formats import FORMATS, Options, write
+from pmr.export.formats import Options, formats, write
 from pmr.files.swap import finished
 
-_SAYS = "; ".join(f"{name}: {one.says}" for name, one in FORMATS.items())
+_SAYS = "; ".join(f"{name}: {one.says}" for name, one in formats().items())
 
 
 def export(

@@ -19,7 +19,7 @@ from importlib import metadata, util
 from pathlib import Path
 from typing import Any
 
-from pmr.errors import InputError, SimulationError
+from pmr.errors import InputError, SimulationError, plugins
 
 MEMINFO = Path("/proc/meminfo")
 #: Each launcher's name for the number of processes that it started.
@@ -129,13 +129,13 @@ def commit() -> str | None:
 
 
 def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
-    """Digest of source files, by path within pmr but those that begin with `leave_out`, and of numerical packages."""
+    """Digest of sources, by path within pmr but those that begin with `leave_out`, numerical packages and plug-ins."""
     digest = hashlib.sha256()
     for name, text in sorted(files.items()):
         if not name.startswith(tuple(leave_out)):
             digest.update(name.encode() + b"\0" + text.encode() + b"\0")
     numerical = {package: _version(package) for package in _NUMERICAL} | {"python": platform.python_version()}
-    digest.update(repr(numerical).encode())
+    digest.update(repr((numerical, plugins.versions())).encode())
     return digest.hexdigest()[:16]
 
 

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pmr.errors import InputError, environment
+from pmr.errors import InputError, environment, plugins
 from pmr.errors.text import hint
 
 
@@ -69,6 +69,15 @@ FORMATS = {
 }
 
 
+def formats() -> dict[str, Format]:
+    """All formats by their names, those that installed plug-ins add among them."""
+    offered = plugins.offered("pmr.exports", frozenset(FORMATS))
+    for name, one in offered.items():
+        if not isinstance(one, Format):
+            raise plugins.refused("pmr.exports", name)
+    return FORMATS | offered
+
+
 @dataclass(frozen=True)
 class BodyFormat:
     """A format of flexible bodies."""
@@ -98,11 +107,12 @@ def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
 
     Raises InputError if there is no such format, it does not take an option that was given, or its writer refuses.
     """
-    if to not in FORMATS:
-        raise InputError("command line", "--to", to, f"{hint(to, FORMATS)}one of {', '.join(FORMATS)} is allowed")
-    chosen = FORMATS[to]
+    known = formats()
+    if to not in known:
+        raise InputError("command line", "--to", to, f"{hint(to, known)}one of {', '.join(known)} is allowed")
+    chosen = known[to]
     for name, value in vars(options).items():
         if value is not None and name not in chosen.options:
-            takers = ", ".join(key for key, one in FORMATS.items() if name in one.options)
+            takers = ", ".join(key for key, one in known.items() if name in one.options)
             raise InputError("command line", f"--{name}", value, f"it is allowed with --to {takers}")
     return chosen.write(model, target or model.with_name(chosen.file_name), options)

@@ -9,12 +9,13 @@ A signal is written in a scene as a table with a ``kind`` (or as a plain number,
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, SerializeAsAny, WrapValidator
 
+from pmr.errors import plugins
 from pmr.scene.signals.base import Array, Chirp, Constant, Floats, SignalBase, Sine, Step
 from pmr.scene.signals.knots import Ramp, SmoothRamp, Table
 
@@ -106,9 +107,25 @@ def _number_is_constant(data: Any) -> Any:
     return data
 
 
+def _of_another_package(data: Any, check: Callable[[Any], SignalBase]) -> SignalBase:
+    """A signal whose kind an installed plug-in adds, imported when a scene asks for it; all others as they are."""
+    if not isinstance(data, dict) or data.get("kind") in (None, *_OWN):
+        return check(data)
+    offered = plugins.offered("pmr.signals", _OWN)
+    kind = offered.get(data["kind"])
+    if kind is None:
+        return check(data)
+    if not issubclass(kind, SignalBase) or kind.model_fields["kind"].default != data["kind"]:
+        raise plugins.refused("pmr.signals", data["kind"])
+    return cast(SignalBase, kind.model_validate(data))
+
+
+_Kinds = Constant | Ramp | SmoothRamp | Table | Step | Sine | Chirp | Sum
+_OWN: frozenset[str] = frozenset(kind.model_fields["kind"].default for kind in get_args(_Kinds))
 Signal = Annotated[
-    Constant | Ramp | SmoothRamp | Table | Step | Sine | Chirp | Sum,
+    SerializeAsAny[_Kinds],
     Field(discriminator="kind"),
+    WrapValidator(_of_another_package),
     BeforeValidator(_number_is_constant),
 ]
 Sum.model_rebuild()

@@ -1,0 +1,43 @@
+"""What other installed packages add: signals and export formats, by entry points of their distributions."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import metadata
+from typing import Any
+
+from pmr.errors import InputError
+
+#: Group of entry points, and what each of them has to be.
+GROUPS = {
+    "pmr.signals": "a subclass of pmr.scene.signals.SignalBase whose `kind` is the entry point's name",
+    "pmr.exports": "a pmr.export.formats.Format",
+}
+
+
+@cache
+def offered(group: str, own: frozenset[str]) -> dict[str, Any]:
+    """Objects of a group by their names, of all installed distributions; `own` are the names that pmr has itself.
+
+    Raises InputError where one can't be imported, or its name is taken.
+    """
+    found: dict[str, Any] = {}
+    for point in sorted(metadata.entry_points(group=group)):
+        if point.name in own or point.name in found:
+            raise refused(group, point.name, f"a name that nothing else has is allowed ({point.value})")
+        try:
+            found[point.name] = point.load()
+        except Exception as error:
+            raise refused(group, point.name, f"{point.value} can't be imported ({error})") from None
+    return found
+
+
+def refused(group: str, name: str, says: str | None = None) -> InputError:
+    """What is wrong with an entry point; without `says` it is not what its group asks for."""
+    return InputError("installed plug-ins", group, name, says or f"{GROUPS[group]} is allowed")
+
+
+def versions() -> list[str]:
+    """Distributions that offer something and their versions: what a result depends on beside `pmr`."""
+    points = [point for group in GROUPS for point in metadata.entry_points(group=group)]
+    return sorted({f"{point.dist.name} {point.dist.version}" for point in points if point.dist})
