@@ -38,6 +38,11 @@ def test_importing_pmr_or_its_commands_imports_nothing_heavy(imported: str) -> N
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_versions_are_told_without_what_computes() -> None:
+    code = "import sys; from pmr.pipeline import fenicsx_versions; assert not {'numba', 'pydantic'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_reduce_and_simulate_from_a_scene() -> None:
     scene = pmr.load_scene("evolved_residual", ["mesh.elements=10", "time.end=0.01"])
     response = pmr.simulate(scene, pmr.reduce(scene).reduced)

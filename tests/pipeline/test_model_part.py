@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr import pipeline
+from pmr.pipeline import scenes as pipeline
 
 pytest.importorskip("gmsh")
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -1,0 +1,176 @@
+"""Scenes run and reduced."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pmr.compare import memory
+from pmr.compare.accuracy import order
+from pmr.compare.frequencies import frequency_part
+from pmr.compare.responses import check_installed
+from pmr.compare.second_order import decided as with_order
+from pmr.compare.summary import Part, combined, origin, reliability, simulated, theory
+from pmr.compare.way import in_frequency
+from pmr.errors import InputError, environment, on_first
+from pmr.errors.environment import Clock
+from pmr.fem.compat import MPI
+from pmr.fem.compat import versions as fenicsx_versions
+from pmr.fullmodel.build import build_bodies, left_free, log_warnings
+from pmr.fullmodel.build import warnings as build_warnings
+from pmr.fullmodel.probes import places
+from pmr.fullmodel.walls import summary as summary_of_walls
+from pmr.pipeline.bodies import Bodies
+from pmr.pipeline.model_part import Decided, decided, measured
+from pmr.reduction.bodies import Reduction, reduce_bodies
+from pmr.reduction.cache import cache_in
+from pmr.reduction.recover.from_scene import Recovered
+from pmr.results import Loads, Paths, RunResult
+from pmr.scene import Scene
+from pmr.scene.names import ALONE
+from pmr.simulation.petsc import Checkpoint
+from pmr.system.system import System
+
+#: Stages of a run whose seconds stand in summary.json, beside those of the simulators.
+STAGES = ("assemble", "snapshots", "pod", "reduce", "recover", "estimate")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run returns on rank 0: its result, and the system of its reduced bodies."""
+
+    result: RunResult
+    system: System
+
+    @property
+    def reduced(self) -> Any:
+        """The `pmr.ReducedModel` of a body alone, or of each section by its name."""
+        models = self.system.reduced
+        return models.get(ALONE, models)
+
+    def save(self, folder: Path) -> Path:
+        """Write the reduced model of a body alone, or the system of several or with terms, into a folder."""
+        if ALONE in self.system.bodies and not self.system.terms:
+            return self.system.reduced[ALONE].save(folder / "reduced.npz")
+        return self.system.save(folder / "system.npz")
+
+
+def run(
+    scene: Scene,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    clock: Clock | None = None,
+    checkpoint: Path | None = None,
+    cache: Path | None = None,
+) -> Outcome | None:
+    """Run a scene on `comm`; what is not distributed runs on rank 0, the other ranks get None.
+
+    With a `checkpoint`, a file, a full-order simulation that was cut off goes on.  In a `cache`, a folder, reductions
+    and frequencies of full models are cached and found.
+
+    Raises
+    ------
+    InputError
+        If the scene asks for what cannot be had; its source is ``"scene"``, its key that of the scene's file.
+    ConvergenceError, SimulationError
+        If a solver fails.
+    """
+    try:
+        kept = None if checkpoint is None else Checkpoint(checkpoint)
+        return _run(scene, comm, clock or Clock(), kept, cache)
+    except InputError as error:
+        raise error.called(scene.spelled(error.key)) from None
+
+
+def _run(
+    scene: Scene, comm: MPI.Comm, clock: Clock, checkpoint: Checkpoint | None, cache: Path | None
+) -> Outcome | None:
+    check_installed(scene)
+    chosen = _decided(scene, comm, clock, cache)
+    scene = order.prepared(chosen.scene)
+    with clock.stage("assemble"):
+        built = build_bodies(scene, comm)
+        free_motions = left_free(scene, built) if scene.free_motions == "allowed" else []
+    models = [one.model for one in built.values()]
+    outputs = sum(model.outputs.getSize()[1] for model in models)
+    size = sum(model.size for model in models)
+    free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
+    memory.check(scene, size, outputs, free, tell=comm.rank == 0)
+    caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
+    bodies = Bodies(scene, built, clock, caches)
+    scene = bodies.scene  # with the step that was chosen
+    with clock.stage("frequencies"):
+        frequencies = bodies.frequencies()
+    motions, seen = bodies.simulate(checkpoint), dict[str, Recovered]()
+    if scene.recovery is not None:
+        with clock.stage("recover"):
+            seen |= bodies.recover(motions)
+    of_model = measured(scene, comm, clock, caches, lambda one: _reduced(one, comm).system, chosen)
+    if motions.reduced is None:
+        return None
+    (judged, tip_error), system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
+    choice, responses, by_frequency = bodies.choice, motions.responses, in_frequency(scene, bodies.system, excitation)
+    stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
+    parts = [
+        origin(scene, fenicsx_versions()),
+        Part({"coordinates": {"full": size, "reduced": sum(body.size for body in system.bodies.values())}}),
+        simulated(motions.seconds, motions.reduced.agreement, stages),
+        *judged,
+        Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
+        Part(warnings=memory.warnings(scene, size, outputs)),
+        *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
+        Part(warnings=free_motions),
+        Part(places({name: one.structure.outputs for name, one in built.items()})),
+        Part(summary_of_walls({name: one.structure.pads.walls for name, one in built.items()})),
+        reliability(motions.references.missing, responses),
+        theory(scene, responses),
+        frequency_part(by_frequency),
+    ]
+    summary = combined(parts)
+    if chosen.said is not None:
+        summary["chosen_model"] = chosen.said
+    if of_model is not None:
+        summary["budget"] = summary.get("budget", {}) | {"model": of_model}
+    result = RunResult(
+        scene,
+        summary,
+        responses,
+        Paths(tuple(excitation.paths), excitation.s, excitation.rates),
+        Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
+        frequencies,
+        bodies.results(seen),
+        None if ALONE in built else scene.reach(excitation.times),
+        by_frequency,
+        tip_error,
+    )
+    made_from = scene.recorded | {"versions": result.summary["versions"]}
+    return Outcome(result, replace(system, provenance=made_from) if system.terms or ALONE not in built else system)
+
+
+def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
+    """Reduce a body alone, or all sections of a scene; collective.
+
+    Raises as `run`, and an InputError if a tolerance or a budget is to decide: it asks for a step as well.
+    """
+    clock = clock or Clock()
+    if scene.ordered is not None:
+        allowed = "none is allowed where the reduced model alone is made: pmr.run(scene) chooses model and step"
+        raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
+    try:
+        return _reduced(_decided(scene, comm, clock, None).scene, comm, clock)
+    except InputError as error:
+        raise error.called(scene.spelled(error.key)) from None
+
+
+def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None) -> Reduction:
+    clock = clock or Clock()
+    with clock.stage("assemble"):
+        built = build_bodies(scene, comm)
+    log_warnings(built.values(), comm)
+    bodies = reduce_bodies(scene, built, clock=clock)
+    models = {name: one.model for name, one in bodies.items()}
+    return Reduction(comm.bcast(on_first(comm, lambda: with_order(scene, models))), built, bodies)
+
+
+def _decided(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> Decided:
+    return decided(scene, comm, clock, cache, lambda one: _reduced(one, comm).system)
