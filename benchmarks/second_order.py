@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.simulated import driven_by
+from pmr.compare.simulated import excitation_in
 from pmr.simulation.native import systems
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
@@ -20,7 +20,7 @@ def measure(scene: Path, changes: Sequence[str]) -> tuple[float, float]:
     """Seconds of a step, and how many times faster than real time it is."""
     asked = scenes.load_any(scene, tuple(changes))
     system = pmr.reduce(asked).system
-    excitation = driven_by(asked, system)
+    excitation = excitation_in(asked, system)
     start = systems.start_of(system, excitation)
     seconds = min(systems.simulate(system, excitation, start).seconds for _ in range(TIMES))
     return seconds / excitation.stepping.steps, excitation.stepping.end / seconds

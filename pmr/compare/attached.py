@@ -28,7 +28,7 @@ SETTLED = 0.5
 STEPS = 20_000
 
 
-def loads_borne(system: System, run: SystemTrajectory) -> dict[str, Array]:
+def loads_carried(system: System, run: SystemTrajectory) -> dict[str, Array]:
     """What contacts and loads press on the carriers and inputs of each body with, (S, K + i) in N."""
     found, first = {}, 0
     for name, body in system.reduced.items():

@@ -25,13 +25,13 @@ NEVER = "stresses away from probes"
 #: What it does not cover with second order of a body with too many carriers (`pmr.reduced.attachment.knows_matrices`).
 SECOND_ORDER = "what axial forces and the frame do to what the coordinates leave out, forces of pads most of all"
 #: Why there is no estimate of forces.
-BLOWS = "forces of sliders: at a kink of the path a rigid slider strikes the beam, as hard as the step is short"
+IMPACTS = "forces of sliders: at a kink of the path a rigid slider strikes the beam, as hard as the step is short"
 RINGING = (
     "forces of sliders: most of what a richer model adds to them changes its sign with every step; "
     "time.rho_inf = 0.8 or less damps it"
 )
 JUMPS = (
-    "forces of sliders: where a load sets in at once, damping of the modes that are left out bears a share of it "
+    "forces of sliders: where a load sets in at once, damping of the modes that are left out takes a share of it "
     "first, which no model here has"
 )
 #: Share of critical damping of the first mode that is left out above which that share counts.
@@ -73,7 +73,7 @@ def jumps_damped(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]],
 def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
     """What the estimate of a model with enrichment modes leaves out, a clause each; signals with their names.
 
-    `BLOWS`, `RINGING`, `JUMPS` and `UNSETTLED` join it where an estimate lacks a kind of output.
+    `IMPACTS`, `RINGING`, `JUMPS` and `UNSETTLED` join it where an estimate lacks a kind of output.
     """
     top = highest_known(model, stepping)
     beyond = [what for name, signal in signals for what in _beyond(name, signal, stepping, top)]
@@ -83,7 +83,7 @@ def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], 
 
 def warnings(clauses: Sequence[str]) -> list[str]:
     """The clauses that make the estimate too small by an unknown factor, a line each."""
-    without = (NEVER, BLOWS, RINGING, JUMPS, *UNSETTLED.values())
+    without = (NEVER, IMPACTS, RINGING, JUMPS, *UNSETTLED.values())
     return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in without]
 
 

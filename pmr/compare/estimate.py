@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from pmr.compare import coverage
 from pmr.compare import errors as compare
-from pmr.compare.attached import SETTLED, UnsettledError, lifting, loads_borne, scatter, settled
+from pmr.compare.attached import SETTLED, UnsettledError, lifting, loads_carried, scatter, settled
 from pmr.compare.booms import quantities, respond, with_friction
 from pmr.compare.indicators import chi
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, probe_differences
@@ -186,7 +186,7 @@ def estimate(models: Models, system: System, excitation: Excitation, run: System
 def _no_forces(model: ReducedModel, excitation: Excitation, own: Outputs, better: Outputs) -> str | None:
     """Why forces of a body alone have no estimate; None where they have one."""
     if impulsive(model, excitation):
-        return coverage.BLOWS
+        return coverage.IMPACTS
     if model.moving and coverage.jumps_damped(model, excitation.signals, excitation.stepping.end):
         return coverage.JUMPS
     return coverage.RINGING if own.force.size and rings(own.force, better.force) else None
@@ -196,7 +196,7 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
     """By the enrichment modes, and attachment modes for what bodies bore, in the parts of a step that they took."""
     if not excitation.stepping.schedule:
         excitation = in_parts(first.system, excitation, first.run)
-    loads = loads_borne(first.system, first.run)
+    loads = loads_carried(first.system, first.run)
 
     def richer(of: Callable[[ReducedModel], ReducedModel], left_out: float = LEFT_OUT) -> _Simulated:
         bodies = {name: with_attachment_modes(of(model), loads[name], left_out) for name, model in models.items()}

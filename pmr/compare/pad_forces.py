@@ -17,7 +17,7 @@ from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_of, reaction_of
 from pmr.scene.choice import is_axial
 from pmr.scene.frame import INERTIA
-from pmr.scene.members import DRIVEN, members
+from pmr.scene.members import EXTENSION, members
 from pmr.scene.names import cylinder_of
 from pmr.simulation import Excitation
 from pmr.system.body import SlidingBody
@@ -196,7 +196,7 @@ def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
 
 def _moved(body: SlidingBody) -> float:
     """Mass in kg that an extension accelerates; 0 where there is none."""
-    along = [k for k, name in enumerate(body.input_names) if name in (DRIVEN, INERTIA + "x")]
+    along = [k for k, name in enumerate(body.input_names) if name in (EXTENSION, INERTIA + "x")]
     if not along:
         return 0.0
     B = np.asarray(body.B)[:, along[0]]

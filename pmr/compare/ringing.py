@@ -80,12 +80,12 @@ def warnings(found: Mapping[str, NotJudged]) -> list[str]:
     """One line of all that is not judged, by the quantities' names in summary.json; none where everything is."""
     if not found:
         return []
-    told = [
+    named = [
         f"{_QUANTITIES.get(name, name)}, of which {rounded(100.0 * one.alternating)} % {ALTERNATES} "
         f"(below {rounded(one.band)} Hz, where the body moves, the error is {rounded(100.0 * one.below)} %)"
         for name, one in found.items()
     ]
-    return [f"the full model is no reference of {'; nor of '.join(told)}: {CAUSES}; {REMEDY}"]
+    return [f"the full model is no reference of {'; nor of '.join(named)}: {CAUSES}; {REMEDY}"]
 
 
 def _steady(signal: Array) -> Array:

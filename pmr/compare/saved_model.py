@@ -13,7 +13,7 @@ from pmr.compare.judged import parts_of_motion
 from pmr.compare.made_for import with_models_of
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.second_order import as_made
-from pmr.compare.simulated import driven_by
+from pmr.compare.simulated import excitation_in
 from pmr.compare.summary import Part, combined, origin, reliability, simulated, theory
 from pmr.compare.way import frequencies, in_frequency, visited
 from pmr.errors.environment import Clock
@@ -39,7 +39,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     check_installed(scene)
     scene = with_models_of(scene, system)
     system = with_terms_of(scene, system)
-    clock, excitation, models = Clock(), driven_by(scene, system), system.reduced
+    clock, excitation, models = Clock(), excitation_in(scene, system), system.reduced
     made = simulate(scene, system, excitation, clock)
     responses, response = {"reduced": made.first.response}, made.first.response
     natural = frequencies(scene, system, excitation, visited(scene, excitation, 0), None)

@@ -17,7 +17,7 @@ from pmr.results import Response
 from pmr.scene.built import WEIGHT
 from pmr.scene.choice import acting
 from pmr.scene.frame import INERTIA
-from pmr.scene.members import DRIVEN, members
+from pmr.scene.members import EXTENSION, members
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import on_path
 from pmr.system.contacts import ALONE
@@ -47,10 +47,10 @@ def simulate_with_states(
     system = reduced if isinstance(reduced, System) else joined(scene, reduced)
     scene = as_made(scene, system.terms)
     with Clock().stage("reduced"), refused_growth(scene):
-        return repeated(scene, system, driven_by(scene, system), scene.simulation.simulators[0], steps)
+        return repeated(scene, system, excitation_in(scene, system), scene.simulation.simulators[0], steps)
 
 
-def driven_by(scene: Any, system: System) -> Excitation:
+def excitation_in(scene: Any, system: System) -> Excitation:
     """Paths, loads and time grid of a `pmr.scene.Scene` for a system.
 
     An InputError is raised as by `check_fits`, or where a path leaves the rows of the system.
@@ -82,7 +82,7 @@ def check_fits(scene: Any, system: System) -> None:
         if (scene.frame is None) == bool(moved):
             allowed = "a scene with a frame is allowed: the model moves in one" if moved else "the model has no frame"
             raise InputError("scene", "frame", None, allowed)
-        known = [one for one in body.input_names if one not in (WEIGHT, DRIVEN, *moved)]
+        known = [one for one in body.input_names if one not in (WEIGHT, EXTENSION, *moved)]
         loads = [load.name for load in acting(member)]
         weighs = scene.gravity is not None and scene.frame is None
         if set(loads) != set(known) or (name == ALONE and weighs != (WEIGHT in body.input_names)):

@@ -96,9 +96,9 @@ def compared(
 
 
 def impacts(system: System, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
-    """``blows``, where rigid sliders strike at kinks of the path: the forces' error ``pad_force`` below ``band`` in Hz.
+    """``impacts`` of rigid sliders at kinks of the path: the forces' error ``pad_force`` below ``band`` in Hz.
 
-    Above it lies 1 % of the full model's motion at the tip, and the most of what a blow leaves in the forces.
+    Above it lies 1 % of the full model's motion at the tip, and the most of what an impact leaves in the forces.
     """
     alone = system.reduced.get(ALONE)
     if alone is None or "full" not in responses or not impulsive(alone, excitation):
@@ -107,7 +107,7 @@ def impacts(system: System, excitation: Excitation, responses: Mapping[str, Resp
     step = excitation.stepping.step
     highest = band_of(full)
     return Part(
-        {"blows": {"band": highest, "pad_force": error_below(one.slider_force, full.slider_force, step, highest)}}
+        {"impacts": {"band": highest, "pad_force": error_below(one.slider_force, full.slider_force, step, highest)}}
     )
 
 

@@ -1,4 +1,4 @@
-"""What a result was made with: versions, commit, machine; the wall seconds of each stage, and who is told of them."""
+"""What a result was made with: versions, commit, machine; the wall seconds of each stage, and its progress."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from pmr.errors.text import hint
 
 @dataclass(frozen=True)
 class Options:
-    """What a format may be told besides the files; None: nothing was said."""
+    """What a format takes besides the files; None: not given."""
 
     fmi: str | None = None  #: Version of the Functional Mock-up Interface
     at: str | None = None  #: Places of the sliders in m, separated by commas

@@ -37,7 +37,7 @@ from pmr.scene.choice import (
     transverse,
 )
 from pmr.scene.frame_terms import tails
-from pmr.scene.members import DRIVEN, TAIL, Member
+from pmr.scene.members import EXTENSION, TAIL, Member
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Profile
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     forces += [PadForce(support.name, "support") for support in supports if np.isfinite(support.stiffness)]
     turned = [Action(f"{observe.tip} ry", observe.tip, "ry")] if observe.rotation else []
     weight = [Weight(member.gravity.direction)] if member.gravity and member.frame is None else []
-    driven = [Weight((-1.0, 0.0, 0.0), DRIVEN)] if is_accelerated(member) else []
+    driven = [Weight((-1.0, 0.0, 0.0), EXTENSION)] if is_accelerated(member) else []
     inertia = [Inertia(field) for field in inertia_fields(member)]
     return Structure(
         model,

@@ -26,7 +26,7 @@ from pmr.scene.structures import Material
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Where stresses are told of.
+#: Where stresses are evaluated.
 FACES = ("outer", "middle", "inner")
 #: Cosine from which on a normal points away from the body's axis, or towards it.
 CLEAR = 0.01

@@ -58,7 +58,7 @@ def with_cylinder_modes(model: ReducedModel, count: int = CYLINDER) -> ReducedMo
     measured = np.vstack([answers.rows[:, :count], answers.inputs[:, :count]]) @ turned
     found = _extended(model, stiffness, measured, answers.outputs[:, :count] @ turned)
     assert found.carriers is not None
-    reactions = None if model.reactions is None else _borne(model, model.reactions, answers, turned)
+    reactions = None if model.reactions is None else _carried(model, model.reactions, answers, turned)
     on_modes = replace(found.carriers, answers=replace(answers, turned=turned))
     loads = np.zeros((len(answers.rows) + len(answers.inputs), turned.shape[1]))
     return _in_a_frame(replace(found, carriers=on_modes, reactions=reactions), model, loads, turned)
@@ -98,7 +98,7 @@ def _in_a_frame(found: ReducedModel, model: ReducedModel, loads: Array, turned: 
     return replace(found, matrices={**found.matrices, **matrices}, ports={**found.ports, **ports})
 
 
-def _borne(model: ReducedModel, known: Reactions, answers: Answers, turned: Array) -> Reactions:
+def _carried(model: ReducedModel, known: Reactions, answers: Answers, turned: Array) -> Reactions:
     """Reactions of the model with combinations of the answers as its last coordinates."""
     assert model.carriers is not None
     r, count, of_all = model.size, len(turned), answers.supports

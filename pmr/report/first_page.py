@@ -1,4 +1,4 @@
-"""The first page for the one who decides: what was asked, what it bears, how far it may be trusted."""
+"""The first page for the one who decides: what was asked, what it carries, how far it may be trusted."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def tables(result: RunResult) -> tuple[Table, ...]:
     """The three tables; each row has its figure, and where and when."""
     found = (
         Table("What was asked", tuple(_asked(result))),
-        Table("What it bears", tuple(_borne(result))),
+        Table("What it carries", tuple(_carried(result))),
         Table("How far to trust it", tuple(_trusted(result))),
     )
     return tuple(table for table in found if table.rows)
@@ -70,7 +70,7 @@ def _between(low: float, high: float, unit: str) -> str:
     return f"{plain(low)} to {plain(high)}{unit}" if high > low else f"{plain(low)}{unit}"
 
 
-def _borne(result: RunResult) -> Rows:
+def _carried(result: RunResult) -> Rows:
     summary = result.summary
     if (largest := summary.get("max_von_mises", {}).get("reduced")) is not None:
         where = sentences.where_the_peak_is(result, "reduced")

@@ -32,7 +32,7 @@ def cylinders(result: RunResult, prefix: str) -> Block | None:
 
 
 def supports(result: RunResult, prefix: str) -> Block | None:
-    """What the ground bears: supports that give way over time, and the extremes of these and of rigid ones."""
+    """What the ground carries: supports that give way over time, and the extremes of these and of rigid ones."""
     found, rigid = _block(result, prefix, "support", "supports"), tuple(reactions(result))
     if found is None:
         return Block(heading="Supports", grids=rigid) if rigid else None

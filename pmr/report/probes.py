@@ -40,14 +40,14 @@ def probes(result: RunResult, prefix: str) -> Block | None:
         unit = known[name]["unit"]
         largest[unit] = max(largest.get(unit, 0.0), size(one))
     units = {unit: _unit(unit, size) for unit, size in largest.items()}
-    told = [n for n, one in found.items() if size(one) > NOTHING * largest[known[n]["unit"]]]
+    named = [n for n, one in found.items() if size(one) > NOTHING * largest[known[n]["unit"]]]
     rows = []
-    for name in told:
+    for name in named:
         unit = units[known[name]["unit"]]
         rows.append((f"{name} in {unit.name}", *cells(found[name], unit)))
     when = ("at t in s", f"and {result.coordinate} in m")
     extremes = Grid(_places(known.values()), ("", "least", *when, "largest", *when), tuple(rows))
-    drawn = _foremost(told, found)
+    drawn = _foremost(named, found)
     counted = [_counted(result, name, units[known[name]["unit"]]) for name in drawn if known[name]["unit"] != "mm"]
     figures = tuple((_drawn(result, f"{prefix}-probe-{k}", name, known[name]["unit"]),) for k, name in enumerate(drawn))
     text = "All load cycles stand in tables/cycles.csv." if counted else ""

@@ -21,7 +21,7 @@ SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
 
 
 def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
-    """What the run says: how small, how accurate, what it bears, how far the step is off, how fast."""
+    """What the run says: how small, how accurate, what it carries, how far the step is off, how fast."""
     said = {
         "Size": [size(result)],
         "Frame": [moving_frame.frame(result)],
@@ -172,8 +172,8 @@ def _speed(result: RunResult) -> Iterator[KeyNumber]:
 def published(table: Sequence[Row]) -> str:
     """How many figures are better, the same or worse than published ones; empty where none are published."""
     found = verdicts(table)
-    told = ", ".join(f"{number} {text}" for text, number in found.items())
-    return f"Beside {sum(found.values())} published figures: {told}." if found else ""
+    counted = ", ".join(f"{number} {text}" for text, number in found.items())
+    return f"Beside {sum(found.values())} published figures: {counted}." if found else ""
 
 
 def size(result: RunResult) -> str:
@@ -209,7 +209,7 @@ def accuracy(result: RunResult) -> Iterator[str]:
 
 def _apart_from_blows(result: RunResult) -> str:
     """The forces' error at the frequencies of the motion, where a slider strikes; else empty."""
-    found = result.summary.get("blows")
+    found = result.summary.get("impacts")
     if found is None:
         return ""
     return f"below {significant(found['band'], 2)}{SPACE}Hz, where the tip moves, {percent(found['pad_force'])}"

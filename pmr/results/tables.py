@@ -41,7 +41,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Reaction:
-    """A rigid support, and the unit of what it bears: N, or N m."""
+    """A rigid support, and the unit of what it carries: N, or N m."""
 
     support: str
     unit: str

@@ -140,7 +140,7 @@ class Reduction(Section):
     basis (`pmr.reduction.galerkin`); ``file`` reads vectors from a `file`.  Any model can have any of them.
 
     `flexibility` adds what the basis leaves out, quasi-static, as tables in s: far fewer coordinates do then, 6 being
-    the default for free modes, which have it unless told otherwise.
+    the default for free modes, which have it unless the scene says otherwise.
 
     For free modes with flexibility, `estimate` adds an error estimate that needs no full model but a second simulation
     with four modes more, and attachment modes for the loads of the first one.

@@ -134,7 +134,7 @@ def _comparison(scene: Scene) -> None:
 
 
 def _simulators(scene: Scene) -> None:
-    """What can be told before there is a model."""
+    """What can be checked before there is a model."""
     choice, (low, high) = scene.reduction, scene.path_bounds
     pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
     soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}

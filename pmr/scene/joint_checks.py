@@ -10,7 +10,7 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.choice import is_axial, is_planar
 from pmr.scene.joints import Linear
 from pmr.scene.magnitudes import check_loads, check_proportions, jump_of
-from pmr.scene.members import DRIVEN, footprint, member_at, members, seats
+from pmr.scene.members import EXTENSION, footprint, member_at, members, seats
 from pmr.scene.scene import Scene
 from pmr.scene.simulators import Needs, refuse
 from pmr.scene.structure_checks import check_names, check_reserved, check_structure, refusal
@@ -217,7 +217,7 @@ def _by_itself(scene: Scene, number: int) -> None:
         check_proportions(part)
         check_loads(part, scene.time.end)
         check_structure(one)
-        check_reserved("loads", (load.name for load in part.loads), (DRIVEN,))
+        check_reserved("loads", (load.name for load in part.loads), (EXTENSION,))
     except InputError as error:
         if error.key.split(".")[0] in ("gravity", "recovery"):
             raise

@@ -22,7 +22,7 @@ POINT, TAIL = "deflection", "tail x"
 WITHIN, AROUND = ("straight within at the tail", "straight within"), ("straight around at the mouth", "straight around")
 STRAIGHT = (*WITHIN, *AROUND)
 #: The input that accelerates a section along the boom.
-DRIVEN = "extension"
+EXTENSION = "extension"
 
 
 @dataclass(frozen=True)

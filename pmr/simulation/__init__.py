@@ -41,7 +41,7 @@ class Simulator(Protocol):
         initial : InitialState, optional
             Coordinates and velocities at t = 0; at rest and undeformed by default.
         progress : callable, optional
-            Told the share of the time span that is done.
+            Called with the share of the time span that is done.
 
         Raises
         ------

@@ -110,8 +110,8 @@ def round_off(mobility: Array, loads: Array, step: float) -> float:
 def refuse_growth(found: float, simulator: str, moving: list[str]) -> None:
     """Refuse with a GrowthError a motion of so much surplus; `moving` names the rigid rows that move."""
     if found > GROWN:
-        told = f"{simulator}: the motion grows without bound, {described(found)}{remedy(moving)}"
-        raise GrowthError(told, tuple(moving))
+        line = f"{simulator}: the motion grows without bound, {described(found)}{remedy(moving)}"
+        raise GrowthError(line, tuple(moving))
 
 
 def described(found: float) -> str:

@@ -31,7 +31,7 @@ class Block:
 #: Seconds from which on blocks get no longer, where they begin with few steps.
 BRIEF = 0.05
 
-#: Who is told of each block, in order.
+#: Functions that each block is passed to, in order.
 Take = Callable[[Block], None]
 
 

@@ -14,7 +14,7 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene import Scene
 from pmr.scene.asked import Simulation
 from pmr.scene.choice import is_accelerated
-from pmr.scene.members import DRIVEN, members
+from pmr.scene.members import EXTENSION, members
 from pmr.scene.names import SLIDER as SLIDER
 from pmr.scene.names import input_of
 from pmr.scene.signals import SignalBase
@@ -47,7 +47,7 @@ class Excitation:
         r"""Paths, loads and time grid of a scene.
 
         Along the boom the frame of a section moves with its tail, :math:`X_i = s_1 + \dots + s_i`, so that a load
-        :math:`-M_i e_x X_i''` acts on it: the input `DRIVEN` of sections that move so.  Where the scene has a frame,
+        :math:`-M_i e_x X_i''` acts on it: the input `EXTENSION` of sections that move so.  Where the scene has a frame,
         `pmr.simulation.frame` has that load with all others of the frame.
         """
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
@@ -55,7 +55,7 @@ class Excitation:
         for name, member in zip(scene.names, members(scene), strict=True):
             known = load_signals(scene, member) | member.weight | inertia_loads(scene, member)
             if is_accelerated(member):
-                known[DRIVEN] = Acceleration(paths=paths[: member.number], step=stepping.step)
+                known[EXTENSION] = Acceleration(paths=paths[: member.number], step=stepping.step)
             loads |= {input_of(name, one): signal for one, signal in known.items()}
         speeds = {part.name: part.joint.friction_speed for part in scene.sections if part.joint is not None}
         terms = term_signals(scene)

@@ -20,7 +20,7 @@ from pmr.studies.engine.task import Scalar, TaskResult
 
 Array = NDArray[np.float64]
 
-#: Frequencies that are told, at these places of the path: where s is least, in the middle, where it is largest.
+#: Frequencies that are stated, at these places of the path: where s is least, in the middle, where it is largest.
 FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
 
 
@@ -58,8 +58,8 @@ def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
     if not peaks and "stress_peak" in summary:
         peaks = {"whole body": summary["stress_peak"]["reduced"]}
     for region, peak in peaks.items():
-        told = {"max": peak["value"], "t_max": peak["t"]} | dict(zip("xyz", peak["position"], strict=True))
-        found |= {f"stress.{region}.{key}": float(value) for key, value in told.items()}
+        stated = {"max": peak["value"], "t_max": peak["t"]} | dict(zip("xyz", peak["position"], strict=True))
+        found |= {f"stress.{region}.{key}": float(value) for key, value in stated.items()}
     return found
 
 

@@ -11,7 +11,7 @@ from driving import driven
 from oracle import enriched, full_body
 
 from pmr.compare import coverage
-from pmr.compare.coverage import BLOWS, JUMPS, NEVER, highest_known, not_covered
+from pmr.compare.coverage import IMPACTS, JUMPS, NEVER, highest_known, not_covered
 from pmr.errors import InputError, SimulationError
 from pmr.pipeline import run
 from pmr.reduced.damping import Rayleigh
@@ -103,7 +103,7 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
     assert outcome is not None
     summary, text = outcome.result.summary, " ".join(point.text for point in sentences.points(outcome.result))
     left_out = summary["estimate"]["not_covered"]
-    assert left_out[-2:] == [NEVER, BLOWS] and NEVER in sentences.estimate(outcome.result) and NEVER in text
+    assert left_out[-2:] == [NEVER, IMPACTS] and NEVER in sentences.estimate(outcome.result) and NEVER in text
     assert (len(left_out) == 3) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
     assert all(clause in text for clause in left_out)
 

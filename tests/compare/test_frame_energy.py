@@ -13,7 +13,7 @@ from pmr import scene as scenes
 from pmr.compare.booms import respond
 from pmr.compare.frame_energy import InSpace, in_space
 from pmr.compare.pivot import at_pivot
-from pmr.compare.simulated import driven_by
+from pmr.compare.simulated import excitation_in
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation.frame import Turning
@@ -70,7 +70,7 @@ PRESSED = (
 
 
 def followed(scene: Scene, system: System) -> tuple[InSpace, Response]:
-    excitation = driven_by(scene, system)
+    excitation = excitation_in(scene, system)
     run = systems.simulate(system, excitation, systems.start_of(system, excitation))
     return in_space(scene, system, excitation, run), at_pivot(scene, respond(system, run))
 

@@ -19,7 +19,7 @@ from pmr.system.body import FullBody
 
 Array = NDArray[np.float64]
 
-DRIVEN = on_pads.driven(
+EXTENSION = on_pads.driven(
     SmoothRamp(times=(0.1, 0.4), values=(2.1, 2.4)),
     (Constant(amount=0.0), Sine(amplitude=200.0, frequency=3.0)),
     TimeStepping(0.5, 2.5e-4),
@@ -35,7 +35,7 @@ def damped(beta: float, stiffness: float) -> FullBody:
 def test_estimates_know_of_it() -> None:
     full = damped(1e-3, 2e4)
     model = replace(enriched(full, 12, enrichment=4), rayleigh=full.rayleigh)
-    truth, own = (outputs(one, DRIVEN) for one in (full, model))
-    found, floors = estimate(model, DRIVEN), Floors(0.0, 0.0, np.zeros(1))
+    truth, own = (outputs(one, EXTENSION) for one in (full, model))
+    found, floors = estimate(model, EXTENSION), Floors(0.0, 0.0, np.zeros(1))
     true = differences(own, truth, floors, ["beam", "probe"])
     assert 1.0 < found.of("probe") / true["probe"] < 2.0 and 1.0 < found.beam / true["beam"] < 2.0

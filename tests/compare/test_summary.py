@@ -45,7 +45,7 @@ def test_where_a_slider_strikes_the_forces_are_judged_without_the_blows(load_sce
     kinked = "slider.path={kind='ramp',times=[0.3,0.6],values=[1.25,1.6]}"
     outcome = run(load_scene("evolved_residual", [*short, kinked]))
     assert outcome is not None
-    found, errors = outcome.result.summary["blows"], outcome.result.summary["errors"]["reduced_vs_full"]
+    found, errors = outcome.result.summary["impacts"], outcome.result.summary["errors"]["reduced_vs_full"]
     assert 0.0 < found["pad_force"] < 0.2 * errors["pad_force"] and 1.0 < found["band"] < 100.0
     smooth = run(load_scene("evolved_residual", [*short, kinked.replace("'ramp'", "'smooth_ramp'")]))
-    assert smooth is not None and "blows" not in smooth.result.summary
+    assert smooth is not None and "impacts" not in smooth.result.summary

@@ -24,7 +24,7 @@ FULL = rich_body()
 PATH = SmoothRamp(times=(0.0, 0.3), values=(1.5, 2.1))
 LOADS = (Sine(amplitude=200.0, frequency=3.0), SmoothRamp(times=(0.0, 0.3), values=(0.0, 80.0)))
 STEPPING = TimeStepping(0.3, 2e-5, 0.9)
-DRIVEN = driven(PATH, LOADS, STEPPING)
+EXTENSION = driven(PATH, LOADS, STEPPING)
 SHORT = driven(PATH, LOADS, TimeStepping(0.1, 1e-3))
 
 
@@ -36,12 +36,12 @@ def rate(x: Array) -> Array:
 @pytest.mark.parametrize("pads", [None, np.array([2e-6, 5e-6])])
 def test_they_are_the_rates_of_outputs_and_forces(pads: Array | None) -> None:
     model = replace(enriched(FULL, 5), pads=pads)
-    run = march.simulate(model, DRIVEN)
+    run = march.simulate(model, EXTENSION)
     y = displacement(model, run.q, run.s, run.multipliers, loads_at(LOADS, run.t))
-    found, late = velocity(model, run, DRIVEN)[1:-1], slice(300, None)  # the start strikes
+    found, late = velocity(model, run, EXTENSION)[1:-1], slice(300, None)  # the start strikes
     assert np.abs(found - rate(y))[late].max() < 2e-4 * np.abs(found).max()
-    assert np.abs(run.v @ model.outputs.T - velocity(model, run, DRIVEN)).max() > 1e-2 * np.abs(found).max()
-    z = force_rates(model, run, DRIVEN.path_rate, load_rates(model, DRIVEN))
+    assert np.abs(run.v @ model.outputs.T - velocity(model, run, EXTENSION)).max() > 1e-2 * np.abs(found).max()
+    z = force_rates(model, run, EXTENSION.path_rate, load_rates(model, EXTENSION))
     assert np.abs(z.rate[1:-1] - rate(run.multipliers))[late].max() < 1e-3 * np.abs(z.rate).max()
 
 

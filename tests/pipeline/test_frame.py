@@ -12,7 +12,7 @@ import pmr
 from pmr import scene as scenes
 from pmr.compare.booms import respond
 from pmr.compare.pivot import at_pivot
-from pmr.compare.simulated import driven_by
+from pmr.compare.simulated import excitation_in
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
@@ -161,7 +161,7 @@ def test_what_the_pivot_bears_is_what_the_frame_s_momentum_says() -> None:
     undamped = ["section.reduction.estimate=false", "damping.ratio=0.0", "time.end=4.0"]
     scene = scenes.load_any(LUFFING, undamped)
     reduced = pmr.reduce(scene)
-    excitation = driven_by(scene, reduced.system)
+    excitation = excitation_in(scene, reduced.system)
     run = systems.simulate(reduced.system, excitation, systems.start_of(reduced.system, excitation))
     found, h = at_pivot(scene, respond(reduced.system, run)), scene.time.step
     for j, given in (("x", 0.0), ("z", scene.sections[2].loads[0].signal.value(run.t))):

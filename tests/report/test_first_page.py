@@ -40,7 +40,7 @@ def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
 
 
 def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResult) -> None:
-    bears = rows(result, "What it bears")
+    bears = rows(result, "What it carries")
     assert bears["largest pad force"].startswith(f"5.00{SPACE}kN, pad 4, at 0{SPACE}s")
     assert bears["largest force of a support"].startswith(f"−75.0{SPACE}kN, luffing cylinder, at 0{SPACE}s, s = 1.5")
     assert bears["largest von Mises stress"].startswith(f"49.0{SPACE}MPa, at 0.50{SPACE}s")
@@ -49,13 +49,13 @@ def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResul
 
 def test_no_figure_is_round_off(result: RunResult) -> None:
     """A cylinder that bears 1e-12 of the largest force, and a tip that does not move aside, have no rows."""
-    assert "largest cylinder force" not in rows(result, "What it bears")
+    assert "largest cylinder force" not in rows(result, "What it carries")
     still = {}
     for name, one in result.responses.items():
         moved = one.displacement.copy()
         moved[:, -2] = 1e-17
         still[name] = replace(one, displacement=moved)
-    bears = rows(replace(result, responses=still), "What it bears")
+    bears = rows(replace(result, responses=still), "What it carries")
     assert "largest deflection of the tip, y" not in bears and "largest deflection of the tip, z" in bears
 
 
@@ -65,7 +65,7 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     trust = rows(result, "How far to trust it")
     assert trust["model"].startswith("not known: compare.richer") and trust["time step"] == "not known: too short"
     assert trust["reduction"].startswith("not known") and trust["mesh"].startswith("not known")
-    assert rows(result, "What it bears")["stress"].startswith("not computed")
+    assert rows(result, "What it carries")["stress"].startswith("not computed")
     model = {"beside": "shell", "beam": 0.4, "frequency": 0.6}
     known = SUMMARY | {"budget": {"mesh": {"beam": 0.01}, "model": model}}
     trust = rows(make_space(summary=known), "How far to trust it")

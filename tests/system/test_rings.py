@@ -10,7 +10,7 @@ import pytest
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.simulated import driven_by
+from pmr.compare.simulated import excitation_in
 from pmr.simulation.native import form as forms
 from pmr.simulation.native import systems
 from pmr.system.rings import Combined, combined
@@ -36,7 +36,7 @@ def moved(changes: tuple[str, ...] = ()) -> tuple[System, SystemTrajectory]:
     system = pmr.reduce(scene).system
     softer = [replace(c, compliance=3.0 * c.compliance) if "bottom" in c.name else c for c in system.contacts]
     system = replace(system, contacts=tuple(softer))
-    excitation = driven_by(scene, system)
+    excitation = excitation_in(scene, system)
     return system, systems.simulate(system, excitation, systems.start_of(system, excitation))
 
 

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.attached import loads_borne
+from pmr.compare.attached import loads_carried
 from pmr.compare.booms import force_kinds_of
 from pmr.compare.estimate import Estimate, estimate
 from pmr.compare.halved_steps import reference_rho
@@ -217,7 +217,7 @@ class Family:
         if member not in self._systems:
             models = self.models(member)
             if member.attached:
-                loads = loads_borne(self._join(self._wholes), self._run)
+                loads = loads_carried(self._join(self._wholes), self._run)
                 bodies = {name: with_attachment_modes(model, loads[name]) for name, model in models.items()}
                 self._systems[member] = self._given_system.with_bodies(bodies)
             else:

@@ -11,7 +11,7 @@ from pmr.compare.accuracy.errors import Demand, coarsest
 from pmr.compare.accuracy.family import Family
 from pmr.compare.accuracy.limits import best_within
 from pmr.compare.accuracy.search import Found, comparable, search
-from pmr.compare.coverage import BLOWS, JUMPS
+from pmr.compare.coverage import IMPACTS, JUMPS
 from pmr.compare.estimate import no_estimate
 from pmr.errors import InputError
 from pmr.errors.text import rounded
@@ -87,7 +87,7 @@ def choose(scene: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str,
     if lacking := [kind for kind in asked.outputs if kind not in family.kinds]:
         _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
     if "pad_force" in asked.outputs and family.impulsive:
-        _refuse(scene, f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}")
+        _refuse(scene, f"no pad_force, or a path without kinks, is allowed; nothing tells {IMPACTS}")
     coarse = coarsest(family, recovery.every if recovery else None)
     if scene.accuracy is not None:
         found = search(family, Demand(scene.accuracy.tolerance, asked.outputs, taken or {}), coarse)

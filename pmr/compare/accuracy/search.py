@@ -1,7 +1,7 @@
 r"""The smallest model and the longest step that hold a tolerance.
 
-With y_N the motion of all modes that a reduction has, and of attachment modes for what the rest bears, the error of r
-modes and step h is
+With y_N the motion of all modes that a reduction has, and of attachment modes, which are static answers to the loads on
+contacts, the error of r modes and step h is
 
 .. math::
     e = \underbrace{(y_{N,h} - y_{r,h})}_{\text{reduction}} + \underbrace{(y_{r,0} - y_{r,h})}_{\text{step}}, \qquad

@@ -1,4 +1,4 @@
-"""Figures over time of what the body bears: forces of pads and sliders, the largest stress."""
+"""Figures over time of what the body carries: forces of pads and sliders, the largest stress."""
 
 from __future__ import annotations
 

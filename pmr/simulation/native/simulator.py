@@ -69,9 +69,9 @@ def follow(
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> Ended:
-    """The same, but that nothing is recorded: `take` is told of some thousand steps at a time.
+    """The same, but that nothing is recorded: `take` gets some thousand steps at a time.
 
-    Where rows only push, a step may be made in parts (`pmr.simulation.contact_step`), of which the last one is told.
+    Where rows only push, a step may be made in parts (`pmr.simulation.contact_step`), of which `take` gets the last.
     Errors as for `pmr.simulation.Simulator`; that of a motion that grows comes at the end.
     """
     return _follow(SystemForm.alone(form), excitation, take, initial, progress)

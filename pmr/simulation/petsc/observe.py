@@ -30,8 +30,8 @@ from pmr.simulation.stepping import Progress
 
 Array = NDArray[np.float64]
 
-#: How often progress is told.
-TOLD = 1000
+#: How often progress is reported.
+REPORTS = 1000
 
 
 def observe(
@@ -105,7 +105,7 @@ class _Run:
         reached = found or self._started()
         steps = self._steps(reached, found is not None)
         preparation, begin = time.perf_counter() - self._begin, time.perf_counter()
-        stride, state = max(1, T // TOLD), reached.state
+        stride, state = max(1, T // REPORTS), reached.state
         for step in range(reached.step + 1, T + 1):
             state, due = self._step(steps, step, state, keeper is not None and keeper.due())
             recorder.record(step, state, steps.rows, self._at)

@@ -52,7 +52,7 @@ def run(
 ) -> dict[str, Failure]:
     """Compute nodes as `open_nodes` returns them; what comes out is in the store, and here is what failed, by digest.
 
-    `watch` is told of the progress whenever a task ends, and every second.
+    `watch` is called with the progress whenever a task ends, and every second.
     """
     ready, state = Ready(nodes), _State(nodes)
     running: dict[Future[Answer], Node] = {}

@@ -13,7 +13,7 @@ from turret import Turret
 import pmr
 from pmr import scene as scenes
 from pmr.compare.booms import respond
-from pmr.compare.simulated import driven_by
+from pmr.compare.simulated import excitation_in
 from pmr.report.space import axes
 from pmr.results import Response
 from pmr.scene import Scene
@@ -84,7 +84,7 @@ class OnTurret:
 
 def on_turret(scene: Scene, system: System) -> Response:
     """Of the crane in Exudyn, under the inertia loads that Exudyn's own turret makes."""
-    excitation = driven_by(scene, system)
+    excitation = excitation_in(scene, system)
     turret, loads = OnTurret(scene, excitation.times), dict(excitation.loads)
     for name in loads:
         body, _, field = name.partition("." + INERTIA)
