@@ -202,16 +202,20 @@ class Assembly:
             found[k, : len(omega)] = omega / (2.0 * np.pi)
         return found
 
-    def modes(self, x: Array, count: int) -> tuple[Array, Array]:
-        """The lowest modes without terms, every contact closed, its places at x (sides,) m: omega (f,) and phi (n, f).
+    def modes(self, x: Array, count: int, c: Array | Sequence[float] = ()) -> tuple[Array, Array]:
+        """The lowest modes, every contact closed, its places at x (sides,) m: omega (f,) and phi (n, f).
 
         Omega in rad/s, ascending; phi^T M phi = 1, phi in 1/sqrt(kg).  Fewer than `count` where there are no more.
+        Of terms with amplitudes c (k,) the symmetric stiffness counts; at the buckling load and beyond omega is 0.
         """
-        M = self.M.toarray()
-        K, Z = _closed(self.K.toarray(), self.at(x))
+        M, stiffness = self.M.toarray(), self.stiffness(c).toarray()
+        K, Z = _closed((stiffness + stiffness.T) / 2.0, self.at(x))
         K = K + SHIFT * M
         if Z is not None:
             M, K = Z.T @ M @ Z, Z.T @ K @ Z
+        if len(c) and scipy.linalg.eigvalsh(K, subset_by_index=(0, 0))[0] <= 0.0:  # nothing holds it
+            omega2, phi = scipy.linalg.eigh(K, M, subset_by_index=(0, min(count, len(K)) - 1))
+            return np.sqrt(np.maximum(omega2 - SHIFT, 0.0)), phi if Z is None else Z @ phi
         # the largest of the inverse: low modes to full relative accuracy
         inverse, z = scipy.linalg.eigh(M, K, subset_by_index=(max(len(K) - count, 0), len(K) - 1))
         phi = z[:, ::-1] / np.sqrt(inverse[::-1])

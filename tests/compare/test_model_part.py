@@ -90,3 +90,16 @@ def test_frequencies_are_those_at_places_all_along(name: str) -> None:
     found = Motion.of(scene, system).lowest(np.full(3, True))
     for k in (0, PLACES // 2, PLACES - 1):
         assert found[k] == pytest.approx(Assembly(system).frequencies(x[k : k + 1], 2)[0], rel=1e-9)
+
+
+def test_with_second_order_frequencies_are_those_of_stressed_models() -> None:
+    """And modes past the buckling load, where nothing holds them, are at 0 Hz."""
+    changes = ["section.mesh.elements=8", "frame.second_order=true", "time.step=0.02", "sections.fly.masses.payload.mass=2000.0"]
+    scene = load_any(Path(__file__).parents[1] / "pipeline" / "luffing.toml", changes)
+    system, excitation = pmr.reduce(scene).system, Excitation.of(scene)
+    assembly, steps = Assembly(system), steps_of(excitation)
+    x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
+    found = Motion.of(scene, system).lowest(np.full(3, True))
+    assert found == pytest.approx(assembly.frequencies(x, 2, c), rel=1e-6)
+    assert np.all(np.abs(found[:, 0] / assembly.frequencies(x, 2)[:, 0] - 1.0) > 5e-4)
+    assert assembly.modes(x[-1], 2, 1e3 * c[-1])[0][0] == 0.0
