@@ -156,7 +156,8 @@ def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
     profile = member.part.body.profile or _planar_profile(_box(member), member.part.body.material)
     mesh, length = member.part.mesh, profile.length
     drawn = graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
-    return Beam2D(profile, drawn)
+    body = member.part.body
+    return Beam2D(profile, drawn, None if body.profile or body.box is None else profile_of(body.box))
 
 
 def _planar_profile(box: Box, material: Material) -> Profile:

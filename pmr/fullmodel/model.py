@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.fem.compat import PETSc
 from pmr.fem.matrices import gather
+from pmr.fullmodel.masses import Masses
 from pmr.reduced.damping import Rayleigh
 from pmr.system.body import FullBody, WithRows
 
@@ -58,6 +59,7 @@ class FullModel(WithRows):
     # (n, n) as M, by the names of `pmr.reduced.moving`: what a moving frame and axial forces add; those that vanish are
     # left out
     matrices: Mapping[str, PETSc.Mat] = field(default_factory=dict)
+    masses: Masses | None = None  # None of matrices that were given
 
     @property
     def rayleigh(self) -> Rayleigh | None:

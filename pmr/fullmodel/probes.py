@@ -151,8 +151,8 @@ class _Stresses:
 
 
 def _hooke(material: Material, components: int) -> Array:
-    """Strains of unit stresses: of a fibre with shear (2), in a plane (3), in space (6); shear strains are angles."""
-    normal = {2: 1, 3: 2, 6: 3}[components]
+    """Strains of unit stresses: of a fibre (1; with shear 2), in a plane (3), in space (6); shear is an angle."""
+    normal = {1: 1, 2: 1, 3: 2, 6: 3}[components]
     matrix = np.eye(components) / material.shear_modulus
     matrix[:normal, :normal] = ((1.0 + material.poisson) * np.eye(normal) - material.poisson) / material.young
     return matrix

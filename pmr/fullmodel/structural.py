@@ -13,6 +13,7 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, sparse
 from pmr.fem.matrices import columns
 from pmr.fullmodel.assembly import Operators, operators_of, padded, projected, rayleigh, share
+from pmr.fullmodel.masses import masses_of
 from pmr.fullmodel.model import FullModel, RigidMotions
 from pmr.fullmodel.moving import Moving
 from pmr.fullmodel.pads import Restraints, restrain
@@ -38,7 +39,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     size = coupling.T.shape[1]
     restraints = restrain(structure.pads, model, coupling.T)
     springs = restraints.stiffness(size) + structure.pads.walls.stiffness(size)
-    moving = Moving(model, structure.masses, comm)
+    moving, masses = Moving(model, structure.masses, comm), masses_of(model, structure.masses, base.M)
     loads = [sp.csr_matrix((0, size)), *(coupling.load(load, base.M, moving) for load in structure.loads)]
     operators = Operators(
         _reduced(base.M, coupling.T, attached),
@@ -66,6 +67,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
         ports={port.name: coupling.rows([port]) for port in structure.ports},
         matrices=_added(structure.matrices, coupling, moving),
+        masses=masses,
     )
 
 

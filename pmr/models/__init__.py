@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI
+from pmr.fields.envelope import ForceRows
 from pmr.fields.series import Grid
 from pmr.fields.stress import StressRows
 from pmr.mesh.strip import Strip, Window
@@ -145,6 +146,9 @@ class FiniteElementModel(StructuralModel, Protocol):
 
     def stresses(self) -> StressRows | None:
         """Stresses of the grid's cells, from the strains of `forms`; None for a beam without a profile."""
+
+    def section_forces(self) -> ForceRows | None:
+        """Forces and moments of a beam's sections at both ends of its elements; None of bodies that are no lines."""
 
 
 def bilinear(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:

@@ -24,10 +24,14 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import constant, hermite_space
+from pmr.fields.envelope import ForceRows, force_rows
+from pmr.fields.stress import StressRows
 from pmr.mesh.strip import Extent, Strip, Window, line_points
 from pmr.models import Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
-from pmr.scene.structures import Profile
+from pmr.models.box_section import box_section
+from pmr.models.tabulation import as_rows
+from pmr.scene.structures import BoxProfile, Profile
 
 Array = NDArray[np.float64]
 
@@ -41,6 +45,7 @@ class Beam2D(Beam):
 
     body: Profile
     nodes: Array
+    box: BoxProfile | None = None  # that its stiffnesses are of, where it is known
 
     @property
     def reference_frequency(self) -> float:
@@ -151,8 +156,45 @@ class Beam2D(Beam):
         motions[self.directions.index("ry") :: len(self.directions)] *= -1.0
         return motions
 
-    def stresses(self) -> None:
-        """None: of the section no more than its stiffness is known."""
+    def stresses(self) -> StressRows | None:
+        """Axial stress below and above, E (u' -+ z w''); None where no more than stiffnesses are known."""
+        if self.box is None:
+            return None
+        young = self.body.bending_stiffness / box_section(self.box, 0.0).second_moment_y
+        half, (strains, coordinates) = (self.box.height + self.box.wall) / 2.0, self._strains()
+        elements, along = np.repeat(np.arange(len(coordinates)), 2), self.grid.points[self.grid.cells.ravel()]
+        stretch, curvature = strains.reshape(len(elements), 2, -1).transpose(1, 0, 2)
+        both = {"bottom": -half, "top": half}
+        entries = np.concatenate([young * (stretch - z * curvature) for z in both.values()])
+        return StressRows(
+            rows=as_rows(entries[:, None], np.tile(coordinates[elements], (2, 1)), self.size),
+            mises=np.ones((1, 1)),
+            components=("axial",),
+            points=np.concatenate([along + [0.0, 0.0, z] for z in both.values()]),
+            cell=np.tile(elements, 2),
+            faces=tuple(both),
+            face=np.repeat(np.arange(2), len(elements)),
+        )
+
+    def section_forces(self) -> ForceRows:
+        strains, coordinates = self._strains()
+        stiffness = {"bending moment y": np.array([0.0, -self.body.bending_stiffness])}
+        if self.body.axial and self.body.axial_stiffness is not None:
+            stiffness["normal force"] = np.array([self.body.axial_stiffness, 0.0])
+        ends = np.column_stack([self.nodes[:-1], self.nodes[1:]])
+        return force_rows(ends, strains, stiffness, coordinates, self.size)
+
+    def _strains(self) -> tuple[Array, NDArray[np.int64]]:
+        """The strains u' and w'' at both ends of the E elements, (E, 2, 2, d), and coordinates (E, d) they are of."""
+        h, own = np.diff(self.nodes), len(self.directions)
+        strains = np.zeros((len(h), 2, 2, 2 * own))
+        bent = [k for node in (0, own) for k in range(node + own - 2, node + own)]
+        for end, xi in enumerate((0.0, 1.0)):
+            second = np.array([np.polyval(np.polyder(shape, 2), xi) for shape in HERMITE])
+            strains[:, end, 1, bent] = second / h[:, None] ** np.array([2.0, 1.0, 2.0, 1.0])
+            if self.body.axial:
+                strains[:, end, 0, [0, own]] = np.array([-1.0, 1.0]) / h[:, None]
+        return strains, own * np.arange(len(h))[:, None] + np.arange(2 * own)
 
     @property
     def deflection(self) -> Array:

@@ -24,7 +24,7 @@ rotations about x, y, z.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -35,12 +35,13 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import cellwise, constant, hermite_space
+from pmr.fields.envelope import ForceRows, force_rows
 from pmr.fields.stress import StressRows
 from pmr.mesh.strip import FACES, Extent, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
 from pmr.models.box_section import box_section, stress_rows
-from pmr.models.tabulation import cell_values
+from pmr.models.tabulation import CellValues, cell_values
 from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
@@ -266,16 +267,34 @@ class Beam3D(Beam):
         return np.clip(np.searchsorted(self.node_stations, places, side="right") - 1, 0, self.body.elements - 1)
 
     def stresses(self) -> StressRows | None:
-        if self.body.profile is None:
-            return None
+        return (
+            None if self.body.profile is None else stress_rows(self.grid, self.transformation, self.body, self._strains)
+        )
+
+    def section_forces(self) -> ForceRows:
+        E, section, strains = self.body.material.young, self.section, self._strains
+        stiffness = {
+            "normal force": E * section.area * np.eye(4)[0],
+            "torque": self.body.material.shear_modulus * section.torsion_constant * np.eye(4)[3],
+            "bending moment y": -E * section.second_moment_y * np.eye(4)[2],
+            "bending moment z": E * section.second_moment_z * np.eye(4)[1],
+        }
+        T, x = self.transformation, self.node_stations
+        found = force_rows(
+            np.column_stack([x[:-1], x[1:]]), strains.entries, stiffness, strains.coordinates, len(x) * 6
+        )
+        return replace(found, rows=sp.csr_matrix(found.rows @ T))
+
+    @cached_property
+    def _strains(self) -> CellValues:
+        """The strains u', psi_v', psi_w' and phi' at both ends of each element."""
 
         def strains(space: Any) -> Any:
             field = ufl.TrialFunction(space)
             v, w = self._deflections(space.mesh, field)
             return ufl.as_vector([field[0].dx(0), v.curvature, w.curvature, field[1].dx(0)])
 
-        at_ends = cell_values(self, strains, np.array([[0.0], [1.0]]))
-        return stress_rows(self.grid, self.transformation, self.body, at_ends)
+        return cell_values(self, strains, np.array([[0.0], [1.0]]))
 
 
 def _measure(mesh: Any) -> Any:

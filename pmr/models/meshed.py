@@ -57,6 +57,9 @@ class MeshedModel(Traced):
     mesh: NamedMesh
     transformation: None = None  # the space's coordinates are the model's
 
+    def section_forces(self) -> None:
+        """None: it is no line."""
+
     @property
     @abstractmethod
     def components(self) -> Mapping[int, tuple[int, ...]]:

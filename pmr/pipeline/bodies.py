@@ -23,6 +23,7 @@ from pmr.compare.judged import parts_of_motion
 from pmr.compare.responses import Simulations, quantities, simulate
 from pmr.compare.second_order import decided
 from pmr.compare.summary import Part, compared, impacts
+from pmr.compare.utilisation import masses, utilisation
 from pmr.compare.way import Visited, frequencies, visited
 from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.errors.environment import Clock
@@ -117,6 +118,8 @@ class Bodies:
             impacts(system, self.excitation, responses),
             error.part,
             sections(scene, responses, sizes, more),
+            utilisation(scene, more),
+            masses({name: one.model.masses for name, one in self.built.items()}),
             *parts_of_motion(scene, system, motions.reduced, natural, self.clock, self.choice),
         ]
         return parts, error.band
@@ -129,8 +132,8 @@ class Bodies:
             shapes = Shapes(one.basis.sigma, model.output_positions, model.outputs) if name == ALONE else None
             found[name] = BodyResult(shapes)
             if name in seen:
-                histories = seen[name].histories()
-                found[name] = replace(found[name], fields=seen[name].reduced.fields, peak_stress=histories)
+                of = seen[name]
+                found[name] = BodyResult(shapes, of.reduced.fields, of.histories(), of.envelopes())
         return found
 
     def _chosen(self, scene: Scene) -> order.Choice | None:

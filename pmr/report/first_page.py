@@ -38,17 +38,20 @@ def tables(result: RunResult) -> tuple[Table, ...]:
 
 
 def _asked(result: RunResult) -> Rows:
-    scene = result.scene
+    scene, masses = result.scene, {one["name"]: one for one in result.summary.get("masses", ())}
     for member, (name, part) in zip(members(scene), scene.bodies.items(), strict=True):
         box, model = part.body.box, spoken(model_of(member))
         size = ""
         if box is not None:
             sides = f"{plain(1e3 * box.width)} × {plain(1e3 * box.height)}"
             size = f", box of {plain(box.length)}{SPACE}m, {sides}{SPACE}mm, wall {plain(1e3 * box.wall)}{SPACE}mm"
-        yield name or "structure", f"{model}{size}"
+        weight = masses.get(name)
+        yield name or "structure", f"{model}{size}" + ("" if weight is None else f", {_kg(weight['mass'])}")
     for name, part in scene.bodies.items():
         for mass in part.masses:
             yield named(name, mass.name), f"{plain(mass.mass)}{SPACE}kg"
+    if masses:
+        yield "mass in all", _kg(sum(one["mass"] + one["attached"] for one in masses.values()))
     for load in loads_as_asked(result):
         values = load.values
         most = float(values[np.argmax(np.abs(values))]) if len(values) else 0.0
@@ -65,6 +68,10 @@ def _asked(result: RunResult) -> Rows:
     yield "time", f"{plain(scene.time.end)}{SPACE}s"
 
 
+def _kg(mass: float) -> str:
+    return f"{plain(round(mass, 1))}{SPACE}kg"
+
+
 def _between(low: float, high: float, unit: str) -> str:
     low, high = (round(float(end), 2) for end in (low, high))
     return f"{plain(low)} to {plain(high)}{unit}" if high > low else f"{plain(low)}{unit}"
@@ -77,6 +84,11 @@ def _carried(result: RunResult) -> Rows:
         yield "largest von Mises stress", f"{quantity(largest, 'Pa')}{f', {where}' if where else ''}"
     else:
         yield "stress", "not computed: a table [recovery] asks for it"
+    if (used := summary.get("utilisation", {}).get("reduced")) is not None:
+        where = used["section"] and f", {used['section']}"
+        at = f"{plain(round(used['position'][0], 2))}{SPACE}m from the tail, at {plain(round(used['t'], 2))}{SPACE}s"
+        limit = f"{percent(used['value'])} of {quantity(used['yield'], 'Pa')}"
+        yield "largest stress over yield stress", f"{limit}{where}, {at}"
     yield from _forces(result)
     yield from _deflection(result)
     yield from _lowest(result)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.fields.envelope import Envelope
 from pmr.fields.series import Fields
 
 Array = NDArray[np.float64]
@@ -99,9 +100,10 @@ class BodyResult:
     """What a run knows of one body.
 
     `fields` are some of what a scene's recovery asks for, in the body's own frame; `peak_stress` the largest von Mises
-    stress (F,) in Pa by model over all of its times.
+    stress (F,) in Pa by model over all of its times; `envelopes` have forces along a beam, likewise.
     """
 
     shapes: Shapes | None = None
     fields: Fields | None = None
     peak_stress: Mapping[str, Array] = field(default_factory=dict)
+    envelopes: Mapping[str, Envelope] = field(default_factory=dict)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.fields.envelope import Envelope
 from pmr.fields.pose import Pose
 from pmr.fields.series import Fields
 from pmr.files import jsonfile, npz, records
@@ -146,6 +147,8 @@ class RunResult:
             arrays |= records.arrays(response, f"{simulator}.")
         for name, body in self.bodies.items():
             arrays |= {f"{_of(name)}peak_stress.{model}": stress for model, stress in body.peak_stress.items()}
+            for model, envelope in body.envelopes.items():
+                arrays |= records.arrays(envelope, f"{_of(name)}envelope.{model}.")
             if body.shapes is not None:
                 arrays |= records.arrays(body.shapes, f"{_of(name)}basis.")
             if body.fields is not None:
@@ -229,9 +232,11 @@ def _frequencies(data: Data) -> Frequencies:
 
 def _body(folder: Path, data: Data, name: str) -> BodyResult:
     of, file = _of(name), folder / _fields_file(name)
-    stress = f"{of}peak_stress."
+    stress, along = f"{of}peak_stress.", f"{of}envelope."
+    models = sorted({key.removeprefix(along).split(".")[0] for key in data if key.startswith(along)})
     return BodyResult(
         shapes=records.record(Shapes, data, f"{of}basis.") if f"{of}basis.x" in data else None,
         fields=Fields.load(file) if file.is_file() else None,
         peak_stress={key.removeprefix(stress): values for key, values in data.items() if key.startswith(stress)},
+        envelopes={model: records.record(Envelope, data, f"{along}{model}.") for model in models},
     )

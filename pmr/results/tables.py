@@ -27,6 +27,8 @@ Cell = str | float
 FORCE_OF, REACTION_OF = force_of(""), reaction_of("")
 
 
+#: What a body without regions is called where others have them.
+WHOLE = "whole body"
 #: Share of the largest reaction up to which another one is round-off.
 ROUND_OFF = 1e-9
 
@@ -121,19 +123,33 @@ def frequencies(result: RunResult) -> Table:
 
 def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
     """By model, the largest von Mises stress in each region of each body, as summary.json has it."""
-    parts = {part["name"]: part for part in result.summary.get("sections", ())} or {ALONE: result.summary}
     found = dict[str, dict[str, Mapping[str, Any]]]()
-    for name, part in parts.items():
+    for name, part in parts_of(result.summary).items():
         for model, regions in part.get("stress_by_region", {}).items():
             found.setdefault(model, {}).update({named(name, region): peak for region, peak in regions.items()})
     return found
 
 
+def parts_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """What summary.json says of each section by its name; of a body alone, under the empty name, it is all."""
+    return {part["name"]: part for part in summary.get("sections", ())} or {ALONE: summary}
+
+
+def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[str, Any]]]:
+    """By model, the largest von Mises stress in each region of each body; of a body without regions in all of it."""
+    found = dict[str, dict[str, Mapping[str, Any]]]()
+    for name, part in parts_of(summary).items():
+        for model, peak in part.get("stress_peak", {}).items():
+            regions = part.get("stress_by_region", {}).get(model) or {WHOLE: peak}
+            found.setdefault(model, {}).update({named(name, region): one for region, one in regions.items()})
+    return found
+
+
 def stress(result: RunResult) -> Table:
-    """Largest von Mises stress of each body, whole and by regions, when and where."""
+    """Largest von Mises stress of each body, whole or by regions, when and where."""
     rows = [
         (model, region, peak["value"], peak["t"], *peak["position"], peak["face"])
-        for model, regions in stress_peaks(result).items()
+        for model, regions in stress_by_part(result.summary).items()
         for region, peak in regions.items()
     ]
     places = ("x [m]", "y [m]", "z [m]")
@@ -165,6 +181,18 @@ def load_cycles(result: RunResult) -> Table:
     return Table(("model", "probe", "unit", "range", "mean", "count", "t_begin [s]", "t_end [s]"), tuple(rows))
 
 
+def section_forces(result: RunResult) -> Table:
+    """Smallest and largest force and moment of each section of beams, and stress in its corners: the envelope."""
+    rows = []
+    for name, body in result.bodies.items():
+        for model, found in body.envelopes.items():
+            for k, (what, unit) in enumerate(zip(found.names, found.units, strict=True)):
+                values = found.x, found.least[k], found.least_at[k], found.most[k], found.most_at[k]
+                rows += [(model, name, what, unit, *one) for one in np.column_stack(values).tolist()]
+    extremes = ("min", "t_min [s]", "max", "t_max [s]")
+    return Table(("model", "body", "quantity", "unit", "x [m]", *extremes), tuple(rows))
+
+
 _TABLES: Mapping[str, Callable[[RunResult], Table]] = {
     "forces": forces,
     "reactions": reactions,
@@ -172,6 +200,7 @@ _TABLES: Mapping[str, Callable[[RunResult], Table]] = {
     "probes": probes,
     "cycles": load_cycles,
     "stress": stress,
+    "section_forces": section_forces,
 }
 
 

@@ -47,6 +47,9 @@ class Material(Section):
         default=0.3, description="Poisson's ratio nu"
     )
     density: Density = Field(default=7850.0, description="Density rho")
+    yield_stress: Pressure | None = Field(
+        default=None, description="Yield stress, which the largest von Mises stress is compared with"
+    )
 
     @property
     def shear_modulus(self) -> float:

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.fields.envelope import FORCES
 from pmr.results import Response
 from pmr.results.extremes import cycles
-from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes
+from pmr.results.tables import force_extremes, parts_of, probe_extremes, reaction_extremes, stress_by_part
 from pmr.scene import Scene
+from pmr.scene.names import ALONE, named
 from pmr.studies.engine.task import Scalar, TaskResult
 
 Array = NDArray[np.float64]
@@ -54,13 +56,35 @@ def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
 
     `summary` is that of a run, or of what was recovered; a mesh without regions is ``whole body``.
     """
-    found, peaks = dict[str, Scalar](), summary.get("stress_by_region", {}).get("reduced", {})
-    if not peaks and "stress_peak" in summary:
-        peaks = {"whole body": summary["stress_peak"]["reduced"]}
-    for region, peak in peaks.items():
+    found = dict[str, Scalar]()
+    for region, peak in stress_by_part(summary).get("reduced", {}).items():
         stated = {"max": peak["value"], "t_max": peak["t"]} | dict(zip("xyz", peak["position"], strict=True))
         found |= {f"stress.{region}.{key}": float(value) for key, value in stated.items()}
     return found
+
+
+def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
+    """What a summary says of bodies by name: `stresses`, ``mass.<body>`` in kg, and of beams their section forces.
+
+    ``mass`` is that of all with what is attached, ``utilisation`` the largest stress over the yield stress, with
+    ``utilisation_t`` in s, ``utilisation_section``, and ``_x``, ``_y``, ``_z`` in m there;
+    ``beam_forces.<quantity>.{min,t_min,x_min,max,...}`` in N, ``beam_moments.<quantity>.`` in N m.
+    """
+    record, known = stresses(summary), {one["name"]: one for one in summary.get("masses", ())}
+    weights = {name: float(one["mass"] + one["attached"]) for name, one in known.items()}
+    if weights:
+        record["mass"] = sum(weights.values())
+        record |= {f"mass.{name}": weight for name, weight in weights.items() if name != ALONE}
+    if used := summary.get("utilisation", {}).get("reduced"):
+        record |= {"utilisation": used["value"], "utilisation_t": used["t"]}
+        record |= {f"utilisation_{axis}": float(at) for axis, at in zip("xyz", used["position"], strict=True)}
+        record |= {"utilisation_section": used["section"]} if used["section"] != ALONE else {}
+    for name, part in parts_of(summary).items():
+        for quantity, found in part.get("section_forces", {}).get("reduced", {}).items():
+            if quantity in FORCES:
+                room = "beam_moments" if FORCES[quantity] == "N m" else "beam_forces"
+                record |= {f"{room}.{named(name, quantity)}.{key}": value for key, value in found.items()}
+    return record
 
 
 def _forces(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
@@ -105,7 +129,7 @@ def at_the_tip(response: Response) -> Response:
 
 def boom_arguments(boom: Scene) -> dict[str, Any]:
     """A boom as arguments of a task; the hash stands for the content of files that it names."""
-    plain = boom.model_copy(update={"title": "", "published": None, "recovery": None})
+    plain = boom.model_copy(update={"title": "", "published": None})
     return {"boom": plain.model_dump(mode="json"), "hash": plain.hash}
 
 
@@ -113,9 +137,9 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     """Task: one run, as of one body.
 
     Figures: ``errors.reduced_vs_full.<place>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement``
-    and ``max_error`` (m), ``largest_force`` of the pads and ``cylinders.<name>.{min,max}`` (N),
-    ``frequencies.s_min.<i>`` and ``.s_max.<i>`` (Hz).  Arrays: ``t`` (s), ``tip`` and ``reach`` (m),
-    ``frequencies.<model>`` (Hz).
+    and ``max_error`` (m), ``cylinders.<name>.{min,max}`` (N), what `figures_of` and `of_bodies` say, but for
+    ``largest_force``, which is that of the pads.  Arrays: ``t`` (s), ``tip`` and ``reach`` (m), ``frequencies.<model>``
+    (Hz).
     """
     from pmr.pipeline import run
 
@@ -125,14 +149,12 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     result, summary = outcome.result, outcome.result.summary
     record = compared(summary, "errors")
     record |= {f"coordinates.{model}": size for model, size in summary["coordinates"].items()}
+    found, response = result.frequencies, result.responses["reduced"]
+    record |= figures_of(boom, response, found.along, 2.0 * np.pi * found.models["reduced"]) | of_bodies(summary)
     if summary["pads"]:
         record["largest_force"] = max(max(pad["max"], -pad["min"]) for pad in summary["pads"])
     cylinders = summary.get("cylinders", ())
     record |= {f"cylinders.{one['name']}.{key}": one[key] for one in cylinders for key in ("min", "max")}
-    found = result.frequencies
-    for place, k in (("s_min", 0), ("s_max", -1)):
-        record |= {f"frequencies.{place}.{i}": float(f) for i, f in enumerate(found.models["reduced"][k, :3], start=1)}
-    response = result.responses["reduced"]
     arrays = {
         "t": response.t,
         "tip": response.tip,

@@ -52,7 +52,8 @@ def task(
     **more: Any,
 ) -> Task:
     """A run on a boom, with further arguments."""
-    return Task(key_of(name), function, boom_arguments(boom) | more, dict(needs), dict(parameters), cost=5.0)
+    arguments = boom_arguments(boom.model_copy(update={"recovery": None})) | more
+    return Task(key_of(name), function, arguments, dict(needs), dict(parameters), cost=5.0)
 
 
 def full_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:

@@ -94,7 +94,12 @@ def test_frequencies_are_those_at_places_all_along(name: str) -> None:
 
 def test_with_second_order_frequencies_are_those_of_stressed_models() -> None:
     """And modes past the buckling load, where nothing holds them, are at 0 Hz."""
-    changes = ["section.mesh.elements=8", "frame.second_order=true", "time.step=0.02", "sections.fly.masses.payload.mass=2000.0"]
+    changes = [
+        "section.mesh.elements=8",
+        "frame.second_order=true",
+        "time.step=0.02",
+        "sections.fly.masses.payload.mass=2000.0",
+    ]
     scene = load_any(Path(__file__).parents[1] / "pipeline" / "luffing.toml", changes)
     system, excitation = pmr.reduce(scene).system, Excitation.of(scene)
     assembly, steps = Assembly(system), steps_of(excitation)

@@ -84,7 +84,7 @@ def test_arrays_name_their_columns(folder: Path) -> None:
 def test_three_lines_of_python_give_frames(folder: Path) -> None:
     pytest.importorskip("pandas")
     boom = pmr.results.load(folder)
-    assert set(boom) == {"forces", "frequencies", "probes", "cycles", "reduced", "full"}
+    assert set(boom) == {"forces", "frequencies", "probes", "cycles", "stress", "section_forces", "reduced", "full"}
     stress = boom["reduced"]["weld stress axial [Pa]"]
     found = boom["probes"].set_index(["model", "probe"]).loc[("reduced", "weld stress axial")]
     assert (stress.min(), stress.idxmax()) == (found["min"], found["t_max [s]"])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
+from pmr.fields.envelope import FORCES, Envelope, Running
 from pmr.fields.series import Fields
 from pmr.fields.stress import StressHistory, StressPeak, peaks_by_region, stress_history
 from pmr.fullmodel.assembly import share
@@ -19,6 +20,9 @@ from pmr.models import FiniteElementModel, is_assembled
 from pmr.reduction.recover.coordinates import BLOCK
 
 Array = NDArray[np.float64]
+
+#: What section forces make in the corners of a profile, as envelopes call it.
+AXIAL_STRESS = "axial stress"
 
 
 class View:
@@ -46,6 +50,8 @@ class View:
         mine = T.tocsc()[:, slice(*share(T.shape[1], comm))]
         self._points = sp.csr_matrix(model.point_displacements() @ mine)
         self._stresses = None if self.stress_rows is None else sp.csr_matrix(self.stress_rows.rows @ mine)
+        self.force_rows = model.section_forces() if stresses else None
+        self._forces = None if self.force_rows is None else sp.csr_matrix(self.force_rows.rows @ mine)
 
     @classmethod
     def of(cls, structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD, stresses: bool = True) -> View:
@@ -77,6 +83,21 @@ class View:
             raise ValueError("a beam without a profile has no stresses")
         return self.stress_rows.shaped(self._summed(self._stresses, q))
 
+    def along(self) -> Running | None:
+        """The envelope of what `section_forces` gives, to be filled; None without."""
+        if self.force_rows is None:
+            return None
+        names, x, rows = self.force_rows.names, self.force_rows.x, self.stress_rows
+        if rows is None:
+            return Running(names, x)
+        return Running((*names, *[AXIAL_STRESS] * len(rows.points)), np.concatenate([x, rows.points[:, 0]]))
+
+    def section_forces(self, q: Array, stresses: Array | None) -> Array:
+        """(S, P) in N and N m at the places of `force_rows`, with the axial of the `stresses` (S, p, c) behind."""
+        assert self._forces is not None
+        forces = self._summed(self._forces, q)
+        return forces if stresses is None else np.hstack([forces, stresses[:, :, 0]])
+
     def _summed(self, rows: sp.csr_matrix, q: Array) -> Array:
         values = np.ascontiguousarray((rows @ q.T).T)
         self.comm.Allreduce(MPI.IN_PLACE, values)
@@ -87,12 +108,14 @@ class View:
 class Seen:
     """The stress history of all states, None where the model has no stresses; fields of some of them.
 
-    `by_region` has the largest stress in each of the grid's regions.
+    `by_region` has the largest stress in each of the grid's regions, `envelope` of a beam forces and moments of its
+    sections, and the axial stress that they make in the profile's corners.
     """
 
     stress: StressHistory | None
     fields: Fields
     by_region: Mapping[str, StressPeak]
+    envelope: Envelope | None = None
 
 
 def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] = (), components: bool = False) -> Seen:
@@ -116,13 +139,15 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
     fields = {face: np.zeros((len(chosen), cells), np.float32) for face in (rows.faces if rows else ())}
     signed = dict[str, NDArray[np.float32]]()
     most = np.full(len(rows.points) if rows else 0, -np.inf)
-    first, at_peak, when = 0, np.zeros(0), np.zeros(len(most))
+    first, at_peak, when, along = 0, np.zeros(0), np.zeros(len(most)), view.along()
     for q in blocks:
         last = first + len(q)
         found = np.flatnonzero((chosen >= first) & (chosen < last))
         displacement[found] = view.displacements(q[chosen[found] - first])
-        if rows is not None:
-            stresses = view.stresses(q)
+        stresses = None if rows is None else view.stresses(q)
+        if along is not None:
+            along.add(np.asarray(t)[first:last], view.section_forces(q, stresses))
+        if rows is not None and stresses is not None:
             values = rows.von_mises(stresses)
             largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)
             higher = values.max(axis=0) > most
@@ -138,7 +163,8 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
         first = last
     history = None if rows is None else stress_history(rows, view.grid, t, largest, point, at_peak)
     regions = {} if rows is None else peaks_by_region(rows, view.grid, most, when)
-    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields, signed), regions)
+    envelope = None if along is None else along.envelope(FORCES | {AXIAL_STRESS: "Pa"})
+    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields, signed), regions, envelope)
 
 
 def in_blocks(q: Array) -> Iterator[Array]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.fields.envelope import Envelope
 from pmr.fullmodel.build import Built
 from pmr.reduction.recover.coordinates import Recovery
 from pmr.reduction.recover.fields import Seen, View, in_blocks, look
@@ -27,15 +28,17 @@ class Recovered:
     full: Seen | None
 
     def summary(self) -> dict[str, Any]:
-        """``max_von_mises`` in Pa, ``stress_peak`` and ``stress_by_region``, each for ``reduced`` and ``full``.
+        """``max_von_mises`` in Pa, ``stress_peak``, ``stress_by_region`` and ``section_forces``, each by model.
 
-        Empty without stresses.
+        Of what a body has: a beam without a profile has no stresses, a shell no section forces.
         """
         peaks = {name: seen.stress.peak for name, seen in self._named() if seen.stress is not None}
+        along = {name: envelope.extremes() for name, envelope in self.envelopes().items()}
+        forces = {"section_forces": along} if along else {}
         if not peaks:
-            return {}
+            return forces
         regions = {name: {r: p.summary() for r, p in seen.by_region.items()} for name, seen in self._named()}
-        return {
+        return forces | {
             "stress_by_region": {name: found for name, found in regions.items() if found},
             "max_von_mises": {name: peak.value for name, peak in peaks.items()},
             "stress_peak": {name: peak.summary() for name, peak in peaks.items()},
@@ -44,6 +47,10 @@ class Recovered:
     def histories(self) -> dict[str, Array]:
         """Largest von Mises stress (S,) in Pa over the recovered times, of ``reduced`` and ``full``."""
         return {name: seen.stress.largest for name, seen in self._named() if seen.stress is not None}
+
+    def envelopes(self) -> dict[str, Envelope]:
+        """Along a beam, of ``reduced`` and ``full``."""
+        return {name: seen.envelope for name, seen in self._named() if seen.envelope is not None}
 
     def _named(self) -> list[tuple[str, Seen]]:
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]

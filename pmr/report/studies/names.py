@@ -119,11 +119,14 @@ def quantity_of(name: str) -> Quantity:
         return Quantity(f"error of frequency {parts[1]}", percent, "%", 0.01)
     if parts[0] == "frequencies" and len(parts) == 3:
         return Quantity(f"frequency {parts[2]}, {PLACES[parts[1]]}", lambda f: f"{significant(f, 4)}{SPACE}Hz", "Hz")
+    if parts[0] == "mass":
+        return Quantity(", ".join(parts), lambda mass: f"{significant(mass, 4)}{SPACE}kg", "kg")
     if parts[0] == "probes" and parts[-1] == "range":
         stress = " stress " in name
         printed = (lambda size: quantity(size, "Pa")) if stress else (lambda size: significant(size, 3))
         return Quantity(f"range of {name[7:-6]}", printed, "Pa" if stress else "–")
     return {
+        "utilisation": Quantity("largest stress over yield stress", percent, "%", 0.01),
         "largest_force": Quantity("largest force", lambda force: quantity(force, "N"), "N"),
         "max_displacement": Quantity("largest displacement", length, "m"),
         "max_error": Quantity("largest difference", length, "m"),

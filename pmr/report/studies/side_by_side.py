@@ -13,7 +13,10 @@ from pmr.studies.results import RunRecord
 #: Runs that fit side by side; of more runs.csv has all figures, and curves show the largest.
 MOST_RUNS = 6
 #: What of a run's figures is shown here, and not among those of `pmr.report.studies.runs`.
-ROOMS = ("forces.", "reactions.", "moments.", "stress.", "frequencies.", "probes.", "path.")
+ROOMS = (
+    "forces.", "reactions.", "moments.", "stress.", "frequencies.", "probes.", "path.", "beam_forces.", "beam_moments.",
+    "utilisation_",
+)  # fmt: skip
 
 #: Share of the largest value of its unit below which what a probe measures is round-off.
 NOTHING = 1e-6
@@ -23,6 +26,8 @@ _SPANS = {
     "Forces on rigid supports": ("reactions.", "N", "Least … largest"),
     "Moments on rigid supports": ("moments.", "N m", "Least … largest"),
     "Stress by region": ("stress.", "Pa", "Largest von Mises stress"),
+    "Forces along beams": ("beam_forces.", "N", "Least … largest"),
+    "Moments along beams": ("beam_moments.", "N m", "Least … largest"),
 }
 #: Words in names of probes by their units, and whether the unit takes a prefix.
 _BASE = {"Pa": ("stress", True), "1": ("strain", False), "mm": ("displacement", False)}

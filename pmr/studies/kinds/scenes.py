@@ -17,7 +17,7 @@ from pmr.scene.names import ALONE
 from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
 from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
-from pmr.studies.figures import boom_arguments, compared, figures_of, run_boom_case, stresses
+from pmr.studies.figures import boom_arguments, compared, figures_of, of_bodies, run_boom_case
 from pmr.studies.study import StudyBase
 
 COMPARED_FREQUENCIES = 3
@@ -102,6 +102,8 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     from pmr.compare.frequencies import reduced_frequencies
     from pmr.compare.responses import quantities
     from pmr.compare.simulated import simulate_with_states
+    from pmr.compare.summary import combined
+    from pmr.compare.utilisation import masses, utilisation
     from pmr.reduction.bodies import reduce_with
     from pmr.reduction.recover.from_scene import recover, recovered_steps
 
@@ -124,8 +126,11 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
         record[f"frequency_error.{i + 1}"] = float(off) if np.isfinite(off) else None  # fewer coordinates are free
     response = responses["reduced"]
     record |= figures_of(scene, response, s, reduced)
+    said = combined([masses({ALONE: built.model.masses})])
     if stressed:
-        record |= stresses(recover(scene, {ALONE: built}, {ALONE: body}, simulated.states, {})[ALONE].summary())
+        seen = recover(scene, {ALONE: built}, {ALONE: body}, simulated.states, {})[ALONE].summary()
+        said |= seen | dict(utilisation(scene, {ALONE: seen}).figures)
+    record |= of_bodies(said)
     arrays = {"t": response.t, "tip": response.tip, "singular_values": body.basis.sigma}
     arrays |= {"frequencies.s": s, "frequencies.full": full, "frequencies.reduced": reduced}
     return TaskResult(record, arrays, {f"simulate.{name}": r.seconds for name, r in responses.items()})

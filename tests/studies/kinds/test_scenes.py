@@ -17,6 +17,7 @@ from pmr.studies.engine.task import Plan, key_of
 from pmr.studies.kinds.scenes import run_case
 from pmr.studies.results import StudyResults
 
+NAMES = ("base", "fly")
 SCENE = Path(__file__).parents[3] / "workflows" / "paper_simple.toml"
 SHORT = """
 kind = "scenes"
@@ -185,6 +186,8 @@ title = "Sections"
 scenes = ["{boom}"]
 [change]
 time.end = 0.1
+recovery.every = 0.01
+section.body.material.yield_stress = 355e6
 section.mesh.elements = 10
 section.joint.tail.0.unilateral = false
 section.joint.mouth.0.unilateral = false
@@ -199,3 +202,11 @@ section.reduction.flexibility = [true, false]
     assert without["coordinates.reduced"] == 9
     assert with_flexibility["coordinates.reduced"] == 9 + 2  # modes of the fly's cylinder
     assert with_flexibility["largest_force"] > 0.0 and "cylinders.cylinder of fly.max" in without
+    for figures in (with_flexibility, without):
+        assert figures["utilisation"] == max(figures[f"stress.{name}: whole body.max"] for name in NAMES) / 355e6
+        assert figures["mass"] == sum(figures[f"mass.{name}"] for name in NAMES) > 0.0
+        assert figures["reactions.base: clamp z.min"] < -1e3 < 1e3 < figures["moments.base: clamp ry.max"]
+        assert figures["beam_moments.base: bending moment y.max"] == pytest.approx(
+            figures["moments.base: clamp ry.max"], rel=0.01
+        )
+        assert figures["forces.fly tail bottom.max"] > 0.0 and figures["frequencies.s_middle.1"] > 0.0

@@ -1,0 +1,58 @@
+"""How much of the yield stress the largest von Mises stress takes, where and when; what sections weigh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pmr.compare.summary import Part
+from pmr.scene import Scene
+from pmr.scene.parts import Part as Body
+
+
+def utilisation(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part:
+    """``utilisation`` of summary.json by model, of bodies whose material has a yield stress.
+
+    ``value`` is the largest stress over the yield stress of its material; ``stress`` and ``yield`` in Pa, ``t`` in s,
+    ``position`` in m in the axes of the ``section``.  More than the yield stress is warned of.
+
+    Parameters
+    ----------
+    stresses : mapping
+        By body, what `pmr.reduction.recover.from_scene.Recovered.summary` says.
+    """
+    found = dict[str, dict[str, Any]]()
+    for part in scene.sections:
+        said = stresses.get(part.name, {})
+        for model, peak in said.get("stress_peak", {}).items():
+            for one in _used(part, peak, said.get("stress_by_region", {}).get(model, {})):
+                if one["value"] > found.get(model, {"value": -1.0})["value"]:
+                    found[model] = one
+    if not found:
+        return Part()
+    used = found["reduced"]
+    over = f"the largest stress is {used['value']:.3g} of the yield stress; the model is elastic and does not know it"
+    return Part({"utilisation": found}, [over] * (used["value"] > 1.0))
+
+
+def masses(known: Mapping[str, Any]) -> Part:
+    """``masses`` of summary.json: of each body by ``name`` what `pmr.fullmodel.masses.Masses.summary` says."""
+    found = [{"name": name, **one.summary()} for name, one in known.items() if one is not None]
+    return Part({"masses": found} if found else {})
+
+
+def _used(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Of the whole body, and of each region that is of a material of its own."""
+    body, of = part.body, {name: one.material for name, one in part.body.regions.items() if one.material is not None}
+    others = [one for name, one in regions.items() if name not in of]
+    most = peak if peak.get("region") not in of else max(others, key=lambda one: float(one["value"]), default=None)
+    pairs = [(most, body.material), *((regions[name], material) for name, material in of.items() if name in regions)]
+    for one, material in pairs:
+        if one is not None and material.yield_stress is not None:
+            yield {
+                "value": one["value"] / material.yield_stress,
+                "stress": one["value"],
+                "yield": material.yield_stress,
+                "section": part.name,
+                **{key: one[key] for key in ("t", "position", "face", "region")},
+            }

@@ -1,0 +1,69 @@
+r"""Mass and centre of gravity of a body, from its mass matrix under rigid motions.
+
+.. math:: m = r_x^T M r_x, \qquad m\, \bar x = r_y^T M r_{\theta z}, \quad m\, \bar y = r_z^T M r_{\theta x}, \quad
+    m\, \bar z = r_x^T M r_{\theta y}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import freed
+from pmr.models import StructuralModel, is_assembled
+from pmr.scene.structures import PointMass
+
+Array = NDArray[np.float64]
+
+#: First moments along x, y, z by a translation and a rotation that meet in them, with their sign.
+MOMENTS = ((("y", "rz", 1.0), ("z", "ry", -1.0)), (("z", "rx", 1.0),), (("x", "ry", 1.0),))
+
+
+@dataclass(frozen=True)
+class Masses:
+    """What a body weighs by itself and with what is attached to it."""
+
+    own: float  # kg
+    attached: float  # kg
+    centre: Array  # (3,) m, of both, in the body's axes
+
+    def summary(self) -> dict[str, Any]:
+        """``mass`` and ``attached`` in kg, ``centre`` in m, for summary.json."""
+        return {"mass": self.own, "attached": self.attached, "centre": self.centre.tolist()}
+
+
+def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
+    """Of a model and its mass matrix M without supports; None of matrices that were given.  Collective."""
+    if not is_assembled(model):
+        return None
+    known, G = model.directions, _between(model.rigid_motions(), M)
+    own = max(float(G[k, k]) for k, direction in enumerate(known) if direction in "xyz")
+    moments = np.zeros(3)
+    for axis, options in enumerate(MOMENTS):
+        for along, about, sign in options:
+            if along in known and about in known:
+                moments[axis] = sign * G[known.index(along), known.index(about)]
+                break
+    for mass in attached:
+        moments += mass.mass * np.array(model.centroid(mass.on) if mass.at is None else mass.at)
+    carried = sum(mass.mass for mass in attached)
+    return Masses(own, carried, moments / (own + carried))
+
+
+def _between(R: Array, M: PETSc.Mat) -> Array:
+    """R^T M R (k, k) of motions R (n, k) that every rank has."""
+    x, f = M.createVecRight(), M.createVecLeft()
+    mine, columns = R[slice(*M.getOwnershipRange())], []
+    for motion in mine.T:
+        x.getArray()[:] = motion
+        M.mult(x, f)
+        columns.append(mine.T @ f.getArray())
+    freed(x, f)
+    found = np.column_stack(columns)
+    M.comm.tompi4py().Allreduce(MPI.IN_PLACE, found)
+    return found

@@ -1,0 +1,108 @@
+"""What a boom of beams has as results: section forces, stress, utilisation and masses, saved and read again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pmr
+from pmr.compare.utilisation import utilisation
+from pmr.results import RunResult
+from pmr.results.tables import tables
+from pmr.scene import Scene, load_any
+
+BOOM = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+ELEMENTS, STEP = 24, 2e-3
+QUICK = [
+    "compare.against=[]", "time.end=0.1", f"time.step={STEP}", f"section.mesh.elements={ELEMENTS}",
+    f"recovery={{every={STEP},frames=2}}", "section.body.material.yield_stress=355e6",
+    "section.joint.tail.0.unilateral=false", "section.reduction.estimate=false", "section.joint.mouth.0.unilateral=false",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def ran() -> RunResult:
+    outcome = pmr.run(load_any(BOOM, QUICK))
+    assert outcome is not None
+    found: RunResult = outcome.result
+    return found
+
+
+@pytest.mark.slow
+def test_moments_at_a_clamp_are_its_reaction(ran: RunResult, tmp_path: Path) -> None:
+    """Weight along elements of length h acts at their nodes: q h^2 / 12 of the moment, q h / 2 of the shear force."""
+    ran.save(tmp_path)
+    body = RunResult.load(tmp_path).bodies["base"]
+    envelope = body.envelopes["reduced"]
+    moment, shear = (envelope.names.index(name) for name in ("bending moment y", "shear force z"))
+    reactions = {one["name"]: one for one in ran.summary["reactions"]}
+    box, h = ran.scene.sections[0].body.box, 6.0 / ELEMENTS
+    assert box is not None
+    q = 7850.0 * 2.0 * (box.width + box.height) * box.wall * 9.81
+    clamp = reactions["base: clamp ry"]["max"]
+    assert envelope.most[moment, 0] == pytest.approx(clamp, abs=1.5 * q * h**2 / 12.0)  # it vibrates, too
+    assert envelope.least[shear, 0] == pytest.approx(reactions["base: clamp z"]["min"] + q * h / 2.0, rel=1e-3)
+    t = envelope.most_at[moment, 0]
+    assert t == pytest.approx(reactions["base: clamp ry"]["t_max"], abs=2.0 * STEP)
+    rows = [row for row in tables(ran)["section_forces"].rows if row[1] == "base" and row[2] == "bending moment y"]
+    assert len(rows) == ELEMENTS + 1 and rows[0][4] == 0.0 and rows[0][7] == envelope.most[moment, 0]
+    extremes = ran.summary["sections"][0]["section_forces"]["reduced"]["bending moment y"]
+    assert extremes["max"] == envelope.most[moment, 0] and extremes["x_max"] == 0.0
+
+
+@pytest.mark.slow
+def test_stress_and_its_share_of_the_yield_stress_are_known(ran: RunResult) -> None:
+    """Navier's: the moment at the clamp over the section modulus; the table has all sections."""
+    rows = {row[1]: row for row in tables(ran)["stress"].rows}
+    assert list(rows) == ["base: whole body", "middle: whole body", "fly: whole body"]
+    used = ran.summary["utilisation"]["reduced"]
+    assert used["section"] == "base" and used["position"][0] == 0.0 and used["yield"] == 355e6
+    assert used["value"] == used["stress"] / 355e6 == rows["base: whole body"][2] / 355e6
+    extremes = ran.summary["sections"][0]["section_forces"]["reduced"]
+    assert max(-extremes["axial stress"]["min"], extremes["axial stress"]["max"]) == used["stress"]
+    I = (0.308 * 0.408**3 - 0.292 * 0.392**3) / 12.0
+    assert used["stress"] == pytest.approx(extremes["bending moment y"]["max"] * 0.204 / I, rel=1e-6)
+    assert [one["name"] for one in ran.summary["masses"]] == ["base", "middle", "fly"]
+
+
+def told(model: str = "reduced", **more: float) -> dict[str, object]:
+    """What is recovered of a body: its largest stress, and those in regions."""
+    peaks = {
+        region: {"value": value, "t": 0.5, "position": [1.0, 0.0, 0.0], "face": "outer", "region": region}
+        for region, value in more.items()
+    }
+    most = max(peaks.values(), key=lambda one: float(str(one["value"])))
+    return {"stress_peak": {model: most}, "stress_by_region": {model: peaks}}
+
+
+def test_each_region_is_compared_with_its_own_yield_stress() -> None:
+    """The largest share need not be where the largest stress is; without a yield stress nothing is said."""
+    scene = load_any(BOOM, QUICK)
+    plain = load_any(BOOM, [one for one in QUICK if "yield" not in one])
+    stresses = {"middle": told(top=300e6, bottom=200e6)}
+    assert utilisation(plain, stresses).figures == {}
+    found = utilisation(scene, stresses)
+    assert found.figures["utilisation"]["reduced"]["region"] == "top" and not found.warnings
+    softer = with_region(scene, "bottom", 180e6)
+    found = utilisation(softer, stresses)
+    assert found.figures["utilisation"]["reduced"]["region"] == "bottom"
+    assert found.figures["utilisation"]["reduced"]["value"] == pytest.approx(200.0 / 180.0)
+    assert len(found.warnings) == 1 and "1.11 of the yield stress" in found.warnings[0]
+    stiffer = with_region(scene, "top", 900e6)
+    assert utilisation(stiffer, stresses).figures["utilisation"]["reduced"]["region"] == "bottom"
+
+
+def with_region(scene: Scene, region: str, yield_stress: float) -> Scene:
+    part = scene.sections[1]
+    known = {region: {"material": {"yield_stress": yield_stress}}}
+    body = type(part.body).model_validate(part.body.model_dump() | {"regions": known})
+    sections = (scene.sections[0], part.model_copy(update={"body": body}), *scene.sections[2:])
+    return scene.model_copy(update={"sections": sections})
+
+
+@pytest.mark.slow
+def test_envelopes_are_those_of_all_steps(ran: RunResult) -> None:
+    envelope = ran.bodies["fly"].envelopes["reduced"]
+    assert np.all(envelope.least <= envelope.most) and np.all(envelope.most_at <= 0.1)
