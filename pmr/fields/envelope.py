@@ -12,6 +12,7 @@ A load that is spread over elements of length h acts at their nodes: moments bet
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -84,12 +85,13 @@ class Envelope:
     most: Array  # (c, N)
     most_at: Array  # (c, N) s
 
-    def extremes(self) -> dict[str, dict[str, float]]:
-        """Of each quantity ``min``, ``max``, and of both ``t`` in s and ``x`` in m."""
+    def extremes(self) -> dict[str, dict[str, Any]]:
+        """Of each quantity ``unit``, ``min``, ``max``, and of both ``t`` in s and ``x`` in m."""
         found = {}
         for k, name in enumerate(self.names):
             low, high = int(self.least[k].argmin()), int(self.most[k].argmax())
             found[name] = {
+                "unit": self.units[k],
                 **_extreme("min", self.least[k, low], self.least_at[k, low], self.x[low]),
                 **_extreme("max", self.most[k, high], self.most_at[k, high], self.x[high]),
             }

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fields.envelope import FORCES
 from pmr.results import Response
 from pmr.results.extremes import cycles
 from pmr.results.tables import force_extremes, parts_of, probe_extremes, reaction_extremes, stress_by_part
@@ -22,6 +21,8 @@ from pmr.studies.engine.task import Scalar, TaskResult
 
 Array = NDArray[np.float64]
 
+#: What names of section forces begin with, by their units.
+BEAM_ROOMS = {"N": "beam_forces", "N m": "beam_moments"}
 #: Frequencies that are stated, at these places of the path: where s is least, in the middle, where it is largest.
 FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
 
@@ -81,9 +82,9 @@ def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
         record |= {"utilisation_section": used["section"]} if used["section"] != ALONE else {}
     for name, part in parts_of(summary).items():
         for quantity, found in part.get("section_forces", {}).get("reduced", {}).items():
-            if quantity in FORCES:
-                room = "beam_moments" if FORCES[quantity] == "N m" else "beam_forces"
-                record |= {f"{room}.{named(name, quantity)}.{key}": value for key, value in found.items()}
+            if room := BEAM_ROOMS.get(found["unit"]):
+                figures = {key: value for key, value in found.items() if key != "unit"}
+                record |= {f"{room}.{named(name, quantity)}.{key}": value for key, value in figures.items()}
     return record
 
 

@@ -104,4 +104,4 @@ def test_envelopes_have_the_extremes_of_all_blocks_and_when_they_are() -> None:
     assert found.least.tolist() == [[0.0, -2.0], [0.0, -0.3]] and found.most.tolist() == [[2.0, 6.0], [0.5, 0.1]]
     assert found.least_at.tolist() == [[0.2, 0.0], [0.0, 0.2]] and found.most_at[0].tolist() == [0.1, 0.2]
     most = found.extremes()["normal force"]
-    assert most == {"min": -2.0, "t_min": 0.0, "x_min": 1.0, "max": 6.0, "t_max": 0.2, "x_max": 1.0}
+    assert most == {"unit": "N", "min": -2.0, "t_min": 0.0, "x_min": 1.0, "max": 6.0, "t_max": 0.2, "x_max": 1.0}

@@ -18,7 +18,8 @@ ELEMENTS, STEP = 24, 2e-3
 QUICK = [
     "compare.against=[]", "time.end=0.1", f"time.step={STEP}", f"section.mesh.elements={ELEMENTS}",
     f"recovery={{every={STEP},frames=2}}", "section.body.material.yield_stress=355e6",
-    "section.joint.tail.0.unilateral=false", "section.reduction.estimate=false", "section.joint.mouth.0.unilateral=false",
+    "section.joint.tail.0.unilateral=false", "section.joint.mouth.0.unilateral=false",
+    "section.reduction.estimate=false",
 ]  # fmt: skip
 
 
