@@ -1,4 +1,4 @@
-"""A boom that stands still in its frame: how its axial forces stress it at given extensions and one angle."""
+"""A boom that stands still in its frame: at given extensions and angles, how its axial forces stress it."""
 
 from __future__ import annotations
 
@@ -40,6 +40,34 @@ def steepest(scene: Scene) -> float:
     return float(angles[np.argmax(np.sin(angles))])
 
 
+def resting(
+    scene: Scene,
+    extensions: Mapping[str, Array],
+    luffing: Array | float,
+    slewing: Array | float,
+    loads: Mapping[str, float],
+) -> Scene:
+    """The scene as it stands at places that are numbered in place of times, each with its extensions (P,) m of joints.
+
+    Angles in rad are one each, or one for each place; loads, by their names, are constant, and its weight is all there.
+    The base, if it moves, stays level.
+    """
+    assert scene.frame is not None  # of a scene that has angles
+    changed = []
+    for part in scene.sections:
+        own = tuple(load.model_copy(update={"signal": Constant(amount=loads[load.name])}) for load in part.loads)
+        joint = part.joint
+        if joint is not None and part.name in extensions:
+            stays = _listed(extensions[part.name])
+            joint = joint.model_copy(update={"extension": stays, "overlap": None, "follows": None})
+        changed.append(part.model_copy(update={"loads": own, "joint": joint}))
+    still = {"luffing": _listed(luffing), "unit": "rad", "base": None}
+    still |= {"slewing": _listed(slewing)} if scene.frame.slewing is not None else {}
+    frame = scene.frame.model_copy(update=still)
+    gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
+    return scene.model_copy(update={"sections": tuple(changed), "frame": frame, "gravity": gravity})
+
+
 def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: float) -> Array:
     """Amplitudes c (P, k) of the scene's terms, raised by an angle in rad, with extensions (P,) m of each joint.
 
@@ -47,23 +75,16 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
     """
     if not list(frame_terms(scene)):
         return np.empty((len(next(iter(extensions.values()))), 0))
-    assert scene.frame is not None  # of a scene that has terms
-    changed, end = [], scene.time.end
-    for part in scene.sections:
-        pressing = [load.signal.bounds(0.0, end)[0 if load.direction == "x" else 1] for load in part.loads]
-        loads = tuple(
-            load.model_copy(update={"signal": Constant(amount=most)})
-            for load, most in zip(part.loads, pressing, strict=True)
-        )
-        joint = part.joint
-        if joint is not None and part.name in extensions:
-            stays = Listed(values=tuple(extensions[part.name].tolist()))
-            joint = joint.model_copy(update={"extension": stays, "overlap": None, "follows": None})
-        changed.append(part.model_copy(update={"loads": loads, "joint": joint}))
-    still = {"luffing": Constant(amount=luffing), "unit": "rad", "base": None}
-    still |= {"slewing": Constant(amount=0.0)} if scene.frame.slewing is not None else {}
-    frame = scene.frame.model_copy(update=still)
-    gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
-    resting = scene.model_copy(update={"sections": tuple(changed), "frame": frame, "gravity": gravity})
+    end = scene.time.end
+    pressing = {
+        load.name: load.signal.bounds(0.0, end)[0 if load.direction == "x" else 1]
+        for part in scene.sections
+        for load in part.loads
+    }
+    found = resting(scene, extensions, luffing, 0.0, pressing)
     numbers = np.arange(max(len(one) for one in extensions.values()), dtype=float)
-    return np.column_stack([one.value(numbers) for one in term_signals(resting, frame_terms(scene)).values()])
+    return np.column_stack([one.value(numbers) for one in term_signals(found, frame_terms(scene)).values()])
+
+
+def _listed(values: Array | float) -> SignalBase:
+    return Constant(amount=float(values)) if np.ndim(values) == 0 else Listed(values=tuple(np.asarray(values).tolist()))

@@ -60,7 +60,8 @@ def save(project: Project, outcome: Outcome, folder: Path) -> None:
     """Write the tables: into `folder`, or for a collection into a folder in it for each part."""
     for part in project.parts:
         results = outcome.results[part.name]
-        results.save(_summary(part.study.title, part.study.kind) | _of_study(part.study, results))
+        tables = part.study.tables(results) if results.is_complete else {}
+        results.save(_summary(part.study.title, part.study.kind) | _of_study(part.study, results), tables)
     if "" not in outcome.results:
         runs = tuple(record for name, results in outcome.results.items() for record in _named(name, results))
         StudyResults(folder, runs).save_summary(

@@ -100,14 +100,16 @@ class StudyResults:
         """One column of the table; NaN (or an empty text) where a run has no such figure."""
         return _column([run.row.get(name) for run in self.runs])
 
-    def save(self, summary: Mapping[str, Any]) -> None:
-        """Write runs.csv, runs.npz, seconds.csv and summary.json, which holds `summary` and the runs.
+    def save(self, summary: Mapping[str, Any], tables: Mapping[str, str] | None = None) -> None:
+        """Write runs.csv, runs.npz, seconds.csv and summary.json, which holds `summary` and the runs; further `tables`.
 
         A report that is there belongs to what was there before, and goes.
         """
         rows = [run.row for run in self.runs]
         names = _names(rows)
-        with fresh(self.folder, (*TABLES, *REPORT)) as new:
+        with fresh(self.folder, (*TABLES, *REPORT, *(tables or {}))) as new:
+            for name, text in (tables or {}).items():
+                _write(new / name, text)
             _write(new / "runs.csv", _csv(names, rows))
             npz.write(new / "runs.npz", {name: self.column(name) for name in names})
             times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]

@@ -61,6 +61,10 @@ class StudyBase(BaseModel):
         """What the runs say together, once they are all there: goes into summary.json, for reports."""
         return {}
 
+    def tables(self, results: StudyResults) -> Mapping[str, str]:
+        """Further tables by the names of their files, once all runs are there, as text."""
+        return {}
+
     def statements(self) -> tuple[Statement, ...]:
         """Published statements on the study's figures."""
         return self.published

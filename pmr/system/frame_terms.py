@@ -29,7 +29,7 @@ def terms_of(
 def _term(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
     if one.of in ("cylinder", "cylinder load"):
         apart = sp.csr_matrix(_apart(scene, one, bodies))
-        mass = _carried(bodies[one.carried], one.component) if one.of == "cylinder" else 1.0
+        mass = carried(bodies[one.carried], one.component) if one.of == "cylinder" else 1.0
         moved = {name: mass * (_moved(scene, one, bodies, name).T @ apart) for name in one.bodies}
         supports = {name: A for name, A in moved.items() if A.size}
         return Term(one.name, one.bodies, stiffness=mass * (apart.T @ apart), supports=supports)
@@ -66,7 +66,10 @@ def _apart(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> A
     return np.array(found)
 
 
-def _carried(body: SlidingBody, field: str) -> float:
-    """Mass in kg of a section and what is attached to it, or its first moment about its tail in kg m."""
-    along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + one)] for one in ("x", field))
+def carried(body: SlidingBody, field: str, axis: str = "x") -> float:
+    """Mass in kg of a section and what is attached to it, or its first moment about its tail in kg m.
+
+    It is what accelerates it along the `axis`, all of which is free to move.
+    """
+    along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + one)] for one in (axis, field))
     return float(along @ spla.spsolve(sp.csc_matrix(body.M), over))

@@ -1,0 +1,94 @@
+"""The loads that limits allow at one place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from pmr.simulation.postures import HOOK, Postures
+from pmr.studies.limits import Limit
+from pmr.system.loaded import Loaded, State
+
+Array = NDArray[np.float64]
+
+#: Loads at which is looked whether a limit is passed.
+NODES = 9
+#: How far beside a load that is known nearly, as a share of it.
+BESIDE = 1e-2
+#: Share of a load by which less of it has to stand.
+BELOW = 1e-6
+
+
+def allowed_loads(
+    limits: Sequence[Limit],
+    at: Postures,
+    k: int,
+    amounts: Sequence[float],
+    up_to: float,
+    gravity: float,
+    near: Array | None = None,
+) -> Array:
+    """The load in kg that each limit allows at the k-th place, that of stability last; NaN where none up to `up_to`.
+
+    `amounts` say how far each of the parts acts, and by which factor the load; `near` is what another model says.
+    """
+    named = dict(zip(at.parts, amounts, strict=True))
+    loaded = Loaded(at.at(k, named, named[HOOK]))
+    first = loaded.state(0.0)
+    top = up_to if not loaded.both_ways else min(up_to, first.form.critical * (1.0 - 1e-9))
+    found = []
+    beside = np.full(len(limits) + 1, np.nan) if near is None else near
+    for limit, known in zip(limits, beside.tolist(), strict=False):
+        share = limit.share(at, k, amounts, gravity)
+
+        def used(load: float, share: Callable[[State], float] = share) -> float:
+            state = loaded.state(load)
+            return share(state) if state.stands else np.inf
+
+        load = first_load(used, top, grows=limit.grows, near=known) if first.stands else 0.0
+        if load is not None and load > 0.0 and not loaded.state(load * (1.0 - BELOW)).stands:
+            load = None  # it falls over before
+        found.append(np.nan if load is None else load)
+    return np.array([*found, _stable(loaded, up_to)])
+
+
+def _stable(loaded: Loaded, up_to: float) -> float:
+    """The load in kg that nothing carries any more; NaN above `up_to`."""
+
+    def used(load: float) -> float:
+        state = loaded.state(load)
+        return load / state.form.critical if state.stands else np.inf
+
+    found = first_load(used, up_to, grows=loaded.both_ways)
+    return np.nan if found is None else found
+
+
+def first_load(
+    used: Callable[[float], float], top: float, *, grows: bool = False, near: float = np.nan
+) -> float | None:
+    """The smallest load in (0, top] at which `used` comes to 1, by a bracketed root; 0 where it does at no load.
+
+    None where it does not.  Where it `grows` with the load, only its ends are looked at, else some loads between; where
+    it is known to be `near` a load, a little below and above that.
+    """
+
+    def beyond(load: float) -> float:
+        value = used(load)
+        if not np.isfinite(value):
+            return 1.0
+        return 1.0 - 1.0 / value if value > 1.0 else value - 1.0
+
+    if 0.0 < near < top:
+        low, high = near * (1.0 - BESIDE), min(near * (1.0 + BESIDE), top)
+        if beyond(low) < 0.0 <= beyond(high):
+            return float(brentq(beyond, low, high, xtol=1e-12 * top, rtol=1e-13))
+    if beyond(0.0) >= 0.0:
+        return 0.0
+    nodes = np.linspace(0.0, top, 2 if grows else NODES)
+    for low, high in zip(nodes[:-1].tolist(), nodes[1:].tolist(), strict=True):
+        if beyond(high) >= 0.0:
+            return float(brentq(beyond, low, high, xtol=1e-12 * top, rtol=1e-13))
+    return None

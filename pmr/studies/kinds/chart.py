@@ -1,0 +1,245 @@
+"""A load chart: the load that a boom carries at every extension and angle, limit by limit, with error bars."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.tomlfiles import Change
+from pmr.simulation.postures import HOOK, with_hook
+from pmr.studies.charting import allowed, governing, in_doubt, postures, sequence
+from pmr.studies.engine.task import Plan, Scalar, Task, number
+from pmr.studies.figures import boom_arguments
+from pmr.studies.limits import STABILITY, Limit
+from pmr.studies.results import StudyResults
+from pmr.studies.study import Count, StudyBase
+
+#: Places in all, at most.
+MOST = 200_000
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Range(_Table):
+    """Evenly spaced values."""
+
+    least: float = Field(description="The first one, m or the unit of the scene's angles")
+    most: float = Field(description="The last one")
+    count: Annotated[Count, Field(le=1000)] = Field(description="How many")
+    order: Literal["together", "in turn"] = Field(
+        default="together", description="Of extensions: whether all sections telescope at once or one after the other"
+    )
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        return tuple(np.linspace(self.least, self.most, self.count).tolist())
+
+
+class LoadCase(_Table):
+    """What acts at once, and by which factor; every factor is the user's own."""
+
+    name: str = Field(description="What it is called")
+    weight: Annotated[float, Field(ge=0.0)] = Field(default=1.0, description="Factor of all weights")
+    load: Annotated[float, Field(gt=0.0)] = Field(default=1.0, description="Factor of the load that is looked for")
+    loads: dict[str, float] = Field(
+        default={}, description="Loads of the scene by name, in N or N m; those that are not named do not act"
+    )
+
+
+class Study(StudyBase):
+    """Loads that `limits` allow at all `extensions` and angles, in all `cases`; what `stability` allows among them.
+
+    `change` holds keys of the scene: what it carries there as a payload has to go, as ``sections.fly.masses = []``.
+    Figures: ``points``, ``limits``; by limit ``governs.<name>``, points at which it allows least, ``never.<name>`` and
+    ``at_no_load.<name>``; ``in_doubt``, points at which the error bar changes which limit governs.
+    """
+
+    kind: Literal["chart"] = Field(description="What is varied, and how")
+    scene: Path = Field(description="The scene, which has a frame that luffs")
+    change: dict[str, Any] = Field(default={}, description="Keys of the scene to change")
+    up_to: Annotated[float, Field(gt=0.0)] = Field(description="The largest load that is looked for, kg")
+    extensions: Range | tuple[float | dict[str, float], ...] = Field(
+        default=(), description="Of all sections alike, m, or of each by its name; none of a body alone"
+    )
+    luffing: Range | tuple[float, ...] = Field(description="Angles by which it is raised, in the scene's unit")
+    slewing: tuple[float, ...] = Field(
+        default=(0.0,), min_length=1, description="Angles by which it is turned; the least load of all counts"
+    )
+    limits: tuple[Limit, ...] = Field(min_length=1, description="What may not be passed")
+    cases: tuple[LoadCase, ...] = Field(default=(LoadCase(name="rest"),), min_length=1, description="What acts at once")
+    error_bars: bool = Field(default=True, description="Whether the error of the reduction is estimated at each point")
+
+    @model_validator(mode="after")
+    def _named_apart(self) -> Self:
+        for what, names in (("limits", [one.name for one in self.limits]), ("cases", [one.name for one in self.cases])):
+            if len(set(names)) < len(names) or (what == "limits" and STABILITY in names):
+                raise ValueError(f"names of {what} must differ, and {STABILITY!r} is there without being asked for")
+        return self
+
+    def plan(self) -> Plan:
+        scene, rows = self._scene, self._rows
+        angles = [(a, b) for a in self._angles for b in self.slewing]
+        if len(rows) * len(angles) > MOST:
+            raise InputError("study", "extensions", len(rows), f"at most {MOST} points are allowed in all")
+        unit = np.pi / 180.0 if scene.frame is not None and scene.frame.unit == "degrees" else 1.0
+        points = [(row, a * unit, b * unit) for row in rows for a, b in angles]
+        held = {name: float(path.value(0.0)) for name, path in scene.paths.items() if name not in scene.names}
+        at = {
+            "extensions": {name: [(held | row)[name] for row, *_ in points] for name in scene.paths},
+            "luffing": [float(a) for _, a, _ in points],
+            "slewing": [float(b) for *_, b in points],
+        }
+        common: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars}
+        shared = Task("postures", postures, boom_arguments(with_hook(scene)) | common | {"at": at}, cost=10.0)
+        asked = common | {
+            "limits": [limit.model_dump(mode="json") for limit in self.limits],
+            "cases": [case.model_dump(mode="json") for case in self.cases],
+            "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
+        }
+        runs, size = [], len(angles)
+        for k, row in enumerate(rows):
+            told: dict[str, Scalar] = {f"extension.{name}": value for name, value in row.items()}
+            arguments = asked | {"rows": [k * size, (k + 1) * size]}
+            runs.append(Task(f"row{k + 1}", allowed, arguments, {"postures": shared.key}, told))
+        return Plan(tuple(runs), (shared,))
+
+    def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
+        table = self.table(results)
+        names, load = [*(limit.name for limit in self.limits), STABILITY], table["load"]
+        least, doubt = governing(load), in_doubt(load, table["error"]).any(axis=1)
+        found: dict[str, Scalar] = {"points": len(load), "limits": len(names), "in_doubt": int(doubt.sum())}
+        for k, name in enumerate(names):
+            found |= {
+                f"governs.{name}": int((least == k).sum()),
+                f"never.{name}": int(np.isnan(load[:, k]).sum()),
+                f"at_no_load.{name}": int((load[:, k] == 0.0).sum()),
+            }
+        return found
+
+    def table(self, results: StudyResults) -> dict[str, Any]:
+        """All points: ``load``, ``error`` (P, l) kg and ``case`` (P, l) of each limit, in the order of the plan."""
+        parts = [results.arrays(run.key) for run in results.runs]
+        return {name: np.concatenate([part[name] for part in parts]) for name in ("load", "error", "case")}
+
+    def tables(self, results: StudyResults) -> Mapping[str, str]:
+        """``chart.csv``: a row for each point."""
+        table, names = self.table(results), [*(limit.name for limit in self.limits), STABILITY]
+        load, error = table["load"], table["error"]
+        least, doubt = governing(load), in_doubt(load, error)
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        heads = [f"extension {name} [m]" for name in self._scene.names[1:]]
+        angle = "degrees" if self._scene.frame is not None and self._scene.frame.unit == "degrees" else "rad"
+        heads += [
+            f"luffing [{angle}]",
+            f"slewing [{angle}]",
+            "radius [m]",
+            "height [m]",
+            "load [kg]",
+            "lower bound [kg]",
+        ]
+        writer.writerow(
+            [
+                *heads,
+                "governed by",
+                "case",
+                "may govern",
+                *(f"{n} [kg]" for n in names),
+                *(f"{n} error [kg]" for n in names),
+            ]
+        )
+        for k, (row, a, b, radius, height) in enumerate(self._points):
+            which = int(least[k])
+            known = which >= 0
+            said = [load[k, which], self._lower(load[k], error[k])] if known else ["", ""]
+            said += [names[which], self.cases[int(table["case"][k, which])].name] if known else ["none", ""]
+            may = " | ".join(name for name, one in zip(names, doubt[k], strict=True) if one)
+            cells = [*row.values(), a, b, radius, height, *said, may, *load[k].tolist(), *error[k].tolist()]
+            writer.writerow([_cell(one) for one in cells])
+        return {"chart.csv": text.getvalue()}
+
+    @staticmethod
+    def _lower(load: Any, error: Any) -> float:
+        """What the load is at least, by all limits and their error bars."""
+        return float(max(0.0, np.nanmin(load - np.nan_to_num(error))))
+
+    @property
+    def _points(self) -> list[tuple[dict[str, float], float, float, float, float]]:
+        """Extensions, angles in the scene's unit, radius and height of the tip in m, of all points."""
+        scene = self._scene
+        assert scene.frame is not None
+        unit = np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0
+        x, _, z = scene.frame.place
+        found = []
+        for row in self._rows:
+            reach = x + sum(row.values()) + scene.sections[-1].length
+            for a in self._angles:
+                c, s = np.cos(a * unit), np.sin(a * unit)
+                found += [(row, a, b, float(reach * c - z * s), float(reach * s + z * c)) for b in self.slewing]
+        return found
+
+    @cached_property
+    def _scene(self) -> Scene:
+        found = scenes.vary(self.scene, [Change(self.change, "change")])
+        if found.frame is None or found.frame.luffing is None:
+            raise InputError("study", "scene", str(self.scene), "a scene whose [frame] has a luffing angle is allowed")
+        if found.gravity is None:
+            raise InputError("study", "scene", str(self.scene), "a scene with [gravity] is allowed")
+        if found.frame.second_order is not True:
+            frame = found.frame.model_copy(update={"second_order": True})
+            found = found.model_copy(update={"frame": frame})
+        known = {load.name for part in found.sections for load in part.loads} - {HOOK}
+        for k, case in enumerate(self.cases):
+            for name in case.loads:
+                if name not in known:
+                    allowed_ = f"{', '.join(sorted(known)) or 'no loads'} of the scene are allowed"
+                    raise InputError("study", f"cases[{k}].loads.{name}", case.loads[name], allowed_)
+        return found
+
+    @cached_property
+    def _rows(self) -> list[dict[str, float]]:
+        """Extensions in m by section, one after the other."""
+        scene = self._scene
+        names = scene.names[1:] if len(scene.sections) > 1 else ()
+        asked = self.extensions
+        if isinstance(asked, Range):
+            count = len(names)
+            found = sequence(names, [asked.least] * count, [asked.most] * count, asked.count, asked.order)
+        else:
+            found = [dict.fromkeys(names, one) if isinstance(one, float) else dict(one) for one in asked or ({},)]
+        for k, row in enumerate(found):
+            if set(row) != set(names):
+                allowed_ = f"an extension of each of {', '.join(names)} is allowed" if names else "none of a body alone"
+                raise InputError("study", f"extensions[{k}]", ", ".join(row) or None, allowed_)
+            for name, value in row.items():
+                most = scene.sections[scene.names.index(name) - 1].length
+                if not 0.0 < value < most:
+                    raise InputError(
+                        "study", f"extensions[{k}]", value, f"more than 0 and less than {most:g} m is allowed"
+                    )
+        return found
+
+    @cached_property
+    def _angles(self) -> tuple[float, ...]:
+        found = self.luffing.values if isinstance(self.luffing, Range) else self.luffing
+        if not found:
+            raise InputError("study", "luffing", None, "at least one angle is allowed")
+        return found
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return "" if np.isnan(number(value)) else f"{number(value):.9g}"

@@ -1,0 +1,196 @@
+"""Loads that limits allow, beside closed forms: cantilevers to second order, pads and tipping of what is rigid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pmr.files import records
+from pmr.scene import Scene
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, with_hook
+from pmr.studies.allowed import allowed_loads
+from pmr.studies.charting import governing, in_doubt, postures
+from pmr.studies.figures import boom_arguments
+from pmr.studies.limits import Limit, Mass
+
+pytestmark = pytest.mark.slow
+
+G, L, HEIGHT, WIDTH, WALL, E = 9.80665, 6.0, 0.32, 0.22, 0.006, 210e9
+BOX = {"length": L, "width": WIDTH, "height": HEIGHT, "wall": WALL}
+PROBE = {"name": "root", "at": [0.0, 0.0, HEIGHT / 2.0], "measures": ["stress"]}
+
+
+A = (WIDTH + WALL) * (HEIGHT + WALL) - (WIDTH - WALL) * (HEIGHT - WALL)
+I = ((WIDTH + WALL) * (HEIGHT + WALL) ** 3 - (WIDTH - WALL) * (HEIGHT - WALL) ** 3) / 12.0
+I_SIDEWAYS = ((HEIGHT + WALL) * (WIDTH + WALL) ** 3 - (HEIGHT - WALL) * (WIDTH - WALL) ** 3) / 12.0
+
+
+def cantilever(density: float, elements: int, coordinates: int = 6) -> Scene:
+    """A planar box that is clamped at its tail, with a probe on top of it."""
+    return Scene.model_validate(
+        {
+            "title": "cantilever",
+            "gravity": {},
+            "frame": {"pivot": [0.0, 0.0, 0.0], "luffing": {"kind": "constant", "amount": 0.0}, "second_order": True},
+            "sections": [
+                {
+                    "name": "boom",
+                    "body": {
+                        "model": "beam3d",
+                        "box": BOX,
+                        "shear": False,
+                        "material": {"young": E, "density": density},
+                    },
+                    "mesh": {"elements": elements},
+                    "supports": [{"on": "tail", "kind": "clamped"}],
+                    "pads": [{"name": "none", "moving": True, "faces": {"top": [0.0]}, "stiffness": 1e-3}],
+                    "slider": {"path": {"kind": "constant", "amount": 3.0}},
+                    "probes": [PROBE],
+                    "reduction": {"coordinates": coordinates},
+                }
+            ],
+            "time": {"end": 1.0, "step": 0.01},
+        }
+    )
+
+
+def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None) -> Postures:
+    """Where it stands, by the reduced model."""
+    at = {
+        "extensions": extensions or {"slider": [3.0] * len(luffing)},
+        "luffing": luffing,
+        "slewing": [0.0] * len(luffing),
+    }
+    arguments = boom_arguments(with_hook(scene)) | {"up_to": 1e6, "error": False, "at": at}
+    found = postures(arguments, {}).arrays
+    return records.record(
+        Postures, {n.removeprefix("reduced."): a for n, a in found.items() if n.startswith("reduced.")}
+    )
+
+
+def loads(limits: list[Limit], at: Postures, k: int = 0, up_to: float = 1e6, **amounts: float) -> np.ndarray:
+    """Allowed loads, in kg."""
+    acting = {WEIGHT: 1.0, HOOK: 1.0} | amounts
+    return allowed_loads(limits, at, k, [acting.get(part, 0.0) for part in at.parts], up_to, G)
+
+
+@pytest.fixture(scope="module")
+def level() -> Postures:
+    return at_rest(cantilever(7850.0, 100, 24), [0.0])
+
+
+def test_stress_and_deflection_under_the_weight(level: Postures) -> None:
+    """M = P g (L - x) + q (L - x)^2 / 2 and w = P g L^3 / 3 EI + q L^4 / 8 EI; moments are linear in an element."""
+    limits = [Limit(name="a", of="stress", most=200e6, factor=1.5), Limit(name="b", of="deflection", most=0.06)]
+    stress, deflection, stability = loads(limits, level)
+    q = 7850.0 * A * G
+    at_root = 200e6 / 1.5 * I / ((HEIGHT + WALL) / 2.0)
+    assert stress == pytest.approx((at_root - q * L**2 / 2.0) / (L * G), rel=1e-5)
+    assert deflection == pytest.approx((0.06 * E * I - q * L**4 / 8.0) * 3.0 / L**3 / G, rel=1e-6)
+    assert np.isnan(stability)
+    factored = loads(limits, level, **{HOOK: 2.0, WEIGHT: 0.0})
+    assert factored[1] == pytest.approx(0.06 * E * I * 3.0 / L**3 / G / 2.0, rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def raised() -> Postures:
+    return at_rest(cantilever(1e-6, 40, 24), [0.3, 1.4, np.pi / 2.0, -0.3])
+
+
+def berry(load: float, angle: float) -> tuple[float, float]:
+    """Tip deflection in m and moment at the root in N m of a massless cantilever raised by an angle: beam column."""
+    N, Q = load * G * np.sin(angle), load * G * np.cos(angle)
+    u = L * np.sqrt(N / (E * I))
+    return Q * L**3 / (E * I) * (np.tan(u) - u) / u**3, Q * L * np.tan(u) / u
+
+
+def test_deflection_and_stress_to_second_order_are_those_of_a_beam_column(raised: Postures) -> None:
+    """Berry's functions; the probe is where the axial force takes away from the stress."""
+    limits = [Limit(name="a", of="stress", most=400e6), Limit(name="b", of="deflection", most=0.5)]
+    for k, angle in enumerate((0.3, 1.4)):
+        stress, deflection, _ = loads(limits, raised, k)
+        assert berry(deflection, angle)[0] == pytest.approx(0.5, rel=1e-3)
+        pressed = stress * G * np.sin(angle) / A
+        assert berry(stress, angle)[1] * (HEIGHT + WALL) / 2.0 / I - pressed == pytest.approx(400e6, rel=1e-3)
+
+
+def test_a_column_stands_up_to_its_buckling_load_and_a_hanging_one_for_ever(raised: Postures) -> None:
+    euler = np.pi**2 * E * I_SIDEWAYS / (4.0 * L**2) / G
+    limits = [Limit(name="a", of="buckling", least=2.5), Limit(name="b", of="deflection", most=0.5)]
+    factor, deflection, stability = loads(limits, raised, 2, up_to=1e9)
+    assert stability == pytest.approx(euler, rel=1e-3) and factor == pytest.approx(euler / 2.5, rel=1e-3)
+    assert np.isnan(deflection)
+    assert np.isnan(loads(limits, raised, 3, up_to=1e9)[[0, 2]]).all()
+    assert np.isnan(loads(limits, raised, 2, up_to=100.0)).all()
+
+
+def test_what_is_met_at_no_load_is_nothing(level: Postures) -> None:
+    found = loads([Limit(name="a", of="deflection", most=1e-4), Limit(name="b", of="frequency", least=100.0)], level)
+    assert found[:2].tolist() == [0.0, 0.0]
+
+
+def test_the_frequency_is_that_of_a_cantilever_with_a_mass_at_its_tip(level: Postures) -> None:
+    """1 + cos k cosh k + mu k (cos k sinh k - sin k cosh k) = 0, mu the load over the beam's mass."""
+    (load, _) = loads([Limit(name="a", of="frequency", least=2.0)], level)
+    k = (rhoA := 7850.0 * A) ** 0.25 * np.sqrt(2.0 * np.pi * 2.0) / (E * I) ** 0.25 * L
+    mu = load / (rhoA * L)
+    across = np.cos(k) * np.sinh(k) - np.sin(k) * np.cosh(k)
+    assert 1.0 + np.cos(k) * np.cosh(k) + mu * k * across == pytest.approx(0.0, abs=1e-3 * np.cosh(k))
+
+
+MACHINE = (
+    Mass(name="carrier", mass=3000.0, at=(-0.5, 0.0, -1.0)),
+    Mass(name="weight", mass=500.0, at=(-2.0, 0.0, 0.0), slews=True),
+)
+POLYGON = ((2.0, 1.5), (-2.0, 1.5), (-2.0, -1.5), (2.0, -1.5))
+
+
+def test_a_machine_tips_about_its_edge(raised: Postures, level: Postures) -> None:
+    """Sum of moments about the front edge, x = 2 m; anticlockwise or not."""
+    for corners in (POLYGON, POLYGON[::-1]):
+        limits = [Limit(name="a", of="overturning", factor=1.25, polygon=corners, machine=MACHINE, height=1.0)]
+        held = 3000.0 * 2.5 + 500.0 * 4.0 - 7850.0 * A * L * (L / 2.0 - 2.0)
+        assert loads(limits, level)[0] == pytest.approx(held / (L - 2.0) / 1.25, rel=1e-9)
+        assert np.isnan(loads(limits, raised, 2)[0])
+
+
+def telescope(stiff: float, unilateral: bool = False) -> Scene:
+    """Two planar boxes, the inner one on two pads."""
+    pads = [{"at": 0.2, "stiffness": 1e14, "unilateral": unilateral}]
+    common = {"body": {"model": "beam2d", "box": BOX, "material": {"young": stiff * E}}, "mesh": {"elements": 10}}
+    return Scene.model_validate(
+        {
+            "title": "telescope",
+            "frame": {"pivot": [0.0, 0.0, 0.0], "luffing": {"kind": "constant", "amount": 0.0}, "second_order": True},
+            "sections": [
+                {"name": "base", **common, "supports": [{"on": "tail", "kind": "clamped"}]},
+                {
+                    "name": "fly",
+                    **common,
+                    "joint": {"tail": pads, "mouth": pads, "extension": {"kind": "constant", "amount": 3.0}},
+                },
+            ],
+            "gravity": {},
+            "time": {"end": 1.0, "step": 0.01},
+        }
+    )
+
+
+@pytest.mark.parametrize("unilateral", [False, True])
+def test_pads_of_a_rigid_boom_carry_what_statics_say(unilateral: bool) -> None:
+    """Moments about the tail's pad: F d = (P (L - a) + m (L / 2 - a)) g cos phi, d between both pads."""
+    at = at_rest(telescope(1e6, unilateral), [0.0, 1.0], {"fly": [3.0, 4.0]})
+    for k, (angle, out) in enumerate(((0.0, 3.0), (1.0, 4.0))):
+        d, m = L - 0.4 - out, 7850.0 * A * L
+        found = loads(
+            [Limit(name="a", of="pad", most=2e5), Limit(name="b", of="pad", most=1e7, area=(0.1, 0.2))], at, k
+        )
+        expected = (2e5 * d / (G * np.cos(angle)) - m * (L / 2.0 - 0.2)) / (L - 0.2)
+        assert found[:2] == pytest.approx(expected, rel=1e-6)
+
+
+def test_another_limit_may_govern_within_the_error_bars() -> None:
+    load, error = np.array([[10.0, 11.0, np.nan], [10.0, 20.0, np.nan]]), np.array([[1.0, 0.5, 0.0]] * 2)
+    assert governing(load).tolist() == [0, 0]
+    assert in_doubt(load, error).tolist() == [[True, True, False], [False, False, False]]
+    assert governing(np.full((1, 2), np.nan)).tolist() == [-1]
