@@ -48,7 +48,7 @@ def test_names_of_scenes_are_relative_to_the_study(tmp_path: Path) -> None:
 
 
 REFUSED = [
-    ("kind = 'scene'", "study.toml: kind = 'scene': did you mean 'scenes'? one of collection,"),
+    ("kind = 'scene'", "study.toml: kind = 'scene': did you mean 'scenes'? one of chart, collection,"),
     ("title = 'T'", "study.toml: kind: one of"),
     ("kind = ", "not valid TOML"),
     (GOOD + "jobs = 3", "jobs = 3: unknown key; allowed: kind, title,"),
