@@ -20,7 +20,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.columns import called
 from pmr.simulation.modal import inertia_share, support_forces, unpressed
 from pmr.simulation.native import systems
-from pmr.system.body import Trajectory, force_outputs, length_outputs
+from pmr.system.body import FullBody, Trajectory, force_outputs, length_outputs
 from pmr.system.contacts import Contact, named
 from pmr.system.system import Joined, System, SystemTrajectory
 
@@ -58,12 +58,16 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
 
 
 def _with_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
-    """With what reduced sections press on their rigid supports with."""
+    """With what reduced sections press on their rigid supports with; full ones where these are contacts."""
     of_bodies, found, first = dict[str, Supports](), dict[str, Array](), 0
     for name, body in system.bodies.items():
         loads = trajectory.loads[:, first : first + len(body.input_names)]
         first += len(body.input_names)
         known, motion = body.reactions, trajectory.bodies[name]
+        held = [k for k, one in enumerate(system.contacts) if one.inner.body == name and is_reaction(one)]
+        if isinstance(body, FullBody) and held:
+            rows = [body.rows.rows[body.row_names.index(system.contacts[k].inner.row)] for k in held]
+            of_bodies[name], found[name] = [(row.name, row.unit) for row in rows], trajectory.forces[:, held]
         if not isinstance(body, ReducedModel) or known is None:
             continue
         if name == ALONE:
@@ -252,10 +256,18 @@ def force_kinds(response: Response) -> list[str]:
 
 
 def bearing(system: Joined[Any]) -> list[int]:
-    """Numbers of the contacts whose forces are outputs; of a body alone they are those that move or only push."""
-    kept = [(k, one) for k, one in enumerate(system.contacts) if one.kind != STRAIGHT]
+    """Numbers of the contacts whose forces are outputs; of a body alone they are those that move or only push.
+
+    Forces of rigid supports are reactions.
+    """
+    kept = [(k, one) for k, one in enumerate(system.contacts) if one.kind != STRAIGHT and not is_reaction(one)]
     alone = ALONE in system.bodies
     return [k for k, one in kept if not alone or one.inner.path is not None or one.clearance is not None]
+
+
+def is_reaction(contact: Contact) -> bool:
+    """Whether a contact is a rigid support of a section, as one of a full body that holds several coordinates."""
+    return contact.kind == "support" and contact.compliance == 0.0 and contact.clearance is None
 
 
 def force_kinds_of(system: Joined[Any]) -> tuple[str, ...]:

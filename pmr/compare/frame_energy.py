@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.runs import run_from_start
 from pmr.compare.summary import Part
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA, Frame
@@ -69,10 +70,13 @@ def in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTr
 
 
 def energy(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory | None) -> Part:
-    """``energy`` of summary.json, in J from the start to the end; nothing without a frame, or a run that was kept."""
-    if scene.frame is None or run is None:
+    """``energy`` of summary.json, in J from the start to the end; nothing without a frame.
+
+    A run whose states were not kept, which takes microseconds a step, is made again.
+    """
+    if scene.frame is None:
         return Part()
-    found = in_space(scene, system, excitation, run)
+    found = in_space(scene, system, excitation, run or run_from_start(system, excitation))
     ends = {"change": found.energy[-1] - found.energy[0], "drives": found.drives[-1], "others": found.others[-1]}
     return Part({"energy": {key: float(one) for key, one in ends.items()} | {"lost": -float(found.unexplained[-1])}})
 

@@ -2,14 +2,15 @@
 
 An npz file whose header in JSON has format, version, names of the bodies, contacts, terms and provenance; the arrays of
 body k stand behind ``bodies.k.``, as `pmr.files.records` names them; behind ``on_modes.k.`` those of bodies without the
-modes of their cylinders, whose names the header has too; and the matrices of term k are ``terms.k.stiffness`` and
+modes of their cylinders, whose names the header has too, where they are others than those of the body with these modes:
+``same`` names arrays of this kind that stand there once; and the matrices of term k are ``terms.k.stiffness`` and
 ``terms.k.damping``.  Nothing in it is pickled.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from os.path import isfile
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from pmr.system.contacts import ALONE, Contact
 from pmr.system.terms import Term
 
 FORMAT = "pmr-system"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 
 
 @dataclass(frozen=True)
@@ -51,13 +52,14 @@ class _TermHeader:
 
 @dataclass(frozen=True)
 class _Header:
-    """Of version 3; version 2 has no models on modes, version 1 no terms either."""
+    """Of version 4; version 3 has all arrays of models on modes, 2 no such models, 1 no terms either."""
 
     bodies: tuple[str, ...]
     contacts: tuple[Contact, ...]
     provenance: dict[str, Any]
     terms: tuple[_TermHeader, ...] = ()
     on_modes: tuple[str, ...] = ()
+    same: Mapping[str, str] = field(default_factory=dict)  # where an array stands that is left out
 
 
 _HEADER = TypeAdapter(_Header)
@@ -66,9 +68,16 @@ _HEADER = TypeAdapter(_Header)
 def write(path: Path, system: Saved) -> None:
     """Write a system, all of it or nothing."""
     arrays = dict[str, NDArray[Any]]()
-    for kind, models in {"bodies": system.bodies, "on_modes": system.on_modes}.items():
-        for number, body in enumerate(models.values()):
-            arrays |= records.arrays(body, f"{kind}.{number}.")
+    for number, body in enumerate(system.bodies.values()):
+        arrays |= records.arrays(body, f"bodies.{number}.")
+    same, names = dict[str, str](), list(system.bodies)
+    for number, (name, body) in enumerate(system.on_modes.items()):
+        beside = f"bodies.{names.index(name)}."
+        for key, array in records.arrays(body).items():
+            if beside + key in arrays and np.array_equal(array, arrays[beside + key]):
+                same[f"on_modes.{number}.{key}"] = beside + key
+            else:
+                arrays[f"on_modes.{number}.{key}"] = array
     for number, term in enumerate(system.terms):
         arrays |= {f"terms.{number}.{key}": matrix for key, matrix in term.arrays.items()}
         on = {term.bodies.index(name): A for name, A in term.supports.items()}
@@ -79,6 +88,7 @@ def write(path: Path, system: Saved) -> None:
         "terms": [{"name": term.name, "bodies": term.bodies} for term in system.terms],
         "provenance": dict(system.provenance),
         "on_modes": list(system.on_modes),
+        "same": same,
     }
     npz.write(path, arrays, {**header, **parts})
 
@@ -102,6 +112,7 @@ def read(path: Path) -> Saved | ReducedModel:
             {field.name: header[field.name] for field in fields(_Header) if field.name in header}
         )
         data = npz.read(path)
+        data = {key: data[one] for key, one in known.same.items()} | data
         models, on_modes = (
             [records.record(ReducedModel, data, f"{kind}.{number}.") for number in range(len(names))]
             for kind, names in {"bodies": known.bodies, "on_modes": known.on_modes}.items()

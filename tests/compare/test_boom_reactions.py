@@ -217,3 +217,12 @@ def test_what_a_clamp_of_all_points_bears_is_said_to_be_missing() -> None:
     assert outcome is not None and "reactions" not in outcome.result.summary
     said = "what supports of all points (base: tail) bear is not computed"
     assert any(line.startswith(said) for line in outcome.result.summary["warnings"])
+
+
+@pytest.mark.slow
+def test_a_clamp_of_the_full_model_is_no_contact() -> None:
+    """Its moment, which holds all rotations of a face at once, is a reaction as the reduced model's is."""
+    changes = [*SHORT, "time.end=0.05", "compare.against=['full']", "simulation.full=march"]
+    result = pipeline.run(scenes.load_any(WORKFLOWS / "boom_two.toml", changes)).result
+    assert result.responses["full"].force_names == result.responses["reduced"].force_names
+    assert result.summary["errors"]["reduced_vs_full"]["reaction of base: clamp ry"] < 1e-4

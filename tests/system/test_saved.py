@@ -46,6 +46,12 @@ def test_what_was_saved_is_read(system: System, tmp_path: Path) -> None:
     assert found.save(tmp_path / "again.npz").read_bytes() == file.read_bytes()
 
 
+def test_what_two_models_of_a_body_have_in_common_stands_in_the_file_once(system: System, tmp_path: Path) -> None:
+    moved = replace(system, on_modes={"1": replace(system.bodies["1"], M=2.0 * system.bodies["1"].M)})
+    with np.load(moved.save(tmp_path / "system.npz")) as data:
+        assert [name for name in data if name.startswith("on_modes")] == ["on_modes.0.M"]
+
+
 def test_the_file_of_one_body_is_that_of_a_body_alone(tmp_path: Path) -> None:
     """Of an earlier version, too, and saved as a system it is the same."""
     model, system = ReducedModel.load(EARLIER), System.load(EARLIER)
@@ -98,11 +104,15 @@ FORGED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "text for a compliance": (contact(compliance="x"), "contacts.0.compliance"),
     "a mass that is none": (lambda arrays: arrays.update({"bodies.1.M": -arrays["bodies.1.M"]}), "bodies.1: M has"),
     "a model on modes of another size": (
-        lambda arrays: arrays.update({"on_modes.0.M": arrays["on_modes.0.M"][:2, :2]}),
+        lambda arrays: arrays.update({"on_modes.0.M": arrays["bodies.1.M"][:2, :2]}),
         "on_modes.1: ",
     ),
     "a model on modes of another body": (changed(lambda header: header | {"on_modes": ["0"]}), "on_modes.0: "),
     "a model on modes of no body": (changed(lambda header: header | {"on_modes": ["9"]}), "on_modes.9: 0, 1, 2 are"),
+    "an array that stands nowhere": (
+        changed(lambda header: header | {"same": {"on_modes.0.M": "bodies.9.M"}}),
+        "bodies.9.M",
+    ),
     "a missing matrix": (lambda arrays: arrays.pop("bodies.2.K"), "bodies.2.K"),
 }
 
