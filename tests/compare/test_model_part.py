@@ -85,10 +85,11 @@ def test_frequencies_are_those_at_places_all_along(name: str) -> None:
     scene = scene.model_copy(update={"time": fewer, "simulation": scene.simulation.model_copy(update={"repeats": 1})})
     system, excitation = pmr.reduce(scene).system, Excitation.of(scene)
     steps, s = steps_of(excitation), excitation.s.sum(axis=1)
-    assert len(steps) == PLACES and s[steps] == pytest.approx(np.linspace(s.min(), s.max(), PLACES), abs=0.25)
+    assert PLACES / 2 < len(steps) <= PLACES and np.diff(s[steps]).max() < 4.0 * np.ptp(s) / PLACES
+    assert s[steps[0]] == s.min() and s[steps[-1]] == s.max()
     x = places(system, excitation)[steps]
     found = Motion.of(scene, system).lowest(np.full(3, True))
-    for k in (0, PLACES // 2, PLACES - 1):
+    for k in (0, len(steps) // 2, len(steps) - 1):
         assert found[k] == pytest.approx(Assembly(system).frequencies(x[k : k + 1], 2)[0], rel=1e-9)
 
 
