@@ -10,6 +10,9 @@ from dataclasses import fields
 from pathlib import Path
 
 from pmr.mesh.box import BoxBoom, write_shell, write_solid
+from pmr.scene.structures import BoxProfile
+
+DIMENSIONS = {"width": 0.3, "height": 0.4, "wall": 0.008, "radius": 0.0}
 
 WRITERS = {
     "shell": write_shell,
@@ -23,14 +26,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kind", choices=WRITERS)
     parser.add_argument("file", type=Path)
-    for field in fields(BoxBoom):
-        name = "--" + field.name.replace("_", "-")
-        many = isinstance(field.default, tuple)
-        kind = (lambda text: tuple(float(x) for x in text.split(","))) if many else float
-        parser.add_argument(name, type=kind, default=field.default)
+    for field in (*DIMENSIONS, *(field.name for field in fields(BoxBoom) if field.name != "sides")):
+        default = DIMENSIONS.get(field) or getattr(BoxBoom, field, 0.0)
+        kind = (lambda text: tuple(float(x) for x in text.split(","))) if isinstance(default, tuple) else float
+        parser.add_argument("--" + field.replace("_", "-"), type=kind, default=default)
     given = vars(parser.parse_args())
     kind, file = given.pop("kind"), given.pop("file")
-    WRITERS[kind](BoxBoom(**given), file)
+    profile = BoxProfile(**{key: given.pop(key) for key in DIMENSIONS})
+    WRITERS[kind](BoxBoom(profile.sides, **given), file)
 
 
 if __name__ == "__main__":

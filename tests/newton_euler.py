@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pmr.fullmodel.from_scene import profile_of
-from pmr.models.box_section import box_section
+from pmr.models.profile_section import section_of
 from pmr.scene import Scene
 
 Array = NDArray[np.float64]
@@ -68,7 +67,7 @@ def _points(scene: Scene, number: int) -> Iterator[tuple[Array, float]]:
     """Places in m from the section's tail, and masses in kg, with the section's inertia about each axis."""
     part = scene.sections[number]
     assert part.body.box is not None
-    section, material, length = box_section(profile_of(part.body.box), 0.3), part.body.material, part.length
+    section, material, length = section_of(part.body.box, 0.3), part.body.material, part.length
     across = [0.0, 0.0] if part.body.model == "beam2d" else [section.second_moment_z, section.second_moment_y]
     for x, weight in zip(*np.polynomial.legendre.leggauss(2), strict=True):
         mass = material.density * section.area * length * weight / 8.0

@@ -153,7 +153,10 @@ def _size(body: scenes.Body) -> str:
     if body.profile is not None:
         return f"{body.profile.length:g} m, EI = {body.profile.bending_stiffness:g} N m^2"
     box = body.box
-    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {box.wall:g} m" if box else "from a file"
+    if box is None:
+        return "from a file"
+    walls = ", ".join(f"{name} {wall:g} m".strip() for name, wall in box.walls.items())
+    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {walls}"
 
 
 def _describe_reduction(reduction: scenes.Reduction) -> str:

@@ -26,7 +26,8 @@ Array = NDArray[np.float64]
 
 #: What the six are called, by their directions.
 AT_PIVOT = "pivot"
-OUTWARDS = {"bottom": (2, -1.0), "top": (2, 1.0), "left": (1, 1.0), "right": (1, -1.0)}
+#: Faces that every body has: along which axis out of them, and the sense.
+OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right": ("y", -1.0)}
 
 
 @dataclass(frozen=True)
@@ -78,11 +79,23 @@ def _pressed(scene: Scene, member: Member, t: Array) -> Iterator[Pressed]:
                 yield Pressed(_names(body, support.row_name(held)), _wrench(place, held))
     for ring in member.part.pads:
         for name, face, across in ring.places:
-            normal, sign = OUTWARDS[face]
-            if "xyz"[normal] in moves:
-                place = tail + [ring.at, *((across, 0.0) if normal == 2 else (0.0, across))]
-                place[:, 0] += travelled * ring.moving
-                yield Pressed(_names(body, name), sign * _wrench(place, "xyz"[normal]))
+            place = tail + [ring.at, 0.0, 0.0]
+            place[:, 0] += travelled * ring.moving
+            if face in OUTWARDS:
+                direction, sign = OUTWARDS[face]
+                place[:, 1 if direction == "z" else 2] += across
+                if direction in moves:
+                    yield Pressed(_names(body, name), sign * _wrench(place, direction))
+                continue
+            box = member.part.body.box
+            if box is None:
+                yield Pressed((), tail)  # a face that only a mesh knows
+                continue
+            side = box.faces[face]
+            place[:, 1:] += across * side.across
+            yield Pressed(
+                _names(body, name), sum(n * _wrench(place, d) for n, d in zip(side.normal, "yz", strict=True))
+            )
     for name, ahead in zip(member.point_names, member.points, strict=True) if not member.jointed else ():
         place = tail + np.outer(travelled + ahead, [1.0, 0.0, 0.0])
         yield Pressed(_names(body, name), _wrench(place, "z"))

@@ -23,12 +23,13 @@ from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.mesh.drawing import NotDrawnError
 from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
-from pmr.models.box_section import box_section
 from pmr.models.matrices import Matrices
+from pmr.models.profile_section import section_of
 from pmr.scene.built import Box, PadRing
 from pmr.scene.choice import (
     acting,
     directions,
+    felt_faces,
     has_giving_walls,
     has_tail,
     inertia_fields,
@@ -38,7 +39,7 @@ from pmr.scene.choice import (
 )
 from pmr.scene.frame_terms import tails
 from pmr.scene.members import EXTENSION, TAIL, Member
-from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Profile
+from pmr.scene.structures import Beam3DBody, Material, Profile
 
 Array = NDArray[np.float64]
 
@@ -99,8 +100,8 @@ def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
 
 
 def _pads(member: Member) -> Pads:
-    """Those that the model can feel: nothing moves a planar beam sideways."""
-    faces = ("bottom", "top") if model_of(member) == "beam2d" else ("bottom", "top", "left", "right")
+    """Those that the model can feel."""
+    faces = felt_faces(member)
     fixed, moving = (
         tuple(
             pad
@@ -156,12 +157,11 @@ def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
     profile = member.part.body.profile or _planar_profile(_box(member), member.part.body.material)
     mesh, length = member.part.mesh, profile.length
     drawn = graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
-    body = member.part.body
-    return Beam2D(profile, drawn, None if body.profile or body.box is None else profile_of(body.box))
+    return Beam2D(profile, drawn, None if member.part.body.profile else member.part.body.box)
 
 
 def _planar_profile(box: Box, material: Material) -> Profile:
-    section = box_section(profile_of(box), material.poisson)
+    section = section_of(box, material.poisson)
     return Profile(
         length=box.length,
         bending_stiffness=material.young * section.second_moment_y,
@@ -171,16 +171,11 @@ def _planar_profile(box: Box, material: Material) -> Profile:
     )
 
 
-def profile_of(box: Box) -> BoxProfile:
-    """The section of a box."""
-    return BoxProfile(width=box.width, height=box.height, wall=box.wall, radius=box.radius)
-
-
 def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
     from pmr.models.beam3d import Beam3D
 
     box, body = _box(member), member.part.body
-    profile = None if body.section else profile_of(box)
+    profile = None if body.section else box
     return Beam3D(
         Beam3DBody(
             length=box.length,
@@ -231,7 +226,8 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
         return read_mesh(member.part.mesh.file, kinds)
     box, mesh = _box(member), member.part.mesh
     try:
-        drawn = BoxBoom(**box.model_dump(), size=mesh.size, size_along=mesh.along or 0.0, tail_layer=mesh.tail_layer)
+        fineness = mesh.size, mesh.along or 0.0, mesh.tail_layer
+        drawn = BoxBoom(box.sides, box.length, *fineness, box.frames, box.frame_depth)
         with TemporaryDirectory() as folder:
             file = Path(folder, "boom.msh")
             write(drawn, file)

@@ -12,7 +12,7 @@ is the walls' own compliance, for pads of one ring and of several, and for a fre
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,8 +33,9 @@ from pmr.mesh.box import BoxBoom, write_shell
 from pmr.mesh.named import read_mesh
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.models.beam3d import Beam3D
-from pmr.models.shell import Shell
-from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Plate, PointMass, ShellBody
+from pmr.models.shell import Shell, plates
+from pmr.scene.profile import BoxProfile
+from pmr.scene.structures import Beam3DBody, Material, PointMass, ShellBody
 
 Array = NDArray[np.float64]
 
@@ -51,6 +52,7 @@ class PlateBody:
     """A box as a shell with its cells, and what keeps its ends in shape."""
 
     box: BoxBoom
+    profile: BoxProfile = field(compare=False)  # whose sides the drawing has
     material: Material
     shear_correction: float
     clamps: tuple[Clamp, ...] = ()
@@ -85,8 +87,7 @@ def wall_compliance(
     Raises an `InputError` if a pad leaves its face.
     """
     box = body.box
-    profile = BoxProfile(width=box.width, height=box.height, wall=box.wall, radius=box.radius)
-    line = Beam3DBody(length=box.length, profile=profile, material=body.material, shear=True, elements=ELEMENTS)
+    line = Beam3DBody(length=box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS)
     sigma = (HELD * Beam3D(line).reference_frequency) ** 2
     shell, beam = _Pressed(_shell(body), body, sigma), _Pressed(Beam3D(line), body, sigma)
     fixed = [one.rows(standing, ends) for one in (shell, beam)]
@@ -166,5 +167,5 @@ def _shell(body: PlateBody) -> Shell:
     with TemporaryDirectory() as folder:
         write_shell(body.box, Path(folder, "walls.msh"))
         mesh = read_mesh(Path(folder, "walls.msh"), ("triangle",))
-    plate = Plate(material=body.material, thickness=body.box.wall)
-    return Shell(ShellBody(plate=plate, shear_correction=body.shear_correction), mesh)
+    plate, regions = plates(body.profile, body.material)
+    return Shell(ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction), mesh)

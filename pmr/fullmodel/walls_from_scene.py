@@ -38,7 +38,8 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     staying, sliding = _by_their_way(member, pads)
     masses = tuple(one for one in part.masses if one.coupling == "rigid")
     plates = PlateBody(
-        BoxBoom(**box.model_dump(), size=mesh.size, size_along=mesh.along or 0.0),
+        BoxBoom(box.sides, box.length, mesh.size, mesh.along or 0.0),
+        box,
         body.material,
         body.shear_correction,
         tuple(Clamp(str(one.on), one.held) for one in part.supports if one.points == "all"),
@@ -48,10 +49,10 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     ends = tuple((end, d) for end in ENDS if end in _carrying(part) for d in AT_AN_END if d in known)
     rings = tuple(Ring(tuple(own), span) for span, own in sliding)
     C, found = comm.bcast(on_first(comm, lambda: wall_compliance(plates, tuple(staying), ends, rings)))
-    sheet = body.material.density * box.wall
+    rho = body.material.density
     soft = np.diagonal(C) > 0.0  # an end that is stiffer than the beam's is as stiff
     left = [end for end, gives in zip(ends, soft[len(staying) :], strict=True) if gives]
-    weights = [_patch(pad, sheet) for pad in staying] + [_end(box, sheet, direction) for _, direction in left]
+    weights = [rho * _patch(pad, box) for pad in staying] + [rho * _end(box, direction) for _, direction in left]
     return Walls(
         Standing(tuple(pad.name for pad in staying), tuple(left), C[np.ix_(soft, soft)], np.array(weights)),
         tuple(
@@ -61,7 +62,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
                 u=one.u,
                 compliance=one.own,
                 beside=one.beside[:, :, soft],
-                masses=np.array([_patch(pad, sheet) for pad in own]),
+                masses=np.array([rho * _patch(pad, box) for pad in own]),
             )
             for (_, own), one in zip(sliding, found, strict=True)
         ),
@@ -87,14 +88,15 @@ def _by_their_way(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], list[
     return staying, list(sliding.values())
 
 
-def _patch(pad: Pad, sheet: float) -> float:
-    return sheet * pad.length * pad.width
+def _patch(pad: Pad, box: Box) -> float:
+    """Volume of the wall under a pad, m^3."""
+    return box.thickness(pad.on) * pad.length * pad.width
 
 
-def _end(box: Box, sheet: float, direction: str) -> float:
-    """What moves with a free end: the walls of a quarter of the box's size."""
+def _end(box: Box, direction: str) -> float:
+    """Volume of what moves with a free end, the walls of a quarter of the box's size; of a rotation times m^2."""
     arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
-    return sheet * 2.0 * (box.width + box.height) * max(box.width, box.height) / 4.0 * arm
+    return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm
 
 
 def _carrying(part: Part) -> set[str | float]:

@@ -1,61 +1,86 @@
-"""The box boom, meshed by gmsh: a rectangular tube along x, as a surface (mid-surface of the wall) or as a solid.
+"""The boom, meshed by gmsh: plates around a closed profile, along x, as a surface (mid-surface) or a solid.
 
-Groups: ``bottom``, ``top``, ``left`` (+y), ``right`` are the flat walls that pads slide on (outer faces of a solid),
-``corners`` the rounded edges, ``frames`` the transverse stiffeners; ``tail`` and ``tip`` the two ends.
+Groups: the flat walls that pads slide on by the names of their faces (outer ones of a solid), ``corners`` the rounded
+edges, ``frames`` the transverse stiffeners; ``tail`` and ``tip`` the two ends.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.mesh.drawing import Drawing, Entity
 
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
 #: The source of errors in a box's dimensions; where they stand is known to who asks for it.
 DIMENSIONS = "box boom"
 #: Rectangles that a drawing may have: some 40 coordinates each, four million, for which 50 GiB would be needed.
 MOST_RECTANGLES = 100_000
 #: Cells may be so thin, as a share of the others: gmsh takes points that lie much closer for one.
 THINNEST = 1e-4
-WALLS = ("bottom", "left", "top", "right")  # as one walks around the section, seen from the tip
+
+
+class Side(Protocol):
+    """A flat plate or the arc of a corner, as one walks around a profile counter-clockwise, seen from the tip."""
+
+    @property
+    def name(self) -> str:
+        """Of the group that it becomes."""
+
+    @property
+    def start(self) -> Pair:
+        """Y and z of the mid-surface, m."""
+
+    @property
+    def end(self) -> Pair: ...
+
+    @property
+    def centre(self) -> Pair | None:
+        """Of an arc."""
+
+    @property
+    def angle(self) -> float:
+        """Of an arc, rad."""
+
+    @property
+    def length(self) -> float: ...
+
+    @property
+    def thickness(self) -> float: ...
 
 
 @dataclass(frozen=True)
 class BoxBoom:
-    """Dimensions in m, those of the mid-surface; layers may be finer at a clamped tail, where stresses are singular."""
+    """A profile along x, and cells, in m; layers may be finer at a clamped tail, where stresses are singular."""
 
+    sides: tuple[Side, ...]
     length: float = 6.0  # along x
-    width: float = 0.3  # along y
-    height: float = 0.4  # along z
-    wall: float = 0.008  # the wall's thickness
     size: float = 0.05  # edge length of the cells around the section
     size_along: float = 0.0  # along x; 0: the same
     # first layer of cells at the tail, from which layers double up to the regular one; 0: the same
     tail_layer: float = 0.0
-    radius: float = 0.0  # of the corners' mid-surface; 0 for sharp ones
     frames: tuple[float, ...] = ()  # where along x a shell is stiffened by a transverse plate all around
     frame_depth: float = 0.0  # of these plates
 
     def __post_init__(self) -> None:
-        side, thinnest = min(self.width, self.height), THINNEST * self.layer
+        thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
         allowed = {
             "length": self.length > 0.0,
             "size": 0.0 < self.size <= self.length,
             "size_along": 0.0 <= self.size_along <= self.length,
             "tail_layer": self.tail_layer == 0.0 or thinnest <= self.tail_layer <= self.layer,
-            "wall": 0.0 < self.wall < side / 2.0,
-            "radius": self.radius == 0.0 or self.wall / 2.0 < self.radius < side / 2.0,
             "frames": bool(np.all(np.diff([0.0, *self.frames, self.length]) >= thinnest)),
-            "frame_depth": not self.frames
-            or THINNEST * self.size <= self.frame_depth < (self.radius if self.radius > 0.0 else side / 2.0),
+            "frame_depth": not self.frames or THINNEST * self.size <= self.frame_depth < self._room,
         }
         words = {
-            "wall": "less than half of width and height",
             "size": "more than 0 and up to the length",
-            "radius": "0, or more than half the wall and less than half of width and height",
             "frames": "ascending places between tail and tip, at least a ten-thousandth of a cell apart,",
             "size_along": "0, or up to the length",
             "tail_layer": "0, or from a ten-thousandth up to all of the other layers",
@@ -65,11 +90,18 @@ class BoxBoom:
         for key, fits in allowed.items():
             if not fits:
                 raise InputError(DIMENSIONS, key, getattr(self, key), words.get(key, "more than 0") + " is allowed")
-        rectangles = max(2.0 * (self.width + self.height) / self.size, 8.0) * self.length / self.layer
+        rectangles = max(around / self.size, 8.0) * self.length / self.layer
         if not rectangles <= MOST_RECTANGLES:  # too many to count, perhaps: a float, infinite or not
             said = f"sizes that make at most {MOST_RECTANGLES:,} cells are allowed; these make {rectangles:.1e}"
             finest = "size" if self.size <= self.layer else "size_along"
             raise InputError(DIMENSIONS, finest, getattr(self, finest), said)
+
+    @property
+    def _room(self) -> float:
+        """For a frame within the section: up to the arcs' centres, or the middle, m."""
+        radii = [np.hypot(*np.subtract(side.start, side.centre)) for side in self.sides if side.centre is not None]
+        ends = np.array([side.start for side in self.sides])
+        return float(min(radii, default=np.ptp(ends, axis=0).min() / 2.0))
 
     @property
     def layer(self) -> float:
@@ -99,12 +131,11 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
     with Drawing() as drawing:
         curves = _section(drawing, boom, 0.0, 0.0)
         groups: dict[str, list[Entity]] = {"tail": [(1, curve) for curve in curves]}
-        names = [*WALLS] if boom.radius == 0.0 else [name for wall in WALLS for name in (wall, "corners")]
         for start, end in zip(boom.stations[:-1], boom.stations[1:], strict=True):
             swept = drawing.sweep([(1, c) for c in curves], end - start, boom.layers(start, end), quads=True)
             curves = [tag for _, tag in swept[::4]]  # of each curve: its copy, the surface, two more lines
-            for name, surface in zip(names, swept[1::4], strict=True):
-                groups.setdefault(name, []).append(surface)
+            for side, surface in zip(boom.sides, swept[1::4], strict=True):
+                groups.setdefault(side.name, []).append(surface)
             if end in boom.frames:
                 groups.setdefault("frames", []).extend(_frame(drawing, boom, curves, end))
         groups["tip"] = [(1, curve) for curve in curves]
@@ -115,6 +146,10 @@ def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
     """Hexahedra, one across the wall, or tetrahedra of the same structure."""
     if boom.frames:
         raise InputError(DIMENSIONS, "frames", boom.frames, "a solid boom has none")
+    walls = {side.thickness for side in boom.sides}
+    if len(walls) > 1 and any(side.centre is not None for side in boom.sides):
+        allowed = "one thickness of all walls is allowed for a solid with rounded corners"
+        raise InputError(DIMENSIONS, "wall", ", ".join(f"{wall:g}" for wall in sorted(walls)), allowed)
     with Drawing() as drawing:
         patches = _wall_patches(drawing, boom, hexahedra)
         swept = drawing.sweep(patches, boom.length, boom.layers(0.0, boom.length), quads=hexahedra)
@@ -122,23 +157,21 @@ def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
         groups: dict[str, list[Entity]] = {"wall": volumes}
         for face in drawing.boundary(volumes):
             low, high = drawing.bounds(face)
-            for name, (axis, at) in _outer_faces(boom).items():
-                if abs(low[axis] - at) < 1e-6 and abs(high[axis] - at) < 1e-6:
+            for name, plane in _outer_faces(boom).items():
+                if plane.holds(low, high):
                     groups.setdefault(name, []).append(face)
         drawing.write(groups, file)
 
 
 def _section(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[int]:
     """Curves around the section at x, `inset` within the mid-surface; divided as the mid-surface is."""
-    r = max(boom.radius - inset, 0.0)
     curves = []
-    ends = [_wall_ends(boom, k, boom.radius if r else inset, -inset) for k in range(4)]
-    for k in range(4):
-        start, end = (drawing.point(x, *p) for p in ends[k])
-        curves.append(drawing.line(start, end, _divisions(boom, k)))
-        if r:
-            after = drawing.point(x, *ends[(k + 1) % 4][0])
-            curves.append(drawing.arc(end, drawing.point(x, *_corner_centre(boom, k)), after, _arc_divisions(boom)))
+    for k, side in enumerate(boom.sides):
+        start, end = (drawing.point(x, *p) for p in _ends(boom, k, lambda side: -inset))
+        if side.centre is None:
+            curves.append(drawing.line(start, end, _divisions(boom, side)))
+        else:
+            curves.append(drawing.arc(start, drawing.point(x, *side.centre), end, _divisions(boom, side)))
     return curves
 
 
@@ -149,60 +182,86 @@ def _frame(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[
 
 
 def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
-    """The wall's cross-section at x = 0: four straight pieces and four corners."""
-    t, trim = boom.wall / 2.0, boom.radius or boom.wall / 2.0
-    patches = []
-    for k in range(4):
-        a, b = (drawing.point(0.0, *p) for p in _wall_ends(boom, k, trim, t))
-        d, c = (drawing.point(0.0, *p) for p in _wall_ends(boom, k, trim, -t))
-        n = _divisions(boom, k)
-        sides = [drawing.line(a, b, n), drawing.line(b, c, 1), drawing.line(c, d, n), drawing.line(d, a, 1)]
-        patches.append(drawing.patch(sides, quads))
-        after, inside = (drawing.point(0.0, *_wall_ends(boom, (k + 1) % 4, trim, side)[0]) for side in (t, -t))
-        if boom.radius:
-            centre, m = drawing.point(0.0, *_corner_centre(boom, k)), _arc_divisions(boom)
-            sides = [drawing.arc(b, centre, after, m), drawing.line(after, inside, 1),
-                     drawing.arc(inside, centre, c, m), drawing.line(c, b, 1)]  # fmt: skip
+    """The walls' cross-section at x = 0: a patch for each side, and one for each sharp corner."""
+    patches, count = [], len(boom.sides)
+    inside = [[drawing.point(0.0, *p) for p in _ends(boom, k, _inside)] for k in range(count)]
+    outside = [[drawing.point(0.0, *p) for p in _feet(boom, k)] for k in range(count)]
+    for k, side in enumerate(boom.sides):
+        (a, b), (d, c) = outside[k], inside[k]
+        n, after = _divisions(boom, side), (k + 1) % count
+        if side.centre is None:
+            along = drawing.line(a, b, n), drawing.line(c, d, n)
         else:
-            outside = drawing.point(0.0, *_wall_ends(boom, k, -t, t)[1])
-            sides = [drawing.line(b, outside, 1), drawing.line(outside, after, 1),
-                     drawing.line(after, inside, 1), drawing.line(c, b, 1)]  # fmt: skip
-        patches.append(drawing.patch(sides, quads))
+            centre = drawing.point(0.0, *side.centre)
+            along = drawing.arc(a, centre, b, n), drawing.arc(c, centre, d, n)
+        patches.append(drawing.patch([along[0], drawing.line(b, c, 1), along[1], drawing.line(d, a, 1)], quads))
+        if side.centre is None and boom.sides[after].centre is None:
+            corner = drawing.point(0.0, *_ends(boom, k, _outside)[1])
+            next_ = outside[after][0]
+            sides = [drawing.line(b, corner, 1), drawing.line(corner, next_, 1), drawing.line(next_, c, 1)]
+            patches.append(drawing.patch([*sides, drawing.line(c, b, 1)], quads))
     return patches
 
 
-def _wall_ends(boom: BoxBoom, k: int, trim: float, outward: float) -> list[tuple[float, float]]:
-    """Ends (y, z) of wall k, shortened by `trim` at each, shifted outward from the mid-surface."""
-    along, out = _directions(k)
-    half = np.array([boom.width, boom.height]) / 2.0
-    reach, distance = abs(along @ half) - trim, abs(out @ half) + outward
-    return [(float(p[0]), float(p[1])) for p in (out * distance - along * reach, out * distance + along * reach)]
+def _ends(boom: BoxBoom, k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
+    """Ends (2,) m of a side, each side as far outward from its mid-surface as is said of it."""
+    side = boom.sides[k]
+    neighbours = boom.sides[k - 1], boom.sides[(k + 1) % len(boom.sides)]
+    found = []
+    for at, other in zip((side.start, side.end), neighbours, strict=True):
+        sharp = side.centre is None and other.centre is None
+        normals, apart = [_out(side, at), _out(other, at)], [outward(side), outward(other)]
+        found.append(at + (np.linalg.solve(normals, apart) if sharp else apart[0] * normals[0]))
+    return found[0], found[1]
 
 
-def _corner_centre(boom: BoxBoom, k: int) -> tuple[float, float]:
-    along, out = _directions(k)
-    p = (along + out) * (np.array([boom.width, boom.height]) / 2.0 - boom.radius)
-    return float(p[0]), float(p[1])
+def _outside(side: Side) -> float:
+    return side.thickness / 2.0
 
 
-def _directions(k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors (y, z) along wall k and out of it."""
-    turn = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
-    return turn[k], turn[k - 1]
+def _inside(side: Side) -> float:
+    return -side.thickness / 2.0
 
 
-def _divisions(boom: BoxBoom, k: int) -> int:
-    flat = (boom.width, boom.height)[k % 2] - 2.0 * boom.radius
-    return max(2, round(flat / boom.size))
+def _feet(boom: BoxBoom, k: int) -> list[Array]:
+    """Outside of a side, opposite the ends of its inside."""
+    side = boom.sides[k]
+    ends = zip((side.start, side.end), _ends(boom, k, _inside), strict=True)
+    return [inner + side.thickness * _out(side, at) for at, inner in ends]
 
 
-def _arc_divisions(boom: BoxBoom) -> int:
-    return max(2, round(boom.radius * np.pi / 2.0 / boom.size))
+def _out(side: Side, at: Pair) -> Array:
+    """Unit vector (2,) out of a side at one of its ends."""
+    if side.centre is not None:
+        arm = np.subtract(at, side.centre)
+        return np.asarray(arm / np.hypot(*arm))
+    along = np.subtract(side.end, side.start) / side.length
+    return np.array([along[1], -along[0]])
 
 
-def _outer_faces(boom: BoxBoom) -> dict[str, tuple[int, float]]:
-    """Axis and position of each named face of a solid."""
-    y, z = (boom.width + boom.wall) / 2.0, (boom.height + boom.wall) / 2.0
-    return {
-        "tail": (0, 0.0), "tip": (0, boom.length), "left": (1, y), "right": (1, -y), "top": (2, z), "bottom": (2, -z)
-    }  # fmt: skip
+def _divisions(boom: BoxBoom, side: Side) -> int:
+    return max(2, round(side.length / boom.size))
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """n . x = d."""
+
+    normal: Array  # (3,)
+    distance: float
+
+    def holds(self, low: Array, high: Array) -> bool:
+        """Whether a flat face with this bounding box lies in the plane."""
+        rising = float(np.prod(self.normal[1:])) <= 0.0
+        ends = (low, high) if rising else (np.array([low[0], low[1], high[2]]), np.array([high[0], high[1], low[2]]))
+        return all(abs(self.normal @ end - self.distance) < 1e-6 for end in ends)
+
+
+def _outer_faces(boom: BoxBoom) -> dict[str, _Plane]:
+    """Both ends, and the outside of each flat wall of a solid."""
+    found = {"tail": _Plane(np.eye(3)[0], 0.0), "tip": _Plane(np.eye(3)[0], boom.length)}
+    for side in boom.sides:
+        if side.centre is None:
+            normal = _out(side, side.start)
+            found[side.name] = _Plane(np.array([0.0, *normal]), float(normal @ side.start) + side.thickness / 2.0)
+    return found

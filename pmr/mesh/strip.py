@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 FLAT = 0.9999
 #: A face that is so much beside the body's middle, as a share of its extent, lies in it.
 BESIDE = 1e-6
-#: Faces that have a name: the component of the outward normal, and its sign; z is up.
-FACES = {"bottom": (2, -1.0), "top": (2, 1.0), "left": (1, 1.0), "right": (1, -1.0)}
 #: Cells of a strip are cut into pieces that a pad resolves; more of them take gigabytes.
 MOST_PIECES = 500_000
 
@@ -32,6 +30,21 @@ class Window:
     along: tuple[float, float]
     across: tuple[float, float]
     spacing: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A face in the axes of its body, along x; how far it is from the axis plays no role."""
+
+    normal: Array  # (3,): unit vector out of it
+    across: Array  # (3,): unit vector that places across count along, from the one nearest to the axis
+
+
+#: Faces that every body has; z is up.
+FACES = {
+    name: Plane(sign * np.eye(3)[component], np.eye(3)[3 - component])
+    for name, component, sign in (("bottom", 2, -1.0), ("top", 2, 1.0), ("left", 1, 1.0), ("right", 1, -1.0))
+}
 
 
 @dataclass(frozen=True)
@@ -51,7 +64,7 @@ class Strip:
     """Points of a face within a window; none where the window lies beside the face."""
 
     along: Array  # (q,) m on the body's axis
-    across: Array  # (q,) m along y or z, whichever of them the face is tangential to
+    across: Array  # (q,) m: y or z where the face is along one of them, else upwards
     weights: Array  # (q,) of quadrature, m^2 (on a line m)
     normal: sp.csr_matrix  # (q, n): displacement along the outward normal
     extent: Extent  # of the whole face
@@ -65,7 +78,7 @@ class FlatFace:
     mesh: NamedMesh
     name: str
     normal: Array  # (3,): unit vector out of the mesh
-    axes: tuple[int, int]  # the body's axis, and the one of the others that the face is tangential to
+    axes: Array  # (2, 3): unit vectors along the body's axis and across the face
     least: Array  # (e, 2) m: where each of its cells begins along these axes
     most: Array  # (e, 2) m: where it ends
 
@@ -87,8 +100,12 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
     normal = _normal(mesh, group, name)
     if abs(normal[axis]) > np.sqrt(1.0 - FLAT**2):
         raise InputError("scene", "pads.on", name, "this face lies across the body's axis; faces along it are allowed")
-    axes = axis, int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
-    corners = mesh.points[:, axes][group.entities]
+    unit = np.eye(3)
+    axes = np.array([unit[axis], unit[np.argmin(np.abs(normal) + unit[axis])]])
+    if abs(normal @ axes[1]) > np.sqrt(1.0 - FLAT**2):  # it is slanted
+        axes[1] = np.cross(normal, unit[axis])
+        axes[1] *= np.sign(axes[1][2] or axes[1].sum()) / np.linalg.norm(axes[1])
+    corners = (mesh.points @ axes.T)[group.entities]
     return FlatFace(mesh, name, normal, axes, corners.min(axis=1), corners.max(axis=1))
 
 
@@ -110,7 +127,7 @@ def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
         raise InputError("scene", "pads.on", name, f"{allowed} are allowed")
     cut = replace(mesh, groups={name: Group(2, mesh.groups[name].entities[inside])})
     points = trace(cut, nodes, name, degree=2, parts=max(1, parts))
-    place = points.points[:, face.axes]
+    place = points.points @ face.axes.T
     within = np.flatnonzero(((place > low) & (place < high)).all(axis=1))
     displacement = sum(c * component[within] for c, component in zip(face.normal, points.values, strict=True) if c)
     displacement.eliminate_zeros()
@@ -153,8 +170,7 @@ def outward(face: str, normal: Array, middle: Array, points: Array) -> Array:
     """
     along = float(normal @ (middle - (points.min(axis=0) + points.max(axis=0)) / 2.0))
     if abs(along) <= BESIDE * np.ptp(points, axis=0).max():
-        component, sign = FACES.get(face, (0, 0.0))
-        along = sign * normal[component]
+        along = float(normal @ FACES[face].normal) if face in FACES else 0.0
         if abs(along) <= np.sqrt(0.5):
             allowed = "this face lies in the middle of the body, where its name says which side is outside: "
             raise InputError("scene", "pads.on", face, f"{allowed}bottom and top are along z, left and right along y")

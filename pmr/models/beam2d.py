@@ -29,9 +29,10 @@ from pmr.fields.stress import StressRows
 from pmr.mesh.strip import Extent, Strip, Window, line_points
 from pmr.models import Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
-from pmr.models.box_section import box_section
+from pmr.models.profile_section import section_of
 from pmr.models.tabulation import as_rows
-from pmr.scene.structures import BoxProfile, Profile
+from pmr.scene.profile import BoxProfile
+from pmr.scene.structures import Profile
 
 Array = NDArray[np.float64]
 
@@ -160,12 +161,13 @@ class Beam2D(Beam):
         """Axial stress below and above, E (u' -+ z w''); None where no more than stiffnesses are known."""
         if self.box is None:
             return None
-        young = self.body.bending_stiffness / box_section(self.box, 0.0).second_moment_y
-        half, (strains, coordinates) = (self.box.height + self.box.wall) / 2.0, self._strains()
+        section, (strains, coordinates) = section_of(self.box, 0.0), self._strains()
+        young, outside = self.body.bending_stiffness / section.second_moment_y, [one.at[1] for one in self.box.corners]
         elements, along = np.repeat(np.arange(len(coordinates)), 2), self.grid.points[self.grid.cells.ravel()]
         stretch, curvature = strains.reshape(len(elements), 2, -1).transpose(1, 0, 2)
-        both = {"bottom": -half, "top": half}
-        entries = np.concatenate([young * (stretch - z * curvature) for z in both.values()])
+        both = {"bottom": min(outside), "top": max(outside)}
+        arms = [z - section.centroid[1] for z in both.values()]
+        entries = np.concatenate([young * (stretch - arm * curvature) for arm in arms])
         return StressRows(
             rows=as_rows(entries[:, None], np.tile(coordinates[elements], (2, 1)), self.size),
             mises=np.ones((1, 1)),

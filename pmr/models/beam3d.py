@@ -1,6 +1,7 @@
 r"""Beam in space: stretching, torsion and bending in two planes, with C1 cubic Hermite elements.
 
-With x along the axis, y and z the section's principal axes
+With x along the axis, y and z the section's principal axes, u and the inertia of translations at its centroid, v and w
+at its shear centre
 
 .. math::
     k = \int EA\, u' \delta u' + GJ\, \phi' \delta\phi'
@@ -18,8 +19,13 @@ gives the term above and the interpolation :math:`w + \gamma h (X - 3 X^2 + 2 X^
 values are exact in statics, frequencies converge with order 2 (4 without shear).  Przemieniecki: Theory of Matrix
 Structural Analysis, 1968, section 5.6 (stiffness), 11.3 (mass).
 
-Centroid and shear centre coincide; warping is free.  Coordinates are ordered node by node: displacements along and
-rotations about x, y, z.
+Sections are rigid in their plane and warping is free.  Coordinates are ordered node by node: displacements along and
+rotations about x, y, z, of a point on the axis, which moves with its section: with its centroid c and its shear centre
+s beside the axis, and R that turns y and z to its principal axes
+
+.. math::
+    u_c = u + z_c \theta_y - y_c \theta_z, \qquad
+    \begin{pmatrix} v_s \\ w_s \end{pmatrix} = R \begin{pmatrix} v - z_s \phi \\ w + y_s \phi \end{pmatrix}
 """
 
 from __future__ import annotations
@@ -32,15 +38,16 @@ import numpy as np
 import scipy.sparse as sp
 import ufl
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from pmr.errors import InputError
 from pmr.fem.compat import cellwise, constant, hermite_space
 from pmr.fields.envelope import ForceRows, force_rows
 from pmr.fields.stress import StressRows
-from pmr.mesh.strip import FACES, Extent, Strip, Window, line_points
+from pmr.mesh.strip import FACES, Extent, Plane, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
-from pmr.models.box_section import box_section, stress_rows
+from pmr.models.profile_section import MidLine, Strained, section_of, stress_rows
 from pmr.models.tabulation import CellValues, cell_values
 from pmr.scene.structures import Beam3DBody, BeamSection
 
@@ -93,16 +100,50 @@ class Beam3D(Beam):
         if self.body.section is not None:
             return self.body.section
         assert self.body.profile is not None
-        return box_section(self.body.profile, self.body.material.poisson)
+        return section_of(self.body.profile, self.body.material.poisson)
+
+    @cached_property
+    def principal(self) -> Array:
+        """R (2, 2): the section's principal axes as rows, no farther from y and z than half a right angle."""
+        section = self.section
+        if section.product_of_inertia == 0.0:
+            return np.eye(2)
+        difference = section.second_moment_z - section.second_moment_y
+        angle = np.arctan2(np.copysign(2.0, difference) * section.product_of_inertia, abs(difference)) / 2.0
+        return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+    @cached_property
+    def own_motion(self) -> Array:
+        """(6, 6): u_c, v_s, w_s, phi and rotations about the principal axes from the motion of the axis."""
+        (y_c, z_c), (y_s, z_s) = self.section.centroid, self.section.shear_centre
+        found = np.eye(6)
+        found[0, 4:] = z_c, -y_c
+        found[1, 3], found[2, 3] = -z_s, y_s
+        found[1:3], found[4:] = self.principal @ found[1:3], self.principal @ found[4:]
+        return found
+
+    @cached_property
+    def second_moments(self) -> Array:
+        """About the centroid, along the principal axes, (2,) m^4."""
+        section = self.section
+        body = [
+            [section.second_moment_z, section.product_of_inertia],
+            [section.product_of_inertia, section.second_moment_y],
+        ]
+        return np.asarray(np.diag(self.principal @ body @ self.principal.T))
 
     @cached_property
     def planes(self) -> tuple[Bending, Bending]:
-        """Bending along the section's y and z."""
-        material, section, shear = self.body.material, self.section, self.body.shear
-        return (
-            self._plane(section.second_moment_z, section.shear_area_y if shear else None, material.shear_modulus),
-            self._plane(section.second_moment_y, section.shear_area_z if shear else None, material.shear_modulus),
-        )
+        """Bending along the section's principal axes."""
+        material, section = self.body.material, self.section
+        areas: tuple[float | None, ...] = None, None
+        if self.body.shear and section.shear_area_y is not None and section.shear_area_z is not None:
+            compliance = np.diag([1.0 / section.shear_area_y, 1.0 / section.shear_area_z])
+            areas = tuple(1.0 / np.diag(self.principal @ compliance @ self.principal.T))
+        along = [
+            self._plane(float(I), A, material.shear_modulus) for I, A in zip(self.second_moments, areas, strict=True)
+        ]
+        return along[0], along[1]
 
     def _plane(self, second_moment: float, shear_area: float | None, G: float) -> Bending:
         E, rho = self.body.material.young, self.body.material.density
@@ -128,6 +169,7 @@ class Beam3D(Beam):
         """T: the space's u, phi, v, v', w and w' at each node; v' is the rotation about z, w' minus that about y."""
         at_node = np.zeros((6, 6))
         at_node[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
+        at_node = at_node @ self.own_motion + 0.0
         return sp.csr_matrix(sp.kron(sp.eye(len(self.node_stations)), at_node, format="csr"))
 
     def space(self, domain: Any) -> Any:
@@ -159,16 +201,23 @@ class Beam3D(Beam):
         shear the rotations psi have no inertia.
         """
         mesh, section, rho = space.mesh, self.section, self.body.material.density
-        sizes = section.area, section.second_moment_z, section.second_moment_y
+        sizes = section.area, *map(float, self.second_moments)
+        turned = ufl.as_matrix(block_diag(1.0, self.principal).tolist())
+        S = S if section.product_of_inertia == 0.0 else turned * S * ufl.transpose(turned)
         of, by = (self._motion(mesh, field) for field in (ufl.TrialFunction(space), ufl.TestFunction(space)))
         parts = zip(sizes, by, of, strict=True)
         return sum(constant(mesh, rho * size) * bilinear(S, v, u) for size, v, u in parts) * _measure(mesh)
 
     def _motion(self, mesh: Any, field: Any) -> tuple[tuple[Any, Any, Any], ...]:
-        """Displacement of the axis, and its derivatives along the section's y and z; None: without inertia."""
+        """Displacement of the centroid, and its derivatives along the principal axes; None: without inertia."""
         v, w = self._deflections(mesh, field)
         phi, (turn_v, turn_w) = field[1], (None if one.shear is None else -one.rotation for one in (v, w))
-        return (field[0], v.value, w.value), (turn_v, None, phi), (turn_w, -phi, None)
+        return (field[0], *self._of_centroid(mesh, v.value, w.value, phi)), (turn_v, None, phi), (turn_w, -phi, None)
+
+    def _of_centroid(self, mesh: Any, v: Any, w: Any, phi: Any) -> tuple[Any, Any]:
+        """What the shear centre's v and w are at the centroid."""
+        y, z = self.principal @ np.subtract(self.section.centroid, self.section.shear_centre)
+        return v - constant(mesh, z) * phi if z else v, w + constant(mesh, y) * phi if y else w
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
         r"""The form of what an axial force N and moments :math:`M_v = EI_z v_0''`, :math:`M_w = EI_y w_0''` do.
@@ -179,14 +228,21 @@ class Beam3D(Beam):
 
         Wagner's term, with I_y + I_z, twists a bar that is soft in torsion; moments make a high beam tip over sideways.
         From :math:`\sigma_{jk} u_{i,j} v_{i,k}` with the motion of sections and the shear force -M'; forces act on the
-        axis (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, sections 5.3 and 6.3).
+        axis (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, sections 5.3 and 6.3).  N moves with the
+        centroid, moments with the shear centre; left out is what moments do to the twist of a section without symmetry.
         """
         mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
         of, by = ([one.value.dx(0) for one in self._deflections(mesh, field)] for field in (trial, test))
         phi, dphi = trial[1], test[1]
         radius2 = constant(mesh, self.section.polar_moment / self.section.area)
-        along = of[0] * by[0] + of[1] * by[1] + radius2 * phi.dx(0) * dphi.dx(0)
-        M_v, M_w = (self.moment(mesh, state, component) for component in (1, 2))
+        both = ((of, phi), (by, dphi))
+        pairs = zip(*(self._of_centroid(mesh, v, w, twist.dx(0)) for (v, w), twist in both), strict=True)
+        along = sum(a * b for a, b in pairs) + radius2 * phi.dx(0) * dphi.dx(0)
+        moments = [self.moment(mesh, state, component) for component in (1, 2)]
+        if self.section.product_of_inertia:
+            turn = [[constant(mesh, float(c)) for c in row] for row in self.principal]
+            moments = [sum(c * M for c, M in zip(row, moments, strict=True)) for row in turn]
+        M_v, M_w = moments
         across = (M_w * phi).dx(0) * by[0] + of[0] * (M_w * dphi).dx(0)
         across -= (M_v * phi).dx(0) * by[1] + of[1] * (M_v * dphi).dx(0)
         return (self.axial_force(mesh, state) * along + across) * _measure(mesh)
@@ -212,19 +268,29 @@ class Beam3D(Beam):
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         at = self.station(place)
         rows = self._motions(np.array([at]))
-        if about is not None:
-            arm = np.asarray(about, float) - self.centroid(at)
+        arm = np.asarray(self.centroid(at) if about is None else about, float) - at * np.eye(3)[0]
+        if about is not None or arm.any():
             rows = sp.vstack([rows[:3] + sp.csr_matrix(np.cross(np.eye(3), arm).T) @ rows[3:], rows[3:]])
         rows = sp.csr_matrix(rows)
         rows.data[np.abs(rows.data) < 1e-14] = 0.0
         rows.eliminate_zeros()
         return rows
 
+    def centroid(self, place: str | float) -> Array:
+        """Where the mean of a shell's end is: in the middle of the walls' line."""
+        return super().centroid(place) + [0.0, *self._middle]
+
+    @cached_property
+    def _middle(self) -> Array:
+        return np.zeros(2) if self.body.profile is None else MidLine(self.body.profile).middle
+
     def _motions(self, places: Array) -> sp.csr_matrix:
-        """Displacements and rotations at distances along the axis, (6 len(places), n)."""
+        """Displacements and rotations of the axis at distances along it, (6 len(places), n)."""
         e = self._elements(places)
         h = np.diff(self.node_stations)[e]
         local = self._in_elements(h, (places - self.node_stations[e]) / h)
+        if np.any(self.own_motion != np.eye(6)):
+            local = np.linalg.inv(self.own_motion) @ local
         columns = np.broadcast_to(6 * e[:, None, None] + np.arange(12), local.shape)
         ends, shape = np.arange(0, local.size + 1, 12), (6 * len(places), self.size)
         return sp.csr_matrix(sp.csr_matrix((local.ravel(), columns.ravel(), ends), shape=shape) @ self.transformation)
@@ -242,42 +308,47 @@ class Beam3D(Beam):
 
     def strip(self, face: str, window: Window) -> Strip:
         """The line beside the axis that stands for a face; how far below or above the axis it is plays no role."""
-        if face not in FACES:
-            raise InputError("scene", "pads.on", face, f"a beam has the faces {', '.join(FACES)}")
-        component, sign = FACES[face]
+        plane, extent = self._face(face)
         points, weights = line_points(window, self.node_stations)
         across = sum(window.across) / 2.0
-        normal = sign * np.eye(3)[component]
-        turning = np.cross(across * np.eye(3)[3 - component], normal)  # (theta x arm) n = theta (arm x n)
+        normal = plane.normal
+        turning = np.cross(across * plane.across, normal)  # (theta x arm) n = theta (arm x n)
         entries, ends = np.tile([*normal, *turning], len(points)), 6 * np.arange(len(points) + 1)
         weighed = sp.csr_matrix((entries, np.arange(len(entries)), ends), shape=(len(points), 6 * len(points)))
         normals = sp.csr_matrix(weighed @ self._motions(points))
-        return Strip(points, np.full(len(points), across), weights, normals, self._extent(component), line=True)
+        return Strip(points, np.full(len(points), across), weights, normals, extent, line=True)
 
-    def _extent(self, component: int) -> Extent:
-        """Of a face whose normal is that component: as long as the axis, as broad as the profile, if there is one."""
+    def _face(self, name: str) -> tuple[Plane, Extent]:
+        """A face and what it offers: all of the axis, and its flat part, if there is a profile."""
         profile, along = self.body.profile, (0.0, self.body.length)
+        known = FACES if profile is None else profile.faces
+        if name not in known:
+            raise InputError("scene", "pads.on", name, f"a beam has the faces {', '.join(known)}")
         if profile is None:
-            return Extent(along)
-        half = (profile.height if component == 1 else profile.width) / 2.0
-        return Extent(along, (-half, half))
+            return FACES[name], Extent(along)
+        side = profile.faces[name]
+        normal, across = (np.array([0.0, *pair]) for pair in (side.normal, side.across))
+        return Plane(normal, across), Extent(along, side.span)
 
     def _elements(self, places: Array) -> Indices:
         """Numbers of the elements that hold places along the axis."""
         return np.clip(np.searchsorted(self.node_stations, places, side="right") - 1, 0, self.body.elements - 1)
 
     def stresses(self) -> StressRows | None:
-        return (
-            None if self.body.profile is None else stress_rows(self.grid, self.transformation, self.body, self._strains)
-        )
+        profile = self.body.profile
+        if profile is None:
+            return None
+        section = Strained(profile, self.body.material, np.array(self.section.centroid), self.principal)
+        return stress_rows(self.grid, self.transformation, section, self._strains)
 
     def section_forces(self) -> ForceRows:
         E, section, strains = self.body.material.young, self.section, self._strains
+        bent = E * self.principal.T @ np.diag(self.second_moments)  # about z and y, of curvatures along principal axes
         stiffness = {
             "normal force": E * section.area * np.eye(4)[0],
             "torque": self.body.material.shear_modulus * section.torsion_constant * np.eye(4)[3],
-            "bending moment y": -E * section.second_moment_y * np.eye(4)[2],
-            "bending moment z": E * section.second_moment_z * np.eye(4)[1],
+            "bending moment y": np.array([0.0, *-bent[1], 0.0]),
+            "bending moment z": np.array([0.0, *bent[0], 0.0]),
         }
         T, x = self.transformation, self.node_stations
         found = force_rows(

@@ -50,7 +50,8 @@ from pmr.models import Forms, UnitState
 from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
 from pmr.models.tabulation import as_rows, cell_values
 from pmr.scene import Body
-from pmr.scene.structures import Plate, ShellBody
+from pmr.scene.profile import BoxProfile
+from pmr.scene.structures import Material, Plate, ShellBody
 
 Array = NDArray[np.float64]
 
@@ -206,14 +207,23 @@ def _frame(mesh: Any) -> tuple[Any, Any, Any]:
 
 def of(body: Body, mesh: NamedMesh) -> Shell:
     """The shell that a scene's body is."""
-    thickness = body.box.wall if body.box else body.thickness
-    assert thickness is not None  # the scene's check
-    regions = {
-        name: Plate(material=region.material or body.material, thickness=region.thickness or thickness)
-        for name, region in body.regions.items()
-    }
-    plate = Plate(material=body.material, thickness=thickness)
+    if body.box is not None:
+        plate, regions = plates(body.box, body.material)
+    else:
+        assert body.thickness is not None  # the scene's check
+        plate, regions = Plate(material=body.material, thickness=body.thickness), {}
+    for name, region in body.regions.items():
+        thickness = region.thickness or regions.get(name, plate).thickness
+        regions[name] = Plate(material=region.material or body.material, thickness=thickness)
     return Shell(ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction), mesh)
+
+
+def plates(profile: BoxProfile, material: Material) -> tuple[Plate, dict[str, Plate]]:
+    """The thickest plate of a profile, which frames are made of too, and the others by the names of their walls."""
+    walls = profile.walls
+    thickest = max(walls.values())
+    others = {name: Plate(material=material, thickness=wall) for name, wall in walls.items() if wall < thickest}
+    return Plate(material=material, thickness=thickest), others
 
 
 def frames(mesh: NamedMesh) -> Array:

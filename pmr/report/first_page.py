@@ -11,6 +11,7 @@ from pmr.report import sentences
 from pmr.report.blocks import Table
 from pmr.report.columns import is_round_off, tips
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.report.parameters import by_face
 from pmr.report.subject import alone, loads_as_asked, spoken
 from pmr.results import RunResult
 from pmr.results.outputs import FORCES
@@ -44,7 +45,7 @@ def _asked(result: RunResult) -> Rows:
         size = ""
         if box is not None:
             sides = f"{plain(1e3 * box.width)} × {plain(1e3 * box.height)}"
-            size = f", box of {plain(box.length)}{SPACE}m, {sides}{SPACE}mm, wall {plain(1e3 * box.wall)}{SPACE}mm"
+            size = f", box of {plain(box.length)}{SPACE}m, {sides}{SPACE}mm, wall {by_face(box.wall)}{SPACE}mm"
         weight = masses.get(name)
         yield name or "structure", f"{model}{size}" + ("" if weight is None else f", {_kg(weight['mass'])}")
     for name, part in scene.bodies.items():

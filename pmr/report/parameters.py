@@ -108,12 +108,22 @@ def _section(body: Body) -> Rows:
     box, material = body.box, body.material
     if box is not None:
         yield "box", f"{plain(box.length)} × {plain(box.width)} × {plain(box.height)}{SPACE}m"
-        yield "wall", f"{plain(1e3 * box.wall)}{SPACE}mm"
+        yield "wall", f"{by_face(box.wall)}{SPACE}mm"
+        for cut, given in (("radius", box.radius), ("chamfer", box.chamfer)):
+            if given:
+                yield cut, f"{by_face(given)}{SPACE}mm"
     elif body.thickness is not None:
         yield "thickness", f"{plain(1e3 * body.thickness)}{SPACE}mm"
     yield "Young's modulus", f"{plain(1e-9 * material.young)}{SPACE}GPa"
     yield "Poisson's ratio", plain(material.poisson)
     yield "density", f"{plain(material.density)}{SPACE}kg/m³"
+
+
+def by_face(given: Any) -> str:
+    """A length in mm, or several by face or direction."""
+    if isinstance(given, dict):
+        return ", ".join(f"{name} {by_face(length)}" for name, length in given.items())
+    return " × ".join(plain(1e3 * length) for length in given) if isinstance(given, tuple) else plain(1e3 * given)
 
 
 def _damping(scene: Any) -> Rows:
@@ -148,7 +158,7 @@ def _joints(result: RunResult) -> Rows:
             for ring in rings:
                 faces = ", ".join(f"{len(at)} {face}" for face, at in ring.faces.items()) if ring.faces else "a point"
                 way = "only pushing" if ring.unilateral else "holding both ways"
-                gap = f", play {plain(1e3 * ring.clearance)}{SPACE}mm" if ring.clearance else ""
+                gap = f", play {by_face(ring.clearance)}{SPACE}mm" if ring.clearance else ""
                 rubs = f", friction {plain(ring.friction)}" if ring.friction else ""
                 called = " ".join(filter(None, (f"pads of {name} at the {end}", ring.name)))
                 what = f"at {plain(ring.at)}{SPACE}m, {faces}; {_stiff(ring.stiffness)}, {way}{gap}{rubs}"

@@ -8,7 +8,7 @@ from pmr.results.outputs import Output
 from pmr.results.response import Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
-from pmr.scene.choice import model_of, transverse
+from pmr.scene.choice import felt_faces, transverse
 from pmr.scene.members import member_at
 from pmr.scene.names import ALONE, cylinder_of, named
 from pmr.scene.parts import OneBody
@@ -72,7 +72,7 @@ def _of_body(body: str, of: OneBody) -> dict[str, Output]:
 def _unnamed_forces(scene: Scene) -> list[str]:
     """Outputs before rows, those of rows that move last; nothing where points slide."""
     (body,) = scene.bodies.values()
-    faces = ("bottom", "top") if model_of(member_at(scene)) == "beam2d" else ("bottom", "top", "left", "right")
+    faces = felt_faces(member_at(scene))
     staying = [ring for ring in body.pads if not ring.moving and ring.stiffness != "rigid"]
     ordered = [*sorted(staying, key=lambda ring: ring.unilateral), *(ring for ring in body.pads if ring.moving)]
     return [force_of(name) for ring in ordered for name, face, _ in ring.places if face in faces]

@@ -18,19 +18,26 @@ THICK = 0.025  # of a pad as drawn, m: the gap between both sections
 CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))])
 
 
-def pad_extent(ring: PadRing, face: Face, across: float, body: Array) -> Array:
-    """Least and largest coordinates (2, 3) in m of a pad at s = 0, a plate on a face of a body that reaches so far.
+def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box: Box | None, cube: Array) -> Array:
+    """Those of a unit cube (k, 3) that becomes a pad at s = 0, (k, 3) m: a plate on a face of a body.
 
-    Faces are bottom and top (z), right and left (y).
+    Faces are bottom and top (z), right and left (y) of a body that reaches from least to largest coordinates `body`
+    (2, 3) m, or slanted ones of its `box`.
     """
-    low, high = body
-    normal, along = (2, 1) if face in ("bottom", "top") else (1, 2)
-    middle, size = (low + high) / 2.0, np.zeros(3)
-    outwards = -1.0 if face in ("bottom", "right") else 1.0
-    middle[0], middle[along] = ring.at, middle[along] + across
-    middle[normal] = (low if outwards < 0.0 else high)[normal] + outwards * THICK / 2.0
-    size[0], size[along], size[normal] = ring.length, ring.width, THICK
-    return np.array([middle - size / 2.0, middle + size / 2.0])
+    _, face, across = place
+    size, local = np.array([ring.length, ring.width, THICK]), cube - [0.5, 0.5, 0.0]
+    if box is not None and " " in face:  # it is slanted
+        side = box.faces[face]
+        along, out = ([0.0, *pair] for pair in (side.across, side.normal))
+        reach = float(side.normal @ side.start) + side.thickness / 2.0
+        centre = np.array([ring.at, *(across * side.across + reach * side.normal)])
+    else:
+        normal, tangent = (2, 1) if face in ("bottom", "top") else (1, 2)
+        outwards = -1.0 if face in ("bottom", "right") else 1.0
+        along, out = np.eye(3)[tangent], outwards * np.eye(3)[normal]
+        centre = body.mean(axis=0) + across * along
+        centre[0], centre[normal] = ring.at, (body[0] if outwards < 0.0 else body[1])[normal]
+    return np.asarray(centre + (local * size) @ np.array([[1.0, 0.0, 0.0], along, out]))
 
 
 def pads_over_time(result: RunResult) -> Boxes | None:
@@ -49,8 +56,7 @@ def pads_over_time(result: RunResult) -> Boxes | None:
     corners = np.empty((len(t), len(places), 8, 3))
     force = np.full((len(t), len(places)), np.nan)
     for k, (ring, name, face, across) in enumerate(places):
-        start, end = pad_extent(ring, face, across, body)
-        corners[:, k] = start + CUBE * (end - start)
+        corners[:, k] = pad_corners(ring, (name, face, across), body, scene.body.box, CUBE)
         if not ring.moving:
             corners[:, k, :, 0] += along[:, None]
         if FORCE_OF + name in response.force_names:
@@ -64,6 +70,6 @@ def _extent(fields: Fields, box: Box | None) -> Array:
     """Of the body at rest, (2, 3) m: that of a beam is its box's."""
     found = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
     if fields.kind == "line" and box is not None:
-        half = np.array([0.0, box.width + box.wall, box.height + box.wall]) / 2.0
-        found += np.array([-half, half])
+        outside = np.array([corner.at for corner in box.corners])
+        found += [[0.0, *outside.min(axis=0)], [0.0, *outside.max(axis=0)]]
     return found

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
+from pmr.scene.plates import Face
+from pmr.scene.profile import BoxProfile
 from pmr.scene.refusals import of_key
 from pmr.scene.section import (
     Count,
@@ -32,9 +35,8 @@ GRAVITY = 9.80665  # m/s^2
 #: The input that the weight of everything drives.
 WEIGHT = "gravity"
 ModelName = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
-Face = Literal["bottom", "top", "left", "right"]
 #: What tells pads of a face apart, if there are two: which side of the middle they are on.
-SIDES = {"bottom": ("right", "left"), "top": ("right", "left"), "left": ("lower", "upper"), "right": ("lower", "upper")}
+SIDES, UPWARDS = dict.fromkeys(("bottom", "top"), ("right", "left")), ("lower", "upper")
 #: What each kind of support holds, as far as the body moves that way.
 SUPPORTED: dict[str, tuple[Direction, ...]] = {
     "pinned": ("x", "y", "z"),
@@ -45,14 +47,10 @@ SUPPORTED: dict[str, tuple[Direction, ...]] = {
 ENDS = {"tail": 0.0, "tip": 1.0}
 
 
-class Box(Section):
-    """A rectangular tube along x by the dimensions of its mid-surface; width along y, height along z."""
+class Box(BoxProfile):
+    """A tube of plates along x by the dimensions of its mid-surface; width along y, height along z."""
 
     length: Length = Field(description="Length along x")
-    width: Length = Field(description="Width along y")
-    height: Length = Field(description="Height along z")
-    wall: Length = Field(description="Thickness of the walls")
-    radius: Distance = Field(default=0.0, description="Radius of the corners")
     frames: tuple[Size, ...] = Field(
         default=(), description="Places along x where a shell is stiffened by a transverse plate all around"
     )
@@ -172,10 +170,16 @@ class Slider(Section):
     travel: tuple[Place, Place] | None = Field(default=None, description="Smallest and largest s of the saved model")
 
 
+def clearance_on(given: float | Mapping[Face, float], face: str) -> float:
+    """Of the pads on a face, where one of all is given or several by face, m."""
+    return next((gap for name, gap in given.items() if name == face), 0.0) if isinstance(given, Mapping) else given
+
+
 class PadRing(Section):
     """Pads around the section at one place along the axis, which stay on the body or move along it.
 
-    `faces` says where they are across each face, m: y on bottom and top, z on the sides; 0 is the middle.
+    `faces` says where they are across each face, m: y on bottom and top, z on the sides, upwards on faces that are
+    slanted, from where a face is nearest to the axis.
     """
 
     name: Name = Field(description="What its pads are called by")
@@ -192,7 +196,7 @@ class PadRing(Section):
 
     def clearance_on(self, face: Face) -> float:
         """Of the pads on a face, m."""
-        return self.clearance.get(face, 0.0) if isinstance(self.clearance, dict) else self.clearance
+        return clearance_on(self.clearance, face)
 
     @property
     def places(self) -> list[tuple[str, Face, float]]:
@@ -200,7 +204,11 @@ class PadRing(Section):
         found = []
         for face, places in self.faces.items():
             for number, across in enumerate(places, start=1):
-                which = SIDES[face][int(across > 0.0)] if len(places) == 2 and np.prod(places) < 0.0 else str(number)
+                which = (
+                    SIDES.get(face, UPWARDS)[int(across > 0.0)]
+                    if len(places) == 2 and np.prod(places) < 0.0
+                    else str(number)
+                )
                 found.append((f"{self.name} {face}" + (f" {which}" if len(places) > 1 else ""), face, float(across)))
         return found
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from pmr.scene.built import Box, Load
 from pmr.scene.members import Member
+from pmr.scene.plates import FACES
 from pmr.scene.section import Direction
 
 #: A wall is taken to answer at once up to this share of its own lowest frequency.
@@ -152,20 +153,25 @@ def fewest_rows(member: Member) -> int:
     return sum(direction in moves for support in rigid for direction in support.held) + len(member.points)
 
 
+def felt_faces(member: Member) -> tuple[str, ...]:
+    """Faces whose pads the chosen model can feel: nothing moves a planar beam sideways."""
+    return ("bottom", "top") if model_of(member) == "beam2d" else FACES
+
+
 def transverse(member: Member) -> tuple[str, ...]:
     """Directions in which the chosen model moves across its axis."""
     return ("z",) if model_of(member) == "beam2d" else ("y", "z")
 
 
 def wall_frequency(box: Box, young: float, poisson: float, density: float) -> float:
-    r"""Lowest frequency in Hz of the box's widest wall as a long plate that is hinged on both edges.
+    r"""Lowest frequency in Hz of the box's flat walls as long plates that are hinged on both edges.
 
     .. math:: f = \frac{\pi}{2 b^2} \sqrt{\frac{E t^2}{12 \rho (1 - \nu^2)}}
 
     Leissa: Vibration of Plates, NASA SP-160, 1969, section 4.1 (a infinite).
     """
-    b = max(box.width, box.height)
-    return float(np.pi / (2.0 * b**2) * np.sqrt(young * box.wall**2 / (12.0 * density * (1.0 - poisson**2))))
+    softest = min((side.thickness / side.length**2 for side in box.faces.values()), default=np.inf)
+    return float(np.pi / 2.0 * softest * np.sqrt(young / (12.0 * density * (1.0 - poisson**2))))
 
 
 def _stresses(member: Member) -> list[str]:
@@ -197,6 +203,11 @@ def _lateral(member: Member) -> list[str]:
         for mass in member.part.masses
         if mass.at is not None and mass.at[1] != 0.0
     ]
+    box = member.part.body.box
+    if box is not None and box.thickness("left") != box.thickness("right"):
+        found.append("the walls at left and right differ")
+    if any(" " in face for ring in member.pads for face in ring.faces):
+        found.append("pads are on slanted faces")
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
         found.append("the weight has a lateral part")
     if member.frame is not None and (member.frame.leaves_plane or member.frame.place[1] != 0.0):

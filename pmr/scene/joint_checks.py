@@ -8,6 +8,7 @@ import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.choice import is_axial, is_planar
+from pmr.scene.fit import check_fit
 from pmr.scene.joints import Linear
 from pmr.scene.magnitudes import check_loads, check_proportions, jump_of
 from pmr.scene.members import EXTENSION, footprint, member_at, members, seats
@@ -27,7 +28,7 @@ def check_joints(scene: Scene) -> None:
         if number:
             _driven(scene, number)
     for number in range(1, len(scene.sections)):
-        _fits(scene, number)
+        check_fit(scene, number)
         _slides(scene, number)
     for number in range(len(scene.sections)):
         _held_while_sliding(scene, number)
@@ -89,32 +90,6 @@ def _driven(scene: Scene, number: int) -> None:
         raise refusal(f"{key}.extension", None, f"{scene.names[number]} {jump}")
 
 
-def _fits(scene: Scene, number: int) -> None:
-    """The inner box within the outer one, and the play of its pads within the gap between them."""
-    inner, outer = scene.sections[number].body.box, scene.sections[number - 1].body.box
-    if inner is None or outer is None:
-        return
-    gaps = {}
-    for side in ("width", "height"):
-        has, room = getattr(inner, side) + inner.wall, getattr(outer, side) - outer.wall
-        if has >= room:
-            allowed = (
-                f"outside {scene.names[number]} is {has:.6g} m, inside {scene.names[number - 1]} there are {room:.6g} "
-                "m: a section has to fit into the one before it"
-            )
-            raise refusal(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
-        gaps[side] = (room - has) / 2.0
-    for seat in seats(scene, number):
-        faces = seat.ring.faces or ("bottom", "top")  # points stand above and below
-        gap = min(gaps["height" if face in ("bottom", "top") else "width"] for face in faces)
-        if seat.joint == number and seat.ring.clearance > gap * (1.0 + SLACK):
-            allowed = (
-                f"at most {gap:.6g} m is allowed: so wide is the gap between {scene.names[number]} and "
-                f"{scene.names[number - 1]} there"
-            )
-            raise refusal(f"sections[{number}].joint.{seat.key}.clearance", seat.ring.clearance, allowed)
-
-
 def _held_at_the_start(scene: Scene, number: int) -> None:
     """A run begins in equilibrium: play across the boom is taken up by a load, or some pads have none."""
     joint, beyond = scene.joint(number), scene.sections[number:]
@@ -126,7 +101,9 @@ def _held_at_the_start(scene: Scene, number: int) -> None:
             continue
         for end in ("tail", "mouth"):
             rings = {k: ring for k, ring in enumerate(getattr(joint, end)) if faces & set(ring.faces or ("top",))}
-            if rings and all(ring.clearance for ring in rings.values()):
+            if rings and all(
+                ring.clearance_on(face) for ring in rings.values() for face in ring.faces or ("top",) if face in faces
+            ):
                 (k, ring), *_ = rings.items()
                 allowed = (
                     f"0 is allowed, here or in another ring: no load along {axis} takes up the play of "

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from pmr.scene.built import Face
+from pmr.scene.built import Face, clearance_on
 from pmr.scene.section import (
     Distance,
     Friction,
@@ -39,14 +39,27 @@ class JointPads(Section):
     width: Size = Field(default=0.08, description="Across")
     stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Of each pad")
     unilateral: Switch = Field(default=True, description="Whether they only push")
-    clearance: Distance = Field(default=0.0, description="Between pads that only push and the section at rest")
+    clearance: Distance | dict[Face, Distance] = Field(
+        default=0.0, description="Between pads that only push and the section at rest, of all faces or by face"
+    )
     friction: Friction = Field(default=0.0, description="Coulomb's coefficient along the boom, part of cylinder forces")
 
     @model_validator(mode="after")
     def _only_what_pushes_has_play(self) -> JointPads:
         if self.clearance and not self.unilateral:
             raise ValueError("a clearance goes with unilateral = true")
+        strange = (
+            [face for face in self.clearance if face not in (self.faces or ())]
+            if isinstance(self.clearance, dict)
+            else []
+        )
+        if strange:
+            raise ValueError(f"a clearance of faces that have pads is allowed: {strange[0]} has none")
         return self
+
+    def clearance_on(self, face: str) -> float:
+        """Of the pads on a face, m."""
+        return clearance_on(self.clearance, face)
 
 
 class Cylinder(Section):

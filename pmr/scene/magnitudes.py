@@ -36,7 +36,7 @@ def check_proportions(part: OneBody) -> None:
         side = min(box.width, box.height)
         _check_ratio("body.box.length", box.length / side, SLENDER, "length over the smaller side")
         _check_ratio("body.box.width", box.width / box.height, (1e-3, 1e3), "width over height")
-        _check_ratio("body.box.wall", side / box.wall, THIN, "the smaller side over the wall")
+        _check_ratio("body.box.wall", side / min(box.walls.values()), THIN, "the smaller side over the wall")
         if section is not None:
             for name in ("second_moment_y", "second_moment_z", "torsion_constant"):
                 slender = box.length / float(np.sqrt(getattr(section, name) / section.area))

@@ -129,13 +129,6 @@ def _body(member: Member) -> None:
         raise refusal("recovery", None, "given matrices have no cells and no stresses: leave it out")
     if file is not None and model == "shell" and body.thickness is None:
         raise refusal("body.thickness", None, "a thickness in m is needed for a shell that is read")
-    if body.box is not None:
-        half = min(body.box.width, body.box.height) / 2.0
-        if body.box.wall >= half:
-            raise refusal("body.box.wall", body.box.wall, f"less than {half:g} m, half of width and height, is allowed")
-        if body.box.radius and not body.box.wall / 2.0 < body.box.radius < half:
-            allowed = f"0 is allowed, or more than {body.box.wall / 2.0:g} m, half the wall, and less than {half:g} m"
-            raise refusal("body.box.radius", body.box.radius, allowed)
     if body.section is not None and body.model != "beam3d":
         raise refusal("body.section", None, "a section goes with body.model = 'beam3d'")
     if body.section is not None and body.shear and None in (body.section.shear_area_y, body.section.shear_area_z):
@@ -181,6 +174,13 @@ def _planar(member: Member) -> None:
             if load.direction == "x":
                 allowed = "an axial load needs body.profile.axial = true"
             raise refusal(f"loads[{i}].direction", load.direction, allowed)
+    slanted = [(i, face) for i, ring in enumerate(member.pads) for face in ring.faces if " " in face]
+    for i, face in slanted:
+        key, allowed = (
+            f"pads[{i}].faces.{face}",
+            "bottom, top, left and right are allowed for beam2d, or body.model = 'beam3d'",
+        )
+        raise refusal(key, None, allowed)
     if any(ring.moving for ring in member.pads) and not any(
         ring.moving and {"bottom", "top"} & set(ring.faces) for ring in member.pads
     ):
@@ -221,14 +221,17 @@ def _along(member: Member, length: float, ring: PadRing, key: str) -> None:
 
 def _across(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:
     name, face, across = place
-    # the flat part, between the corners' radii: of the mid-surface, whatever the model is
-    half = (box.width if face in ("bottom", "top") else box.height) / 2.0 - box.radius
-    if abs(across) + ring.width / 2.0 <= half * (1.0 + SLACK):
-        return
+    faces = box.faces
+    if face not in faces:
+        offered = f"{', '.join(faces)} are allowed, which are flat" if faces else "no pads are allowed: nothing is flat"
+        raise refusal(key, None, f"this profile has no flat face {face}: {offered}")
+    (low, high), slack = faces[face].span, SLACK * max(box.width, box.height)
     start, end = across - ring.width / 2.0, across + ring.width / 2.0
+    if low - slack <= start and end <= high + slack:
+        return
     allowed = (
         f"the pad {name} reaches from {start:.6g} to {end:.6g} m across; "
-        f"the flat face {face} offers {-half:.6g} to {half:.6g} m, all of a pad has to be on it"
+        f"the flat face {face} offers {low:.6g} to {high:.6g} m, all of a pad has to be on it"
     )
     raise refusal(key, across, allowed)
 

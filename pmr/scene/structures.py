@@ -7,15 +7,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from pmr.scene.profile import BoxProfile
 from pmr.scene.section import (
     Area,
     Count,
     Density,
-    Distance,
     Inertia,
     Length,
     Mass,
     Name,
+    Place,
     Point,
     Pressure,
     Quantity,
@@ -108,24 +109,6 @@ class Probe(Section):
         return self
 
 
-class BoxProfile(Section):
-    """A rectangular tube, by the dimensions of its mid-surface; width along y, height along z."""
-
-    width: Length = Field(description="Along y")
-    height: Length = Field(description="Along z")
-    wall: Length = Field(description="Thickness")
-    radius: Distance = Field(default=0.0, description="Radius of the corners, 0 or more than half the wall")
-
-    @model_validator(mode="after")
-    def _hollow(self) -> BoxProfile:
-        half = min(self.width, self.height) / 2.0
-        if self.wall >= half:
-            raise ValueError("the wall must be thinner than half of width and height")
-        if self.radius and not self.wall / 2.0 < self.radius <= half:
-            raise ValueError("the radius must be 0, or more than half the wall and at most half of width and height")
-        return self
-
-
 class Profile(Section):
     """A straight planar beam by its stiffnesses, along x from 0 to `length`."""
 
@@ -166,7 +149,10 @@ class SolidBody(Section):
 
 
 class BeamSection(Section):
-    """Properties of a cross-section about its centroid; z points up in the section, y across."""
+    """Properties of a cross-section about its centroid; z points up in the section, y across.
+
+    Places in the section are those beside the axis, on which supports, loads and pads have their places.
+    """
 
     area: Area = Field(description="Area A")
     second_moment_y: SecondMoment = Field(description="Second moment I_y, which resists bending along z")
@@ -174,6 +160,11 @@ class BeamSection(Section):
     torsion_constant: SecondMoment = Field(description="Torsion constant J")
     shear_area_y: Area | None = Field(default=None, description="Shear area kappa A for forces along y")
     shear_area_z: Area | None = Field(default=None, description="Shear area kappa A for forces along z")
+    product_of_inertia: Annotated[float, Field(strict=True), Quantity("m^4", -1e20, 1e20)] = Field(
+        default=0.0, description="Integral of y z over the section, zero where one of its axes is one of symmetry"
+    )
+    centroid: tuple[Place, Place] = Field(default=(0.0, 0.0), description="y and z of the centroid")
+    shear_centre: tuple[Place, Place] = Field(default=(0.0, 0.0), description="y and z of the shear centre")
 
     @property
     def polar_moment(self) -> float:

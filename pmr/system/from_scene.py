@@ -80,15 +80,16 @@ def _pads(scene: Scene, ring: JointPads, called: str, rows: set[str]) -> Iterato
     """Those of a ring that both sections can feel: nothing moves a planar beam sideways."""
     called = " ".join(filter(None, (called, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
-    clearance = ring.clearance if ring.unilateral else None
     if ring.faces is None:
+        clearance = ring.clearance_on("") if ring.unilateral else None
         for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": 1.0}.items():
             yield JointPad(called + way, POINT, ring.at, direction, compliance, clearance, ring.friction)
         return
     pads = as_pads(ring, footprint(scene, ring))
     named = pads.model_copy(update={"name": called})  # so are their contacts
-    for (row, *_), (name, *_) in zip(pads.places, named.places, strict=True):
+    for (row, *_), (name, face, _) in zip(pads.places, named.places, strict=True):
         if row in rows:
+            clearance = ring.clearance_on(face) if ring.unilateral else None
             yield JointPad(name, row, ring.at, 1.0, compliance, clearance, ring.friction)
 
 

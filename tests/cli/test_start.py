@@ -98,6 +98,7 @@ def test_the_schema_knows_every_key_of_the_booms_scene() -> None:
     assert set(written) <= set(schema["anyOf"][0]["properties"])
     assert set(written["body"]["box"]) == set(schema["$defs"]["Box"]["properties"]) - {
         "radius",
+        "chamfer",
         "frames",
         "frame_depth",
     }

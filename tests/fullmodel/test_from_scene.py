@@ -227,7 +227,9 @@ count = 4
 def test_a_mesh_of_ones_own_is_read(tmp_path: Path) -> None:
     if MPI.COMM_WORLD.size > 1:
         pytest.skip("every rank has a folder of its own here")
-    write_shell(BoxBoom(length=4.0, size=0.2), tmp_path / "boom.msh")
+    write_shell(
+        BoxBoom(BoxProfile(width=0.3, height=0.4, wall=0.008).sides, length=4.0, size=0.2), tmp_path / "boom.msh"
+    )
     (tmp_path / "own.toml").write_text(OWN)
     model = build(scenes.load(tmp_path / "own.toml")).model
     assert model.output_names[-4:] == ("tip z", *(f"force of tail {pad}" for pad in PADS))

@@ -169,8 +169,9 @@ PRESSED = tuple(
 def found(thickness: float, staying=PRESSED, rings=(), ends=(), clamps=()):
     """How far the walls of a box give way, by a shell of it."""
     pytest.importorskip("gmsh")
-    box = BoxBoom(length=2.4, width=0.3, height=0.4, wall=thickness, size=0.15, size_along=0.15)
-    return wall_compliance(PlateBody(box, Material(), 5.0 / 6.0, clamps), staying, ends, rings)
+    profile = BoxProfile(width=0.3, height=0.4, wall=thickness)
+    box = BoxBoom(profile.sides, length=2.4, size=0.15, size_along=0.15)
+    return wall_compliance(PlateBody(box, profile, Material(), 5.0 / 6.0, clamps), staying, ends, rings)
 
 
 @pytest.mark.slow

@@ -8,13 +8,21 @@ import pytest
 from pmr.errors import InputError
 from pmr.mesh import NamedMesh, read_mesh
 from pmr.mesh.box import BoxBoom, write_shell, write_solid
+from pmr.scene.profile import BoxProfile
 
 pytest.importorskip("gmsh")
 SMALL = {"length": 1.2, "size": 0.1}
+PROFILE = {"width": 0.3, "height": 0.4, "wall": 0.008}
+
+
+def boom(**dimensions) -> BoxBoom:
+    """Of the profile, with other dimensions of it or of the cells."""
+    own = {key: dimensions.pop(key, value) for key, value in (PROFILE | {"radius": 0.0, "chamfer": 0.0}).items()}
+    return BoxBoom(BoxProfile(**own).sides, **dimensions)
 
 
 def shell(tmp_path: Path, **dimensions) -> NamedMesh:
-    write_shell(BoxBoom(**(SMALL | dimensions)), tmp_path / "m.msh")
+    write_shell(boom(**(SMALL | dimensions)), tmp_path / "m.msh")
     return read_mesh(tmp_path / "m.msh", ("triangle",), ("tail", "tip", "bottom", "top", "left", "right"))
 
 
@@ -66,7 +74,7 @@ def test_layers_double_from_the_tail(tmp_path: Path) -> None:
 @pytest.mark.parametrize("hexahedra", [True, False])
 @pytest.mark.parametrize("radius", [0.0, 0.04])
 def test_a_solid_has_the_volume_of_its_wall(tmp_path: Path, hexahedra: bool, radius: float) -> None:
-    write_solid(BoxBoom(**SMALL, radius=radius), tmp_path / "m.msh", hexahedra)
+    write_solid(boom(**SMALL, radius=radius), tmp_path / "m.msh", hexahedra)
     mesh = read_mesh(tmp_path / "m.msh", ("hexahedron", "tetrahedron"), ("tail", "tip", "bottom", "top", "left"))
     p = mesh.points[mesh.cells]
     if hexahedra:
@@ -82,8 +90,6 @@ def test_a_solid_has_the_volume_of_its_wall(tmp_path: Path, hexahedra: bool, rad
 @pytest.mark.parametrize(
     ("dimensions", "says"),
     [
-        ({"wall": 0.3}, "wall = 0.3: less than half of width and height"),
-        ({"radius": 0.2}, "radius = 0.2"),
         ({"frames": (7.0,), "frame_depth": 0.1}, "frames"),
         ({"frames": (1.0,)}, "frame_depth"),
         ({"size": 0.0}, "size = 0.0: more than 0"),
@@ -91,4 +97,4 @@ def test_a_solid_has_the_volume_of_its_wall(tmp_path: Path, hexahedra: bool, rad
 )
 def test_impossible_dimensions_are_refused(dimensions, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        BoxBoom(**dimensions)
+        boom(**dimensions)

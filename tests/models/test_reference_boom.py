@@ -28,12 +28,14 @@ from pmr.models.shell import KINDS as TRIANGLES
 from pmr.models.shell import Shell
 from pmr.models.solid import KINDS as CELLS
 from pmr.models.solid import Solid
+from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Plate, ShellBody, SolidBody
 
 pytest.importorskip("gmsh")
 pytestmark = pytest.mark.slow
 SHELL = np.array([10.1121, 12.5406, 59.315, 73.931, 88.871, 100.298, 121.050, 137.650])
 SOLID = np.array([10.1160, 12.5446, 59.379, 73.985, 89.240, 100.643, 121.611, 138.038])
+SIDES = BoxProfile(width=0.3, height=0.4, wall=0.008).sides
 BENDING, WALLS = [0, 1, 2, 3, 7], [4, 5, 6]
 
 
@@ -46,7 +48,7 @@ def boom(model: StructuralModel) -> tuple[np.ndarray, float, int]:
 
 
 def test_the_shell(tmp_path: Path) -> None:
-    write_shell(BoxBoom(size=0.04, size_along=0.125, tail_layer=0.02), tmp_path / "m.msh")
+    write_shell(BoxBoom(SIDES, size=0.04, size_along=0.125, tail_layer=0.02), tmp_path / "m.msh")
     mesh = read_mesh(tmp_path / "m.msh", TRIANGLES, ("tail", "tip", "bottom", "top", "left", "right"))
     found, deflection, size = boom(Shell(ShellBody(plate=Plate(thickness=0.008)), mesh))
     assert size <= 80_000
@@ -59,7 +61,7 @@ def test_the_shell(tmp_path: Path) -> None:
 
 def test_the_solid_of_hexahedra(tmp_path: Path) -> None:
     """The wall modes come from above, slowly: quadratic cells 25 mm wide are stiff in bending an 8 mm wall."""
-    write_solid(BoxBoom(size=0.025, size_along=0.3, tail_layer=0.004), tmp_path / "m.msh")
+    write_solid(BoxBoom(SIDES, size=0.025, size_along=0.3, tail_layer=0.004), tmp_path / "m.msh")
     found, deflection, size = boom(Solid(SolidBody(), read_mesh(tmp_path / "m.msh", CELLS, ("tail", "tip"))))
     assert size <= 80_000
     assert found[:4] == pytest.approx(SOLID[:4], rel=1e-3)

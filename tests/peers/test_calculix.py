@@ -29,6 +29,7 @@ from pmr.mesh import read_mesh
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.models.shell import Shell
 from pmr.scene.members import member_at
+from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Plate, ShellBody
 from pmr.system.assembly import Assembly
 from pmr.system.buckling import buckling_factors
@@ -110,7 +111,7 @@ def ours_on_pads() -> FullModel:
 @pytest.fixture(scope="module")
 def ours(tmp_path_factory):
     file = tmp_path_factory.mktemp("boom") / "m.msh"
-    write_shell(BoxBoom(LENGTH, WIDTH, HEIGHT, WALL, SIZE, ALONG), file)
+    write_shell(BoxBoom(BoxProfile(width=WIDTH, height=HEIGHT, wall=WALL).sides, LENGTH, SIZE, ALONG), file)
     tip = Action("tip", "tip", "z")
     shell = Shell(ShellBody(plate=Plate(thickness=WALL)), read_mesh(file, ("triangle",)))
     return structural_model(Structure(shell, (Clamp("tail"),), (), (tip,), (tip,)))

@@ -160,7 +160,10 @@ def test_a_wall_is_a_long_plate() -> None:
         ("body.thickness=0.01", "give box.wall or thickness, one of them"),
         ("body.shape=1", "unknown key; did you mean"),
         ("gravity.direction=[0.0,0.0,0.0]", "gravity.direction: a direction is allowed: three numbers, not all of"),
-        ("body.box.radius=0.2", "body.box.radius = 0.2: 0 is allowed, or more than 0.004 m, half the wall, and less"),
+        (
+            "body.box.radius=0.2",
+            "body.box.radius = 0.2: 0 is allowed, or more than 0.004 m, half the wall, and at most 0.15",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(load, override, message) -> None:

@@ -29,7 +29,7 @@ def test_a_beam_that_makes_no_sense_is_refused(changes, says: str) -> None:
 
 
 def test_a_wall_thicker_than_the_tube_is_refused() -> None:
-    with pytest.raises(ValidationError, match="thinner than half of width"):
+    with pytest.raises(ValidationError, match="less than 0.15 m, half of width and height"):
         BoxProfile(width=0.3, height=0.4, wall=0.3)
 
 

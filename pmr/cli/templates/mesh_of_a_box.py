@@ -19,7 +19,6 @@ HERE = Path(__file__).parent
 
 if __name__ == "__main__":
     box = load_scene(HERE / "scene.toml").body.box  # the dimensions that stand there
-    section = BoxBoom(
-        length=box.length, width=box.width, height=box.height, wall=box.wall, radius=0.02, size=0.08, size_along=0.15
-    )
+    rounded = box.model_copy(update={"radius": 0.02})
+    section = BoxBoom(rounded.sides, box.length, size=0.08, size_along=0.15)
     write_shell(section, HERE / "section.msh")

@@ -99,13 +99,14 @@ def surfaces(result: RunResult) -> dict[str, Surface]:
 
 
 def _tube(fields: Fields, box: Box | None) -> Surface:
-    """Four walls along a beam's axis."""
-    width, height = (box.width, box.height) if box else (_THIN, _THIN)
-    corners = np.array([(-width, -height), (width, -height), (width, height), (-width, height)]) / 2.0
-    count = len(fields.points)
-    vertex, lever = np.repeat(np.arange(count), 4), np.tile(corners, (count, 1))
+    """Walls along a beam's axis."""
+    thin = np.array([(-_THIN, -_THIN), (_THIN, -_THIN), (_THIN, _THIN), (-_THIN, _THIN)]) / 2.0
+    corners = np.array([side.start for side in box.sides]) if box else thin
+    count, around = len(fields.points), len(corners)
+    vertex, lever = np.repeat(np.arange(count), around), np.tile(corners, (count, 1))
     points = fields.points[vertex].astype(float)
     points[:, 1:] += lever
-    one, other = 4 * fields.cells[:, 0], 4 * fields.cells[:, 1]
-    walls = [np.stack([one + k, other + k, other + (k + 1) % 4, one + (k + 1) % 4], axis=1) for k in range(4)]
-    return Surface(points, np.concatenate(walls), np.tile(np.arange(len(fields.cells)), 4), vertex, lever)
+    one, other = around * fields.cells[:, 0], around * fields.cells[:, 1]
+    ends = [(k, (k + 1) % around) for k in range(around)]
+    walls = [np.stack([one + a, other + a, other + b, one + b], axis=1) for a, b in ends]
+    return Surface(points, np.concatenate(walls), np.tile(np.arange(len(fields.cells)), around), vertex, lever)

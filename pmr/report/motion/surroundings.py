@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pmr.report.motion.surface import Surface
 from pmr.report.subject import alone
 from pmr.results import RunResult
-from pmr.results.pads import THICK, pad_extent
-from pmr.scene.built import PadRing
+from pmr.results.pads import THICK, pad_corners
+from pmr.scene.built import Box, PadRing
 
 Array = NDArray[np.float64]
 
@@ -46,10 +46,10 @@ def stage(result: RunResult, body: Surface) -> Stage:
     """The surroundings of a body, at s = 0."""
     if not alone(result):
         return Stage((), (), ())
-    low, high = body.points.min(axis=0), body.points.max(axis=0)
+    low, high, box = body.points.min(axis=0), body.points.max(axis=0), result.scene.body.box
     found = {moving: [ring for ring in result.scene.pads if ring.moving is moving] for moving in (False, True)}
     near, tail = (
-        tuple(block for ring in found[moving] for block in _pads(ring, low, high)) for moving in (True, False)
+        tuple(block for ring in found[moving] for block in _pads(ring, low, high, box)) for moving in (True, False)
     )
     ahead = max((ring.at + ring.length / 2.0 for ring in found[True]), default=0.1)
     start = np.array([low[0] - float(result.along.max()) - 0.1, *(low[1:] - 1.2 * THICK)])
@@ -57,10 +57,9 @@ def stage(result: RunResult, body: Surface) -> Stage:
     return Stage((_block(start, end, _SIDES[2:]),), near, tail)
 
 
-def _pads(ring: PadRing, low: Array, high: Array) -> list[Block]:
+def _pads(ring: PadRing, low: Array, high: Array, box: Box | None) -> list[Block]:
     body = np.array([low, high])
-    found = [pad_extent(ring, face, across, body) for _, face, across in ring.places]
-    return [_block(start, end, _SIDES) for start, end in found]
+    return [Block(pad_corners(ring, place, body, box, _CUBE + 0.5), _SIDES) for place in ring.places]
 
 
 def _block(start: Array, end: Array, sides: NDArray[np.int64]) -> Block:

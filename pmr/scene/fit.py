@@ -1,0 +1,59 @@
+"""Whether a section fits into the next outer one, with its pads and their play."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pmr.scene.built import Box
+from pmr.scene.members import Seat, seats
+from pmr.scene.plates import gaps
+from pmr.scene.scene import Scene
+from pmr.scene.structure_checks import refusal
+
+#: Round-off of a user's arithmetic.
+SLACK = 1e-9
+#: Cosine of the angle between faces that a pad lies between.
+PARALLEL = 1.0 - 1e-6
+
+
+def check_fit(scene: Scene, number: int) -> None:
+    """The inner box within the outer one, and the play of its pads within the gap between them."""
+    inner, outer = scene.sections[number].body.box, scene.sections[number - 1].body.box
+    if inner is None or outer is None:
+        return
+    name, around = scene.names[number], scene.names[number - 1]
+    for side, walls in (("width", ("left", "right")), ("height", ("bottom", "top"))):
+        has = getattr(inner, side) + sum(map(inner.thickness, walls)) / 2.0
+        room = getattr(outer, side) - sum(map(outer.thickness, walls)) / 2.0
+        if has >= room:
+            allowed = (
+                f"outside {name} is {has:.6g} m, inside {around} there are {room:.6g} "
+                "m: a section has to fit into the one before it"
+            )
+            raise refusal(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
+    beyond, face = min((room, face) for face, room in gaps(inner.sides, outer.sides).items())
+    if beyond <= 0.0:
+        allowed = f"{name} comes {-beyond:.6g} m too close to the {face} of {around}: a section has to fit into it"
+        raise refusal(f"sections[{number}].body.box", None, allowed)
+    for seat in seats(scene, number):
+        if seat.joint == number:
+            _play(seat, f"sections[{number}].joint.{seat.key}", (name, inner), (around, outer))
+
+
+def _play(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:
+    """Pads stand on faces of both sections that are parallel, and have no more play than the gap there."""
+    (name, section), (around, tube) = inner, outer
+    own, other = section.faces, tube.faces
+    for face in seat.ring.faces or ():
+        for body, faces in ((name, own), (around, other)):
+            if face not in faces:
+                raise refusal(f"{key}.faces", face, f"faces that {body} has are allowed: {', '.join(faces) or 'none'}")
+        if own[face].normal @ other[face].normal < PARALLEL:
+            allowed = f"faces that are parallel are allowed: the {face} of {name} and that of {around} are not"
+            raise refusal(f"{key}.faces", face, allowed)
+    room = gaps(section.sides, tube.sides)
+    for face in seat.ring.faces or ("bottom", "top"):  # points stand above and below
+        clearance, gap = seat.ring.clearance_on(face), room.get(face, np.inf)
+        if clearance > gap * (1.0 + SLACK):
+            allowed = f"at most {gap:.6g} m is allowed: so wide is the gap between {name} and {around} there"
+            raise refusal(f"{key}.clearance", clearance, allowed)
