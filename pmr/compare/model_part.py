@@ -32,8 +32,8 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Frequencies that are compared, modes among which they are, and places along the path: a beam on walls that give way is
-#: off most over an eighth of it, which nine places missed in two of twenty booms (`benchmarks.walls`).
+#: Frequencies that are compared, modes among which they are, and places along the path: beams with walls that give way
+#: are off most over an eighth of it, which nine places missed in two of twenty booms (`benchmarks.walls`).
 FREQUENCIES, MODES, PLACES = 2, 12, 33
 #: Share of a mode's motion that a poorer model knows, for the mode to be one that it should have.
 KNOWN = 0.5

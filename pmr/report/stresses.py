@@ -6,11 +6,15 @@ from collections.abc import Iterator, Mapping
 
 from pmr.report import sentences
 from pmr.report.blocks import Block, Grid, drawing
+from pmr.report.figures import envelopes
 from pmr.report.figures import forces as figures
-from pmr.report.numbers import SPACE, quantity, significant, unit_for
+from pmr.report.numbers import SPACE, plain, quantity, significant, unit_for
 from pmr.results import RunResult
-from pmr.results.tables import stress_peaks
-from pmr.scene.names import ALONE
+from pmr.results.tables import parts_of, stress_peaks
+from pmr.scene.names import ALONE, named
+
+#: Share of the largest force or moment, in N or N m, below which one is nothing to look at.
+NOTHING = 1e-6
 
 
 def stress(result: RunResult, prefix: str) -> Block | None:
@@ -27,6 +31,31 @@ def stress(result: RunResult, prefix: str) -> Block | None:
         rows.append((drawing(anchor, figures.stress, caption, result, body),))
     grids = (*_sections(result), *_regions(result))
     return Block(heading="Stress", rows=tuple(rows), grids=grids) if rows or grids else None
+
+
+def along_beams(result: RunResult, prefix: str) -> Block | None:
+    """Normal force, shear forces and moments of the sections of beams: envelopes over time, and the largest."""
+    largest, found = dict[str, float](), list[tuple[str, ...]]()
+    for part in parts_of(result.summary).values():
+        for what, one in part.get("section_forces", {}).get("reduced", {}).items():
+            if one["unit"] != "Pa":
+                largest[what] = max(largest.get(what, 0.0), -one["min"], one["max"])
+    shown = [what for what, value in largest.items() if value > NOTHING * max(largest.values())]
+    if not shown:
+        return None
+    for name, part in parts_of(result.summary).items():
+        for what, one in part.get("section_forces", {}).get("reduced", {}).items():
+            if what in shown:
+                ends = (
+                    f"{quantity(one[end], one['unit'])} at {plain(round(one[f'x_{end}'], 2))}{SPACE}m, "
+                    f"{plain(round(one[f't_{end}'], 2))}{SPACE}s"
+                    for end in ("min", "max")
+                )
+                found.append((named(name, what), *ends))
+    caption = "Forces and moments of sections along each beam, from the smallest to the largest over time."
+    drawn = drawing(f"{prefix}-envelopes", envelopes.envelopes, caption, result, shown)
+    grid = Grid("The smallest and the largest, where from the tail, and when.", ("", "min", "max"), tuple(found))
+    return Block(heading="Forces along beams", rows=((drawn,),), grids=(grid,))
 
 
 def _sections(result: RunResult) -> Iterator[Grid]:
