@@ -219,7 +219,8 @@ def origin(result: RunResult, prefix: str) -> Block:
 
 #: In the order in which they stand in the page.
 SECTIONS: tuple[Show, ...] = (
-    errors, accuracy, motion, position.in_space, inputs_over_time, tip, stresses.stress, stresses.along_beams, probes.probes, forces.contact,
+    errors, accuracy, motion, position.in_space, inputs_over_time, tip, stresses.stress,
+    stresses.along_beams, probes.probes, forces.contact,
     forces.cylinders, forces.supports, forces.pivot, energy, constraint, basis, response, origin,
 )  # fmt: skip
 
