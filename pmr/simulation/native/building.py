@@ -23,11 +23,17 @@ Array = NDArray[np.float64]
 
 
 def loop_of(
-    form: SystemForm, methods: Sequence[GeneralizedAlpha], parts: Sequence[int], omega: float, paths: Sequence[str]
+    form: SystemForm,
+    methods: Sequence[GeneralizedAlpha],
+    parts: Sequence[int],
+    omega: float,
+    paths: Sequence[str],
+    of_terms: Array,
 ) -> Loop:
     """A loop at rest, whose steps are made in so many `parts`, by the `methods` of each, on `paths` by their names.
 
-    `omega` in rad/s is that of contacts that only push (`pmr.simulation.contact_step`).
+    `omega` in rad/s is that of contacts that only push (`pmr.simulation.contact_step`), `of_terms` (J, K) the shares of
+    amplitudes in terms (`pmr.simulation.native.terms.independent`).
     """
     system, schemes = form.modal, [method.scheme() for method in methods]
     body = form.on_tables
@@ -44,7 +50,7 @@ def loop_of(
         state=state,
         levels=None if whole else _levels(form, methods, parts, of_levels),
         control=None if whole else _control(state, omega),
-        terms=terms(form),
+        terms=terms(form, of_terms),
     )
 
 

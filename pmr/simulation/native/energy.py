@@ -29,38 +29,59 @@ Array = NDArray[np.float64]
 def account(modes: Modes, bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
     """Energy of the present state under loads f (i,), and the work done since the last call."""
     z, v, old_z = state.modes[Z], state.modes[V], sides.old_z
-    for l in range(len(f)):
-        sides.loads[l] = f[l]
-    for k in range(len(state.multipliers)):
-        sides.forces[k] = state.multipliers[k]
     held, moved = spread(0.0), spread(0.0)
-    for n in range(0, len(z), LANES):
-        own, push = load(z, n), spread(0.0)
-        held = held + load(v, n) * load(v, n) + load(modes.stiffness, n) * own * own
-        for l in range(len(f)):
-            push = push + load(modes.B[l], n) * (f[l] + sides.old_loads[l])
-        moved = moved + push * (own - load(old_z, n))
-    stored, work = total(held), total(moved)  # both twice so far
-    for l in range(len(f)):
-        direct, before = dot(bodies.energy[l], sides.loads), dot(bodies.energy[l], sides.old_loads)
-        stored += f[l] * direct
-        work += (f[l] + sides.old_loads[l]) * (direct - before)
+    for body in range(len(bodies.own_inputs)):
+        for n in range(bodies.modes[body], bodies.modes[body + 1], LANES):
+            own, push = load(z, n), spread(0.0)
+            held = held + load(v, n) * load(v, n) + load(modes.stiffness, n) * own * own
+            for l in range(bodies.own_inputs[body, 0], bodies.own_inputs[body, 1]):
+                push = push + load(modes.B[l], n) * (f[l] + sides.old_loads[l])
+            moved = moved + push * (own - load(old_z, n))
+    _take(bodies, state, sides, f)
+    stored = total(held) + sides.of_loads[0]  # both twice so far
+    work = total(moved) + sides.of_loads[0] - sides.of_loads[1]
     for k in range(len(state.multipliers)):
         force, old_force = sides.forces[k], sides.old_forces[k]
-        to, before = dot(sides.inputs[k], sides.loads), dot(sides.inputs[k], sides.old_loads)
-        old_to, old_before = to, before
-        if sides.moved[0]:
-            old_to, old_before = dot(sides.old_inputs[k], sides.loads), dot(sides.old_inputs[k], sides.old_loads)
-        work -= force * (to + before) - old_force * (old_to + old_before)
         if force != 0.0:
-            given = bodies.compliance[k] * force / 2.0 - to + dot(sides.half[k], sides.forces)
+            given = bodies.compliance[k] * force / 2.0 - sides.given[k] + dot(sides.half[k], sides.forces)
             stored += 2.0 * force * given
-        if sides.moved[0] and force + old_force != 0.0:
-            turned = _turned(bodies, state, sides, k) + to + before - old_to - old_before
-            work += (force + old_force) / 2.0 * turned
+        if force != 0.0 or old_force != 0.0:
+            work -= (force - old_force) / 2.0 * _pushed(bodies, sides, k)
+            if sides.moved[0]:
+                work += (force + old_force) / 2.0 * _turned(bodies, state, sides, k)
     sides.energy[0] = stored / 2.0
     sides.energy[1] += work / 2.0
-    keep(state, sides, f)
+    _end(bodies, state, sides)
+
+
+@inlined
+def _take(bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
+    """Loads, forces and what both have to do with the present state alone."""
+    for l in range(len(f)):
+        sides.loads[l] = f[l]
+    sides.of_loads[0] = 0.0
+    for body in range(len(bodies.own_inputs)):
+        first, last = bodies.own_inputs[body, 0], bodies.own_inputs[body, 1]
+        for l in range(first, last):
+            moved = spread(0.0)
+            for n in range(first // LANES * LANES, last, LANES):
+                moved = moved + load(bodies.energy[l], n) * load(sides.loads, n)
+            sides.of_loads[0] += f[l] * total(moved)
+    for k in range(len(state.multipliers)):
+        sides.forces[k], given = state.multipliers[k], spread(0.0)
+        for n in range(bodies.moved_by[k, 0], bodies.moved_by[k, 1], LANES):
+            given = given + load(sides.inputs[k], n) * load(sides.loads, n)
+        sides.given[k] = total(given)
+
+
+@inlined
+def _pushed(bodies: Bodies, sides: Sides, k: int) -> float:
+    """What loads move in a contact by themselves, four times its mean over the step."""
+    pushed = spread(0.0)
+    for n in range(bodies.moved_by[k, 0], bodies.moved_by[k, 1], LANES):
+        loads = load(sides.loads, n) + load(sides.old_loads, n)
+        pushed = pushed + (load(sides.inputs[k], n) + load(sides.old_inputs[k], n)) * loads
+    return total(pushed)
 
 
 @inlined
@@ -76,20 +97,26 @@ def _turned(bodies: Bodies, state: State, sides: Sides, k: int) -> float:
 
 
 @inlined
-def keep(state: State, sides: Sides, f: Array) -> None:
+def keep(bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
     """For the next step."""
-    z = state.modes[Z]
-    for n in range(0, len(z), LANES):
-        store(sides.old_z, n, load(z, n))
-    for l in range(len(f)):
-        sides.old_loads[l] = f[l]
-    for k in range(len(state.multipliers)):
-        sides.old_forces[k] = state.multipliers[k]
+    _take(bodies, state, sides, f)
+    _end(bodies, state, sides)
+
+
+@inlined
+def _end(bodies: Bodies, state: State, sides: Sides) -> None:
+    for n in range(0, len(sides.old_z), LANES):
+        store(sides.old_z, n, load(state.modes[Z], n))
+    for n in range(0, len(sides.loads), LANES):
+        store(sides.old_loads, n, load(sides.loads, n))
+    for n in range(0, len(sides.forces), LANES):
+        store(sides.old_forces, n, load(sides.forces, n))
+    sides.of_loads[1] = sides.of_loads[0]
     if sides.moved[0]:
         for k in range(len(state.multipliers)):
-            for n in range(0, sides.inputs.shape[1], LANES):
+            for n in range(bodies.moved_by[k, 0], bodies.moved_by[k, 1], LANES):
                 store(sides.old_inputs[k], n, load(sides.inputs[k], n))
-            for n in range(0, len(z), LANES):
+            for n in range(bodies.moves[k, 0], bodies.moves[k, 1], LANES):
                 store(sides.old_rows[k], n, load(state.modes[ROW + k], n))
             for n in range(0, sides.half.shape[1], LANES):
                 store(sides.old_half[k], n, load(sides.half[k], n))

@@ -23,6 +23,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import SideOutputs, side_outputs
 from pmr.simulation.native.start import Onset, begin, places_of, reason
+from pmr.simulation.native.terms import independent
 from pmr.simulation.needs import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
@@ -72,15 +73,15 @@ class March:
         s = fine.s
         if self.body is not None:  # a body that nothing moves has one place all the same
             s = fine.along(self.body.domain)[:, None] if s.shape[1] else np.full((len(s), 1), self.body.domain[0])
-        f, c = fine.forces(system.input_names), fine.amplitudes(system.term_names)
+        f, (c, shares) = fine.forces(system.input_names), independent(fine.amplitudes(system.term_names))
         self._drive = Drive(
             np.ascontiguousarray(s),
             np.ascontiguousarray(f),
             None if parts == (1,) else given,
-            np.ascontiguousarray(c) if system.terms else None,
+            c if system.terms else None,
         )
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
-        self.scheme, self.loop = methods[0].scheme(), loop_of(form, methods, parts, omega, self._paths)
+        self.scheme, self.loop = methods[0].scheme(), loop_of(form, methods, parts, omega, self._paths, shares)
         x = places(form.modal, excitation)
         rigid = np.all(Assembly(form.modal).at(x[0]).F == 0.0, axis=1)
         needs = needs_of(form.modal, rigid, x, stepping.rho_inf)

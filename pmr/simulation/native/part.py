@@ -17,7 +17,7 @@ from pmr.simulation.native.energy import account
 from pmr.simulation.native.outputs import observe
 from pmr.simulation.native.rows import move_rows
 from pmr.simulation.native.side_arrays import Sides
-from pmr.simulation.native.sides import move_sides
+from pmr.simulation.native.sides import give, move_sides
 from pmr.simulation.native.step import advance
 
 Array = NDArray[np.float64]
@@ -42,6 +42,7 @@ def make_part(loop: Loop, scheme: Scheme, s: Array, f: Array, c: Any) -> int:
     """One part of a step to s (P,), f (i,) and amplitudes c (K,) or None at its end; as `advance` returns."""
     failed = move(loop.tables, loop.sides, loop, scheme, s)
     if failed == 0:
+        _give(loop.sides, loop, f)
         failed = advance(loop.divided, scheme, loop.state, loop.terms, f, c)
     if failed == 0:
         _account(loop.sides, loop, f)
@@ -58,6 +59,12 @@ def move(tables: Tables | None, sides: Sides | None, loop: Loop, scheme: Scheme,
     if sides is not None:
         failed = move_sides(loop.bodies, loop.divided, scheme, loop.state, sides, s)
     return failed
+
+
+@inlined
+def _give(sides: Sides | None, loop: Loop, f: Array) -> None:
+    if sides is not None:
+        give(loop.bodies, loop.divided, loop.state, f)
 
 
 @inlined

@@ -105,14 +105,14 @@ def _begin(loop: Loop, level: int, s: Array, f: Array, c: Any) -> int:
     if failed == 0:
         _begin_terms(loop.terms, loop.state, c)
         predict(loop.modes, loop.levels, level, loop.terms, loop.state.contact, loop.state, loop.control, f)
-        _keep(loop.sides, loop.state, f)
+        _keep(loop.sides, loop.bodies, loop.state, f)
     return failed
 
 
 @inlined
-def _keep(sides: Sides | None, state: State, f: Array) -> None:
+def _keep(sides: Sides | None, bodies: Any, state: State, f: Array) -> None:
     if sides is not None:
-        keep(state, sides, f)
+        keep(bodies, state, sides, f)
 
 
 @inlined

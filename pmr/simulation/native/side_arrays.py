@@ -50,8 +50,10 @@ class Bodies(NamedTuple):
     first_flexibility: Indices  # (bodies + 1,)
     carriers: Indices  # (bodies + 1,): where each body's begin
     modes: Indices  # (bodies + 1,): likewise, in whole vector registers
+    own_inputs: Indices  # (bodies, 2): the first and behind the last input that acts on a body
     compliance: Array  # (m,) m/N
     moves: Indices  # (m, 2): the first and behind the last mode that a contact holds
+    moved_by: Indices  # (m, 2): and of the inputs on its bodies, the first a register's
     staying: Array  # (m, r'): rows of the sides that stay where they are
     staying_inputs: Array  # (m, i') m/N: H of these
     staying_half: Array  # (m, m') m/N: half of G between these
@@ -87,6 +89,7 @@ class Sides(NamedTuple):
     room: Array  # (d, p')
     half: Array  # (m, m') m/N: N of G = N + N^T
     inputs: Array  # (m, i') m/N: H
+    given: Array  # (m',) m: H f
     loads: Array  # (i',) N
     forces: Array  # (m',) N
     old_rows: Array  # (m, r')
@@ -95,6 +98,7 @@ class Sides(NamedTuple):
     old_z: Array  # (r',)
     old_loads: Array
     old_forces: Array
+    of_loads: Array  # (2,) J: f^T B^T R B f, now and a step before
     energy: Array  # (2,) J: what is stored, and the work done since the start
 
 
@@ -113,10 +117,11 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         if left is not None:
             inputs[rows, own], energy[own, own] = left.inputs, left.energy
     m, names = len(system.contacts), list(system.bodies)
-    answers, moves = np.zeros((K, m + -m % LANES)), np.zeros((m, 2), np.int64)
+    answers, moves, moved_by = np.zeros((K, m + -m % LANES)), np.zeros((m, 2), np.int64), np.zeros((m, 2), np.int64)
     for k in range(m):
         on = [names.index(side.place.body) for side in system.sides if side.contact == k]
         moves[k] = form.starts[min(on)], form.starts[max(on) + 1]
+        moved_by[k] = form.inputs[min(on)] // LANES * LANES, form.inputs[max(on) + 1]
     staying = _staying(form, carriers)
     for first, last, R in zip(carriers, carriers[1:], flexibility, strict=False):
         if len(R):
@@ -129,8 +134,10 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         first_flexibility=starts([R.size for R in flexibility]),
         carriers=carriers,
         modes=form.starts,
+        own_inputs=np.stack([form.inputs[:-1], form.inputs[1:]], axis=1),
         compliance=system.compliance,
         moves=moves,
+        moved_by=moved_by,
         staying=aligned(staying @ values),
         staying_inputs=padded(staying @ inputs),
         staying_half=aligned(staying @ answers / 2.0),
@@ -199,6 +206,7 @@ def sides(constants: Bodies, paths: int) -> Sides:
         room=aligned(np.zeros((width, p))),
         half=aligned(np.zeros((m, wide))),
         inputs=aligned(np.zeros((m, i))),
+        given=aligned(np.zeros(wide)),
         loads=aligned(np.zeros(i)),
         forces=aligned(np.zeros(wide)),
         old_rows=aligned(np.zeros((m, r))),
@@ -207,6 +215,7 @@ def sides(constants: Bodies, paths: int) -> Sides:
         old_z=aligned(np.zeros(r)),
         old_loads=aligned(np.zeros(i)),
         old_forces=aligned(np.zeros(wide)),
+        of_loads=np.zeros(2),
         energy=np.zeros(2),
     )
 

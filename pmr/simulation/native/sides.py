@@ -94,7 +94,7 @@ def _enter(bodies: Bodies, sides: Sides, a: int) -> None:
                 at = bodies.carriers[body] + rows.touched[touched + l]
                 value = value + load(bodies.staying_answers[at], n) * rows.coefficients[first + l, p]
             store(sides.of_staying[a, p], n, value)
-        for n in range(0, sides.inputs.shape[1], LANES):
+        for n in range(bodies.own_inputs[body, 0] // LANES * LANES, bodies.own_inputs[body, 1], LANES):
             value = spread(0.0)
             for l in range(width):
                 at = bodies.carriers[body] + rows.touched[touched + l]
@@ -132,11 +132,11 @@ def _multiply(bodies: Bodies, sides: Sides, a: int, c: int) -> None:
 @inlined
 def _stay(bodies: Bodies, state: State, sides: Sides, k: int) -> None:
     """What the sides of a contact that stay contribute."""
-    for n in range(0, bodies.staying.shape[1], LANES):
+    for n in range(bodies.moves[k, 0], bodies.moves[k, 1], LANES):
         store(state.modes[ROW + k], n, load(bodies.staying[k], n))
     for n in range(0, sides.half.shape[1], LANES):
         store(sides.half[k], n, load(bodies.staying_half[k], n))
-    for n in range(0, sides.inputs.shape[1], LANES):
+    for n in range(bodies.moved_by[k, 0], bodies.moved_by[k, 1], LANES):
         store(sides.inputs[k], n, load(bodies.staying_inputs[k], n))
 
 
@@ -152,7 +152,7 @@ def _add_side(bodies: Bodies, state: State, sides: Sides, a: int) -> None:
         store(state.modes[ROW + k], n, value)
     if bodies.first_flexibility[body + 1] == bodies.first_flexibility[body]:
         return
-    for n in range(0, sides.inputs.shape[1], LANES):
+    for n in range(bodies.own_inputs[body, 0] // LANES * LANES, bodies.own_inputs[body, 1], LANES):
         value = load(sides.inputs[k], n)
         for p in range(powers):
             value = value + load(sides.of_inputs[a, p], n) * sides.powers[a, p]
@@ -198,3 +198,14 @@ def _couple_contact(bodies: Bodies, divided: Divided, scheme: Scheme, state: Sta
     state.couplings[k, k] += bodies.compliance[k]
     for l in range(divided.B.shape[0]):
         state.couplings[k, m + l] = sides.inputs[k, l]
+
+
+@inlined
+def give(bodies: Bodies, divided: Divided, state: State, f: Array) -> None:
+    """Accelerations S^-1 B f of the modes, each body's by its own inputs."""
+    for body in range(len(bodies.own_inputs)):
+        for n in range(bodies.modes[body], bodies.modes[body + 1], LANES):
+            value = spread(0.0)
+            for l in range(bodies.own_inputs[body, 0], bodies.own_inputs[body, 1]):
+                value = value + load(divided.B[l], n) * f[l]
+            store(state.given, n, value)

@@ -50,7 +50,7 @@ from pmr.simulation.native.compilation import inlined
 from pmr.simulation.native.contact import let_go, remember, settle
 from pmr.simulation.native.rows import dot, solve
 from pmr.simulation.native.simd import LANES, load, spread, store
-from pmr.simulation.native.terms import AGAIN, expect, finish, push, revise
+from pmr.simulation.native.terms import AGAIN, LAST, expect, finish, push, revise
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,6 @@ def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
     m, i, coupled = len(state.multipliers), len(f), len(divided.damped) > 0
     if coupled:
         _couple(divided, scheme, state.modes)
-    _give(divided, state, f)
     _push_given(scheme, state)
     expect(terms, divided, state, f, c)
     push(terms, scheme, state.modes)
@@ -89,8 +88,8 @@ def _find_multipliers(
     """Multipliers from the rows that the free motion violates; returns what failed, or 0, and the first one, or 0."""
     if contact is not None:  # decided when compiled
         return _find_in_contact(contact, divided, scheme, state, terms, f)
-    m, multipliers, first = len(state.multipliers), state.multipliers, 0.0
-    while True:
+    m, multipliers, first, found = len(state.multipliers), state.multipliers, 0.0, AGAIN
+    while found == AGAIN or found == LAST:
         violation = _violate(state, f)
         if m == 1:  # as `solve` would do, without the way through memory
             first = violation * state.factor[0, 0]
@@ -98,9 +97,8 @@ def _find_multipliers(
         elif m > 1:
             solve(state.factor, multipliers)
             first = multipliers[0]
-        found = revise(terms, divided, scheme, state)
-        if found != AGAIN:
-            return found, first
+        found = FINISHED if found == LAST else revise(terms, divided, scheme, state)
+    return found, first
 
 
 @inlined
@@ -113,7 +111,7 @@ def _find_in_contact(
         failed = settle(contact, state.couplings, state.factor, state.multipliers)
         if failed == FINISHED:
             failed = revise(terms, divided, scheme, state)
-            if failed == AGAIN:
+            if failed == AGAIN or failed == LAST:  # rows that open may change more than is foreseen
                 continue
         if failed or not let_go(contact, scheme, state):
             remember(contact, scheme, state.multipliers)
@@ -156,18 +154,8 @@ def _advance(scheme: Scheme, modes: Array, force: float, multiplier: float) -> N
 
 
 @inlined
-def _give(divided: Divided, state: State, f: Array) -> None:
-    """Accelerations by all inputs, where these are not in the rows' couplings."""
-    for n in range(0, len(state.given), LANES):
-        value = spread(0.0)
-        for l in range(len(f)):
-            value = value + load(divided.B[l], n) * f[l]
-        store(state.given, n, value)
-
-
-@inlined
 def _push_given(scheme: Scheme, state: State) -> None:
-    """Let them act on the displacement that a step leads to without multipliers."""
+    """Let inputs that are not in the rows' couplings act on the displacement that a step leads to without multipliers."""
     free = state.modes[Z_FREE]
     for n in range(0, len(state.given), LANES):
         store(free, n, load(free, n) + load(state.given, n) * scheme.z_gain)

@@ -18,7 +18,7 @@ from pmr.errors import SimulationError
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.native.terms import LIMIT
+from pmr.simulation.native.terms import LIMIT, independent
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
@@ -73,6 +73,17 @@ def test_constant_terms_are_as_matrices_that_hold_them(made: Callable[[], System
         for one, other in ((found.bodies[name].q, motion.q), (found.bodies[name].v, motion.v)):
             np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
     np.testing.assert_allclose(found.forces, expected.forces, atol=1e-9 * np.abs(expected.forces).max(initial=0.0))
+
+
+def test_amplitudes_that_are_multiples_of_others_are_left_out() -> None:
+    """And those that are zero throughout; the shares make all amplitudes of what is left."""
+    t = np.linspace(0.0, 7.0, 401)
+    c = np.stack([np.sin(t), 0.0 * t, -3.0 * np.sin(t), t, np.sin(t) + 1e-9 * t, t / 7.0], axis=1)
+    c[0, 5] = 1e-6  # a multiple but for one moment
+    left, shares = independent(c)
+    np.testing.assert_array_equal(left, c[:, [0, 3, 4, 5]])
+    np.testing.assert_allclose(left @ shares, c, atol=1e-15 * np.abs(c).max())
+    assert [one.shape for one in independent(np.zeros((3, 2)))] == [(3, 1), (1, 2)]
 
 
 def test_a_term_on_two_bodies_is_a_spring_between_them() -> None:
