@@ -155,7 +155,7 @@ def _advance(scheme: Scheme, modes: Array, force: float, multiplier: float) -> N
 
 @inlined
 def _push_given(scheme: Scheme, state: State) -> None:
-    """Let inputs that are not in the rows' couplings act on the displacement that a step leads to without multipliers."""
+    """Let inputs that are not in the rows' couplings act on the displacement that a step leads to without forces."""
     free = state.modes[Z_FREE]
     for n in range(0, len(state.given), LANES):
         store(free, n, load(free, n) + load(state.given, n) * scheme.z_gain)
