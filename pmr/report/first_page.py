@@ -52,7 +52,7 @@ def _asked(result: RunResult) -> Rows:
         for mass in part.masses:
             yield named(name, mass.name), f"{plain(mass.mass)}{SPACE}kg"
     if masses:
-        yield "mass in all", _kg(sum(one["mass"] + one["attached"] for one in masses.values()))
+        yield "total mass", _kg(sum(one["mass"] + one["attached"] for one in masses.values()))
     for load in loads_as_asked(result):
         values = load.values
         most = float(values[np.argmax(np.abs(values))]) if len(values) else 0.0
