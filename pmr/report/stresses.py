@@ -45,7 +45,7 @@ def along_beams(result: RunResult, prefix: str) -> Block | None:
         return None
     for name, part in parts_of(result.summary).items():
         for what, one in part.get("section_forces", {}).get("reduced", {}).items():
-            if what in shown:
+            if what in shown and (one["min"] or one["max"]):
                 ends = (
                     f"{quantity(one[end], one['unit'])} at {plain(round(one[f'x_{end}'], 2))}{SPACE}m, "
                     f"{plain(round(one[f't_{end}'], 2))}{SPACE}s"
