@@ -28,6 +28,7 @@ class RigidMotions:
     # (n_local, k): this rank's rows under each of k motions, translations first; clamped ones are missing
     coordinates: Array
     held: Array  # (h, k) m or rad: what clamps and springs measure of each; it is free of them where all is zero
+    whole: bool = True  # whether no coordinate is clamped, whose mass and loads the model does not know
 
 
 @dataclass(frozen=True)

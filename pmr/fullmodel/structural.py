@@ -95,7 +95,8 @@ def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str
 def _rigid_motions(coupling: Coupling, restraints: Restraints, M: PETSc.Mat) -> RigidMotions:
     """This rank's rows of them, and what clamps and springs measure of each."""
     springs = [np.asarray(spring @ coupling.rigid) for spring in restraints.vectors(coupling.T.shape[1])]
-    return RigidMotions(coupling.rigid[slice(*M.getOwnershipRange())].copy(), np.vstack([coupling.clamped, *springs]))
+    own, held = coupling.rigid[slice(*M.getOwnershipRange())].copy(), np.vstack([coupling.clamped, *springs])
+    return RigidMotions(own, held, whole=not len(coupling.clamped))
 
 
 def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:

@@ -100,6 +100,8 @@ class ReducedModel:
     matrices : mapping of str to (r, r) array
         V^T A V of what a moving frame and axial forces add, by the names of `pmr.reduced.moving`; those that vanish are
         left out.
+    rigid_work : (k, i) array, optional
+        Work of the inputs on the body's k rigid motions, along the axes and about them through the tail.
     """
 
     AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
@@ -129,6 +131,7 @@ class ReducedModel:
     ports: Mapping[str, Array] = field(default_factory=dict)
     output_kinds: tuple[str, ...] = ()
     matrices: Mapping[str, Array] = field(default_factory=dict)
+    rigid_work: Array | None = None
 
     @property
     def size(self) -> int:
@@ -329,6 +332,8 @@ class ReducedModel:
                 return f"ports.{name} has shape {row.shape} or is not finite, {(self.size,)} is allowed"
         if wrong := misshapen("matrices", self.matrices, self.size):
             return wrong
+        if self.rigid_work is not None and self.rigid_work.shape[1:] != (len(self.input_names),):
+            return f"rigid_work has shape {self.rigid_work.shape}, a column for each input is allowed"
         if self.enrichment is not None:
             if not np.all(self.enrichment.stiffness > 0.0):
                 return "enrichment.stiffness is not positive"

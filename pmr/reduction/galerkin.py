@@ -82,7 +82,15 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
         rayleigh=model.rayleigh,
         matrices={name: inner(V, times(A, V), comm) for name, A in model.matrices.items()},
         ports={name: np.asarray(comm.allreduce(row[:, model.share] @ V))[0] for name, row in model.ports.items()},
+        rigid_work=_rigid_work(model),
     )
+
+
+def _rigid_work(model: FullModel) -> Array | None:
+    """R^T B (k, i) with the rigid motions; None where they are not known, or some of what they move is clamped."""
+    if model.rigid is None or not model.rigid.whole:
+        return None
+    return np.asarray(model.comm.allreduce(model.rigid.coordinates.T @ local_csr(model.inputs)))
 
 
 def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:

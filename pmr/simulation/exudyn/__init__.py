@@ -10,6 +10,7 @@ from pmr.errors.environment import needed
 if TYPE_CHECKING:
     from pmr.simulation.exudyn.simulator import (
         Formulation,
+        OnBody,
         add_pre_step_function,
         add_sensors,
         add_sliding_body,
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FORMULATIONS",
     "Formulation",
+    "OnBody",
     "add_pre_step_function",
     "add_sensors",
     "add_sliding_body",

@@ -54,6 +54,7 @@ class SystemItems:
     # there are no such contacts
     oContacts: Any = None
     oTerms: Any = None  # ObjectGenericODE2 of the terms that vary in time; None where there are none
+    oBase: Any = None  # ObjectGenericODE2 that couples it with a rigid body; None where it stands on the ground
     contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
     # sets rows and loads to the time t in s; the mbs' pre-step function calls it
     update: PreStep = _nothing

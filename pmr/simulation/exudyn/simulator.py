@@ -18,6 +18,7 @@ from pmr.scene.simulators import refuse
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
+from pmr.simulation.exudyn.free_base import Base, OnBody, driven_by_base, terms_on_base, with_base
 from pmr.simulation.exudyn.inputs import Driving, SignalInputs
 from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function
 from pmr.simulation.exudyn.run import Run
@@ -32,6 +33,7 @@ from pmr.system.system import System, SystemTrajectory
 
 __all__ = [
     "Formulation",
+    "OnBody",
     "SystemItems",
     "SystemSensors",
     "add_pre_step_function",
@@ -53,6 +55,7 @@ def add_system(
     initial: Mapping[str, InitialState] | None = None,
     formulation: Formulation = "springs",
     terms: Mapping[str, Driving] | None = None,
+    on: OnBody | None = None,
 ) -> SystemItems:
     """Add a system whose rows and loads are set once a step, or as another `Formulation` has it.
 
@@ -88,6 +91,9 @@ def add_system(
         residual part.
     terms : mapping of str to signal or function
         An amplitude for each of ``system.term_names``.
+    on : OnBody, optional
+        A rigid body of the mbs that carries the boom and feels it, by default the ground.  Inertia, weight and terms
+        follow from its motion: neither loads ``inertia ...`` nor `terms` are given, and paths have rates.
 
     Raises
     ------
@@ -96,11 +102,15 @@ def add_system(
         rigid contact.
     """
     equations = Equations(system)
+    if on is not None:
+        loads, terms = driven_by_base(system, loads, on), terms_on_base(system, loads, on)
     inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
     name, add = FORMULATIONS[formulation]
     refuse(name, equations.needs(inputs.at(0.0)))
     items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
     items = with_terms(mbs, items, equations, inputs)
+    if on is not None:
+        items = with_base(mbs, items, Base(mbs, equations, inputs, paths, on), inputs)
     return replace(items, equations=equations, inputs=inputs)
 
 

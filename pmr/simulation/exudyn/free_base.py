@@ -1,0 +1,206 @@
+r"""A boom on a rigid body of the user's own in Exudyn: an object on the body's node and on those of the sections.
+
+It adds what `pmr.simulation.free_base` says of base and coordinates.  With the node's coordinates x and theta, and the
+boom's axes A and its pivot c in the body's,
+
+.. math::
+    \begin{pmatrix} a \\ \alpha \end{pmatrix} = \Lambda \begin{pmatrix} \ddot x \\ \ddot\theta \end{pmatrix} + \gamma,
+    \qquad \Lambda = \begin{pmatrix} A^T R^T & -A^T \tilde c\, G \\ 0 & A^T G \end{pmatrix}
+
+with the body's rotation R and its angular velocity G theta' in its own axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+from exudyn.itemInterface import ObjectGenericODE2
+from exudyn.rigidBodyUtilities import (
+    EulerParameters2GLocal,
+    EulerParameters2RotationMatrix,
+    RotXYZ2GLocal,
+    RotXYZ2GLocal_t,
+    RotXYZ2RotationMatrix,
+)
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.frame import INERTIA
+from pmr.scene.frame_terms import frame_terms
+from pmr.scene.names import input_of
+from pmr.scene.signals import Constant
+from pmr.simulation.exudyn.contacts import Contacts
+from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.inputs import Driving, Inputs
+from pmr.simulation.exudyn.items import SystemItems
+from pmr.simulation.floating import Extended, Moments, Motion
+from pmr.simulation.free_base import FreeBase
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class OnBody:
+    """Where a boom sits: its pivot and its axes on a rigid body of the mbs, whose coordinates then carry the boom."""
+
+    body: Any  # number of an ObjectRigidBody, such as CreateRigidBody returns
+    scene: Scene  # of the system: pivot, sections, weight
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the pivot, m from the body's reference point
+    axes: Array = field(default_factory=lambda: np.eye(3))  # (3, 3): the boom's x, y, z as columns, in the body's axes
+
+
+@dataclass(frozen=True)
+class Rotations:
+    """R (3, 3), G (3, k) and G' theta' (3,) of a kind of node, from coordinates and rates (k,) of its rotation."""
+
+    matrix: Callable[[Array], Array]
+    velocity: Callable[[Array], Array]
+    remainder: Callable[[Array, Array], Array]
+
+
+ROTATIONS = {
+    "RigidBodyEP": Rotations(EulerParameters2RotationMatrix, EulerParameters2GLocal, lambda angles, rates: np.zeros(3)),
+    "RigidBodyRxyz": Rotations(
+        RotXYZ2RotationMatrix, RotXYZ2GLocal, lambda angles, rates: RotXYZ2GLocal_t(angles, rates) @ rates
+    ),
+}
+
+
+class Base:
+    """Places, loads and the base's motion at a time, and what has to be added to Exudyn's equations for them."""
+
+    def __init__(
+        self, mbs: Any, equations: Equations, inputs: Inputs, paths: Mapping[str, Driving], on: OnBody
+    ) -> None:
+        self.boom, self._on, self._size = FreeBase(on.scene, equations.system, equations.assembly), on, equations.size
+        carrier = mbs.GetObject(on.body)
+        if carrier["objectType"] != "RigidBody":
+            raise InputError("Exudyn", "objectType", carrier["objectType"], "a rigid body is allowed to carry a boom")
+        self.node = carrier["nodeNumber"]
+        known = mbs.GetNode(self.node)
+        kind = known["nodeType"]
+        if kind not in ROTATIONS:
+            allowed = f"a rigid body with a node {' or '.join(ROTATIONS)} is allowed"
+            raise InputError("Exudyn", "nodeType", kind, allowed)
+        self.reference, self._rotations = np.array(known["referenceCoordinates"]), ROTATIONS[kind]
+        self._gravity = on.scene.gravity.signal if on.scene.gravity else None
+        self._contacts, self._equations, self._known = Contacts(equations, inputs), equations, dict[float, Array]()
+        self._paths = [_Path(name, paths.get(name), on.scene.time.step) for name in on.scene.names[1:]]
+
+    @property
+    def count(self) -> int:
+        """Of the body's coordinates."""
+        return len(self.reference)
+
+    def extended(self, t: float) -> Extended:
+        """How far the sections are out at t s."""
+        known = np.array([(0.0, 0.0, 0.0), *(path.at(t) for path in self._paths)])
+        return Extended(*known.T)
+
+    def moments(self, t: float) -> Moments:
+        """At t s, with what contacts that give way answer to inertia; rates by differences over a step."""
+        h = self._on.scene.time.step
+        before, now, after = (self._moments(max(at, 0.0)) for at in (t - h, t, t + h))
+        return Moments(now, (after - before) / (2.0 * h if t >= h else h + t), (after - 2.0 * now + before) / h**2)
+
+    def _moments(self, t: float) -> Array:
+        """With pads that only push, or rigid contacts alone, those of the coordinates."""
+        key = round(t, 9)
+        if key not in self._known:
+            if self._contacts.push or not self._contacts.gives.any():
+                B = self._equations.B
+            else:
+                s = {path.name: path.at(t)[0] for path in self._paths}
+                B = self._contacts.springs(self._equations.at(s))[0][:, self._size :]
+            self._known = dict(list(self._known.items())[-4:]) | {key: self.boom.moments(B)}
+        return self._known[key]
+
+    def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, Motion, Array]:
+        """Lambda (6, k), gamma (6,), the motion of the boom's frame without weight, and its rotation (3, 3)."""
+        angles, c, A = (x + self.reference)[3:], np.array(self._on.place), self._on.axes
+        R, G = np.array(self._rotations.matrix(angles)), np.array(self._rotations.velocity(angles))
+        omega, left = G @ rate[3:], self._rotations.remainder(angles, rate[3:])
+        found = np.zeros((6, len(x)))
+        found[:3, :3], found[:3, 3:], found[3:, 3:] = (R @ A).T, -A.T @ np.cross(c, G, axisb=0, axisc=0), A.T @ G
+        gamma = np.append(A.T @ (np.cross(left, c) + np.cross(omega, np.cross(omega, c))), A.T @ left)
+        return found, gamma, Motion(A.T @ omega, np.zeros(3)), R @ A
+
+    def at(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array]:
+        """Mass (N, N) and force (N,) on the body's coordinates and the boom's, of both's coordinates x and rates."""
+        k, n = self.count, self._size
+        turned, gamma, motion, R = self.kinematics(x[:k], rate[:k])
+        weight = 0.0 if self._gravity is None else float(self._gravity.value(t))
+        extended = self.extended(t)
+        pressed = self.boom.at(replace(motion, weight=weight * R[2]), extended, x[k:], rate[k:], self.moments(t))
+        L = np.zeros((6 + n, k + n))
+        L[:6, :k], L[6:, k:] = turned, np.eye(n)
+        own, known = pressed.mass[: 6 + n], np.concatenate([gamma, np.zeros(n), extended.second])
+        force = -pressed.forces[: 6 + n] - own @ known
+        force[:6] += self.boom.loads(loads, extended)
+        return L.T @ own[:, : 6 + n] @ L, L.T @ force
+
+
+class _Path:
+    """A path of signals, or of an object with `value` and `rate`, its kinks spread over one step of h."""
+
+    def __init__(self, name: str, path: Any, h: float) -> None:
+        if not (hasattr(path, "value") and hasattr(path, "rate")):
+            allowed = "a signal, or an object with value(t) and rate(t), is allowed on a free base"
+            raise InputError("system", f"paths.{name}", None, allowed)
+        self.name, self._path, self._h = name, path, h
+
+    def at(self, t: float) -> tuple[float, float, float]:
+        """Value in m, rate and second rate."""
+        after, before = t + self._h / 2.0, max(t - self._h / 2.0, 0.0)
+        second = (float(self._path.rate(after)) - float(self._path.rate(before))) / (after - before)
+        return float(self._path.value(t)), float(self._path.rate(t)), second
+
+
+def driven_by_base(system: System, loads: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
+    """The loads, and those at zero by which a frame would accelerate the boom: its base does so."""
+    nothing = Constant(amount=0.0)
+    return dict(loads) | {one: nothing for one in system.input_names if INERTIA in one}
+
+
+def terms_on_base(system: System, loads: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
+    """Amplitudes of the terms: of the stress that loads make, for all others are the base's."""
+    nothing, found = Constant(amount=0.0), dict[str, Driving]()
+    for one in frame_terms(on.scene):
+        found[one.name] = nothing
+        if one.of == "load":
+            found[one.name] = loads[input_of(one.bodies[0], one.component)]
+    return found
+
+
+def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
+    """The same items, and the object that couples them with the body."""
+    count = base.count + sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in items.nBodies.values())
+    nothing = exu.MatrixContainer(np.zeros((count, count)))
+    key, found = None, (np.empty(0), np.empty(0))
+
+    def at(t: float, q: Any, q_t: Any) -> tuple[Array, Array]:
+        nonlocal key, found
+        x, rate = np.array(q), np.array(q_t)
+        asked = (t, x.tobytes(), rate.tobytes())
+        if asked != key:  # mass and forces are asked for one after the other
+            key, found = asked, base.at(t, x, rate, np.array(inputs.loads(t)))
+        return found
+
+    name = f"{mbs.GetMarker(items.mSystem)['name']}Base"
+    oBase = mbs.AddObject(
+        ObjectGenericODE2(
+            name=name,
+            nodeNumbers=[base.node, *items.nBodies.values()],
+            massMatrix=np.zeros((count, count)),
+            massMatrixUserFunction=lambda mbs, t, item, q, q_t: at(t, q, q_t)[0],
+            forceUserFunction=lambda mbs, t, item, q, q_t: at(t, q, q_t)[1],
+            jacobianUserFunction=lambda *arguments: nothing,  # inertia decides within a step
+        )
+    )
+    return replace(items, oBase=oBase)

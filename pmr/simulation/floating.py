@@ -1,0 +1,215 @@
+"""Momenta of a boom that bends, and what its base and its coordinates feel of them, at one moment.
+
+`pmr.simulation.free_base` has the equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_E = np.eye(3)
+#: Levi-Civita's symbol.
+CROSS = np.array([[np.cross(_E[l], _E[j]) for j in range(3)] for l in range(3)]).transpose(2, 0, 1)
+
+
+@dataclass(frozen=True)
+class Extended:
+    """How far the n sections' tails are ahead of each other, (n,) m, the base's 0 first; with rates, once and twice."""
+
+    value: Array
+    rate: Array
+    second: Array
+
+
+@dataclass(frozen=True)
+class Moments:
+    """beta (S, 4, 3, n) of the sections, over 1, x, y and z; with rates, once and twice, as extensions change it."""
+
+    value: Array
+    rate: Array
+    second: Array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Of the boom's frame, in its axes: velocity (3,) rad/s; and where down is not, the acceleration of weight."""
+
+    omega: Array
+    weight: Array  # m/s^2, upwards
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A section."""
+
+    mass: float  # kg
+    first: Array  # int rho r (3,) kg m from its tail
+    inertia: Array  # (3, 3) kg m^2 about its tail
+    loads: Array  # (6, i): forces and moments about its tail of all inputs
+
+
+@dataclass(frozen=True)
+class Shortened:
+    """A moment that is quadratic in q: along x of a section, over 1 or x, over minus an extension's length or not."""
+
+    section: int
+    over: int
+    G: Array  # (n, n)
+    cylinder: int | None = None
+
+    def factor(self, extended: Extended) -> tuple[float, float, float]:
+        """With its first and second rate."""
+        if self.cylinder is None:
+            return 1.0, 0.0, 0.0
+        l, v, a = (getattr(extended, one)[self.cylinder] for one in ("value", "rate", "second"))
+        return -1.0 / l, v / l**2, a / l**2 - 2.0 * v**2 / l**3
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """Equations of the base (6,), of the coordinates (n,) and of the extensions (n_s,), all zero where nothing acts.
+
+    ``mass`` is their derivative by (a, alpha, q'', s''), but for M of the coordinates.
+    """
+
+    mass: Array
+    forces: Array  # at accelerations that are zero
+
+
+@dataclass(frozen=True)
+class Boom:
+    """What of a boom does not change."""
+
+    place: Array  # p (3,) m: the base's tail from the pivot
+    sections: list[Carried]
+    moments: Moments  # of the coordinates
+    shortened: list[Shortened]
+    rotating: Array  # T_k (3, n, n)
+    carried: Array  # N_jk (3, 3, n, n)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n."""
+        return int(self.rotating.shape[1])
+
+    @property
+    def mass(self) -> float:
+        """Of the whole, kg."""
+        return float(sum(one.mass for one in self.sections))
+
+
+class State:
+    """The boom at one moment."""
+
+    def __init__(
+        self, of: Boom, motion: Motion, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
+    ) -> None:
+        self.of, self.omega, self.weight, self.extended, self.q, self.rate = (
+            of, motion.omega, motion.weight, extended, q, rate,
+        )  # fmt: skip
+        sections, e = of.sections, _E[0]
+        self.X, self.X_rate, self.X_second = (np.cumsum(one) for one in vars(extended).values())
+        self.d = of.place + np.outer(self.X, e)
+        beta = of.moments if moments is None else moments
+        self.J, self.mu = beta.value.copy(), beta.value @ q
+        self.mu_rate = beta.value @ rate + beta.rate @ q
+        self.mu_second = 2.0 * beta.rate @ rate + beta.second @ q  # but for what accelerations make
+        self.lean = np.zeros((len(sections), 4, len(sections)))  # d mu_lx / d extension
+        for one in of.shortened:
+            f, f1, f2 = one.factor(extended)
+            at, Gq = (one.section, one.over, 0), one.G @ q
+            self.J[at] += f * Gq
+            self.mu[at] += f * (q @ Gq) / 2.0
+            self.mu_rate[at] += f * (rate @ Gq) + f1 * (q @ Gq) / 2.0
+            # f1 holds the extension's rate, whose own acceleration is an unknown
+            known = f2 - (
+                0.0 if one.cylinder is None else extended.second[one.cylinder] / extended.value[one.cylinder] ** 2
+            )
+            self.mu_second[at] += f * (rate @ one.G @ rate) + 2.0 * f1 * (rate @ Gq) + known * (q @ Gq) / 2.0
+            if one.cylinder is not None:
+                self.lean[one.section, one.over, one.cylinder] += (q @ Gq) / 2.0 / extended.value[one.cylinder] ** 2
+        masses, first = np.array([one.mass for one in sections]), np.array([one.first for one in sections])
+        self.masses = masses
+        self.own = masses[:, None] * self.d + first + self.mu[:, 0]  # of each section about O
+        self.s, self.s_rate = self.own.sum(axis=0), (masses * self.X_rate).sum() * e + self.mu_rate[:, 0].sum(axis=0)
+        self.tq, self.tv = of.rotating @ q, of.rotating @ rate  # (3, n)
+        self.h = self._turned(self.X_rate, self.mu_rate) + self.tq @ rate
+        self.inertia, self.inertia_rate = self._inertia()
+
+    def _turned(self, X: Array, mu: Array) -> Array:
+        """Int rho rho x rho' (3,) of sections that move along by X (S,), with moments of u' (S, 4, 3)."""
+        found = np.cross(self.own, np.outer(X, _E[0])) + np.cross(self.d, mu[:, 0])
+        return np.asarray(found.sum(axis=0) + np.einsum("klj,slj->k", CROSS, mu[:, 1:]))
+
+    def _inertia(self) -> tuple[Array, Array]:
+        """Theta (3, 3) about O, and its rate in the boom's axes."""
+        found, rate, e = np.zeros((3, 3)), np.zeros((3, 3)), _E[0]
+        W, W_rate = np.zeros((3, 3)), np.zeros((3, 3))
+        for k, section in enumerate(self.of.sections):
+            d, S, m, v = self.d[k], section.first, section.mass, self.X_rate[k] * e
+            found += _steiner(m * np.outer(d, d) + np.outer(d, S) + np.outer(S, d)) + section.inertia
+            rate += _steiner(m * (np.outer(d, v) + np.outer(v, d)) + np.outer(v, S) + np.outer(S, v))
+            W += np.outer(d, self.mu[k, 0]) + self.mu[k, 1:]
+            W_rate += np.outer(v, self.mu[k, 0]) + np.outer(d, self.mu_rate[k, 0]) + self.mu_rate[k, 1:]
+        N = self.of.carried
+        self.Nq = N @ self.q
+        Q, Q_rate = self.Nq @ self.q, self.Nq @ self.rate
+        found += _steiner(W + W.T + (Q + Q.T) / 2.0)
+        rate += _steiner(W_rate + W_rate.T + Q_rate + Q_rate.T)
+        return found, rate
+
+    def mass(self) -> Array:
+        """Of (a, alpha, q'', s''), (6 + n + S) squared."""
+        S, n, e = len(self.masses), self.of.size, _E[0]
+        found = np.zeros((6 + n + S,) * 2)
+        found[:3, :3] = self.of.mass * np.eye(3)
+        found[:3, 3:6] = -_crossing(self.s)
+        found[3:6, 3:6] = self.inertia
+        J = self.J
+        found[:3, 6 : 6 + n] = J[:, 0].sum(axis=0)
+        turned = np.einsum("kab,sa,sbn->kn", CROSS, self.d, J[:, 0]) + np.einsum("klj,sljn->kn", CROSS, J[:, 1:])
+        found[3:6, 6 : 6 + n] = turned + self.tq
+        # an extension moves all sections from its own on, and cylinders that lean carry them
+        beyond = np.tril(np.ones((S, S)))  # (section, extension)
+        along = (self.masses[:, None] * beyond + self.lean[:, 0]).sum(axis=0)
+        found[:3, 6 + n :] = np.outer(e, along)
+        found[3:6, 6 + n :] = np.einsum("sk,se->ke", np.cross(self.own, e), beyond)
+        found[3:6, 6 + n :] += np.einsum("sk,se->ke", np.cross(self.d, e), self.lean[:, 0])
+        found[6 : 6 + n, 6 + n :] = np.einsum("sn,se->ne", J[:, 0, 0], beyond)
+        both = beyond.T @ (self.masses[:, None] * beyond) + beyond.T @ self.lean[:, 0] + self.lean[:, 0].T @ beyond
+        found[6 + n :, 6 + n :] = both
+        return np.asarray(np.triu(found) + np.triu(found, 1).T)
+
+    def forces(self) -> Array:
+        """At a = alpha = q'' = s'' = 0, with the weight, (6 + n + S,)."""
+        omega, e, S = self.omega, _E[0], len(self.masses)
+        spin = _crossing(omega)
+        A = spin @ spin
+        linear = self.of.mass * self.weight + A @ self.s + 2.0 * spin @ self.s_rate + self.mu_second[:, 0].sum(axis=0)
+        turned = np.cross(self.s, self.weight) + np.cross(omega, self.inertia @ omega) + self.inertia_rate @ omega
+        turned += self._turned(np.zeros(S), self.mu_second) + np.cross(omega, self.h)
+        y = np.empty((S, 4, 3))  # acceleration of points at rest in the frame
+        y[:, 0] = self.weight + self.d @ A.T + 2.0 * np.outer(self.X_rate, np.cross(omega, e))
+        y[:, 1:] = A.T
+        own = np.einsum("slj,sljn->n", y, self.J) + 2.0 * omega @ self.tv
+        squared = np.outer(omega, omega) - (omega @ omega) * np.eye(3)
+        own += np.einsum("jk,jkn->n", squared, (self.Nq + self.Nq.transpose(1, 0, 2)) / 2.0)
+        each = self.masses[:, None] * y[:, 0] + np.array([one.first for one in self.of.sections]) @ A.T
+        each = each + self.mu_second[:, 0] + 2.0 * self.mu_rate[:, 0] @ spin.T + self.mu[:, 0] @ A.T
+        beyond = np.tril(np.ones((S, S)))
+        path = beyond.T @ each[:, 0] + np.einsum("sl,sle->e", y[:, :, 0], self.lean)
+        return np.concatenate([linear, turned, own, path])
+
+
+def _steiner(A: Array) -> Array:
+    """tr(A) 1 - A: an inertia from second moments (3, 3)."""
+    return np.asarray(np.trace(A) * np.eye(3) - A)
+
+
+def _crossing(v: Array) -> Array:
+    """The matrix whose product with r is v x r."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

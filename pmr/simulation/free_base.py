@@ -1,0 +1,165 @@
+r"""A boom on a base that moves freely: momenta, and what the boom presses on its base with, in the boom's axes.
+
+The boom's frame, with its origin O where the pivot is, has the velocity v and the angular velocity omega.  A section
+whose tail is at d = p + X e_x has points at rho = d + r + u, with u = Phi q, and at second order by how much it is
+shorter along the axis as it bends.  With the moments of each section
+
+.. math::
+    \mu_{lj} = \int \rho\, r_l\, u_j = \beta_{lj} \cdot q + \tfrac12 \delta_{jx}\, q^T G_l q, \qquad
+    J_{lj} = \partial \mu_{lj} / \partial q, \qquad r_0 = 1
+
+its kinetic energy is a function of v, omega, q' and the extensions' rates alone,
+
+.. math::
+    T = \tfrac12 \int \rho\, |v + \omega \times \rho + \dot\rho|^2,
+
+so that without forces from outside linear and angular momentum stay in space, whatever is left out of the moments.
+Lagrange's equations of it, with the acceleration a = v' + omega x v of O less the weight, are
+
+.. math::
+    M \ddot q + \sum J_{lj} \, y_{lj} + \alpha_k T_k q + 2 \omega_k T_k \dot q
+        + (\omega_j \omega_k N_{jk} - |\omega|^2 N_{jj})\, q + \dots &= 0 \\
+    m\, a + \alpha \times s + \omega \times (\omega \times s) + 2\, \omega \times \dot s + \ddot s &= F \\
+    s \times a + \Theta \alpha + \omega \times \Theta \omega + \dot\Theta \omega + \dot h + \omega \times h
+        &= \mathfrak M
+
+with s = int rho rho, Theta the inertia about O, h = int rho rho x rho', and y the field of acceleration of
+`pmr.simulation.frame`.  What is quadratic in u but for G is there where the system has second order.  Sources:
+Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.reduced.model import ReducedModel
+from pmr.scene import Scene
+from pmr.scene.choice import directions
+from pmr.scene.frame import INERTIA
+from pmr.scene.frame_terms import frame_terms
+from pmr.scene.members import member_at
+from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State
+from pmr.system.assembly import Assembly
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+
+class FreeBase:
+    """Of a boom on n coordinates, as `pmr.system.assembly.Assembly` counts them.
+
+    An InputError is raised for planar sections, for a frame that does not slew, and where it is not known how supports
+    hold the base.
+    """
+
+    def __init__(self, scene: Scene, system: System, assembly: Assembly | None = None) -> None:
+        assembly = Assembly(system) if assembly is None else assembly
+        if scene.frame is None or scene.frame.leaves_plane is None or not scene.frame.turns:
+            allowed = "a frame with a pivot that luffs and slews is allowed, for it makes all fields of inertia"
+            raise InputError("scene", "frame", None, allowed)
+        n = assembly.size
+        sections = [_carried(scene, k, system.reduced[name], assembly) for k, name in enumerate(scene.names)]
+        self._fields = {
+            (k, " xyz".index(over or " "), "xyz".index(along)): column
+            for k, name in enumerate(scene.names)
+            for along, over, column in _fields(system.reduced[name], assembly.inputs[name].start)
+        }
+        rotating, carried, shortened = np.zeros((3, n, n)), np.zeros((3, 3, n, n)), list[Shortened]()
+        terms = {term.name: term for term in assembly.terms}
+        for one in frame_terms(scene):
+            term = terms[one.name]
+            if one.of == "rotation":
+                rotating["xyz".index(one.component)] += term.damping.toarray()
+            elif one.of == "carried":
+                j, k = ("xyz".index(axis) for axis in one.component)
+                for at in {(j, k), (k, j)}:
+                    carried[at] += term.stiffness.toarray()
+            elif one.of in ("field", "cylinder"):
+                section = scene.names.index(one.carried) if one.carried else one.number
+                cylinder = one.number if one.of == "cylinder" else None
+                shortened.append(Shortened(section, len(one.component) - 1, term.stiffness.toarray(), cylinder))
+        self.size, self._count = n, len(sections)
+        B = self.moments(assembly.B.toarray())
+        own = Moments(B, 0.0 * B, 0.0 * B)
+        self.boom = Boom(np.array(scene.frame.place), sections, own, shortened, rotating, carried)
+
+    def moments(self, B: Array) -> Array:
+        """Beta (S, 4, 3, n) out of what inputs do to coordinates (n, i): their own, or with the contacts' answers."""
+        found = np.zeros((self._count, 4, 3, self.size))
+        for at, column in self._fields.items():
+            found[at] = B[:, column]
+        return found
+
+    def loads(self, f: Array, extended: Extended) -> Array:
+        """Force and moment about O (6,) of loads f (i,) at the undeformed boom, inertia left out."""
+        found = np.zeros(6)
+        for section, X in zip(self.boom.sections, np.cumsum(extended.value), strict=True):
+            own = section.loads @ f
+            own[3:] += np.cross(self.boom.place + X * np.eye(3)[0], own[:3])
+            found += own
+        return found
+
+    def momentum(
+        self, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
+    ) -> Array:
+        """Linear and angular momentum about O (6,), with O at v (3,) m/s in the boom's axes."""
+        state = State(self.boom, motion, extended, q, rate, moments)
+        linear = self.boom.mass * v + np.cross(motion.omega, state.s) + state.s_rate
+        return np.append(linear, np.cross(state.s, v) + state.inertia @ motion.omega + state.h)
+
+    def kinetic(
+        self, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
+    ) -> float:
+        """T in J but for q'^T M q' / 2."""
+        state, omega = State(self.boom, motion, extended, q, rate, moments), motion.omega
+        along = sum(
+            section.mass * X**2 / 2.0 + X * moved[0, 0]
+            for section, X, moved in zip(self.boom.sections, state.X_rate, state.mu_rate, strict=True)
+        )
+        linear = self.boom.mass * v / 2.0 + np.cross(omega, state.s) + state.s_rate
+        return float(v @ linear + omega @ (state.inertia @ omega / 2.0 + state.h) + along)
+
+    def height(self, up: Array, extended: Extended, q: Array) -> float:
+        """First moment along the vertical (3,) in kg m, from O: the weight's potential energy over g."""
+        return float(up @ State(self.boom, Motion(np.zeros(3), up), extended, q, 0.0 * q).s)
+
+    def at(self, motion: Motion, extended: Extended, q: Array, rate: Array, moments: Moments | None = None) -> Pressed:
+        """What has to vanish with all that acts on base, coordinates and extensions."""
+        state = State(self.boom, motion, extended, q, rate, moments)
+        return Pressed(state.mass(), state.forces())
+
+
+def _fields(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
+    """Of the inputs by which a frame accelerates a body: along what, over what, and the number of it."""
+    for number, name in enumerate(body.input_names, first):
+        if name.startswith(INERTIA):
+            along, *over = name.removeprefix(INERTIA)
+            yield along, "".join(over), number
+
+
+def _carried(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> Carried:
+    """A section by the work of its inertia loads, and of all others, on its rigid motions."""
+    name, W = scene.names[number], body.rigid_work
+    if set(directions(member_at(scene, number))) != {"x", "y", "z", "rx", "ry", "rz"}:
+        allowed = "a model in space is allowed on a base that moves freely"
+        raise InputError("scene", scene.key_of(number, "body.model"), None, allowed)
+    if W is None:
+        allowed = "a body none of whose points is clamped (supports of points = 'mean') is allowed on a free base"
+        raise InputError("system", f"bodies.{name}.rigid_work", None, allowed)
+    S, loads = np.zeros((6, W.shape[1])), np.zeros((6, assembly.B.shape[1]))
+    loads[:, assembly.inputs[name]] = W
+    for along, over, column in _fields(body, 0):
+        j = "xyz".index(along)
+        if over:
+            S[3:, column] = CROSS[:, "xyz".index(over), j]
+        else:
+            S[j, column] = 1.0
+        loads[:, assembly.inputs[name].start + column] = 0.0
+    gram = W @ S.T
+    first, inertia = gram[3:, :3], gram[3:, 3:]
+    first = np.array([first[2, 1] - first[1, 2], first[0, 2] - first[2, 0], first[1, 0] - first[0, 1]]) / 2.0
+    return Carried(float(gram[0, 0]), first, (inertia + inertia.T) / 2.0, loads)

@@ -1,0 +1,192 @@
+"""A boom on a rigid body of the user's in Exudyn: held, moved, and free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import exudyn as exu
+import free_boom
+import numpy as np
+import pytest
+from exudyn.utilities import (
+    InertiaCuboid,
+    ObjectGround,
+    RotationMatrixY,
+    SensorNode,
+)
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.frame import INERTIA
+from pmr.scene.frame_terms import frame_terms
+from pmr.scene.signals import Table
+from pmr.simulation import Excitation
+from pmr.simulation.exudyn import OnBody, add_system, simulate_system
+from pmr.simulation.exudyn.free_base import Base
+from pmr.simulation.frame import Turning
+from pmr.simulation.native import systems
+from pmr.simulation.start import InitialState
+
+Array = NDArray[np.float64]
+pytestmark = pytest.mark.slow  # a boom is reduced
+PLACE = (0.1, -0.2, 0.3)
+TURRET = InertiaCuboid(500.0, [1.0, 1.2, 0.8]).Translated([0.1, 0.2, 0.3])
+KINDS = {"EP": exu.NodeType.RotationEulerParameters, "xyz": exu.NodeType.RotationRxyz}
+
+
+class Turret:
+    """A boom on a rigid body, and what is measured of both."""
+
+    def __init__(self, scene: Scene, kind: str = "EP", **body: Any) -> None:
+        self._container, self.scene, self.system = exu.SystemContainer(), scene, free_boom.system()
+        self.mbs, self.excitation = self._container.AddSystem(), Excitation.of(scene)
+        self.body = self.mbs.CreateRigidBody(inertia=TURRET, nodeType=KINDS[kind], **body)
+        self.on = OnBody(self.body, scene, PLACE)
+
+    def add(self, start: Mapping[str, InitialState] | None = None) -> Any:
+        loads = {name: load for name, load in self.excitation.loads.items() if INERTIA not in name}
+        self.items = add_system(self.mbs, self.system, self.excitation.paths, loads, start, on=self.on)
+        return self.items
+
+    def solve(self) -> None:
+        """Coordinates x of the turret and q of the boom with their rates, (T, n), and the turret's accelerations."""
+        own, nodes = self.mbs.GetObject(self.body)["nodeNumber"], list(self.items.nBodies.values())
+        of = exu.OutputVariableType
+        kinds = [of.Coordinates, of.Coordinates_t, of.Coordinates_tt]
+        asked = [(own, one) for one in kinds] + [(node, one) for one in kinds[:2] for node in nodes]
+        sensors = [
+            self.mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=one, storeInternal=True))
+            for node, one in asked
+        ]
+        self.mbs.Assemble()
+        settings, stepping = exu.SimulationSettings(), self.excitation.stepping
+        settings.solution.file.write = False
+        settings.solution.sensors.writePeriod = stepping.step
+        integration = settings.timeIntegration
+        integration.endTime, integration.numberOfSteps = stepping.end, stepping.steps
+        integration.verboseMode = 0
+        integration.generalizedAlpha.spectralRadius = 1.0
+        integration.newton.useModifiedNewton = False
+        integration.newton.relativeTolerance = 1e-10
+        self.mbs.SolveDynamic(settings)
+        self.t = self.excitation.times
+        found = [self.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors]
+        self.x, self.x_t, self.x_tt = found[:3]
+        self.q, self.q_t = np.hstack(found[3 : 3 + len(nodes)]), np.hstack(found[3 + len(nodes) :])
+
+    def base(self) -> Base:
+        return Base(self.mbs, self.items.equations, self.items.inputs, self.excitation.paths, self.on)
+
+    def momenta(self) -> Array:
+        """Of turret and boom about the ground's origin, (T, 6), along its axes."""
+        base, found = self.base(), []
+        for k, t in enumerate(self.t):
+            turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
+            O = self.x[k, :3] + base.reference[:3]
+            velocity, com, J = R.T @ self.x_t[k, :3], TURRET.com, TURRET.inertiaTensor
+            linear = TURRET.mass * (velocity + np.cross(motion.omega, com))
+            angular = TURRET.mass * np.cross(com, velocity) + J @ motion.omega
+            own = base.boom.momentum(
+                motion, turned[:3] @ self.x_t[k], base.extended(t), self.q[k], self.q_t[k], base.moments(t)
+            )
+            P, L = R @ (linear + own[:3]), R @ (angular + own[3:] + np.cross(PLACE, own[:3]))
+            found.append(np.append(P, L + np.cross(O, P)))
+        return np.array(found)
+
+
+def test_held_it_is_the_boom_on_the_ground() -> None:
+    """Raised by 0.3 rad, from rest under its weight while it telescopes."""
+    scene = free_boom.scene("time.end=0.04")
+    turret = Turret(scene, referenceRotationMatrix=RotationMatrixY(-0.3))
+    ground = turret.mbs.CreateGround()
+    turret.mbs.CreateGenericJoint(bodyNumbers=[ground, turret.body], position=[0.0, 0.0, 0.0])
+    start = systems.static_start(turret.system, turret.excitation)
+    turret.add(start)
+    turret.solve()
+    expected = systems.simulate(turret.system, turret.excitation, start)
+    q = np.hstack([one.q for one in expected.bodies.values()])
+    np.testing.assert_allclose(turret.q, q, rtol=0.0, atol=1e-9 * np.abs(q).max())
+    assert np.abs(q - q[0]).max() > 0.01 * np.abs(q).max()
+
+
+def test_moved_it_is_the_boom_in_a_frame() -> None:
+    """A free turret's motion prescribed again, as loads and terms of second order."""
+    scene = free_boom.scene("time.end=0.04", "sections.fly.loads.gust.signal={kind='constant', amount=200.0}")
+    turret = Turret(scene, "xyz", initialAngularVelocity=[0.8, -0.5, 1.1])
+    turret.add()
+    turret.solve()
+    base = turret.base()
+    out = [base.extended(t) for t in turret.t]
+    moved = [base.kinematics(x, x_t) for x, x_t in zip(turret.x, turret.x_t, strict=True)]
+    driven = np.array([one[0] @ x_tt + one[1] for one, x_tt in zip(moved, turret.x_tt, strict=True)])
+    R, omega = np.array([one[3] for one in moved]), np.array([one[2].omega for one in moved])
+    turning = Turning(omega, driven[:, 3:], R)
+
+    def field(section: int, name: str) -> Array:
+        if len(name) == 2:
+            return turning.gradient[:, "xyz".index(name[0]), "xyz".index(name[1])]
+        s, s_t, s_tt = (np.array([getattr(one, k)[: section + 1].sum() for one in out]) for k in vars(out[0]))
+        along = np.array([1.0, 0.0, 0.0])
+        found = driven[:, :3] + scene.gravity.signal.value(turret.t)[:, None] * R[:, 2] + np.outer(s_tt, along)
+        found += 2.0 * np.cross(omega, np.outer(s_t, along))
+        found += np.einsum("tij,tj->ti", turning.gradient, scene.frame.place + np.outer(s, along))
+        return found[:, "xyz".index(name)]
+
+    def table(values: Array) -> Table:
+        return Table(times=turret.t, values=values, interpolation="linear")
+
+    loads = dict(turret.excitation.loads)
+    for k, body in enumerate(turret.system.bodies):
+        loads |= {
+            name: table(-field(k, name.partition(INERTIA)[2])) for name in loads if name.startswith(f"{body}.{INERTIA}")
+        }
+    terms = {}
+    for one in frame_terms(scene):
+        j = ["xyz".index(axis) for axis in one.component if one.of in ("rotation", "turning", "carried")]
+        if one.of == "carried":
+            found = omega[:, j[0]] * omega[:, j[1]] * (1.0 if j[0] == j[1] else 2.0)
+            found = found - (omega**2).sum(axis=1) if j[0] == j[1] else found
+        elif one.of in ("rotation", "turning"):
+            found = (2.0 * omega if one.of == "rotation" else turning.acceleration)[:, j[0]]
+        else:
+            found = field(scene.names.index(one.carried) if one.carried else one.number, one.component)
+            found = -found / np.array([o.value[one.number] for o in out]) if one.of == "cylinder" else found
+        terms[one.name] = table(found)
+    again = simulate_system(turret.system, replace(turret.excitation, loads=loads, terms=terms))
+    q = np.hstack([one.q for one in again.bodies.values()])
+    np.testing.assert_allclose(turret.q, q, rtol=0.0, atol=1e-8 * np.abs(q).max())
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_free_in_space_momenta_stay_but_for_the_step(kind: str) -> None:
+    """Errors of Exudyn's step, of second order as those of its own rigid bodies."""
+    found = []
+    for step in (4e-3, 2e-3):
+        scene = free_boom.scene("time.end=0.04", f"time.step={step}", "frame.pivot=[0.2, 0.1, 0.3]")
+        turret = Turret(
+            scene.model_copy(update={"gravity": None}),
+            kind,
+            initialAngularVelocity=[0.8, -0.5, 1.1],
+            initialVelocity=[0.4, 0.3, -0.2],
+        )
+        turret.add()
+        turret.solve()
+        p = turret.momenta()
+        found.append(np.abs(p - p[0]).max(axis=0) / np.abs(p[0].reshape(2, 3)).max(axis=1).repeat(3))
+    coarse, fine = found
+    assert coarse.max() < 2e-3
+    np.testing.assert_allclose(coarse.max() / fine.max(), 4.0, rtol=0.1)
+
+
+def test_what_is_refused() -> None:
+    turret = Turret(free_boom.scene())
+    turret.excitation = replace(turret.excitation, paths={"fly": lambda mbs, t: 0.6})
+    with pytest.raises(InputError, match="paths.fly"):
+        turret.add()
+    turret = Turret(free_boom.scene())
+    turret.on = replace(turret.on, body=turret.mbs.AddObject(ObjectGround()))
+    with pytest.raises(InputError, match="rigid body"):
+        turret.add()
