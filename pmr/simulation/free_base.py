@@ -137,8 +137,8 @@ def _fields(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
     """Of the inputs by which a frame accelerates a body: along what, over what, and the number of it."""
     for number, name in enumerate(body.input_names, first):
         if name.startswith(INERTIA):
-            along, *over = name.removeprefix(INERTIA)
-            yield along, "".join(over), number
+            field = name.removeprefix(INERTIA)
+            yield field[0], field[1:], number
 
 
 def _carried(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> Carried:
