@@ -1,4 +1,4 @@
-"""A step of the crane with second order and without, in turn: ``python -m benchmarks.second_order``."""
+"""A step of the crane, and of a body alone, with second order and without: ``python -m benchmarks.second_order``."""
 
 from __future__ import annotations
 
@@ -12,6 +12,11 @@ from pmr.simulation.native import systems
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 CRANE = ("section.mesh.elements=12", "section.reduction.estimate=false", "compare.against=[]")
+ALONE = ("reduction.estimate=false", "compare.against=[]")
+LUFFING = (
+    "frame={{pivot=[0.0,0.0,0.0], unit='rad', second_order={}, "
+    "luffing={{kind='smooth_ramp', times=[0.5,4.0], values=[0.2,1.0], degree=9}}}}"
+)
 #: Each is simulated so many times; the shortest counts.
 TIMES = 5
 
@@ -27,16 +32,22 @@ def measure(scene: Path, changes: Sequence[str]) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print a line for each."""
-    for name, coordinates in (("crane, 6 + 10 + 10 coordinates", ()), ("crane, 6 a section", (6, 6, 6))):
-        sizes = [f"sections.{k}.reduction.coordinates={count}" for k, count in enumerate(coordinates)]
-        first, second = (
-            measure(WORKFLOWS / "crane.toml", [*CRANE, *sizes, f"frame.second_order={asked}"])
-            for asked in ("false", "true")
-        )
-        print(f"{name}: {1e6 * first[0]:.2f} us a step, {first[1]:.0f} times as fast as real time")
-        ratio = second[0] / first[0]
-        print(f"  with second order {1e6 * second[0]:.2f} us, {second[1]:.0f} times; {ratio:.1f} times the step")
+    """Print a line for each, and the ratio of its step to the first one's."""
+    orders = {f"{order} order": f"frame.second_order={on}" for order, on in (("first", "false"), ("second", "true"))}
+    six = tuple(f"sections.{k}.reduction.coordinates=6" for k in range(3))
+    alone = {f"{order} order": LUFFING.format(on) for order, on in (("first", "false"), ("second", "true"))}
+    cases = {
+        "crane, 6 + 10 + 10 coordinates": ("crane", CRANE, orders),
+        "crane, 6 a section": ("crane", (*CRANE, *six), orders),
+        "a body alone": ("boom_beam", ALONE, {"no frame": "title=A body alone"} | alone),
+    }
+    for name, (workflow, changes, ways) in cases.items():
+        first = 0.0
+        for way, change in ways.items():
+            step, faster = measure(WORKFLOWS / f"{workflow}.toml", [*changes, change])
+            first = first or step
+            ratio = step / first
+            print(f"{name}, {way}: {1e6 * step:.2f} us a step ({ratio:.1f} times), {faster:.0f} times real time")
 
 
 if __name__ == "__main__":
