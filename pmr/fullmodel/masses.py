@@ -20,6 +20,8 @@ from pmr.scene.structures import PointMass
 
 Array = NDArray[np.float64]
 
+#: Share of the largest coordinate of a centre of gravity up to which another one is round-off.
+ROUND_OFF = 1e-12
 #: First moments along x, y, z by a translation and a rotation that meet in them, with their sign.
 MOMENTS = ((("y", "rz", 1.0), ("z", "ry", -1.0)), (("z", "rx", 1.0),), (("x", "ry", 1.0),))
 
@@ -51,8 +53,10 @@ def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Ma
                 break
     for mass in attached:
         moments += mass.mass * np.array(model.centroid(mass.on) if mass.at is None else mass.at)
-    carried = sum(mass.mass for mass in attached)
-    return Masses(own, carried, moments / (own + carried))
+    carried = float(sum(mass.mass for mass in attached))
+    centre = moments / (own + carried)
+    centre[np.abs(centre) <= ROUND_OFF * np.abs(centre).max()] = 0.0
+    return Masses(own, carried, centre)
 
 
 def _between(R: Array, M: PETSc.Mat) -> Array:

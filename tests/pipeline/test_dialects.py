@@ -42,11 +42,11 @@ def test_figures_and_report_do_not_depend_on_the_dialect(tmp_path: Path, undrawn
     )
 
 
-PROBE = """probes=[{name="p",at=[3.0,0.0,0.2],measures=["stress"]}]"""
+PROBE = """probes=[{name="p",at=[3.0,0.0,0.2],face="inner"}]"""
 MANY = "reduction={coordinates=400}"
 
 
-@pytest.mark.parametrize(("more", "key"), [(PROBE, "probes[0].measures"), (MANY, "reduction.coordinates")])
+@pytest.mark.parametrize(("more", "key"), [(PROBE, "probes[0].face"), (MANY, "reduction.coordinates")])
 def test_what_is_refused_on_the_way_is_called_as_the_file_calls_it(tmp_path: Path, more: str, key: str) -> None:
     for listed, called in ((False, key), (True, f"sections[0].{key}")):
         file = written(tmp_path, listed, QUICK)
