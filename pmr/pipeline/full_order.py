@@ -33,9 +33,10 @@ from pmr.simulation.needs import needs_of
 from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import Progress, TimeStepping
-from pmr.system.assembly import Assembly, oscillations
+from pmr.system.assembly import Assembly
 from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import contacts_of
+from pmr.system.oscillations import oscillations
 from pmr.system.system import System
 from pmr.system.terms import added
 

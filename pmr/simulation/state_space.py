@@ -23,8 +23,9 @@ from pmr.reduced.soundness import symmetric
 from pmr.scene.built import force_of
 from pmr.scene.names import SLIDER
 from pmr.simulation.modal import diagonalise, modal_damping
-from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.assembly import Assembly
 from pmr.system.compliant_rows import REGULAR
+from pmr.system.contact_rows import ContactRows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -13,8 +12,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
+from pmr.system.contact_rows import ContactRows, closed
+from pmr.system.oscillations import oscillations
 from pmr.system.system import System
-from pmr.system.terms import added
+from pmr.system.terms import Term, added
 
 Array = NDArray[np.float64]
 
@@ -22,68 +23,82 @@ Array = NDArray[np.float64]
 SHIFT = 1.0
 
 
-@dataclass(frozen=True)
-class ContactRows:
-    """The m contacts of a system at given places, T of them each or one, with n coordinates of all bodies."""
-
-    C: Array  # ([T,] m, n)
-    F: Array  # ([T,] m, m) m/N: residual flexibility and compliance, G + 1/k
-    H: Array  # ([T,] m, i) m/N: what the i inputs move by themselves
-    X: Array  # ([T,] o, m) m/N: what forces of contacts take from the o outputs by themselves
-
-    def at(self, k: int) -> ContactRows:
-        """At one of the places, by its number."""
-        return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
-
-    def of(self, which: NDArray[np.bool_]) -> ContactRows:
-        """None but some of the contacts (m,), at one place."""
-        return ContactRows(self.C[which], self.F[np.ix_(which, which)], self.H[which], self.X[:, which])
-
-    def unit(self, K: Any) -> float:
-        """Of forces, the size of the stiffness K (n, n) or, of rigid motions alone, of contacts: rows of one size."""
-        flexibility = abs(self.F).max(initial=0.0)
-        return float(abs(K).max() or (abs(self.C).max() ** 2 / flexibility if flexibility else 1.0))
-
-    @cached_property
-    def answers(self) -> Array:
-        """F^-1 C and F^-1 H side by side, at one place."""
-        return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
-
-
 class Assembly:
     """All bodies' equations, on the n coordinates that no support holds; M, D, K, B and outputs are sparse."""
 
     def __init__(self, system: System) -> None:
-        self.system, bodies = system, list(system.bodies.values())
-        free = [np.setdiff1d(np.arange(body.size), list(body.held.values())) for body in bodies]
-        of_bodies = list(zip(bodies, free, strict=True))
+        self.system, bodies = system, system.bodies
         # numbers of the coordinates of each body that its supports leave free
-        self.free = dict(zip(system.bodies, free, strict=True))
-        numbers, count = dict[str, NDArray[np.int64]](), 0
-        for name, body in system.bodies.items():
-            numbers[name] = np.full(body.size, -1, np.int64)
-            numbers[name][self.free[name]] = count + np.arange(len(self.free[name]))
-            count += len(self.free[name])
-        self.terms = [term.among(numbers, count) for term in system.terms]  # sparse, on the same coordinates
-        self.M, self.D, self.K = (_blocks([getattr(body, A)[np.ix_(i, i)] for body, i in of_bodies]) for A in "MDK")
-        self.B = _blocks([body.B[i] for body, i in of_bodies])
-        O = [body.outputs[:, i] for body, i in of_bodies]
-        self.outputs = _blocks(O)
+        self.free = {
+            name: np.setdiff1d(np.arange(body.size), list(body.held.values())) for name, body in bodies.items()
+        }
         # where those of each body, its inputs and its outputs stand among all
-        self.coordinates = _slices(system, [len(i) for i in free])
-        self.inputs = _slices(system, [len(body.input_names) for body in bodies])
-        self.observed = _slices(system, [o.shape[0] for o in O])
-        self.direct = np.zeros((self.outputs.shape[0], self.B.shape[1]))  # W = O R B (o, i) m/N
-        self.energy = np.zeros((self.B.shape[1],) * 2)  # B^T R B (i, i) m/N
-        for name, body in system.bodies.items():
-            known = (body if body.carriers is None else body.carriers).flexibility
-            if known is not None:
-                self.direct[self.observed[name], self.inputs[name]] = known.direct
-                self.energy[self.inputs[name], self.inputs[name]] = known.energy
+        self.coordinates = _slices(system, [len(free) for free in self.free.values()])
+        self.inputs = _slices(system, [len(body.input_names) for body in bodies.values()])
+        self.observed = _slices(system, [body.outputs.shape[0] for body in bodies.values()])
 
     @property
     def size(self) -> int:
-        return int(self.M.shape[0])
+        return sum(map(len, self.free.values()))
+
+    @cached_property
+    def M(self) -> sp.csr_matrix:
+        return self._blocks(lambda body, free: body.M[np.ix_(free, free)])
+
+    @cached_property
+    def D(self) -> sp.csr_matrix:
+        return self._blocks(lambda body, free: body.D[np.ix_(free, free)])
+
+    @cached_property
+    def K(self) -> sp.csr_matrix:
+        return self._blocks(lambda body, free: body.K[np.ix_(free, free)])
+
+    @cached_property
+    def B(self) -> sp.csr_matrix:
+        return self._blocks(lambda body, free: body.B[free])
+
+    @cached_property
+    def outputs(self) -> sp.csr_matrix:
+        return self._blocks(lambda body, free: body.outputs[:, free])
+
+    def _blocks(self, of: Callable[[Any, NDArray[np.int64]], Any]) -> sp.csr_matrix:
+        """A matrix `of` each body and its free coordinates, one after the other on the diagonal."""
+        bodies = zip(self.system.bodies.values(), self.free.values(), strict=True)
+        return sp.block_diag([sp.csr_matrix(of(body, free)) for body, free in bodies], format="csr")
+
+    @cached_property
+    def terms(self) -> list[Term]:
+        """The system's, sparse, on the same coordinates."""
+        numbers = dict[str, NDArray[np.int64]]()
+        for name, body in self.system.bodies.items():
+            numbers[name] = np.full(body.size, -1, np.int64)
+            numbers[name][self.free[name]] = np.arange(self.size)[self.coordinates[name]]
+        return [term.among(numbers, self.size) for term in self.system.terms]
+
+    @cached_property
+    def direct(self) -> Array:
+        """W = O R B (o, i) m/N."""
+        found = np.zeros((_count(self.observed), _count(self.inputs)))
+        for name, known in self._flexibility.items():
+            found[self.observed[name], self.inputs[name]] = known.direct
+        return found
+
+    @cached_property
+    def energy(self) -> Array:
+        """B^T R B (i, i) m/N."""
+        found = np.zeros((_count(self.inputs),) * 2)
+        for name, known in self._flexibility.items():
+            found[self.inputs[name], self.inputs[name]] = known.energy
+        return found
+
+    @property
+    def _flexibility(self) -> dict[str, Any]:
+        """Of each body that has any."""
+        of_bodies = {
+            name: (body if body.carriers is None else body.carriers).flexibility
+            for name, body in self.system.bodies.items()
+        }
+        return {name: known for name, known in of_bodies.items() if known is not None}
 
     def stiffness(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
         """K + sum_k c_k G_k with amplitudes c (k,) of the system's terms, in their order; none leave K alone."""
@@ -109,7 +124,7 @@ class Assembly:
     def along(self, x: Array) -> ContactRows:
         """The contacts with their places at x (T, sides) m."""
         system = self.system
-        T, m, i, o = len(x), len(system.contacts), self.B.shape[1], self.outputs.shape[0]
+        T, m, i, o = len(x), len(system.contacts), _count(self.inputs), _count(self.observed)
         C, H, X = np.zeros((T, m, self.size)), np.zeros((T, m, i)), np.zeros((T, o, m))
         F = np.zeros((T, m, m))
         F[:] = np.diag(system.compliance)
@@ -123,15 +138,28 @@ class Assembly:
         """What a body contributes with its sides, the `on`-th of all, at x (k, T) m."""
         sides, T, carriers = [self.system.sides[a] for a in on], x.shape[1], self.system.bodies[name].carriers
         assert carriers is not None
-        weights = [side.sign * self.system.row(side.place).weights(at) for side, at in zip(sides, x, strict=True)]
-        stacked, contacts = sp.vstack(weights, format="coo"), [side.contact for side in sides]
-        for k, b in zip(contacts, weights, strict=True):
-            found.C[:, k, self.coordinates[name]] += (b @ carriers.values)[:, self.free[name]]
-            if carriers.flexibility is None:
-                continue
-            found.H[:, k, self.inputs[name]] += b @ carriers.flexibility.inputs
-            found.X[:, self.observed[name], k] += b @ carriers.flexibility.outputs.T
-            moved = stacked.data * (b @ carriers.flexibility.rows)[stacked.row % T, stacked.col]
+        weights = [self.system.row(side.place).weights(at) for side, at in zip(sides, x, strict=True)]
+        for side, b in zip(sides, weights, strict=True):
+            b.data *= side.sign
+        together, contacts, known = (
+            sp.vstack(weights, format="csr"),
+            [side.contact for side in sides],
+            carriers.flexibility,
+        )
+        stacked = together.tocoo()
+
+        def measured(values: Array) -> Array:
+            """Of the carriers' `values` (carriers, n) the sides' (k, T, n)."""
+            return np.asarray(together @ values).reshape(len(on), T, -1)
+
+        for k, own in zip(contacts, measured(carriers.values)[:, :, self.free[name]], strict=True):
+            found.C[:, k, self.coordinates[name]] += own
+        if known is None:
+            return
+        for k, b, H, X in zip(contacts, weights, measured(known.inputs), measured(known.outputs.T), strict=True):
+            found.H[:, k, self.inputs[name]] += H
+            found.X[:, self.observed[name], k] += X
+            moved = stacked.data * (b @ known.rows)[stacked.row % T, stacked.col]
             found.F[:, k, contacts] += np.bincount(stacked.row, moved, len(on) * T).reshape(-1, T).T
 
     def _add_tables(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
@@ -193,7 +221,7 @@ class Assembly:
         for k in range(len(x)):
             K = self.stiffness(amplitudes[k]).toarray()
             V = self.damping(amplitudes[k]) - self.D
-            M, V, (K, Z) = self.M.toarray(), (V - V.T).toarray() / 2.0, _closed((K + K.T) / 2.0, rows.at(k))
+            M, V, (K, Z) = self.M.toarray(), (V - V.T).toarray() / 2.0, closed((K + K.T) / 2.0, rows.at(k))
             if Z is not None:
                 M, K, V = (Z.T @ A @ Z for A in (M, K, V))
             if not len(K):
@@ -209,7 +237,7 @@ class Assembly:
         Of terms with amplitudes c (k,) the symmetric stiffness counts; at the buckling load and beyond omega is 0.
         """
         M, stiffness = self.M.toarray(), self.stiffness(c).toarray()
-        K, Z = _closed((stiffness + stiffness.T) / 2.0, self.at(x))
+        K, Z = closed((stiffness + stiffness.T) / 2.0, self.at(x))
         K = K + SHIFT * M
         if Z is not None:
             M, K = Z.T @ M @ Z, Z.T @ K @ Z
@@ -222,30 +250,9 @@ class Assembly:
         return np.sqrt(np.maximum(1.0 / inverse[::-1] - SHIFT, 0.0)), phi if Z is None else Z @ phi
 
 
-def _closed(K: Array, rows: ContactRows) -> tuple[Array, Array | None]:
-    """K (n, n) with the contacts that give way, and a basis (n, k) of what rigid ones leave free; None without any."""
-    rigid = np.all(rows.F == 0.0, axis=1)
-    soft = rows.of(~rigid)
-    K = K + soft.C.T @ np.linalg.solve(soft.F, soft.C)
-    return K, scipy.linalg.null_space(rows.C[rigid]) if rigid.any() else None
-
-
-def oscillations(M: Array, V: Array, K: Array) -> Array:
-    """Omega (n,) rad/s of M q'' + V q' + K q = 0 with an antisymmetric V, ascending; zero where K does not hold.
-
-    With modes of K, of rates z' and strains omega z the equations are antisymmetric, (0, W; -W, -V): round-off stays
-    that of the largest omega, not of its square.
-    """
-    if not np.any(V):
-        return np.sqrt(np.maximum(scipy.linalg.eigh(K, M, eigvals_only=True), 0.0))
-    omega2, X = scipy.linalg.eigh(K, M)
-    W = np.diag(np.sqrt(np.maximum(omega2, 0.0)))
-    turning = np.block([[np.zeros_like(W), W], [-W, -X.T @ V @ X]])
-    return np.asarray(np.abs(scipy.linalg.eigvalsh(1j * (turning - turning.T) / 2.0)[len(W) :]))
-
-
-def _blocks(matrices: Sequence[Any]) -> sp.csr_matrix:
-    return sp.block_diag([sp.csr_matrix(A) for A in matrices], format="csr")
+def _count(slices: Mapping[str, slice]) -> int:
+    """How many entries all bodies have together."""
+    return max((own.stop for own in slices.values()), default=0)
 
 
 def _slices(system: System, sizes: Any) -> dict[str, slice]:

@@ -18,7 +18,8 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.assembly import Assembly
+from pmr.system.contact_rows import ContactRows
 from pmr.system.statics import ROUND_OFF_OF_K, saddle_point_solver
 
 Array = NDArray[np.float64]

@@ -22,7 +22,8 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.assembly import Assembly
+from pmr.system.contact_rows import ContactRows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pmr.system.assembly import ContactRows
+from pmr.system.contact_rows import ContactRows
 from pmr.system.statics import saddle_point_solver
 
 

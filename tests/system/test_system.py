@@ -40,6 +40,18 @@ def test_frequencies_to_four_digits(count: int, overlap: float) -> None:
     assert Assembly(small).frequencies(coordinates(small, overlap), 3) == pytest.approx(found, rel=1e-4)
 
 
+def test_rows_of_many_places_are_those_of_each_and_take_no_matrix_of_the_bodies() -> None:
+    system = reduced(Nested(3), 3)
+    assembly, x = Assembly(system), np.stack([coordinates(system, overlap) for overlap in (5.4, 3.0, 1.5)])
+    together = assembly.along(x)
+    for k, at in enumerate(x):
+        one = assembly.at(at)
+        for name in ("C", "F", "H", "X"):
+            found, expected = getattr(together, name)[k], getattr(one, name)
+            np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max(initial=1e-300))
+    assert not {"M", "D", "K", "B", "outputs"} & set(vars(assembly))
+
+
 def test_modes_are_those_of_the_frequencies() -> None:
     """M-orthonormal, of no motion that rigid contacts hold, and in balance but for the forces of these."""
     system = full(Nested(3, elements=12))

@@ -18,6 +18,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -152,10 +153,13 @@ class _Search:
         """The member with one coordinate of a body less, if there is one."""
         return [one for one in self.family.neighbours(member, -1) if one.sizes[body] < member.sizes[body]]
 
+    def together(self, member: Member, rung: Rung, steps: int) -> bool:
+        """Whether model and step are within the tolerance together."""
+        return rung.settled and self.demand.share(self.errors.total(member, rung, steps)) <= self.less
+
     def holds(self, member: Member, rung: Rung, steps: int) -> bool:
-        """Whether model and step are within the tolerance together, and the step as the run itself says."""
-        within = rung.settled and self.demand.share(self.errors.total(member, rung, steps)) <= self.less
-        return within and self.demand.share(self.errors.step(rung, steps)) <= 1.0
+        """The same, and whether the step is as the run itself says, which takes runs of its own."""
+        return self.together(member, rung, steps) and self.demand.share(self.errors.step(rung, steps)) <= 1.0
 
     def longest_step(self, member: Member, at: int) -> tuple[Rung, bool]:
         """The first rung that holds, beside the reduction's part with `at` steps, and True; else another and False.
@@ -165,9 +169,10 @@ class _Search:
         """
         rung, alone = None, self.demand.share(self.errors.reduction(member, at))
         for rung in rungs(self.family, member, self.coarse, self.demand.kinds):
-            if self.holds(member, rung, at):
-                before = coarser(self.family, rung, self.coarse)
-                return next((one for one in before if self.holds(member, one, at)), rung), True
+            if self.together(member, rung, at):
+                for one in chain(coarser(self.family, rung, self.coarse), (rung,)):
+                    if self.holds(member, one, at):
+                        return one, True
             part = self.demand.share(self.errors.size(rung.missing, at))
             if rung.settled and part <= SMALL * alone and (1.0 + SMALL) * self.less < alone < np.inf:
                 return rung, False

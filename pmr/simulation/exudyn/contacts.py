@@ -16,7 +16,7 @@ from pmr.simulation.exudyn import inputs as driving
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.native import contact as native
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.system.assembly import ContactRows
+from pmr.system.contact_rows import ContactRows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -23,7 +23,7 @@ from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.inputs import Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, matrix, with_contacts
 from pmr.simulation.start import InitialState
-from pmr.system.assembly import ContactRows
+from pmr.system.contact_rows import ContactRows
 
 Array = NDArray[np.float64]
 Start = Mapping[str, InitialState]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.items import SystemItems
-from pmr.system.assembly import ContactRows
+from pmr.system.contact_rows import ContactRows
 
 Array = NDArray[np.float64]
 

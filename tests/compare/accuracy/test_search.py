@@ -21,7 +21,7 @@ from pmr.compare.outputs import Floors, Outputs, differences
 from pmr.compare.step_error import StepError
 from pmr.errors import SimulationError
 from pmr.scene.asked import Budget
-from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
+from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp, Step
 from pmr.simulation import Excitation, TimeStepping
 from pmr.system.system import System
 
@@ -62,6 +62,21 @@ def test_the_tolerance_holds_and_two_coordinates_fewer_do_not(kinds: tuple[str, 
         assert error(family.member(fewer), 32 * coarse) > tolerance
     if found.steps >= 4 * coarse:
         assert error(found.member, found.steps // 4) > tolerance / MARGIN_OF_ALL_MODES**2
+
+
+@pytest.mark.slow
+def test_no_shorter_step_than_the_chosen_one_is_judged_by_runs_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Behind a load that sets in at once a longer step is taken than the first with which runs approach each other."""
+    judge, judged = Family.step_error, set[int]()
+
+    def counted(family: Family, member: Member, steps: int) -> StepError | None:
+        judged.add(steps)
+        return judge(family, member, steps)
+
+    monkeypatch.setattr(Family, "step_error", counted)
+    family = family_of(MODEL, driven(load=Step(time=0.3, after=200.0)))
+    found = search(family, Demand(0.01, ("beam", "tip")), coarsest(family))
+    assert found.holds and max(judged) == found.steps
 
 
 @pytest.mark.slow

@@ -21,8 +21,9 @@ from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, Simulator, TimeStepping
 from pmr.simulation.exudyn import Formulation, inputs, simulator
 from pmr.simulation.exudyn.solver import slider_at, stored
-from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
+from pmr.system.contact_rows import ContactRows
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,49 @@
+"""Rows of a system's contacts at given places, and the stiffness of those that give way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContactRows:
+    """The m contacts of a system at given places, T of them each or one, with n coordinates of all bodies."""
+
+    C: Array  # ([T,] m, n)
+    F: Array  # ([T,] m, m) m/N: residual flexibility and compliance, G + 1/k
+    H: Array  # ([T,] m, i) m/N: what the i inputs move by themselves
+    X: Array  # ([T,] o, m) m/N: what forces of contacts take from the o outputs by themselves
+
+    def at(self, k: int) -> ContactRows:
+        """At one of the places, by its number."""
+        return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
+
+    def of(self, which: NDArray[np.bool_]) -> ContactRows:
+        """None but some of the contacts (m,), at one place."""
+        return ContactRows(self.C[which], self.F[np.ix_(which, which)], self.H[which], self.X[:, which])
+
+    def unit(self, K: Any) -> float:
+        """Of forces, the size of the stiffness K (n, n) or, of rigid motions alone, of contacts: rows of one size."""
+        flexibility = abs(self.F).max(initial=0.0)
+        return float(abs(K).max() or (abs(self.C).max() ** 2 / flexibility if flexibility else 1.0))
+
+    @cached_property
+    def answers(self) -> Array:
+        """F^-1 C and F^-1 H side by side, at one place."""
+        return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
+
+
+def closed(K: Array, rows: ContactRows) -> tuple[Array, Array | None]:
+    """K (n, n) with the contacts that give way, and a basis (n, k) of what rigid ones leave free; None without any."""
+    rigid = np.all(rows.F == 0.0, axis=1)
+    soft = rows.of(~rigid)
+    K = K + soft.C.T @ np.linalg.solve(soft.F, soft.C)
+    return K, scipy.linalg.null_space(rows.C[rigid]) if rigid.any() else None
