@@ -10,6 +10,7 @@ import typer
 from rich.logging import RichHandler
 from typer.core import TyperGroup
 
+from pmr.cli.chart import chart
 from pmr.cli.console import VisibleText, err, leave, out, plain_letters, ranks, say
 from pmr.cli.export import export
 from pmr.cli.flexible import flexible
@@ -53,7 +54,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (new, run, study, simulate, export, flexible, matrices, info, schema):
+for command in (new, run, study, chart, simulate, export, flexible, matrices, info, schema):
     app.command()(command)
 
 

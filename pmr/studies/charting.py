@@ -85,7 +85,7 @@ def _answered(at: Stands) -> NDArray[np.int64]:
 
 
 def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: what limits allow at some of the places.
+    """Task: what limits allow at some of the places; ``place`` (p, 2) m, radius and height of the undeformed tip.
 
     Arrays: ``load`` (p, l) kg, the least of all cases, with ``case`` (p, l), its number, and ``error`` (p, l) kg; NaN
     where a limit is not met up to the largest load.  Figures are the extremes of the loads that all limits allow.
@@ -117,7 +117,10 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     governing = np.min(np.nan_to_num(load, nan=np.inf), axis=1)
     finite = governing[np.isfinite(governing)]
     record = {"load.least": float(finite.min()), "load.most": float(finite.max())} if len(finite) else {}
-    return TaskResult(record, {"load": load, "case": case, "error": error})
+    tip, slewing = needs["postures"].arrays["tip"][first:last], at.slewing[first:last]
+    radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
+    place = np.column_stack([radius, tip[:, 2]])
+    return TaskResult(record, {"load": load, "case": case, "error": error, "place": place})
 
 
 def _least(found: Array) -> tuple[NDArray[np.int64], Array]:

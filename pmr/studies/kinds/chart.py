@@ -77,7 +77,7 @@ class Study(StudyBase):
     slewing: tuple[float, ...] = Field(
         default=(0.0,), min_length=1, description="Angles by which it is turned; the least load of all counts"
     )
-    limits: tuple[Limit, ...] = Field(min_length=1, description="What may not be passed")
+    limits: tuple[Limit, ...] = Field(default=(), description="What may not be passed, beside stability")
     cases: tuple[LoadCase, ...] = Field(default=(LoadCase(name="rest"),), min_length=1, description="What acts at once")
     error_bars: bool = Field(default=True, description="Whether the error of the reduction is estimated at each point")
 
@@ -89,12 +89,11 @@ class Study(StudyBase):
         return self
 
     def plan(self) -> Plan:
-        scene, rows = self._scene, self._rows
-        angles = [(a, b) for a in self._angles for b in self.slewing]
-        if len(rows) * len(angles) > MOST:
+        scene, rows, size = self._scene, self._rows, len(self._angles) * len(self.slewing)
+        if len(rows) * size > MOST:
             raise InputError("study", "extensions", len(rows), f"at most {MOST} points are allowed in all")
         unit = np.pi / 180.0 if scene.frame is not None and scene.frame.unit == "degrees" else 1.0
-        points = [(row, a * unit, b * unit) for row in rows for a, b in angles]
+        points = [(row, a * unit, b * unit) for row, a, b in self._points]
         held = {name: float(path.value(0.0)) for name, path in scene.paths.items() if name not in scene.names}
         at = {
             "extensions": {name: [(held | row)[name] for row, *_ in points] for name in scene.paths},
@@ -108,7 +107,7 @@ class Study(StudyBase):
             "cases": [case.model_dump(mode="json") for case in self.cases],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
         }
-        runs, size = [], len(angles)
+        runs = []
         for k, row in enumerate(rows):
             told: dict[str, Scalar] = {f"extension.{name}": value for name, value in row.items()}
             arguments = asked | {"rows": [k * size, (k + 1) * size]}
@@ -117,7 +116,7 @@ class Study(StudyBase):
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
         table = self.table(results)
-        names, load = [*(limit.name for limit in self.limits), STABILITY], table["load"]
+        names, load = self.names, table["load"]
         least, doubt = governing(load), in_doubt(load, table["error"]).any(axis=1)
         found: dict[str, Scalar] = {"points": len(load), "limits": len(names), "in_doubt": int(doubt.sum())}
         for k, name in enumerate(names):
@@ -128,14 +127,19 @@ class Study(StudyBase):
             }
         return found
 
+    @property
+    def names(self) -> list[str]:
+        """Of all limits, that of stability last."""
+        return [*(limit.name for limit in self.limits), STABILITY]
+
     def table(self, results: StudyResults) -> dict[str, Any]:
         """All points: ``load``, ``error`` (P, l) kg and ``case`` (P, l) of each limit, in the order of the plan."""
         parts = [results.arrays(run.key) for run in results.runs]
-        return {name: np.concatenate([part[name] for part in parts]) for name in ("load", "error", "case")}
+        return {name: np.concatenate([part[name] for part in parts]) for name in ("load", "error", "case", "place")}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:
         """``chart.csv``: a row for each point."""
-        table, names = self.table(results), [*(limit.name for limit in self.limits), STABILITY]
+        table, names = self.table(results), self.names
         load, error = table["load"], table["error"]
         least, doubt = governing(load), in_doubt(load, error)
         text = io.StringIO()
@@ -160,7 +164,8 @@ class Study(StudyBase):
                 *(f"{n} error [kg]" for n in names),
             ]
         )
-        for k, (row, a, b, radius, height) in enumerate(self._points):
+        for k, (row, a, b) in enumerate(self._points):
+            radius, height = table["place"][k].tolist()
             which = int(least[k])
             known = which >= 0
             said = [load[k, which], self._lower(load[k], error[k])] if known else ["", ""]
@@ -176,19 +181,9 @@ class Study(StudyBase):
         return float(max(0.0, np.nanmin(load - np.nan_to_num(error))))
 
     @property
-    def _points(self) -> list[tuple[dict[str, float], float, float, float, float]]:
-        """Extensions, angles in the scene's unit, radius and height of the tip in m, of all points."""
-        scene = self._scene
-        assert scene.frame is not None
-        unit = np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0
-        x, _, z = scene.frame.place
-        found = []
-        for row in self._rows:
-            reach = x + sum(row.values()) + scene.sections[-1].length
-            for a in self._angles:
-                c, s = np.cos(a * unit), np.sin(a * unit)
-                found += [(row, a, b, float(reach * c - z * s), float(reach * s + z * c)) for b in self.slewing]
-        return found
+    def _points(self) -> list[tuple[dict[str, float], float, float]]:
+        """Extensions and angles in the scene's unit of all points."""
+        return [(row, a, b) for row in self._rows for a in self._angles for b in self.slewing]
 
     @cached_property
     def _scene(self) -> Scene:

@@ -1,0 +1,130 @@
+"""A load chart as manuals of machines show it: loads over radius and height, coloured by the limit that governs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from pmr.errors.text import visible
+from pmr.report.figures.canvas import INK, MUTED, ROW, SECTIONS, SHADE, WIDE, key, key_rows, sheet
+
+Array = NDArray[np.float64]
+
+#: Curves of constant load, at most; cells in words for a pointer, at most.
+CURVES, MOST_CELLS = 12, 4000
+#: Between loads that curves are drawn for, in a decade.
+STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+#: How far colours of limits are mixed with white.
+PALE = 0.55
+#: Height over width of the picture, at most.
+TALLEST = 0.8
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Places of the tip (E, A, 2) m over E reaches and A angles, the load (E, A) kg, and which limit governs, or -1."""
+
+    place: Array
+    load: Array
+    which: NDArray[np.int64]
+    names: Sequence[str]
+
+    @property
+    def governing(self) -> list[int]:
+        """Numbers of limits that govern somewhere."""
+        return sorted(int(k) for k in np.unique(self.which) if k >= 0)
+
+
+def load_chart(chart: Chart) -> Figure:
+    """Cells around the places, curves of constant load."""
+    return _drawn(chart)[0]
+
+
+def pointed(chart: Chart, said: Sequence[str]) -> str:
+    """Cells that show nothing but what is ``said`` of them, an entry each, at the pointer: for the end of the SVG."""
+    if not 0 < len(said) <= MOST_CELLS:
+        return ""
+    figure, corners = _drawn(chart)
+    to_points = figure.axes[0].transData.transform(corners.reshape(-1, 2)) * 72.0 / figure.dpi
+    x, y = to_points.reshape(corners.shape).transpose(2, 0, 1)
+    y = figure.get_figheight() * 72.0 - y
+    cells = []
+    for number, text in enumerate(said):
+        i, k = divmod(number, chart.load.shape[1])
+        round_ = [(i, k), (i + 1, k), (i + 1, k + 1), (i, k + 1)]
+        path = "L".join(f"{x[at]:.2f} {y[at]:.2f}" for at in round_)
+        cells.append(f'<path d="M{path}Z" fill="#fff" fill-opacity="0"><title>{escape(visible(text))}</title></path>')
+    return "".join(cells)
+
+
+def _drawn(chart: Chart) -> tuple[Figure, Array]:
+    corners = _corners(chart.place)
+    low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
+    names = [chart.names[k] for k in chart.governing]
+    rows = key_rows(names, WIDE) if names else 0
+    margins = {"left": 0.6, "right": 0.16, "top": 0.12 + ROW * rows, "bottom": 0.42}
+    tall = min((WIDE - 0.76) * float((high - low)[1] / (high - low)[0]), TALLEST * WIDE)
+    figure, axes = sheet(WIDE, tall + 0.54 + ROW * rows, margins=margins)
+    ax = axes[0, 0]
+    colours = {k: _pale(SECTIONS[(place + 1) % len(SECTIONS)]) for place, k in enumerate(chart.governing)}
+    for i in range(chart.load.shape[0]):
+        for k in range(chart.load.shape[1]):
+            cell = corners[[i, i + 1, i + 1, i], [k, k, k + 1, k + 1]]
+            colour = colours.get(int(chart.which[i, k]), SHADE)
+            ax.fill(*cell.T, color=colour, linewidth=0.3, zorder=1.0)
+    levels = _levels(chart.load)
+    if min(chart.load.shape) > 1 and levels:
+        load = np.ma.masked_invalid(chart.load)
+        drawn = ax.contour(*chart.place.transpose(2, 0, 1), load, levels=levels, colors=INK, linewidths=0.7, zorder=2.0)
+        ax.clabel(drawn, fmt=lambda value: f"{value:g}", fontsize=7.0, inline_spacing=2)
+    ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+    ax.set_aspect("equal", adjustable="box", anchor="SW")
+    ax.set_xlabel("Radius in m")
+    ax.set_ylabel("Height in m")
+    key(figure, [_entry(colours[k], chart.names[k]) for k in chart.governing], max(rows, 1))
+    ax.apply_aspect()
+    return figure, corners
+
+
+def _levels(load: Array) -> list[float]:
+    """Loads in kg that curves are drawn for."""
+    known = load[np.isfinite(load) & (load > 0.0)]
+    if not len(known) or known.max() <= known.min():
+        return []
+    decades = range(int(np.floor(np.log10(known.max()))) - 2, int(np.floor(np.log10(known.max()))) + 1)
+    every = [step * 10.0**decade for decade in decades for step in STEPS]
+    inside = [level for level in every if known.min() < level < known.max()]
+    return inside[-CURVES:] or np.linspace(known.min(), known.max(), 5)[1:-1].tolist()
+
+
+def _entry(colour: str, name: str) -> Line2D:
+    return Line2D([], [], color=colour, linewidth=6.0, label=name)
+
+
+def _pale(colour: str) -> str:
+    mixed = [round(int(colour[k : k + 2], 16) * (1.0 - PALE) + 255.0 * PALE) for k in (1, 3, 5)]
+    return "#" + "".join(f"{one:02x}" for one in mixed)
+
+
+def _corners(place: Array) -> Array:
+    """Of cells around the places, (E + 1, A + 1, 2)."""
+    for axis in (0, 1):
+        count = place.shape[axis]
+        if count == 1:
+            around = np.zeros(2) if axis == 0 else np.array([-place[0, 0, 1], place[0, 0, 0]])
+            step = 0.02 * (around if np.any(around) else place[:1])
+            place = np.concatenate([place - step, place + step], axis=axis)
+            continue
+        first, last, middle = (np.take(place, k, axis=axis) for k in ([0], [-1], range(count - 1)))
+        nexts = np.take(place, range(1, count), axis=axis)
+        step_first, step_last = (np.take(nexts - middle, [k], axis=axis) / 2.0 for k in (0, -1))
+        place = np.concatenate([first - step_first, (middle + nexts) / 2.0, last + step_last], axis=axis)
+    return place

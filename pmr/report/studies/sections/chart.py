@@ -1,0 +1,156 @@
+"""The load chart: its picture, what governs, and loads in a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
+from pmr.report.figures.load_chart import Chart, load_chart, pointed
+from pmr.report.numbers import SPACE, plain
+from pmr.report.studies.finished import FinishedStudy
+from pmr.studies.charting import governing
+from pmr.studies.limits import STABILITY
+
+Array = NDArray[np.float64]
+
+#: Reaches and angles in the table, at most.
+ROWS, COLUMNS = 14, 7
+#: Error bars in kg from which on they are shown beside a load.
+SHOWN = 0.5
+
+
+def content(study: FinishedStudy, prefix: str) -> Chapter:
+    """What is carried where, and why no more."""
+    names = [*(str(limit["name"]) for limit in study.asked["limits"]), STABILITY]
+    table = _least_over_slewing(study)
+    load = np.where(np.isnan(table["load"]), np.inf, table["load"])
+    which = governing(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
+    least = np.where(which >= 0, load.min(axis=2), np.nan)
+    error = np.where(which >= 0, np.take_along_axis(table["error"], np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
+    chart = Chart(table["place"], least, which, names)
+    caption = (
+        "Load in kg over radius and height of the tip, from the pivot, undeformed, with curves of constant load. "
+        "Colours say which limit governs, grey that none does up to the largest load that is looked for. "
+        "A pointer on the picture shows values."
+    )
+    picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
+    said = [_said(study, table, chart, error, number) for number in range(least.size)]
+    picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + pointed(chart, said) + "</svg>")
+    return Chapter(
+        anchor=prefix,
+        title=study.title,
+        headline=_headline(study, least),
+        key_numbers=_key_numbers(study, least, error),
+        paragraphs=_paragraphs(study),
+        blocks=[
+            Block("Load chart", ((picture,),)),
+            Block("Limits", grids=(_limits(study, names),)),
+            Block("Loads", grids=(_loads(chart, error, table["luffing"]),)),
+        ],
+    )
+
+
+def _least_over_slewing(study: FinishedStudy) -> Mapping[str, Array]:
+    """Places (E, A, 2), loads and errors (E, A, l), by reach; the least load of all slewing angles of each limit."""
+    parts = [study.results.arrays(run.key) for run in study.results.runs]
+    turns = len(study.asked["slewing"])
+    found: dict[str, Any] = {}
+    shaped = {n: np.array([p[n].reshape(-1, turns, p[n].shape[1]) for p in parts]) for n in ("load", "error", "place")}
+    known = np.where(np.isnan(shaped["load"]), np.inf, shaped["load"])
+    at = known.argmin(axis=2)[:, :, None]
+    found["load"], found["error"] = (np.take_along_axis(shaped[n], at, 2)[:, :, 0] for n in ("load", "error"))
+    found["place"] = shaped["place"][:, :, 0]
+    order = np.argsort(np.linalg.norm(found["place"][:, 0], axis=1), kind="stable")
+    found = {name: one[order] for name, one in found.items()}
+    found["runs"] = [study.results.runs[k] for k in order]
+    asked = study.asked["luffing"]
+    found["luffing"] = np.linspace(asked["least"], asked["most"], asked["count"]) if isinstance(asked, dict) else asked
+    return found
+
+
+def _said(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, error: Array, number: int) -> str:
+    i, k = divmod(number, chart.load.shape[1])
+    radius, height = chart.place[i, k]
+    lines = [f"radius {radius:.2f} m, height {height:.2f} m"]
+    for name, value in table["runs"][i].parameters.items():
+        lines.append(f"{name.removeprefix('extension.')} out {float(value):.3g} m")
+    lines.append(f"raised by {float(table['luffing'][k]):.3g}")
+    if chart.which[i, k] < 0:
+        return "\n".join([*lines, f"no limit up to {study.asked['up_to']:g} kg"])
+    bar = f" ± {error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
+    lines.append(f"load {chart.load[i, k]:.5g}{bar} kg, by {chart.names[chart.which[i, k]]}")
+    own = zip(chart.names, table["load"][i, k], strict=True)
+    return "\n".join([*lines, *(f"{name}: {'not met' if np.isnan(v) else f'{v:.5g} kg'}" for name, v in own)])
+
+
+def _kg(load: Any) -> str:
+    """Four digits, without a power of ten."""
+    return f"{plain(float(f'{load:.4g}'))}{SPACE}kg"
+
+
+def _headline(study: FinishedStudy, least: Array) -> str:
+    if not np.isfinite(least).any():
+        return f"No limit is met up to {study.asked['up_to']:g}{SPACE}kg at any point."
+    low, high = np.nanmin(least), np.nanmax(least)
+    return f"From {_kg(low)} to {_kg(high)} are carried, by place."
+
+
+def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNumber]:
+    found = [KeyNumber(str(least.size), "points", f"{len(study.asked['limits']) + 1} limits")]
+    if np.isfinite(least).any():
+        found.append(KeyNumber(_kg(np.nanmax(least)), "most"))
+        found.append(KeyNumber(_kg(np.nanmin(least)), "least"))
+    if np.isfinite(error).any():
+        largest, doubt = f"{np.nanmax(error):.2g}{SPACE}kg", str(study.figures["in_doubt"])
+        found.append(KeyNumber(largest, "error bar, at most", "of the reduction"))
+        found.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
+    return found
+
+
+def _paragraphs(study: FinishedStudy) -> list[str]:
+    bars = (
+        "Error bars are those of the reduction alone, as a richer model tells them: neither the mesh's part nor what "
+        "second order neglects is in them."
+        if study.asked["error_bars"]
+        else "Error bars were not asked for."
+    )
+    return [
+        "Equilibrium to second order with the contacts that are closed: axial forces of weight and load bend what is "
+        "bent. All factors are those of the study. Overturning is that of the undeformed boom.",
+        bars,
+    ]
+
+
+def _limits(study: FinishedStudy, names: list[str]) -> Grid:
+    asked = {str(limit["name"]): limit for limit in study.asked["limits"]}
+    rows = []
+    for name in names:
+        limit = asked.get(name, {"of": "equilibrium", "factor": 1.0})
+        amount = limit.get("most") or limit.get("least")
+        counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
+        rows.append((name, str(limit["of"]), "–" if amount is None else f"{amount:g}", f"{limit['factor']:g}", *counts))
+    heads = ("limit", "of", "amount in SI units", "factor", "governs at", "not met at", "met at no load at")
+    return Grid("Limits and the number of points at which they govern.", heads, tuple(rows))
+
+
+def _loads(chart: Chart, error: Array, luffing: Any) -> Grid:
+    """Loads over reach and angle."""
+    E, A = chart.load.shape
+    rows = np.unique(np.linspace(0, E - 1, min(E, ROWS)).round().astype(int))
+    columns = np.unique(np.linspace(0, A - 1, min(A, COLUMNS)).round().astype(int))
+
+    def cell(i: int, k: int) -> str:
+        if chart.which[i, k] < 0:
+            return "not met"
+        bar = f" ± {error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
+        return f"{chart.load[i, k]:.0f}{bar}"
+
+    reach = np.linalg.norm(chart.place[:, 0], axis=1)
+    head = ("reach in m", *(f"{float(luffing[k]):.3g}" for k in columns))
+    body = tuple((f"{reach[i]:.2f}", *(cell(i, int(k)) for k in columns)) for i in rows)
+    return Grid("Loads in kg over reach and luffing angle; all of them stand in chart.csv.", head, body)
