@@ -25,6 +25,8 @@ DIMENSIONS = "box boom"
 MOST_RECTANGLES = 100_000
 #: Cells may be so thin, as a share of the others: gmsh takes points that lie much closer for one.
 THINNEST = 1e-4
+#: Cosine up to which an angle is a right one.
+SQUARE = 1e-6
 
 
 class Side(Protocol):
@@ -182,10 +184,10 @@ def _frame(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[
 
 
 def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
-    """The walls' cross-section at x = 0: a patch for each side, and one for each sharp corner."""
+    """The walls' cross-section at x = 0: a patch for each side, and one for each right angle."""
     patches, count = [], len(boom.sides)
     inside = [[drawing.point(0.0, *p) for p in _ends(boom, k, _inside)] for k in range(count)]
-    outside = [[drawing.point(0.0, *p) for p in _feet(boom, k)] for k in range(count)]
+    outside = [[drawing.point(0.0, *p) for p in _outer_ends(boom, k)] for k in range(count)]
     for k, side in enumerate(boom.sides):
         (a, b), (d, c) = outside[k], inside[k]
         n, after = _divisions(boom, side), (k + 1) % count
@@ -195,7 +197,7 @@ def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
             centre = drawing.point(0.0, *side.centre)
             along = drawing.arc(a, centre, b, n), drawing.arc(c, centre, d, n)
         patches.append(drawing.patch([along[0], drawing.line(b, c, 1), along[1], drawing.line(d, a, 1)], quads))
-        if side.centre is None and boom.sides[after].centre is None:
+        if _is_square(boom, k):
             corner = drawing.point(0.0, *_ends(boom, k, _outside)[1])
             next_ = outside[after][0]
             sides = [drawing.line(b, corner, 1), drawing.line(corner, next_, 1), drawing.line(next_, c, 1)]
@@ -223,11 +225,22 @@ def _inside(side: Side) -> float:
     return -side.thickness / 2.0
 
 
-def _feet(boom: BoxBoom, k: int) -> list[Array]:
-    """Outside of a side, opposite the ends of its inside."""
-    side = boom.sides[k]
-    ends = zip((side.start, side.end), _ends(boom, k, _inside), strict=True)
-    return [inner + side.thickness * _out(side, at) for at, inner in ends]
+def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
+    """Outside of a side's patch: opposite the ends of its inside where a square fills the corner, else mitred."""
+    side, outer = boom.sides[k], _ends(boom, k, _outside)
+    inner = [
+        at + side.thickness * _out(side, end)
+        for end, at in zip((side.start, side.end), _ends(boom, k, _inside), strict=True)
+    ]
+    first = inner[0] if _is_square(boom, k - 1) else outer[0]
+    return first, inner[1] if _is_square(boom, k) else outer[1]
+
+
+def _is_square(boom: BoxBoom, k: int) -> bool:
+    """Whether a side and the next one are flat and meet at a right angle."""
+    side, after = boom.sides[k], boom.sides[(k + 1) % len(boom.sides)]
+    flat = side.centre is None and after.centre is None
+    return flat and abs(float(_out(side, side.end) @ _out(after, after.start))) < SQUARE
 
 
 def _out(side: Side, at: Pair) -> Array:

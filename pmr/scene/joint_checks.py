@@ -101,6 +101,8 @@ def _held_at_the_start(scene: Scene, number: int) -> None:
             continue
         for end in ("tail", "mouth"):
             rings = {k: ring for k, ring in enumerate(getattr(joint, end)) if faces & set(ring.faces or ("top",))}
+            if any(" " in face for ring in getattr(joint, end) for face in ring.faces or ()):
+                continue  # what presses along one axis takes up the play of slanted pads along the other
             if rings and all(
                 ring.clearance_on(face) for ring in rings.values() for face in ring.faces or ("top",) if face in faces
             ):

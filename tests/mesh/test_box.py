@@ -98,3 +98,26 @@ def test_a_solid_has_the_volume_of_its_wall(tmp_path: Path, hexahedra: bool, rad
 def test_impossible_dimensions_are_refused(dimensions, says: str) -> None:
     with pytest.raises(InputError, match=says):
         boom(**dimensions)
+
+
+@pytest.mark.parametrize("kind", ["shell", "hexahedra", "tetrahedra"])
+def test_a_chamfered_boom_has_all_of_its_faces(tmp_path: Path, kind: str) -> None:
+    walls = {"bottom": 0.012, "sides": 0.006, "top": 0.008}
+    profile = BoxProfile(width=0.3, height=0.4, wall=walls, chamfer=(0.09, 0.12))
+    drawn, file = BoxBoom(profile.sides, length=0.6, size=0.1), tmp_path / "m.msh"
+    write_shell(drawn, file) if kind == "shell" else write_solid(drawn, file, kind == "hexahedra")
+    mesh = read_mesh(file, ("triangle", "hexahedron", "tetrahedron"), (*profile.faces, "tail", "tip"))
+    for name, side in profile.faces.items():
+        group = mesh.groups[name]
+        corners = mesh.points[group.entities].reshape(-1, 3)
+        outside = 0.0 if kind == "shell" else side.thickness / 2.0
+        assert corners[:, 1:] @ side.normal == pytest.approx(side.normal @ side.start + outside, abs=1e-9)
+        if kind == "shell":
+            assert content(mesh.points[group.entities]).sum() == pytest.approx(0.6 * side.length, rel=1e-12)
+
+
+def test_a_solid_with_rounded_corners_has_one_thickness(tmp_path: Path) -> None:
+    walls = {"bottom": 0.012, "sides": 0.006, "top": 0.008}
+    profile = BoxProfile(width=0.3, height=0.4, wall=walls, radius=0.05)
+    with pytest.raises(InputError, match="one thickness of all walls is allowed for a solid with rounded corners"):
+        write_solid(BoxBoom(profile.sides, length=0.6, size=0.1), tmp_path / "m.msh")

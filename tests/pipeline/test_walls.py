@@ -49,6 +49,24 @@ def test_walls_of_both_sections_of_a_joint_give_way() -> None:
 
 
 @pytest.mark.slow
+def test_octagonal_sections_on_slanted_pads_move_alike_as_beams_and_as_shells() -> None:
+    """Displacement, frequencies far out, and forces of pads, which plates of their own thickness share out."""
+    short = ["section.joint.extension={kind='smooth_ramp',times=[0.5,1.5],values=[4.0,4.2]}", "time.end=2.0"]
+    short += ["section.mesh.size=0.12", "section.mesh.along=0.3", "time.step=5e-3", "section.reduction.estimate=false"]
+    most, f, forces = {}, {}, {}
+    for name in ("boom_octagonal", "boom_octagonal_shell"):
+        scene = pmr.load_scene(WORKFLOWS / f"{name}.toml", short)
+        reduced = pmr.reduce(scene)
+        response = pmr.simulate(scene, reduced.reduced)
+        most[name], forces[name] = np.abs(response.displacement).max(), response.slider_force
+        f[name] = frequencies_of(scene, MPI.COMM_SELF, np.array([0.99]))
+    beams, shells = most
+    assert most[beams] == pytest.approx(most[shells], rel=0.01)
+    assert f[beams] == pytest.approx(f[shells], rel=0.01)
+    assert np.abs(forces[beams] - forces[shells]).max() < 0.03 * np.abs(forces[shells]).max()
+
+
+@pytest.mark.slow
 def test_pads_that_only_push_dent_the_walls_too() -> None:
     """Let go at rest the box comes down on those below its mouth and above its tail."""
     rings = [f"pads.{ring}.unilateral=true" for ring in ("tail", "mouth")]
