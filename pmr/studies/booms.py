@@ -17,7 +17,7 @@ from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation import Excitation
 from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import contacts_of, system_of
 from pmr.system.system import System, SystemTrajectory
@@ -65,23 +65,11 @@ class Case:
         run = run_from_start(full, excitation)
         return cls(boom, built, full, excitation, run, respond(full, run))
 
-    def family(self) -> Family:
-        """The reduced models of the sections, of all sizes."""
-        return family_of(self.boom, self.built)
-
-    def models(self, family: Family, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:
-        """Of so many elastic modes a section: on free modes, and as they are simulated."""
-        return models_of(self.boom, family, modes, basis)
-
     def at(self, system: System, factor: float, every: int) -> Array:
         """Displacements (T, o) in m of a system with a step that is so many times as long."""
-        stepping = stepping_of(self.boom)
-        excitation = Excitation.of(self.boom).on_grid(replace(stepping, step=factor * stepping.step))
+        driven = Excitation.of(self.boom)
+        excitation = driven.on_grid(replace(driven.stepping, step=factor * driven.stepping.step))
         return respond(system, run_from_start(system, excitation).at(slice(None, None, every))).displacement
-
-    def full_at(self, factor: float, every: int) -> Array:
-        """The same of the full models."""
-        return self.at(self.full, factor, every)
 
 
 def built_of(boom: Scene) -> Mapping[str, Any]:
@@ -114,11 +102,6 @@ def models_of(boom: Scene, family: Family, modes: int, basis: str) -> tuple[dict
     if basis == "modes":
         modal = {name: _stiff(model) for name, model in modal.items()}
     return modal, system_of(boom, {name: with_cylinder_modes(model) for name, model in modal.items()})
-
-
-def stepping_of(boom: Scene) -> TimeStepping:
-    """Of a scene, in parts that a simulator chooses."""
-    return TimeStepping(boom.time.end, boom.time.step, boom.time.rho_inf)
 
 
 def _stiff(model: ReducedModel) -> ReducedModel:

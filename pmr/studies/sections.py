@@ -26,7 +26,7 @@ from pmr.scene import Scene
 from pmr.simulation import Excitation, SystemSimulator, exudyn
 from pmr.simulation.native import systems
 from pmr.studies import figures
-from pmr.studies.booms import Case, built_of, family_of, full_of, models_of, stepping_of
+from pmr.studies.booms import Case, built_of, family_of, full_of, models_of
 from pmr.studies.engine.task import Scalar, Task, TaskFunction, TaskResult, key_of
 from pmr.studies.figures import boom_arguments
 from pmr.system.from_scene import system_of
@@ -74,13 +74,13 @@ def by_size(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     None where there is no model.  Seconds: ``simulate.<r>``, of the solver alone, and ``full``.
     """
     case, record = Case.of(Scene.model_validate(arguments["boom"])), dict[str, Scalar]()
-    seconds, family = {"full": case.run.seconds}, case.family()
+    seconds, family = {"full": case.run.seconds}, family_of(case.boom, case.built)
     for r in arguments["coordinates"]:
         names = (f"beam.{r}", f"force.{r}", f"estimate.{r}")
         record |= dict.fromkeys(names)
         if r > family.most:
             continue
-        modal, system = case.models(family, r, arguments["basis"])
+        modal, system = models_of(case.boom, family, r, arguments["basis"])
         try:
             runs = [run_from_start(system, case.excitation) for _ in range(REPEATS)]
         except (SimulationError, InputError):
@@ -98,7 +98,7 @@ def finest(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     """Task: ``y`` (T, o) in m, the full boom's motion with a step `FINER` than all; ``step``, what that is off by."""
     case, steps = Case.of(Scene.model_validate(arguments["boom"])), arguments["steps"]
     least = FINER * steps[-1]
-    coarser, y = (case.full_at(factor * least, round(steps[0] / (factor * least))) for factor in (2.0, 1.0))
+    coarser, y = (case.at(case.full, factor * least, round(steps[0] / (factor * least))) for factor in (2.0, 1.0))
     return TaskResult({"step": compare.nrms(coarser, y) / 3.0}, {"y": y})
 
 
@@ -106,14 +106,14 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
     """Task: ``total.<r>.<factor>``, ``reduction.<r>``; seconds ``offline``, ``step.<r>``, ``full``: as of one body."""
     case, truth = Case.of(Scene.model_validate(arguments["boom"])), needs["truth"]
     begin = time.process_time()
-    family = case.family()
+    family = family_of(case.boom, case.built)
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / case.boom.time.steps}
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
     record |= {"scene step": case.boom.time.step, "steps": case.boom.time.steps}
     for r in [one for one in arguments["coordinates"] if one <= family.most]:
         names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]
         record |= dict.fromkeys((*names, f"reduction.{r}"))
-        _, system = case.models(family, r, arguments["basis"])
+        _, system = models_of(case.boom, family, r, arguments["basis"])
         for factor, name in zip(arguments["steps"], names, strict=True):
             try:
                 y = case.at(system, factor, round(arguments["steps"][0] / factor))
@@ -144,7 +144,7 @@ def timed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Task
                 "study", "coordinates", modes, f"up to {family.most} elastic modes of a section are allowed"
             )
         system = models_of(boom, family, modes, "flexibility")[1]
-    excitation = Excitation.of(boom).with_stepping(stepping_of(boom))
+    excitation = Excitation.of(boom)
     if arguments["simulator"] != "march":  # which chooses the parts of a step where pads push
         excitation = in_parts(system, excitation)
     start, given = systems.start_of(system, excitation), excitation.stepping
