@@ -331,6 +331,7 @@ STUDIES: dict[str, dict[str, Any]] = {
     "trade": {"scenes": ["scene.toml"], "methods": ["modes", "flexibility"], "coordinates": [4, 6]}
     | {"steps": [2.0, 1.0], "radii": [0.9], "elements": [4]},
     "collection": {"files": ["scenes.toml"]},
+    "chart": {"scene": "scene.toml", "up_to": 1e4, "luffing": [0.3, 0.5]},
 }
 
 
@@ -338,7 +339,8 @@ def study(kind: str, subject: Subject) -> None:
     """All runs are there and finite; a study of one scene finds what a run of it does."""
     assert subject.file.exists()
     for name in {kind, "scenes"}:
-        text = toml.written({"kind": name, "title": "A study", **STUDIES[name]})
+        more = {"extensions": [1.6]} if name == "chart" and subject.kind.has_sections else {}
+        text = toml.written({"kind": name, "title": "A study", **STUDIES[name], **more})
         (subject.folder / f"{name}.toml").write_text(text)
     out = subject.out(f"study-{kind}")
     command("study", str(subject.folder / f"{kind}.toml"), "--jobs", "1", "--out", str(out))
@@ -349,6 +351,14 @@ def study(kind: str, subject: Subject) -> None:
     if kind in ("scenes", "collection"):
         errors = subject.outcome.result.summary["errors"]["reduced_vs_full"]
         np.testing.assert_allclose(float(rows[0]["errors.reduced_vs_full.beam"]), errors["beam"], rtol=1e-3)
+
+
+def chart(subject: Subject) -> None:
+    """All points are there, with a load that is allowed."""
+    out = subject.out("chart")
+    command("chart", str(subject.file), "--up-to", "1e4", "--jobs", "1", "--out", str(out))
+    figures = json.loads((out / "summary.json").read_text())["figures"]
+    assert figures["points"] > 0
 
 
 #: By what the manual's table calls them.
@@ -365,6 +375,7 @@ WAYS: dict[str, Way] = {
     "`pmr.reduce`": reduce,
     "`pmr.simulate`": simulate_in_python,
     "`pmr.Stepper`": stepper,
+    "`pmr chart`": chart,
     "`pmr info`": info,
     "`pmr simulate`": simulate,
     "`pmr export --to exudyn`": script,
