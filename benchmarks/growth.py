@@ -17,6 +17,7 @@ from pmr.scene.signals import Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm
 from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
@@ -48,19 +49,19 @@ def measure(long: bool, repeats: int = 40) -> dict[str, Any]:
 
 def booms(repeats: int) -> dict[str, Any]:
     """Microseconds of a step of booms on pads that hold both ways, and a + b m^2 + c m r fitted to them."""
-    systems = {(name, r): _boom(name, r) for name in BOOMS for r in EACH}
-    best = dict.fromkeys(systems, np.inf)
+    cases = {(name, r): _boom(name, r) for name in BOOMS for r in EACH}
+    best = dict.fromkeys(cases, np.inf)
     for _ in range(repeats):
-        for key, (system, drive) in systems.items():
+        for key, (system, drive) in cases.items():
             seconds = systems.simulate(system, drive).seconds
             best[key] = min(best[key], 1e6 * seconds / drive.stepping.steps)
-    m = np.array([len(system.contacts) for system, _ in systems.values()])
-    r = np.array([sum(body.size for body in system.bodies.values()) for system, _ in systems.values()])
+    m = np.array([len(system.contacts) for system, _ in cases.values()])
+    r = np.array([sum(body.size for body in system.bodies.values()) for system, _ in cases.values()])
     us = np.array(list(best.values()))
     terms = np.column_stack([np.ones(len(m)), m**2, m * r])
     fitted = np.linalg.lstsq(terms / us[:, None], np.ones(len(m)), rcond=None)[0]
     return {
-        "sections": [len(system.bodies) for system, _ in systems.values()],
+        "sections": [len(system.bodies) for system, _ in cases.values()],
         "contacts": m.tolist(),
         "coordinates": r.tolist(),
         "us": us.tolist(),
