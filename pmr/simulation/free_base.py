@@ -94,6 +94,13 @@ class FreeBase:
             found[at] = B[:, column]
         return found
 
+    def weight(self, upwards: Array, count: int) -> Array:
+        """Loads (i,) of `count` inputs that the weight makes, whose acceleration is (3,) m/s^2 in the boom's axes."""
+        found = np.zeros(count)
+        for (_, over, along), column in self._fields.items():
+            found[column] = 0.0 if over else -upwards[along]
+        return found
+
     def loads(self, f: Array, extended: Extended) -> Array:
         """Force and moment about O (6,) of loads f (i,) at the undeformed boom, inertia left out."""
         found = np.zeros(6)

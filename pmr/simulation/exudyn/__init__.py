@@ -10,7 +10,9 @@ from pmr.errors.environment import needed
 if TYPE_CHECKING:
     from pmr.simulation.exudyn.simulator import (
         Formulation,
+        Hook,
         OnBody,
+        add_hook,
         add_pre_step_function,
         add_sensors,
         add_sliding_body,
@@ -22,7 +24,9 @@ if TYPE_CHECKING:
 __all__ = [
     "FORMULATIONS",
     "Formulation",
+    "Hook",
     "OnBody",
+    "add_hook",
     "add_pre_step_function",
     "add_sensors",
     "add_sliding_body",

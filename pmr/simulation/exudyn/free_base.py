@@ -72,6 +72,14 @@ ROTATIONS = {
 }
 
 
+@dataclass(frozen=True)
+class Answers:
+    """Of inputs f (i,): forces B f on the coordinates (n,), and displacements B^T q + E f (i,) of where they act."""
+
+    B: Array
+    E: Array
+
+
 class Base:
     """Places, loads and the base's motion at a time, and what has to be added to Exudyn's equations for them."""
 
@@ -90,13 +98,22 @@ class Base:
             raise InputError("Exudyn", "nodeType", kind, allowed)
         self.reference, self._rotations = np.array(known["referenceCoordinates"]), ROTATIONS[kind]
         self._gravity = on.scene.gravity.signal if on.scene.gravity else None
-        self._contacts, self._equations, self._known = Contacts(equations, inputs), equations, dict[float, Array]()
+        self._contacts, self._equations, self._known = Contacts(equations, inputs), equations, dict[float, Answers]()
         self._paths = [_Path(name, paths.get(name), on.scene.time.step) for name in on.scene.names[1:]]
 
     @property
     def count(self) -> int:
         """Of the body's coordinates."""
         return len(self.reference)
+
+    def weight(self, t: float) -> float:
+        """Acceleration by which things fall at t s, m/s^2."""
+        return 0.0 if self._gravity is None else float(self._gravity.value(t))
+
+    def origin(self, x: Array) -> Array:
+        """Where the pivot is, (3,) m, with the body's coordinates x."""
+        angles = (x + self.reference)[3:]
+        return (x + self.reference)[:3] + np.array(self._rotations.matrix(angles)) @ np.array(self._on.place)
 
     def extended(self, t: float) -> Extended:
         """How far the sections are out at t s."""
@@ -106,19 +123,20 @@ class Base:
     def moments(self, t: float) -> Moments:
         """At t s, with what contacts that give way answer to inertia; rates by differences over a step."""
         h = self._on.scene.time.step
-        before, now, after = (self._moments(max(at, 0.0)) for at in (t - h, t, t + h))
+        before, now, after = (self.boom.moments(self.answers(max(at, 0.0)).B) for at in (t - h, t, t + h))
         return Moments(now, (after - before) / (2.0 * h if t >= h else h + t), (after - 2.0 * now + before) / h**2)
 
-    def _moments(self, t: float) -> Array:
-        """With pads that only push, or rigid contacts alone, those of the coordinates."""
+    def answers(self, t: float) -> Answers:
+        """What inputs do at t s, with the contacts that give way; pads that only push, and rigid ones, left out."""
         key = round(t, 9)
         if key not in self._known:
-            if self._contacts.push or not self._contacts.gives.any():
-                B = self._equations.B
-            else:
-                s = {path.name: path.at(t)[0] for path in self._paths}
-                B = self._contacts.springs(self._equations.at(s))[0][:, self._size :]
-            self._known = dict(list(self._known.items())[-4:]) | {key: self.boom.moments(B)}
+            B, E = self._equations.B, self._equations.assembly.energy
+            if not self._contacts.push and self._contacts.gives.any():
+                x = self._equations.at({path.name: path.at(t)[0] for path in self._paths})
+                rows = self._contacts.rows(x).at(0)
+                B = self._contacts.springs(x)[0][:, self._size :]
+                E = E - rows.H.T @ np.linalg.solve(rows.F, rows.H)
+            self._known = dict(list(self._known.items())[-4:]) | {key: Answers(B, E)}
         return self._known[key]
 
     def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, Motion, Array]:
@@ -135,9 +153,10 @@ class Base:
         """Mass (N, N) and force (N,) on the body's coordinates and the boom's, of both's coordinates x and rates."""
         k, n = self.count, self._size
         turned, gamma, motion, R = self.kinematics(x[:k], rate[:k])
-        weight = 0.0 if self._gravity is None else float(self._gravity.value(t))
         extended = self.extended(t)
-        pressed = self.boom.at(replace(motion, weight=weight * R[2]), extended, x[k:], rate[k:], self.moments(t))
+        pressed = self.boom.at(
+            replace(motion, weight=self.weight(t) * R[2]), extended, x[k:], rate[k:], self.moments(t)
+        )
         L = np.zeros((6 + n, k + n))
         L[:6, :k], L[6:, k:] = turned, np.eye(n)
         own, known = pressed.mass[: 6 + n], np.concatenate([gamma, np.zeros(n), extended.second])
@@ -203,4 +222,4 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
             jacobianUserFunction=lambda *arguments: nothing,  # inertia decides within a step
         )
     )
-    return replace(items, oBase=oBase)
+    return replace(items, oBase=oBase, base=base)

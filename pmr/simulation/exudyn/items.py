@@ -60,6 +60,7 @@ class SystemItems:
     update: PreStep = _nothing
     equations: Any = None  # what `add_sensors` needs
     inputs: Any = None
+    base: Any = None  # what `add_hook` needs
 
     @property
     def nBody(self) -> Any:  # noqa: N802

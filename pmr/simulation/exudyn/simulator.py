@@ -19,6 +19,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
 from pmr.simulation.exudyn.free_base import Base, OnBody, driven_by_base, terms_on_base, with_base
+from pmr.simulation.exudyn.hook import Hook, add_hook
 from pmr.simulation.exudyn.inputs import Driving, SignalInputs
 from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function
 from pmr.simulation.exudyn.run import Run
@@ -33,9 +34,11 @@ from pmr.system.system import System, SystemTrajectory
 
 __all__ = [
     "Formulation",
+    "Hook",
     "OnBody",
     "SystemItems",
     "SystemSensors",
+    "add_hook",
     "add_pre_step_function",
     "add_sensors",
     "add_sliding_body",

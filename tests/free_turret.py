@@ -1,0 +1,84 @@
+"""The small boom on a rigid body in Exudyn, and what is measured of both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import exudyn as exu
+import free_boom
+import numpy as np
+from exudyn.utilities import InertiaCuboid, SensorNode
+from numpy.typing import NDArray
+
+from pmr.scene import Scene
+from pmr.scene.frame import INERTIA
+from pmr.simulation import Excitation
+from pmr.simulation.exudyn import OnBody, add_system
+from pmr.simulation.exudyn.free_base import Base
+from pmr.simulation.start import InitialState
+
+Array = NDArray[np.float64]
+PLACE = (0.1, -0.2, 0.3)
+TURRET = InertiaCuboid(500.0, [1.0, 1.2, 0.8]).Translated([0.1, 0.2, 0.3])
+KINDS = {"EP": exu.NodeType.RotationEulerParameters, "xyz": exu.NodeType.RotationRxyz}
+
+
+class Turret:
+    """A boom on a rigid body, and what is measured of both."""
+
+    def __init__(self, scene: Scene, kind: str = "EP", **body: Any) -> None:
+        self._container, self.scene, self.system = exu.SystemContainer(), scene, free_boom.system()
+        self.mbs, self.excitation = self._container.AddSystem(), Excitation.of(scene)
+        self.body = self.mbs.CreateRigidBody(inertia=TURRET, nodeType=KINDS[kind], **body)
+        self.on = OnBody(self.body, scene, PLACE)
+
+    def add(self, start: Mapping[str, InitialState] | None = None) -> Any:
+        loads = {name: load for name, load in self.excitation.loads.items() if INERTIA not in name}
+        self.items = add_system(self.mbs, self.system, self.excitation.paths, loads, start, on=self.on)
+        return self.items
+
+    def solve(self, tolerance: float = 1e-10) -> None:
+        """Coordinates x of the turret and q of the boom with their rates, (T, n), and the turret's accelerations."""
+        own, nodes = self.mbs.GetObject(self.body)["nodeNumber"], list(self.items.nBodies.values())
+        of = exu.OutputVariableType
+        kinds = [of.Coordinates, of.Coordinates_t, of.Coordinates_tt]
+        asked = [(own, one) for one in kinds] + [(node, one) for one in kinds[:2] for node in nodes]
+        sensors = [
+            self.mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=one, storeInternal=True))
+            for node, one in asked
+        ]
+        self.mbs.Assemble()
+        settings, stepping = exu.SimulationSettings(), self.excitation.stepping
+        settings.solution.file.write = False
+        settings.solution.sensors.writePeriod = stepping.step
+        integration = settings.timeIntegration
+        integration.endTime, integration.numberOfSteps = stepping.end, stepping.steps
+        integration.verboseMode = 0
+        integration.generalizedAlpha.spectralRadius = 1.0
+        integration.newton.useModifiedNewton = False
+        integration.newton.relativeTolerance = tolerance
+        self.mbs.SolveDynamic(settings)
+        self.t = self.excitation.times
+        found = [self.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors]
+        self.x, self.x_t, self.x_tt = found[:3]
+        self.q, self.q_t = np.hstack(found[3 : 3 + len(nodes)]), np.hstack(found[3 + len(nodes) :])
+
+    def base(self) -> Base:
+        return Base(self.mbs, self.items.equations, self.items.inputs, self.excitation.paths, self.on)
+
+    def momenta(self) -> Array:
+        """Of turret and boom about the ground's origin, (T, 6), along its axes."""
+        base, found = self.base(), []
+        for k, t in enumerate(self.t):
+            turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
+            O = self.x[k, :3] + base.reference[:3]
+            velocity, com, J = R.T @ self.x_t[k, :3], TURRET.com, TURRET.inertiaTensor
+            linear = TURRET.mass * (velocity + np.cross(motion.omega, com))
+            angular = TURRET.mass * np.cross(com, velocity) + J @ motion.omega
+            own = base.boom.momentum(
+                motion, turned[:3] @ self.x_t[k], base.extended(t), self.q[k], self.q_t[k], base.moments(t)
+            )
+            P, L = R @ (linear + own[:3]), R @ (angular + own[3:] + np.cross(PLACE, own[:3]))
+            found.append(np.append(P, L + np.cross(O, P)))
+        return np.array(found)

@@ -1,0 +1,95 @@
+"""What hangs on the hook of a boom on a rigid body in Exudyn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import exudyn as exu
+import free_boom
+import numpy as np
+import pytest
+from exudyn.utilities import MarkerNodePosition, ObjectConnectorDistance, SensorNode
+from free_turret import Turret
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.simulation.exudyn import Hook, add_hook
+from pmr.simulation.native import systems
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+pytestmark = pytest.mark.slow  # a boom is reduced
+LOADS = ("fly.hook x", "fly.hook y", "fly.hook z")
+LEVEL = "frame.luffing={kind='constant', amount=0.0}"
+HOOK, LENGTH, GRAVITY = 5.0, 0.1, 9.81
+
+
+class Hooked(Turret):
+    """A boom on a turret that is held, without weight, with a hook."""
+
+    def __init__(self, scene: Scene, mass: float) -> None:
+        super().__init__(scene.model_copy(update={"gravity": None}))
+        ground = self.mbs.CreateGround()
+        self.mbs.CreateGenericJoint(itemNumbers=[ground, self.body], position=[0.0, 0.0, 0.0])
+        self.add()
+        self.hook: Hook = add_hook(self.mbs, self.items, LOADS, mass)
+
+    def follow(self, node: Any) -> Any:
+        """A sensor of where a node is."""
+        kind = exu.OutputVariableType.Position
+        return self.mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True))
+
+
+def test_a_mass_on_the_hook_is_one_of_the_section() -> None:
+    """Struck from the side while it telescopes; the section knows the mass by its coordinates alone, the hook as a force, too."""
+    gust = "sections.fly.loads.gust.signal={kind='sine', amplitude=300.0, frequency=4.0}"
+    scene = free_boom.scene("time.end=0.05", LEVEL, gust)
+    turret = Hooked(scene, HOOK)
+    sensor = turret.follow(turret.hook.nHook)
+    turret.solve(tolerance=1e-7)
+    place = turret.mbs.GetSensorStoredData(sensor)[:, 1:]
+    fly: Any = turret.system.bodies["fly"]
+    at = [fly.input_names.index(name.partition(".")[2]) for name in LOADS]
+    B = fly.B.copy()
+    for axis, k in zip("xyz", at, strict=True):
+        B[:, fly.input_names.index(f"inertia {axis}")] += HOOK * fly.B[:, k]
+    heavy = replace(fly, M=fly.M + HOOK * fly.B[:, at] @ fly.B[:, at].T, B=B)
+    system = System({**turret.system.bodies, "fly": heavy}, turret.system.contacts, terms=turret.system.terms)
+    expected, bare = (
+        systems.displacements(one, systems.simulate(one, turret.excitation))["fly"] for one in (system, turret.system)
+    )
+    y = fly.output_names.index("tip y")
+    moved, largest = place[:, 1] - place[0, 1], np.abs(expected[:, y]).max()
+    assert np.abs(moved - expected[:, y]).max() < 2e-4 * largest
+    assert np.abs(bare - expected)[:, y].max() > 0.03 * largest
+
+
+def test_a_payload_on_a_rope_swings_as_a_pendulum() -> None:
+    still = "sections.fly.joint.extension={kind='constant', amount=0.6}"
+    turret = Hooked(free_boom.scene("time.end=0.5", "time.step=5e-3", LEVEL, still), 0.5)
+    top = np.array(turret.mbs.GetNode(turret.hook.nHook)["referenceCoordinates"])
+    place = top + LENGTH * np.array([0.0, np.sin(0.02), -np.cos(0.02)])
+    load = turret.mbs.CreateMassPoint(referencePosition=place, mass=0.5, gravity=[0.0, 0.0, -GRAVITY], returnDict=True)
+    marker = turret.mbs.AddMarker(MarkerNodePosition(nodeNumber=load["nodeNumber"]))
+    turret.mbs.AddObject(ObjectConnectorDistance(markerNumbers=[turret.hook.mHook, marker], distance=LENGTH))
+    sensor = turret.follow(load["nodeNumber"])
+    turret.solve(tolerance=1e-6)
+    y, t = turret.mbs.GetSensorStoredData(sensor)[:, 2] - top[1], turret.t
+    before = np.flatnonzero(y[:-1] * y[1:] < 0.0)
+    first, second = (t[k] - y[k] * (t[k + 1] - t[k]) / (y[k + 1] - y[k]) for k in before)
+    assert 2.0 * (second - first) == pytest.approx(2.0 * np.pi * np.sqrt(LENGTH / GRAVITY), rel=1e-3)
+
+
+def test_what_is_refused() -> None:
+    turret = Turret(free_boom.scene())
+    turret.add()
+    for loads, says in (
+        (("fly.hook x", "fly.hook y", "fly.rope"), "fly.rope"),
+        (("fly.hook x", "fly.hook z", "fly.hook y"), "forces along x, y and z at one place"),
+    ):
+        with pytest.raises(InputError, match=says):
+            add_hook(turret.mbs, turret.items, loads, HOOK)
+    with pytest.raises(InputError, match="on a rigid body"):
+        add_hook(turret.mbs, replace(turret.items, base=None), LOADS, HOOK)
