@@ -155,6 +155,15 @@ def own_basis(found: Found) -> None:
     assert errors["true", counts[-1]] < errors["false", counts[-1]] < 1.0
 
 
+@figures_of
+def crane_on_turret(found: Found) -> None:
+    tip, payload = found["tip"], found["payload"]
+    lengths = np.linalg.norm((payload - tip)[:, 1:], axis=1)
+    assert np.abs(lengths - 0.8).max() < 1e-6 < np.ptp(tip[:, 3])
+    reach = 0.2 + found["scene"].extension(1).value(tip[:, 0]) + 2.0
+    assert np.abs(np.linalg.norm(tip[:, 1:], axis=1) - reach).max() < 1e-3
+
+
 def test_every_example_is_checked_and_short() -> None:
     scripts = {file.stem: file.read_text().splitlines() for file in EXAMPLES.glob("*.py")}
     assert set(scripts) == set(CHECKS) and len(scripts) >= 12

@@ -11,7 +11,8 @@ from typing import Any
 #: In which order examples are shown.
 EXAMPLES = (
     "sliding_beam", "own_beam", "residual_flexibility", "saved_model", "study", "accuracy", "pushing_pads", "crane",
-    "shell_boom", "weld", "sections", "own_mesh", "matrices", "real_time", "velocity_feedback", "fmu", "own_basis",
+    "crane_on_turret", "shell_boom", "weld", "sections", "own_mesh", "matrices", "real_time", "velocity_feedback",
+    "fmu", "own_basis",
 )  # fmt: skip
 FRAME = """
 .. raw:: html

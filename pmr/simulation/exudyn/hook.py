@@ -5,8 +5,8 @@ once included, so that the hook at x pulls with
 
 .. math:: f = E_h^{-1} \bigl(R^T (x - x_O) - d - r - B_h^T q - E_{hw} f_w\bigr)
 
-in the boom's axes, with the loads f_w that act beside and the weight's.  It pulls on the base with it, too, at the place where it
-is: momentum and energy of all of it stay as they are.
+in the boom's axes, with the loads f_w that act beside and the weight's.  It pulls on the base with it, too, at the
+place where it is, so that momentum stays.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do
@@ -80,7 +80,7 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     )
     return Hook(
         node,
-        mbs.AddObject(ObjectMassPoint(name=f"{name} mass", physicsMass=mass, nodeNumber=node)),
+        mbs.AddObject(ObjectMassPoint(name=f"{name} mass", mass=mass, nodeNumber=node)),
         mbs.AddMarker(MarkerNodePosition(name=name, nodeNumber=node)),
         oJoint,
     )

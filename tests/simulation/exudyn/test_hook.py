@@ -43,7 +43,7 @@ class Hooked(Turret):
 
 
 def test_a_mass_on_the_hook_is_one_of_the_section() -> None:
-    """Struck from the side while it telescopes; the section knows the mass by its coordinates alone, the hook as a force, too."""
+    """Struck from the side while it telescopes; of the section's mass, what follows forces at once knows nothing."""
     gust = "sections.fly.loads.gust.signal={kind='sine', amplitude=300.0, frequency=4.0}"
     scene = free_boom.scene("time.end=0.05", LEVEL, gust)
     turret = Hooked(scene, HOOK)
