@@ -22,6 +22,7 @@ from pmr.simulation.native.terms import LIMIT, independent
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
+from pmr.system.buckling import buckling_factors
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import System, SystemTrajectory
 from pmr.system.terms import Term
@@ -204,6 +205,27 @@ def test_a_column_at_nine_tenths_of_its_buckling_load_is_stable() -> None:
     assert len(crossings) / 2.0 / (count * h) == pytest.approx(loaded, rel=3e-3)  # of which the step's period is 2e-3
     left = motion.energy - motion.work
     assert np.abs(left - left[0]).max() < 0.02 * motion.energy.max()
+
+
+@pytest.mark.slow
+def test_sections_on_pads_that_push_are_stable_at_nine_tenths_of_their_buckling_load() -> None:
+    """That of the longest extension, every pad closed: the boom swings on, slower than without, and pads let go."""
+    system = full(Nested(2, elements=6, clearance=0.0))
+    size = system.bodies["1"].size
+    axial_force = geometric_stiffness(np.linspace(0.0, LENGTH, size // 2), np.ones(size // 2 - 1))
+    system = replace(system, terms=(Term("tension", ("1",), stiffness=axial_force),))
+    stepping = TimeStepping(6.0, 2e-3, 1.0)
+    driven = excitation(system, stepping, constant(tension=0.0))
+    long = system.coordinates({name: path[-1] for name, path in zip(driven.paths, driven.s.T, strict=True)})
+    load = buckling_factors(Assembly(system), long, {"tension": -1.0})[0]
+    tips = []
+    for share in (0.0, 0.9):
+        motion = systems.simulate(system, replace(driven, terms=constant(tension=-share * load)))
+        assert (motion.forces.min(axis=1) == 0.0).mean() > 0.5  # of two pads across each other one is open
+        tips.append(motion.bodies["1"].q[len(motion.t) // 6 :, -2])
+        first, last = np.array_split(np.abs(tips[-1] - tips[-1].mean()), 2)
+        assert last.max() < 1.05 * first.max()
+    assert np.ptp(tips[1]) > 1.5 * np.ptp(tips[0])
 
 
 @pytest.mark.slow
