@@ -145,7 +145,8 @@ def test_three_shells_are_the_same_on_all_ranks_as_on_one() -> None:
 def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: Outcome) -> None:
     result, found = outcome.result, tables(outcome.result)
     assert set(found) == {"forces", "reactions", "frequencies", "probes"}
-    assert [row[1] for row in found["reactions"].rows] == ["base: clamp x", "base: clamp z", "base: clamp ry"]
+    reactions = [row[1] for row in found["reactions"].rows if row[0] == "reduced"]
+    assert reactions == ["base: clamp x", "base: clamp z", "base: clamp ry"]
     assert found["frequencies"].columns[0] == "reach [m]"
     assert [row[0] for row in found["frequencies"].rows] == result.frequencies.along.tolist()
     told = {row[1]: row for row in found["forces"].rows if row[0] == "reduced"}
@@ -397,7 +398,8 @@ def test_three_sections_as_they_come() -> None:
     assert summary["coordinates"]["reduced"] == 19 and summary["warnings"] == []
     true, told = summary["errors"]["reduced_vs_full"], summary["estimate"]
     assert max(true.values()) < 2e-4
-    assert all(error < told[kind] < 2.0 * error for kind, error in true.items())  # though pads land and lift off
+    known = {kind: error for kind, error in true.items() if not kind.startswith("reaction")}
+    assert all(error < told[kind] < 2.0 * error for kind, error in known.items())  # though pads land and lift off
     assert min(pad["min"] for pad in summary["pads"]) >= 0.0
 
 

@@ -71,3 +71,15 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     trust = rows(make_space(summary=known), "How far to trust it")
     assert trust["model"] == f"40.0{SPACE}% over the run, lowest frequencies 60.0{SPACE}%"
     assert trust["mesh"] == f"1.00{SPACE}%" and trust["reduction"] == f"0.200{SPACE}% off the full model"
+
+
+def test_masses_and_the_share_of_the_yield_stress_have_rows(result: RunResult) -> None:
+    used = {"value": 0.138, "stress": 49e6, "yield": 355e6, "section": "", "t": 0.5, "position": [3.0, 0.0, 0.2]}
+    masses = [{"name": "", "mass": 527.52, "attached": 250.0, "centre": [4.0, 0.0, 0.0]}]
+    found = replace(result, summary=result.summary | {"utilisation": {"reduced": used}, "masses": masses})
+    asked, carries = rows(found, "What was asked"), rows(found, "What it carries")
+    assert asked["structure"].endswith(f"wall 8{SPACE}mm, 527.5{SPACE}kg")
+    assert asked["total mass"] == f"777.5{SPACE}kg" and "total mass" not in rows(result, "What was asked")
+    share = carries["largest stress over yield stress"]
+    assert share == f"13.8{SPACE}% of 355{SPACE}MPa, 3{SPACE}m from the tail, at 0.5{SPACE}s"
+    assert "largest stress over yield stress" not in rows(result, "What it carries")

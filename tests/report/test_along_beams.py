@@ -1,0 +1,44 @@
+"""Forces and moments along beams in a report: a figure, and their extremes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from boom_results import MakeSpace
+
+from pmr.fields.envelope import Envelope
+from pmr.report.figures.envelopes import envelopes
+from pmr.report.stresses import along_beams
+from pmr.results import BodyResult, RunResult
+
+SPACE = "\u00a0"
+
+
+def with_envelope(result: RunResult) -> RunResult:
+    """Of a beam that is bent, and pulled by round-off."""
+    x, t = np.array([0.0, 3.0, 6.0]), np.full((2, 3), 0.5)
+    least = np.array([[-1e-3, 0.0, 0.0], [-2e3, -1e3, 0.0]])
+    most = np.array([[1e-3, 0.0, 0.0], [158e3, 80e3, 0.0]])
+    along = Envelope(("normal force", "bending moment y"), ("N", "N m"), x, least, t, most, t)
+    summary = result.summary | {"section_forces": {"reduced": along.extremes()}}
+    return replace(result, bodies={"": BodyResult(envelopes={"reduced": along})}, summary=summary)
+
+
+def test_extremes_are_in_a_table_and_round_off_is_not(make_space: MakeSpace) -> None:
+    plain = make_space()
+    assert along_beams(plain, "run") is None
+    block = along_beams(with_envelope(plain), "run")
+    assert block is not None and len(block.rows) == 1
+    (row,) = block.grids[0].rows
+    assert row[0] == "bending moment y"
+    assert row[1:] == (f"−2.00{SPACE}kN m at 0{SPACE}m, 0.5{SPACE}s", f"158{SPACE}kN m at 0{SPACE}m, 0.5{SPACE}s")
+
+
+def test_the_figure_has_a_panel_a_quantity_from_least_to_most(make_space: MakeSpace) -> None:
+    figure = envelopes(with_envelope(make_space()), ["bending moment y"])
+    (ax,) = figure.axes
+    assert ax.get_title(loc="left") == "Bending moment y in kN m"
+    (band,) = ax.collections
+    heights = band.get_paths()[0].vertices[:, 1]
+    assert heights.min() == -2.0 and heights.max() == 158.0
