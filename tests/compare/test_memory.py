@@ -14,6 +14,7 @@ from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.simulation.blocks import Recorder
 from pmr.simulation.modal import modal_form
+from pmr.simulation.native import march as marching
 from pmr.simulation.native import simulator as march
 from pmr.system.body import FullBody
 from pmr.system.system import System
@@ -55,6 +56,12 @@ def test_the_machine_says_what_is_free() -> None:
     assert free is None if not environment.MEMINFO.exists() else free > 2**20
 
 
+@pytest.fixture
+def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs are longer than what is evaluated at once, so the room for that is in none of their difference."""
+    monkeypatch.setattr(marching, "BLOCK", 4096)
+
+
 def _a_step(load_scene, run: Callable[[object], object]) -> float:
     """Bytes that each step adds to what a run has allocated at its peak."""
     peaks, steps = [], []
@@ -72,8 +79,8 @@ def _a_step(load_scene, run: Callable[[object], object]) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("short_blocks")
 def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: FullBody) -> None:
-    """Both runs are longer than what is evaluated at once, so the room for that is in none of the difference."""
     found = _a_step(load_scene, lambda scene: repeated(scene, System.of(full), Excitation.of(scene), "march"))
     states = memory.NUMBER * 2 * full.size
     outputs = memory.NUMBER * len(full.output_positions)
@@ -83,6 +90,7 @@ def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: Fu
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("short_blocks")
 def test_states_at_a_few_steps_don_t_take_those_of_all(load_scene, full: FullBody) -> None:
     def run(scene: Scene) -> None:
         recorder = Recorder(np.arange(0, 7001, 1000))
