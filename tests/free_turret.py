@@ -15,6 +15,7 @@ from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import OnBody, add_system
+from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.free_base import Base
 from pmr.simulation.start import InitialState
 
@@ -81,4 +82,19 @@ class Turret:
             )
             P, L = R @ (linear + own[:3]), R @ (angular + own[3:] + np.cross(PLACE, own[:3]))
             found.append(np.append(P, L + np.cross(O, P)))
+        return np.array(found)
+
+    def energies(self) -> Array:
+        """Kinetic and strain energy of turret and boom, (T,) J, with the boom's extension constant."""
+        base, found, equations = self.base(), [], self.items.equations
+        (extension,) = {float(path.value(0.0)) for path in self.excitation.paths.values()}
+        x = equations.at(dict.fromkeys(self.excitation.paths, extension))
+        K = Contacts(equations, self.items.inputs).springs(x)[0][:, : equations.size]
+        for k, t in enumerate(self.t):
+            turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
+            velocity, q, rate, omega = R.T @ self.x_t[k, :3], self.q[k], self.q_t[k], motion.omega
+            own = base.boom.kinetic(motion, turned[:3] @ self.x_t[k], base.extended(t), q, rate, base.moments(t))
+            turret = TURRET.mass * velocity @ (velocity / 2.0 + np.cross(omega, TURRET.com))
+            turret += omega @ TURRET.inertiaTensor @ omega / 2.0
+            found.append(own + turret + (rate @ equations.M @ rate + q @ K @ q) / 2.0)
         return np.array(found)

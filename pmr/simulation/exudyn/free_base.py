@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import exudyn as exu
@@ -181,20 +182,33 @@ class _Path:
         return float(self._path.value(t)), float(self._path.rate(t)), second
 
 
-def driven_by_base(system: System, loads: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
+def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
     """The loads, and those at zero by which a frame would accelerate the boom: its base does so."""
     nothing = Constant(amount=0.0)
     return dict(loads) | {one: nothing for one in system.input_names if INERTIA in one}
 
 
-def terms_on_base(system: System, loads: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
-    """Amplitudes of the terms: of the stress that loads make, for all others are the base's."""
+def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
+    """Amplitudes of the terms: of the stress that loads make, for all others are the base's.
+
+    An InputError is raised where an extension has no rate.
+    """
+    for name in on.scene.names[1:]:
+        _Path(name, paths.get(name), on.scene.time.step)
     nothing, found = Constant(amount=0.0), dict[str, Driving]()
     for one in frame_terms(on.scene):
         found[one.name] = nothing
-        if one.of == "load":
-            found[one.name] = loads[input_of(one.bodies[0], one.component)]
+        if one.of in ("load", "cylinder load"):
+            found[one.name] = loads.get(input_of(one.carried or one.bodies[0], one.component), nothing)
+        if one.of == "cylinder load":
+            found[one.name] = partial(_pushed, found[one.name], paths.get(on.scene.names[one.number]))
     return found
+
+
+def _pushed(load: Any, extension: Any, mbs: Any, t: float) -> float:
+    """Minus what a cylinder pushes with against a load along it, over its length, N/m."""
+    force = load.value(t) if hasattr(load, "value") else load(mbs, t)
+    return float(force / extension.value(t))
 
 
 def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:

@@ -106,7 +106,7 @@ def add_system(
     """
     equations = Equations(system)
     if on is not None:
-        loads, terms = driven_by_base(system, loads, on), terms_on_base(system, loads, on)
+        loads, terms = driven_by_base(system, loads), terms_on_base(loads, paths, on)
     inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
     name, add = FORMULATIONS[formulation]
     refuse(name, equations.needs(inputs.at(0.0)))
