@@ -20,7 +20,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.columns import called
 from pmr.simulation.modal import inertia_share, support_forces, unpressed
 from pmr.simulation.native import systems
-from pmr.system.body import FullBody, Trajectory, force_outputs, length_outputs
+from pmr.system.body import FullBody, Trajectory, force_outputs, length_outputs, with_inertia
 from pmr.system.contacts import Contact, named
 from pmr.system.system import Joined, System, SystemTrajectory
 
@@ -47,7 +47,7 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
     """Displacements of all sections, one after the other, and the forces of all contacts and springs."""
     kinetic = np.zeros(len(trajectory.t))
     for name, body in system.bodies.items():
-        v = trajectory.bodies[name].v
+        v = with_inertia(body, trajectory.bodies[name].v)
         kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
     energy = Energy(kinetic, trajectory.energy - kinetic, -trajectory.work)
     outputs = systems.displacements(system, trajectory)

@@ -29,7 +29,7 @@ from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
-from pmr.reduction.bodies import cached_body, joined, reduce_bodies
+from pmr.reduction.bodies import as_asked, cached_body, joined, reduce_bodies
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
 from pmr.reduction.recover.from_scene import Recovered, recover, recovered_steps
@@ -76,6 +76,7 @@ class Bodies:
         if self.choice is not None:
             chosen = self.choice.models
             self.bodies = {name: replace(one, modal=chosen[name]) for name, one in self.bodies.items()}
+        self.bodies = as_asked(self.scene, self.bodies)
         self.system = joined(self.scene, self.bodies)
         self.excitation = Excitation.of(self.scene)
         self.full = FullOrder.of(self.scene, models_of(built))

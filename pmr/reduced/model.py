@@ -102,6 +102,8 @@ class ReducedModel:
         left out.
     rigid_work : (k, i) array, optional
         Work of the inputs on the body's k rigid motions, along the axes and about them through the tail.
+    quasi_static : (q,) array of int
+        Numbers of coordinates whose inertia simulators leave out (`pmr.reduced.quasi_static`); M has it.
     """
 
     AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
@@ -132,6 +134,7 @@ class ReducedModel:
     output_kinds: tuple[str, ...] = ()
     matrices: Mapping[str, Array] = field(default_factory=dict)
     rigid_work: Array | None = None
+    quasi_static: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @property
     def size(self) -> int:
@@ -334,6 +337,11 @@ class ReducedModel:
             return wrong
         if self.rigid_work is not None and self.rigid_work.shape[1:] != (len(self.input_names),):
             return f"rigid_work has shape {self.rigid_work.shape}, a column for each input is allowed"
+        still = self.quasi_static
+        if still.ndim != 1 or len(set(still.tolist())) < still.size or not np.all((0 <= still) & (still < self.size)):
+            return f"quasi_static names other coordinates than the model's {self.size}, or one twice"
+        if not np.all(np.diagonal(self.K)[still] > 0.0):
+            return "a coordinate without inertia has no stiffness"
         if self.enrichment is not None:
             if not np.all(self.enrichment.stiffness > 0.0):
                 return "enrichment.stiffness is not positive"

@@ -15,7 +15,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel, SectionOf
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.cache import Cache
-from pmr.reduction.from_scene import ENRICHMENT_MODES, build_basis, project, provenance, take_snapshots
+from pmr.reduction.from_scene import build_basis, enrichment_of, project, provenance, take_snapshots
 from pmr.reduction.ports import with_ports
 from pmr.reduction.reactions import support_motions, with_reactions
 from pmr.reduction.reduced_body import ReducedBody
@@ -25,6 +25,7 @@ from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene import Reduction as Choice
 from pmr.scene import Scene
+from pmr.scene.frame_terms import frame_terms
 from pmr.scene.members import Member, members
 from pmr.scene.names import ALONE
 from pmr.system.from_scene import system_of
@@ -51,12 +52,17 @@ class Reduction:
     @cached_property
     def system(self) -> System:
         """What `pmr.simulate(scene, ...)` takes, and a file holds."""
-        found = joined(self.scene, self.bodies)
+        found = joined(self.scene, as_asked(self.scene, self.bodies))
         return found if ALONE in found.bodies else replace(found, provenance=self.scene.recorded)
 
 
+def as_asked(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
+    """The bodies as they are simulated with second order or without it."""
+    return {name: replace(one, stressed=any(frame_terms(scene))) for name, one in bodies.items()}
+
+
 def joined(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
-    """The system of a scene's bodies as they are simulated; it knows them without modes of cylinders too."""
+    """The system of a scene's bodies as they are simulated; it knows them on their modes alone too."""
     found = system_of(scene, {name: one.model for name, one in bodies.items()})
     told = {name: one.modal for name, one in bodies.items() if one.modal is not one.model and one.tells_errors}
     return replace(found, on_modes=told)
@@ -92,6 +98,7 @@ def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Cloc
     if cache is None:
         return reduce_body(scene, model, clock)
     asked = scene.reduction.model_dump(mode="json") | {"path": scene.travel, "searched": scene.ordered is not None}
+    asked["enrichment"] = enrichment_of(scene, scene.reduction)
     if scene.reduction.file is not None:
         asked["file"] = scene.hash  # which has the content
     found = cache.reduced(asked, lambda: reduce_body(scene, model, clock))
@@ -127,9 +134,9 @@ def reduce_with(
 
 
 def _section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
-    """On free modes and carriers, with enrichment modes where an error is estimated."""
-    choice, beyond = member.part.reduction, ENRICHMENT_MODES if scene.ordered is None else SEARCHED
-    enrichment = beyond if choice.estimable else 0
+    """On free modes and carriers, with enrichment modes where an error is estimated or terms may act."""
+    choice = member.part.reduction
+    enrichment = SEARCHED if choice.estimable and scene.ordered is not None else enrichment_of(scene, choice)
 
     def make() -> ReducedBody:
         body = FreeBody(model, choice.solver)

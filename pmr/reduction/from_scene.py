@@ -11,6 +11,7 @@ from pmr.errors import environment
 from pmr.fem.compat import versions
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.quasi_static import QUASI_STATIC
 from pmr.reduction.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduction.galerkin import reduced_model, with_held_coordinates
 from pmr.reduction.given import given_basis, given_vectors
@@ -101,7 +102,7 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
     Raises an `InputError` if rows depend on each other.
     """
     choice = scene.reduction
-    if choice.estimable:
+    if enrichment_of(scene, choice):
         found = section_model(body, basis, provenance, choice.coordinates)
         check_independence(found)  # on one path all rows are
         return found
@@ -111,12 +112,20 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
     return with_held_coordinates(reduced) if choice.basis == "paper" else reduced
 
 
+def enrichment_of(scene: Scene, choice: Reduction) -> int:
+    """Modes beyond the coordinates: those that estimate the error, or follow without inertia where terms act."""
+    if choice.estimable:
+        return ENRICHMENT_MODES
+    may_be_stressed = scene.frame is not None and bool(scene.frame.second_order)
+    return QUASI_STATIC if may_be_stressed and choice.extendable else 0
+
+
 def _enrichment(scene: Scene, model: FullModel) -> int:
-    """Modes beyond the coordinates: those that estimate the error."""
+    """The same of a body alone, whose mesh has so many."""
     if scene.ordered is not None:
         # Of a coarse mesh all of them would leave no flexibility by which rows are told apart.
         return max(ENRICHMENT_MODES, min(SEARCHED_MODES, model.size // 2 - scene.reduction.coordinates))
-    return ENRICHMENT_MODES if scene.reduction.estimable else 0
+    return enrichment_of(scene, scene.reduction)
 
 
 def description(choice: Reduction, basis: Basis) -> str:

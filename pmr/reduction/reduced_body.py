@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.quasi_static import as_simulated
 from pmr.reduction.basis import Basis
 from pmr.reduction.snapshots import Snapshots
 
@@ -21,6 +21,7 @@ class ReducedBody:
     snapshots: Snapshots
     basis: Basis
     modal: ReducedModel  # with tables over one path, or of free modes on carriers
+    stressed: bool = False  # whether terms that vary in time act on it
 
     @property
     def V(self) -> NDArray[np.float64]:
@@ -34,5 +35,5 @@ class ReducedBody:
 
     @cached_property
     def model(self) -> ReducedModel:
-        """What is simulated: a section of a boom has the modes of its cylinder as well."""
-        return with_cylinder_modes(self.modal)
+        """What is simulated: with modes of a section's cylinder and, under terms, modes without inertia."""
+        return as_simulated(self.modal, self.stressed)

@@ -183,9 +183,14 @@ class Reduction(Section):
         return self.basis in ("eigenmodes", "paper")
 
     @property
+    def extendable(self) -> bool:
+        """Whether modes beyond the coordinates may be kept, whose flexibility is known apart from the rest."""
+        return self.basis == "free_modes" and self.flexibility and not self.ports
+
+    @property
     def estimable(self) -> bool:
         """Whether what the modes leave out is kept by its inertia, too, with which the error is estimated."""
-        return self.basis == "free_modes" and self.flexibility and not self.ports and self.estimate
+        return self.extendable and self.estimate
 
 
 class Simulation(Section):

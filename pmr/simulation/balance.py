@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from pmr.errors import GrowthError
 from pmr.results import Energy
 from pmr.simulation.start import row_flexibility
-from pmr.system.body import SlidingBody, Trajectory, pushing_rows
+from pmr.system.body import SlidingBody, Trajectory, pushing_rows, with_inertia
 
 Array = NDArray[np.float64]
 
@@ -144,7 +144,7 @@ def _energy(body: SlidingBody, part: Trajectory, loads: Array, motion: Array) ->
     strain = half_form(body.K, part.q) + multipliers**2 @ body.row_compliance / 2.0
     if body.flexibility is not None:
         strain = strain + body.flexibility.strain_energy(part.s, multipliers, loads)
-    return Energy(half_form(body.M, part.v), strain, -dot(motion, loads))
+    return Energy(half_form(body.M, with_inertia(body, part.v)), strain, -dot(motion, loads))
 
 
 def _works(body: SlidingBody, part: Trajectory, f: Array, motion: Array) -> Array:

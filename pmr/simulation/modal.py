@@ -68,6 +68,8 @@ class ModalForm:
 def modal_form(body: SlidingBody) -> ModalForm:
     """Diagonalise M and K of a reduced body, or of a full one small enough to be dense.
 
+    Coordinates without inertia, which are modes already, stay what they are, behind all others.
+
     An InputError is raised where M is not positive definite, or the body is too large.
     """
     if body.size > LARGEST:
@@ -76,7 +78,12 @@ def modal_form(body: SlidingBody) -> ModalForm:
     free = np.setdiff1d(np.arange(body.size), list(body.held.values()))
     kept = [row for row in range(len(body.row_names)) if row not in body.held]
     M, D, K = (dense(A)[np.ix_(free, free)] for A in (body.M, body.D, body.K))
-    omega2, modes, known = *diagonalise(M, K), body.rayleigh
+    still, known = np.isin(free, body.quasi_static), body.rayleigh
+    moving, count = np.flatnonzero(~still), int(still.sum())
+    omega2, modes = np.zeros(len(free)), np.zeros_like(M)
+    inner = len(free) - count
+    omega2[:inner], modes[moving, :inner] = diagonalise(*(A[np.ix_(moving, moving)] for A in (M, K)))
+    omega2[inner:], modes[still, inner:] = np.diagonal(K)[still], np.eye(count)
     X = np.zeros((body.size, len(free)))
     X[free] = modes
     modal = replace(
@@ -84,6 +91,7 @@ def modal_form(body: SlidingBody) -> ModalForm:
         M=np.eye(len(free)),
         D=modal_damping(D, D if known is None else D - known.alpha * M - known.beta * K, omega2, modes, known),
         K=np.diag(omega2),
+        quasi_static=np.arange(inner, len(free)),
     )
     return ModalForm(modal, X, np.asarray((body.M @ X).T), tuple(kept))
 

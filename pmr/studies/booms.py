@@ -13,10 +13,11 @@ from pmr.compare.accuracy.family import Family
 from pmr.compare.accuracy.order import family_of as all_sizes
 from pmr.compare.booms import respond
 from pmr.compare.runs import in_parts, run_from_start
-from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.quasi_static import as_simulated
 from pmr.results import Response
 from pmr.scene import Scene
+from pmr.scene.frame_terms import frame_terms
 from pmr.simulation import Excitation
 from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import contacts_of, system_of
@@ -101,7 +102,8 @@ def models_of(boom: Scene, family: Family, modes: int, basis: str) -> tuple[dict
     modal = family.models(family.member(modes))
     if basis == "modes":
         modal = {name: _stiff(model) for name, model in modal.items()}
-    return modal, system_of(boom, {name: with_cylinder_modes(model) for name, model in modal.items()})
+    stressed = any(frame_terms(boom))
+    return modal, system_of(boom, {name: as_simulated(model, stressed) for name, model in modal.items()})
 
 
 def _stiff(model: ReducedModel) -> ReducedModel:

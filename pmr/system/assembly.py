@@ -36,6 +36,9 @@ class Assembly:
         self.coordinates = _slices(system, [len(free) for free in self.free.values()])
         self.inputs = _slices(system, [len(body.input_names) for body in bodies.values()])
         self.observed = _slices(system, [body.outputs.shape[0] for body in bodies.values()])
+        # numbers of those whose inertia simulators leave out, which M has
+        still = [np.isin(self.free[name], body.quasi_static) for name, body in bodies.items()]
+        self.quasi_static = np.flatnonzero(np.concatenate(still))
 
     @property
     def size(self) -> int:

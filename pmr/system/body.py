@@ -134,6 +134,15 @@ def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, load
     return result
 
 
+def with_inertia(body: SlidingBody, v: Array) -> Array:
+    """Rates (T, n) of the coordinates that have inertia, zero of the others."""
+    if not len(body.quasi_static):
+        return v
+    found = v.copy()
+    found[:, body.quasi_static] = 0.0
+    return found
+
+
 class WithRows:
     """What a full model says of its rows, as `pmr.constraints.rows.Rows` has it."""
 
@@ -202,6 +211,11 @@ class FullBody(WithRows):
     @property
     def size(self) -> int:
         return int(self.M.shape[0])
+
+    @property
+    def quasi_static(self) -> NDArray[np.int64]:
+        """None: all inertia counts."""
+        return np.zeros(0, np.int64)
 
     @cached_property
     def carriers(self) -> CarriedRows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -39,8 +40,17 @@ def _term(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Te
     on = None if known is None else known.matrices.get(one.matrix)
     supports = {} if on is None else {name: on[:, : bodies[name].size]}
     if one.of == "rotation":
-        return Term(one.name, one.bodies, damping=matrix, supports=supports)
+        return Term(one.name, one.bodies, damping=_of_inertia(bodies[name], matrix), supports=supports)
     return Term(one.name, one.bodies, stiffness=matrix, supports=supports)
+
+
+def _of_inertia(body: SlidingBody, matrix: Any) -> Any:
+    """A matrix that acts on rates (n, n), zero on coordinates without inertia."""
+    if not len(body.quasi_static):
+        return matrix
+    found = np.array(matrix.toarray() if sp.issparse(matrix) else matrix)
+    found[body.quasi_static] = found[:, body.quasi_static] = 0.0
+    return found
 
 
 def _moved(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:

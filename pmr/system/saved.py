@@ -1,10 +1,10 @@
 """One file of a system: its reduced bodies, the contacts between them, and the scene that it was made from.
 
 An npz file whose header in JSON has format, version, names of the bodies, contacts, terms and provenance; the arrays of
-body k stand behind ``bodies.k.``, as `pmr.files.records` names them; behind ``on_modes.k.`` those of bodies without the
-modes of their cylinders, whose names the header has too, where they are others than those of the body with these modes:
-``same`` names arrays of this kind that stand there once; and the matrices of term k are ``terms.k.stiffness`` and
-``terms.k.damping``.  Nothing in it is pickled.
+body k stand behind ``bodies.k.``, as `pmr.files.records` names them; behind ``on_modes.k.`` those of bodies without
+modes of their cylinders and without inertia, whose names the header has too, where they are others than those of the
+body with these modes: ``same`` names arrays of this kind that stand there once; and the matrices of term k are
+``terms.k.stiffness`` and ``terms.k.damping``.  Nothing in it is pickled.
 """
 
 from __future__ import annotations
@@ -167,6 +167,6 @@ def _other(model: ReducedModel, on_modes: ReducedModel) -> str | None:
     for names in ("row_names", "input_names", "output_names"):
         if getattr(model, names) != getattr(on_modes, names):
             return f"{names} {getattr(on_modes, names)} are not those of its body"
-    if on_modes.size + model.cylinder_modes != model.size:
-        return f"{on_modes.size} coordinates, {model.size - model.cylinder_modes} are allowed"
+    if on_modes.size != (own := model.size - model.cylinder_modes - len(model.quasi_static)):
+        return f"{on_modes.size} coordinates, {own} are allowed"
     return None

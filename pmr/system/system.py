@@ -199,7 +199,7 @@ class System(Joined[SlidingBody]):
     terms_of: Callable[[Mapping[str, SlidingBody]], tuple[Term, ...]] | None = field(
         default=None, compare=False, repr=False, kw_only=True
     )
-    # bodies before modes of their cylinders joined them, where they have some: by these errors are estimated
+    # bodies before modes of cylinders and without inertia joined them, if any: by these errors are estimated
     on_modes: Mapping[str, ReducedModel] = field(default_factory=dict, repr=False, kw_only=True)
 
     def with_bodies(self, bodies: Mapping[str, SlidingBody]) -> System:
@@ -239,7 +239,7 @@ class System(Joined[SlidingBody]):
 
     @property
     def modal(self) -> dict[str, ReducedModel]:
-        """The bodies without the modes of their cylinders, as far as they are known without; errors as of `reduced`."""
+        """The bodies without modes of cylinders and without inertia, as far as they are known so; errors as of `reduced`."""
         return self.reduced | dict(self.on_modes)
 
     def ensure_constant(self, source: str) -> System:
@@ -255,7 +255,7 @@ class System(Joined[SlidingBody]):
     def save(self, path: str | Path) -> Path:
         """Write reduced bodies, contacts, terms and provenance as one npz file, not compressed; nothing is pickled.
 
-        Beside them stand the bodies without modes of cylinders, by which errors are estimated.
+        Beside them stand the bodies without modes of cylinders and without inertia, by which errors are estimated.
 
         An InputError is raised where a body is not reduced.
         """

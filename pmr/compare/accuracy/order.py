@@ -15,11 +15,12 @@ from pmr.compare.coverage import IMPACTS, JUMPS
 from pmr.compare.estimate import no_estimate
 from pmr.errors import InputError
 from pmr.errors.text import rounded
-from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.quasi_static import as_simulated
 from pmr.scene import Scene
 from pmr.scene.asked import Accuracy, Budget
 from pmr.scene.choice import model_of
+from pmr.scene.frame_terms import frame_terms
 from pmr.scene.members import members
 from pmr.simulation import Excitation
 from pmr.system.contacts import ALONE
@@ -108,7 +109,8 @@ def family_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Family:
     """All models of a scene's bodies that reductions hold."""
 
     def join(models: Mapping[str, ReducedModel]) -> System:
-        return system_of(scene, {name: with_cylinder_modes(model) for name, model in models.items()})
+        stressed = any(frame_terms(scene))
+        return system_of(scene, {name: as_simulated(model, stressed) for name, model in models.items()})
 
     rates = scene.ordered is not None and "velocity" in scene.ordered.outputs
     return Family(models, join, Excitation.of(scene), rates)

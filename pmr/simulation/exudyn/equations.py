@@ -35,6 +35,11 @@ class Equations:
         self.sparse = all(sp.issparse(body.K) for body in system.bodies.values())
         a = self.assembly
         self.M, self.D, self.K = (A if self.sparse else A.toarray() for A in (a.M, a.D, a.K))
+        # numbers of the coordinates without inertia, and their damping D (q,), which are left to an object of their own
+        self.quasi_static = a.quasi_static
+        self.quasi_static_damping = np.asarray(a.D.diagonal())[a.quasi_static]
+        for A in (self.M, self.D) if len(a.quasi_static) else ():
+            A[a.quasi_static], A[:, a.quasi_static] = 0.0, 0.0
         self.B, self.outputs, self.size = a.B.toarray(), a.outputs, a.size
         self.alone: SlidingBody | None = system.bodies.get(ALONE)
         if self.alone is not None:

@@ -17,6 +17,7 @@ from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, followed
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
 from pmr.simulation.exudyn.inputs import TabulatedInputs
+from pmr.simulation.exudyn.quasi_static import rates, with_quasi_static
 from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, solve, solver_settings, stored
 from pmr.simulation.exudyn.terms import with_terms
 from pmr.simulation.lengths import Lengths
@@ -48,6 +49,7 @@ class Run:
         self._container = exu.SystemContainer()  # owns the mbs: must stay alive
         self._mbs = self._container.AddSystem()
         items = add(self._mbs, self._equations, self._inputs, start)
+        items = with_quasi_static(self._mbs, items, self._equations)
         self._items = with_terms(self._mbs, items, self._equations, self._inputs)
         kind, nodes = exu.OutputVariableType, list(self._items.nBodies.values())
         self._of_nodes = [of_nodes(self._mbs, nodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
@@ -64,6 +66,7 @@ class Run:
         chosen = solver_settings(self._excitation.stepping.divided(self._lengths.finest), linear)
         chosen.timeIntegration.numberOfSteps = self._lengths.steps
         chosen.timeIntegration.newton.useModifiedNewton = self._formulation == "callbacks-modified-newton"
+        chosen.timeIntegration.reuseConstantMassMatrix = not len(self._equations.quasi_static)
         change(chosen.timeIntegration.newton, self._excitation.options.newton)
         times = self._lengths.times if np.ptp(self._lengths.parts) else None
         seconds = solve(self._mbs, chosen, self._describe, progress, times)
@@ -95,6 +98,7 @@ class Run:
         forces = np.zeros((len(q), len(self.system.contacts)))
         if self._of_contacts is not None:
             forces[:, self._items.contacts] = self._stored(self._of_contacts)
+        v = rates(self._equations, self._lengths.times, q, v)
         return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c)
 
     def _stored(self, sensor: Any) -> Array:
@@ -104,7 +108,7 @@ class Run:
         """From all parts of all steps."""
         system, ends, parts = self.system, self._lengths.ends, self._lengths.parts
         pushes, t = ~np.isnan(system.clearance), self._excitation.times
-        B, inertia = self._equations.B, self._equations.M.diagonal()
+        B, inertia = self._equations.B, self._equations.assembly.M.diagonal()
         least = balance.round_off(B.T @ (B / inertia[:, None]), motion.f, float(t[1]))
         surplus = balance.surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
         balance.refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving))

@@ -22,6 +22,7 @@ from pmr.simulation.exudyn.free_base import Base, OnBody, driven_by_base, terms_
 from pmr.simulation.exudyn.hook import Hook, add_hook
 from pmr.simulation.exudyn.inputs import Driving, SignalInputs
 from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function
+from pmr.simulation.exudyn.quasi_static import with_quasi_static
 from pmr.simulation.exudyn.run import Run
 from pmr.simulation.exudyn.sensors import SystemSensors, add_sensors
 from pmr.simulation.exudyn.terms import with_terms
@@ -79,7 +80,9 @@ def add_system(
         A pre-step function that is already set stays in place and is called first.  One that is set later with
         ``mbs.SetPreStepUserFunction`` replaces the update and is refused in the first step (but where Newton's method
         differentiates numerically): use `add_pre_step_function`.  Explicit solvers, and index 2 where rigid rows move,
-        are refused in ``mbs.SolveDynamic``.
+        are refused in ``mbs.SolveDynamic``; so is
+        ``timeIntegration.reuseConstantMassMatrix`` where a system has modes without inertia, as those with second
+        order have.
     system : System
         `System.of` a body alone, or the bodies of a boom.
     paths : mapping of str to signal or function
@@ -111,7 +114,7 @@ def add_system(
     name, add = FORMULATIONS[formulation]
     refuse(name, equations.needs(inputs.at(0.0)))
     items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
-    items = with_terms(mbs, items, equations, inputs)
+    items = with_terms(mbs, with_quasi_static(mbs, items, equations), equations, inputs)
     if on is not None:
         items = with_base(mbs, items, Base(mbs, equations, inputs, paths, on), inputs)
     return replace(items, equations=equations, inputs=inputs)

@@ -13,6 +13,7 @@ from pmr.simulation.native.contact import contact
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.levels import Control, Levels
 from pmr.simulation.native.part import Loop
+from pmr.simulation.native.quasi_static import quasi_static
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import bodies, sides
 from pmr.simulation.native.simd import aligned
@@ -51,6 +52,7 @@ def loop_of(
         levels=None if whole else _levels(form, methods, parts, of_levels),
         control=None if whole else _control(state, omega),
         terms=terms(form, of_terms),
+        quasi_static=quasi_static(form),
     )
 
 

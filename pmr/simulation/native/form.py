@@ -64,6 +64,12 @@ class SystemForm:
         """(r,): where modes stand among all, and not what fills them up."""
         return np.concatenate([np.arange(own.start, own.stop) for own in self.columns.values()])
 
+    @cached_property
+    def quasi_static(self) -> Indices:
+        """(q,): where modes without inertia stand."""
+        of_bodies = zip(self.forms.values(), self.starts, strict=False)
+        return np.concatenate([start + form.body.quasi_static for form, start in of_bodies])
+
     @property
     def modal(self) -> System:
         """The system in its modes, rings of pads as few contacts; a body whose tables say all is without carriers."""
@@ -107,19 +113,24 @@ class SystemForm:
         )
 
     def over_S(self, X: Array, scheme: Scheme) -> Array:
-        """X S^-1, for X (..., r') and the symmetric S = 1 + D dv + Omega^2 dq."""
+        """X S^-1, for X (..., r') and the symmetric S = 1 + D dv + Omega^2 dq; of modes without inertia another S.
+
+        They have dq (D / h + Omega^2), see `pmr.simulation.native.quasi_static`.
+        """
         stiffness, D, _ = self.modes
+        still, gain = self.quasi_static, np.full(len(stiffness), scheme.v_gain)
         diagonal = 1.0 + stiffness * scheme.z_gain
+        diagonal[still], gain[still] = stiffness[still] * scheme.z_gain, scheme.z_gain / scheme.z_from_v
         if len(D) == 1:
-            return np.asarray(X / (diagonal + D[0] * scheme.v_gain))
-        return np.asarray(X @ np.linalg.inv(np.diag(diagonal) + D * scheme.v_gain))
+            return np.asarray(X / (diagonal + D[0] * gain))
+        return np.asarray(X @ np.linalg.inv(np.diag(diagonal) + D * gain))
 
     def divided(self, scheme: Scheme) -> Divided:
         """Divided by S for one length of step."""
         stiffness, D, B = self.modes
         damped = np.zeros((0, 0, 0))
         if len(D) > 1:
-            matrices = (np.diag(stiffness), D, np.eye(len(D)))
+            matrices = (np.diag(stiffness * self._inertia), D * self._inertia, np.eye(len(D)))
             damped = np.stack([self.over_S(A, scheme).T for A in matrices])
         return Divided(B=aligned(self.over_S(B, scheme)), damped=aligned(damped))
 
@@ -131,8 +142,16 @@ class SystemForm:
             modes[INPUT] = self.over_S(B[0], scheme)
         if len(D) == 1:
             modes[UNIT] = self.over_S(np.ones(len(stiffness)), scheme)
-            modes[STIFFNESS], modes[DAMPING] = modes[UNIT] * stiffness, modes[UNIT] * D[0]
+            weighted = modes[UNIT] * self._inertia
+            modes[STIFFNESS], modes[DAMPING] = weighted * stiffness, weighted * D[0]
         return modes
+
+    @property
+    def _inertia(self) -> Array:
+        """(r',): that of each mode, 1 or 0."""
+        found = np.ones(len(self.modes.stiffness))
+        found[self.quasi_static] = 0.0
+        return found
 
     def state(self, scheme: Scheme, contact: Contact | None, shares: int) -> State:
         """At rest, before the rows are evaluated; `shares` as many as `State` says."""

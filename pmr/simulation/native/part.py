@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native import terms
+from pmr.simulation.native import quasi_static, terms
 from pmr.simulation.native.arrays import Divided, Modes, Outputs, Scheme, State, Tables
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
 from pmr.simulation.native.energy import account
@@ -35,18 +35,22 @@ class Loop(NamedTuple):
     levels: Any  # `Levels` and `Control`, or None
     control: Any
     terms: Any = None  # `Terms`, or None
+    quasi_static: Any = None  # `QuasiStatic`, or None
 
 
 @inlined
 def make_part(loop: Loop, scheme: Scheme, s: Array, f: Array, c: Any) -> int:
     """One part of a step to s (P,), f (i,) and amplitudes c (K,) or None at its end; as `advance` returns."""
+    quasi_static.leave(loop.quasi_static, loop.state.modes)
     failed = move(loop.tables, loop.sides, loop, scheme, s)
     if failed == 0:
         _give(loop.sides, loop, f)
-        failed = advance(loop.divided, scheme, loop.state, loop.terms, f, c)
+        failed = advance(loop.divided, scheme, loop.state, loop.terms, loop.quasi_static, f, c)
     if failed == 0:
+        quasi_static.stop(loop.quasi_static, loop.state.modes)
         _account(loop.sides, loop, f)
         terms.account(loop.terms, loop.state.modes)
+        quasi_static.finish(loop.quasi_static, scheme, loop.state.modes)
     return failed
 
 
@@ -80,7 +84,7 @@ def step_on_tables(
     """One step of a body on one path to s under f (i,), and its outputs y (o,); 0, or what `advance` returns."""
     failed = move_rows(tables, divided, state, s)
     if failed == 0:
-        failed = advance(divided, scheme, state, None, f, None)
+        failed = advance(divided, scheme, state, None, None, f, None)
     if failed == 0:
         observe(tables, outputs, state, f, y)
     return failed

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.arrays import State
+from pmr.simulation.native.arrays import Scheme, State
 from pmr.simulation.native.compilation import inlined
 from pmr.simulation.native.contact import begin_impulses
 from pmr.simulation.native.energy import keep
@@ -28,6 +28,7 @@ from pmr.simulation.native.levels import (
     turn_to,
 )
 from pmr.simulation.native.part import Loop, make_part, move
+from pmr.simulation.native.quasi_static import follow
 from pmr.simulation.native.side_arrays import Sides
 from pmr.simulation.native.step import FINISHED
 from pmr.simulation.native.terms import WORK, begin
@@ -75,7 +76,8 @@ def _on(loop: Loop, level: int) -> Loop:
     )  # fmt: skip
     tables = tables_of(loop.tables, levels, level)
     divided = divided_of(levels, level)
-    return Loop(loop.modes, divided, tables, loop.bodies, loop.sides, now, levels, loop.control, loop.terms)
+    return Loop(loop.modes, divided, tables, loop.bodies, loop.sides, now, levels, loop.control, loop.terms,
+                loop.quasi_static)  # fmt: skip
 
 
 @inlined
@@ -105,6 +107,7 @@ def _begin(loop: Loop, level: int, s: Array, f: Array, c: Any) -> int:
     if failed == 0:
         _begin_terms(loop.terms, loop.state, c)
         predict(loop.modes, loop.levels, level, loop.terms, loop.state.contact, loop.state, loop.control, f)
+        _follow(loop.quasi_static, scheme_of(loop.levels, level), loop.state)
         _keep(loop.sides, loop.bodies, loop.state, f)
     return failed
 
@@ -119,6 +122,12 @@ def _keep(sides: Sides | None, bodies: Any, state: State, f: Array) -> None:
 def _begin_terms(terms: Any, state: State, c: Any) -> None:
     if terms is not None:
         begin(terms, state, c)
+
+
+@inlined
+def _follow(quasi_static: Any, scheme: Scheme, state: State) -> None:
+    if quasi_static is not None:
+        follow(quasi_static, scheme, state.modes)
 
 
 @inlined

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pmr.constraints.dependence import of_rows
 from pmr.errors import SimulationError
 from pmr.simulation.native import contact as contact_rows
-from pmr.simulation.native import energy, terms
+from pmr.simulation.native import energy, quasi_static, terms
 from pmr.simulation.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, V, Z
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.part import Loop
@@ -77,6 +77,8 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = method.predict(z, v, a)
     held = modes[STIFFNESS] * modes[Z_NEXT] + modes[DAMPING] * modes[V_NEXT]
     modes[Z_FREE] = modes[Z_NEXT] - method.scheme().z_gain * held
+    if loop.quasi_static is not None:
+        quasi_static.follow(loop.quasi_static, method.scheme(), modes)
     if loop.control is not None:
         loop.control.acceleration[0] = a
     if loop.sides is not None:

@@ -48,6 +48,7 @@ from pmr.simulation.native.arrays import (
 )
 from pmr.simulation.native.compilation import inlined
 from pmr.simulation.native.contact import let_go, remember, settle
+from pmr.simulation.native.quasi_static import forget
 from pmr.simulation.native.rows import dot, solve
 from pmr.simulation.native.simd import LANES, load, spread, store
 from pmr.simulation.native.terms import AGAIN, LAST, expect, finish, push, revise
@@ -58,7 +59,7 @@ FINISHED = 0
 
 
 @inlined
-def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array, c: Any) -> int:
+def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, quasi_static: Any, f: Array, c: Any) -> int:
     """A step under the loads f (i,) and with amplitudes c of `terms` at its end, where the rows stand already.
 
     Returns 0, the number from 1 of a row that depends on those before it, `pmr.simulation.native.contact.UNSETTLED`, or
@@ -70,7 +71,7 @@ def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
     _push_given(scheme, state)
     expect(terms, divided, state, f, c)
     push(terms, scheme, state.modes)
-    failed, multiplier = _find_multipliers(state.contact, divided, scheme, state, terms, f)
+    failed, multiplier = _find_multipliers(state.contact, divided, scheme, state, terms, quasi_static, f)
     if failed:
         return failed
     if m > 1 or i > 1 or coupled or terms is not None or len(state.given) > 0:
@@ -83,11 +84,11 @@ def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
 
 @inlined
 def _find_multipliers(
-    contact: Contact | None, divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
+    contact: Contact | None, divided: Divided, scheme: Scheme, state: State, terms: Any, quasi_static: Any, f: Array
 ) -> tuple[int, float]:
     """Multipliers from the rows that the free motion violates; returns what failed, or 0, and the first one, or 0."""
     if contact is not None:  # decided when compiled
-        return _find_in_contact(contact, divided, scheme, state, terms, f)
+        return _find_in_contact(contact, divided, scheme, state, terms, quasi_static, f)
     m, multipliers, first, found = len(state.multipliers), state.multipliers, 0.0, AGAIN
     while found == AGAIN or found == LAST:
         violation = _violate(state, f)
@@ -103,7 +104,7 @@ def _find_multipliers(
 
 @inlined
 def _find_in_contact(
-    contact: Contact, divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
+    contact: Contact, divided: Divided, scheme: Scheme, state: State, terms: Any, quasi_static: Any, f: Array
 ) -> tuple[int, float]:
     """The same where rows only push; as often as rows let go, each of them once at most, and as terms ask for."""
     while True:
@@ -116,6 +117,7 @@ def _find_in_contact(
         if failed or not let_go(contact, scheme, state):
             remember(contact, scheme, state.multipliers)
             return failed, state.multipliers[0]
+        forget(quasi_static, scheme, state.modes)
         if len(divided.damped) > 0:
             _couple(divided, scheme, state.modes)
             _push_given(scheme, state)

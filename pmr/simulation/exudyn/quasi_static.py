@@ -1,0 +1,87 @@
+r"""Coordinates without inertia (`pmr.reduced.quasi_static`) in Exudyn: backward Euler as `march` has it.
+
+.. math:: (D / h + K)\, \eta_{n+1} + \ldots = F_{n+1} + D\, \eta_n / h
+
+An object of their own adds D / h and the force of what damping keeps, once a step.  Until the first step it has the
+inertia that the bodies lack, so that initial accelerations of all other coordinates can be solved for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+import scipy.sparse as sp
+from exudyn.itemInterface import ObjectGenericODE2
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function, matrix
+
+Array = NDArray[np.float64]
+
+
+def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> SystemItems:
+    """The same items, and those of coordinates without inertia, if there are any."""
+    still, reached, begun = equations.quasi_static, 0.0, False
+    if not len(still):
+        return items
+
+    def diagonal(values: Any) -> Any:
+        found = np.zeros(equations.size)
+        found[still] = values
+        return matrix(sp.diags(found, format="csr") if equations.sparse else np.diag(found))
+
+    empty = diagonal(0.0)
+    name = f"{mbs.GetMarker(items.mSystem)['name']}QuasiStatic"
+    oStill = mbs.AddObject(
+        ObjectGenericODE2(
+            name=name,
+            nodeNumbers=list(items.nBodies.values()),
+            massMatrix=diagonal(1.0),
+            stiffnessMatrix=empty,
+            forceVector=np.zeros(equations.size),
+            jacobianUserFunction=lambda *arguments: empty,  # nothing beyond the matrices
+        )
+    )
+
+    def follow(mbs: Any, t: float) -> bool:
+        nonlocal reached, begun
+        if t <= 0.0:  # before a simulation is repeated
+            mbs.SetObjectParameter(oStill, "massMatrix", diagonal(1.0))
+            reached, begun = 0.0, False
+            return True
+        if not begun:
+            _check(mbs)
+            mbs.SetObjectParameter(oStill, "massMatrix", empty)
+        kind, force, step = exu.OutputVariableType.Coordinates, np.zeros(equations.size), t - reached
+        q = np.concatenate([mbs.GetNodeOutput(node, kind) for node in items.nBodies.values()])
+        force[still] = equations.quasi_static_damping * q[still] / step
+        mbs.SetObjectParameter(oStill, "stiffnessMatrix", diagonal(equations.quasi_static_damping / step))
+        mbs.SetObjectParameter(oStill, "forceVector", force)
+        reached, begun = t, True
+        return True
+
+    def update(mbs: Any, t: float) -> bool:
+        return items.update(mbs, t) and follow(mbs, t)
+
+    add_pre_step_function(mbs, follow)
+    return replace(items, update=update)
+
+
+def _check(mbs: Any) -> None:
+    settings = mbs.sys.get("simulationSettings")
+    if settings is not None and settings.timeIntegration.reuseConstantMassMatrix:
+        allowed = "false is allowed: modes that follow at once lose their inertia with the first step"
+        raise InputError("Exudyn", "timeIntegration.reuseConstantMassMatrix", True, allowed)
+
+
+def rates(equations: Equations, t: Array, q: Array, v: Array) -> Array:
+    """Rates (T, n), of coordinates without inertia by the differences of q (T, n) at the times t (T,) s."""
+    still, found = equations.quasi_static, v.copy()
+    found[:, still] = 0.0
+    found[1:, still] = np.diff(q[:, still], axis=0) / np.diff(t)[:, None]
+    return found
