@@ -1,4 +1,4 @@
-r"""Modes that follow at once what presses on them, without inertia: where terms that vary in time act on what is left out.
+r"""Modes without inertia, which follow loads at once: for terms that vary in time and act on what a basis leaves out.
 
 The flexibility R that a basis leaves out answers contacts and loads, not the forces of terms, which it would have to
 know of each motion.  With geometric stiffness these bend it: rigid motions of a section that is inclined and pressed

@@ -239,7 +239,7 @@ class System(Joined[SlidingBody]):
 
     @property
     def modal(self) -> dict[str, ReducedModel]:
-        """The bodies without modes of cylinders and without inertia, as far as they are known so; errors as of `reduced`."""
+        """The bodies without modes of cylinders and without inertia, as far as known; errors as of `reduced`."""
         return self.reduced | dict(self.on_modes)
 
     def ensure_constant(self, source: str) -> System:

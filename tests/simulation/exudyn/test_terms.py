@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -37,10 +38,23 @@ def varied(system: System, stepping: TimeStepping) -> Excitation:
     return excitation(system, stepping, terms)
 
 
+def quasi_static(system: System) -> System:
+    """The last coordinate of each body without inertia, and without what acts on its rate."""
+    bodies = {name: replace(body, quasi_static=np.array([body.size - 1])) for name, body in system.bodies.items()}
+    terms = []
+    for term in system.terms:
+        V = term.damping
+        if V is not None:
+            V = np.pad(V[:-1, :-1], (0, 1))
+        terms.append(replace(term, damping=V))
+    return replace(system, bodies=bodies, terms=tuple(terms))
+
+
+@pytest.mark.parametrize("made", [lambda system: system, quasi_static], ids=["inertia", "quasi-static"])
 @pytest.mark.parametrize("formulation", ["springs", "multipliers"])
-def test_exudyn_follows_terms_as_march_does(formulation: exudyn.Formulation) -> None:
+def test_exudyn_follows_terms_as_march_does(formulation: exudyn.Formulation, made: Callable[[System], System]) -> None:
     """Coordinates, forces, and what the energy balance leaves open."""
-    system = turning(reduced(Nested(2, elements=10), 3))
+    system = made(turning(reduced(Nested(2, elements=10), 3)))
     driven = varied(system, TimeStepping(0.3, 1e-3, 0.9))
     found = exudyn.simulate_system(system, driven, formulation=formulation)
     expected = systems.simulate(system, driven)
