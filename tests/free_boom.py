@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pmr
 from pmr.scene import Scene
+from pmr.simulation.free_base import with_all_inertia
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
@@ -21,6 +22,6 @@ def scene(*changes: str) -> Scene:
 
 @cache
 def system() -> System:
-    """Its sections, reduced, with second order."""
+    """Its sections, reduced, with second order; all modes have inertia."""
     reduced = pmr.reduce(scene()).reduced
-    return system_of(scene(), reduced)
+    return with_all_inertia(system_of(scene(), reduced))

@@ -31,6 +31,7 @@ Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame.md`.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,14 @@ from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
+
+
+def with_all_inertia(system: System) -> System:
+    """With modes that follow at once, in other simulations, as ordinary ones: a free base feels all that moves."""
+    if all(len(body.quasi_static) == 0 for body in system.bodies.values()):
+        return system
+    bodies = {name: replace(body, quasi_static=np.zeros(0, np.int64)) for name, body in system.reduced.items()}
+    return system.with_bodies(bodies)
 
 
 class FreeBase:

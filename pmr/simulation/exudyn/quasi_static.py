@@ -17,7 +17,6 @@ import scipy.sparse as sp
 from exudyn.itemInterface import ObjectGenericODE2
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function, matrix
 
@@ -35,13 +34,14 @@ def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> Sys
         found[still] = values
         return matrix(sp.diags(found, format="csr") if equations.sparse else np.diag(found))
 
-    empty = diagonal(0.0)
+    empty, inertia = diagonal(0.0), diagonal(1.0)
     name = f"{mbs.GetMarker(items.mSystem)['name']}QuasiStatic"
     oStill = mbs.AddObject(
         ObjectGenericODE2(
             name=name,
             nodeNumbers=list(items.nBodies.values()),
-            massMatrix=diagonal(1.0),
+            massMatrix=inertia,
+            massMatrixUserFunction=lambda *arguments: empty if begun else inertia,  # Exudyn reuses what is a constant
             stiffnessMatrix=empty,
             forceVector=np.zeros(equations.size),
             jacobianUserFunction=lambda *arguments: empty,  # nothing beyond the matrices
@@ -51,12 +51,8 @@ def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> Sys
     def follow(mbs: Any, t: float) -> bool:
         nonlocal reached, begun
         if t <= 0.0:  # before a simulation is repeated
-            mbs.SetObjectParameter(oStill, "massMatrix", diagonal(1.0))
             reached, begun = 0.0, False
             return True
-        if not begun:
-            _check(mbs)
-            mbs.SetObjectParameter(oStill, "massMatrix", empty)
         kind, force, step = exu.OutputVariableType.Coordinates, np.zeros(equations.size), t - reached
         q = np.concatenate([mbs.GetNodeOutput(node, kind) for node in items.nBodies.values()])
         force[still] = equations.quasi_static_damping * q[still] / step
@@ -70,13 +66,6 @@ def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> Sys
 
     add_pre_step_function(mbs, follow)
     return replace(items, update=update)
-
-
-def _check(mbs: Any) -> None:
-    settings = mbs.sys.get("simulationSettings")
-    if settings is not None and settings.timeIntegration.reuseConstantMassMatrix:
-        allowed = "false is allowed: modes that follow at once lose their inertia with the first step"
-        raise InputError("Exudyn", "timeIntegration.reuseConstantMassMatrix", True, allowed)
 
 
 def rates(equations: Equations, t: Array, q: Array, v: Array) -> Array:

@@ -66,7 +66,6 @@ class Run:
         chosen = solver_settings(self._excitation.stepping.divided(self._lengths.finest), linear)
         chosen.timeIntegration.numberOfSteps = self._lengths.steps
         chosen.timeIntegration.newton.useModifiedNewton = self._formulation == "callbacks-modified-newton"
-        chosen.timeIntegration.reuseConstantMassMatrix = not len(self._equations.quasi_static)
         change(chosen.timeIntegration.newton, self._excitation.options.newton)
         times = self._lengths.times if np.ptp(self._lengths.parts) else None
         seconds = solve(self._mbs, chosen, self._describe, progress, times)

@@ -26,6 +26,7 @@ from pmr.simulation.exudyn.quasi_static import with_quasi_static
 from pmr.simulation.exudyn.run import Run
 from pmr.simulation.exudyn.sensors import SystemSensors, add_sensors
 from pmr.simulation.exudyn.terms import with_terms
+from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.native.systems import start_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
@@ -80,9 +81,7 @@ def add_system(
         A pre-step function that is already set stays in place and is called first.  One that is set later with
         ``mbs.SetPreStepUserFunction`` replaces the update and is refused in the first step (but where Newton's method
         differentiates numerically): use `add_pre_step_function`.  Explicit solvers, and index 2 where rigid rows move,
-        are refused in ``mbs.SolveDynamic``; so is
-        ``timeIntegration.reuseConstantMassMatrix`` where a system has modes without inertia, as those with second
-        order have.
+        are refused in ``mbs.SolveDynamic``.
     system : System
         `System.of` a body alone, or the bodies of a boom.
     paths : mapping of str to signal or function
@@ -107,7 +106,7 @@ def add_system(
         If a path, load or amplitude is missing, a size is wrong, a path begins off a body or a position violates a
         rigid contact.
     """
-    equations = Equations(system)
+    equations = Equations(system if on is None else with_all_inertia(system))
     if on is not None:
         loads, terms = driven_by_base(system, loads), terms_on_base(loads, paths, on)
     inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
