@@ -52,7 +52,7 @@ class Reduction:
     @cached_property
     def system(self) -> System:
         """What `pmr.simulate(scene, ...)` takes, and a file holds."""
-        found = joined(self.scene, as_asked(self.scene, self.bodies))
+        found = joined(self.scene, self.bodies)
         return found if ALONE in found.bodies else replace(found, provenance=self.scene.recorded)
 
 
@@ -63,6 +63,7 @@ def as_asked(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, Reduc
 
 def joined(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
     """The system of a scene's bodies as they are simulated; it knows them on their modes alone too."""
+    bodies = as_asked(scene, bodies)
     found = system_of(scene, {name: one.model for name, one in bodies.items()})
     told = {name: one.modal for name, one in bodies.items() if one.modal is not one.model and one.tells_errors}
     return replace(found, on_modes=told)
