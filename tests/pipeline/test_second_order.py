@@ -29,6 +29,7 @@ from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
 CANTILEVER, LUFFING = (Path(__file__).parent / name for name in ("cantilever.toml", "luffing.toml"))
+CRANE = Path(__file__).parents[2] / "workflows" / "crane.toml"
 LENGTH, EI, RHO_A = 5.0, 5.0e4, 78.0
 #: Of time in bending, s.
 UNIT = np.sqrt(RHO_A * LENGTH**4 / EI)
@@ -348,3 +349,13 @@ def test_a_base_that_is_held_along_anywhere_but_at_its_tail_is_refused() -> None
         load(f"sections.beam.supports=[{pins}]")
     assert "\n" not in str(refused.value)
     assert load(f"sections.beam.supports=[{pins}]", "frame.second_order=false")
+
+
+@pytest.mark.slow
+def test_the_crane_takes_six_coordinates_a_section() -> None:
+    """To 0.1 % at the tip beside its full model, and the estimate is within 1 to 5 times that."""
+    few = ("section.mesh.elements=6", "section.reduction.coordinates=6", "time.step=8e-3", "frame.second_order=true")
+    outcome = pmr.run(load(*few, "simulation.simulators=['march']", "simulation.repeats=1", file=CRANE))
+    summary = outcome.result.summary
+    error, estimate = summary["errors"]["reduced_vs_full"]["tip"], summary["estimate"]["tip"]
+    assert error < 1e-3 and error < estimate < 5.0 * error
