@@ -118,13 +118,14 @@ class State(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """Paths s (., P) and loads f (., i), the start included, as finely as the shortest parts of a step take them."""
+    """Paths s (., P) and loads f (., i) at `per` equal parts of each step, where the first one begins included."""
 
     s: Array
     f: Array
     # (T,): the level of each step (`pmr.simulation.native.levels`), -1 where it is to be found; None: all are whole
     given: Any
-    c: Any = None  # (., K): amplitudes of terms, like s and f; None without
+    c: Any = None  # (., J): amplitudes of terms, like s and f; None without
+    per: int = 1
 
 
 class Record(NamedTuple):

@@ -119,7 +119,8 @@ def contact_of(contact: Contact | None, levels: Levels, level: int) -> Contact |
 @inlined
 def mark(contact: Contact, state: State, control: Control) -> None:
     """Note where a step begins."""
-    control.came[0] = control.active[0]
+    if control.active[0] >= 0:  # where it was taken back already, this is known
+        control.came[0] = control.active[0]
     for row in range(Z_NEXT, V + 1):
         for n in range(0, state.modes.shape[1], LANES):
             store(control.began[row - Z_NEXT], n, load(state.modes[row], n))

@@ -32,17 +32,23 @@ Indices = NDArray[np.int64]
 
 
 @compiled
-def run(loop: Loop, scheme: Scheme, outputs: Any, drive: Drive, record: Record, every: int) -> tuple[int, int]:
+def run(
+    loop: Loop, scheme: Scheme, outputs: Any, drive: Drive, record: Record, every: int, begun: int
+) -> tuple[int, int]:
     """Take `every` as many steps as `record` has room for; how many it were, and 0 or what stopped them.
 
-    The `scheme` is that of whole steps.  Recorded is each `every`-th step.
+    The first `begun` of them have been taken, and `drive` may end before the others do.  It is COARSE where the next
+    step is made in more parts than `drive` has samples of: the state is that before it.  The `scheme` is that of whole
+    steps.  Recorded is each `every`-th step.
     """
-    steps, row, until = every * len(record.multipliers), np.int64(0), every
-    for n in range(steps):
+    row, until = np.int64(begun // every), every - begun % every
+    steps = min(every * len(record.multipliers), begun + (len(drive.s) - 1) // drive.per)
+    for step in range(begun, steps):
+        n = step - begun
         begin_impulses(loop.state.contact)
         failed = _step(loop.levels, loop, scheme, drive, n, record.peaks, row)
         if failed:
-            return n, failed
+            return step, failed
         until -= 1
         if until == 0:
             _record(loop, record, row)
@@ -56,8 +62,7 @@ def _step(levels: Any, loop: Loop, scheme: Scheme, drive: Drive, n: int, peaks: 
     """Step number n, whole or in parts; as `advance` returns."""
     if levels is None:  # decided when compiled
         return make_part(loop, scheme, drive.s[n + 1], drive.f[n + 1], _at(drive.c, n + 1))
-    finest = levels.parts[-1]
-    reach = slice(n * finest, (n + 1) * finest + 1)
+    reach = slice(n * drive.per, (n + 1) * drive.per + 1)
     return step_in_parts(loop, drive.given[n], drive.s[reach], drive.f[reach], _at(drive.c, reach), peaks[row])
 
 
@@ -113,7 +118,7 @@ def _record_work(rows: Any, terms: Any, row: int) -> None:
 @inlined
 def _observe(outputs: Any, loop: Loop, drive: Drive, n: int, y: Any, row: int) -> None:
     if outputs is not None:
-        f = drive.f[(n + 1) * _finest(loop.levels)]
+        f = drive.f[(n + 1) * drive.per]
         _observe_tables(loop.tables, outputs, loop.state, f, y[row])
         _observe_sides(loop.sides, outputs, loop, f, y[row])
 
@@ -128,9 +133,3 @@ def _observe_tables(tables: Tables | None, outputs: Outputs, state: State, f: Ar
 def _observe_sides(sides: Any, outputs: SideOutputs, loop: Loop, f: Array, y: Array) -> None:
     if sides is not None:
         observe_sides(outputs, loop.bodies, sides, loop.state, f, y)
-
-
-@inlined
-def _finest(levels: Any) -> int:
-    """Samples of path and loads to a step."""
-    return 1 if levels is None else levels.parts[-1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,13 @@ from pmr.results import Energy
 from pmr.scene.simulators import refuse
 from pmr.simulation import balance, contact_step
 from pmr.simulation.blocks import Ended, in_blocks
-from pmr.simulation.excitation import Excitation, places, rates_of_places
+from pmr.simulation.excitation import Excitation, in_order, on_path, places, rates_of_places
 from pmr.simulation.native import loop as kernel
 from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import ROW, Drive, Outputs, Record, V, Z
 from pmr.simulation.native.building import loop_of
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.parts import COARSE
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import SideOutputs, side_outputs
 from pmr.simulation.native.start import Onset, begin, places_of, reason
@@ -34,6 +36,8 @@ Array = NDArray[np.float64]
 #: Steps between two looks at the clock, the keyboard and the progress; fewer where steps in parts take long.  The way
 #: into compiled code and cold caches take some 40 us, a seventh of 4096 steps of a body of six coordinates.
 BLOCK = 16384
+#: Steps for which paths and loads are evaluated at once where they are made in parts.
+FINE = 64
 #: Numbers that are recorded in the meantime: fewer steps where there are more coordinates.
 RECORDED = 2**22
 
@@ -68,18 +72,12 @@ class March:
             omega = 0.0 if asked else contact_step.contact_frequency(form.modal, excitation)
             parts = contact_step.levels(omega, stepping)
         given = np.searchsorted(parts, stepping.schedule) if stepping.schedule else np.full(stepping.steps, -1)
-        self.finest = parts[-1]
-        fine = excitation.with_stepping(stepping.divided(self.finest))
-        s = fine.s
-        if self.body is not None:  # a body that nothing moves has one place all the same
-            s = fine.along(self.body.domain)[:, None] if s.shape[1] else np.full((len(s), 1), self.body.domain[0])
-        f, (c, shares) = fine.forces(system.input_names), independent(fine.amplitudes(system.term_names))
-        self._drive = Drive(
-            np.ascontiguousarray(s),
-            np.ascontiguousarray(f),
-            None if parts == (1,) else given,
-            c if system.terms else None,
-        )
+        self.finest, self._given, self._sampling = parts[-1], None if parts == (1,) else given, 0.0
+        kept, shares = independent(excitation.amplitudes(system.term_names))
+        self._path, self._loads = tuple(excitation.paths.values()), in_order(excitation.loads, system.input_names)
+        self._terms = [in_order(excitation.terms, system.term_names, "term")[k] for k in kept]
+        self._fine_step = stepping.divided(self.finest).step
+        self._drive = s, f, c = self._sampled(0, stepping.steps, 1)
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
         self.scheme, self.loop = methods[0].scheme(), loop_of(form, methods, parts, omega, self._paths, shares)
         x = places(form.modal, excitation)
@@ -91,16 +89,17 @@ class March:
         begin(self.loop, form, methods[0], Onset(self._paths, s[0], self.x[0], x_rate, x[0], f[0], initial, c[0]))
         self._account = None if self.body is None else balance.Account(self.body, stepping.steps)
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
+        self._sampling = 0.0  # s, of the steps that follow
 
     @property
     def f(self) -> Array:
         """Loads (T, i) in N at the steps."""
-        return self._drive.f[:: self.finest]
+        return self._drive[1]
 
     @property
     def s(self) -> Array:
         """Path coordinates (T, P) in m at the steps."""
-        return self._drive.s[:: self.finest]
+        return self._drive[0]
 
     @cached_property
     def outputs(self) -> Outputs | SideOutputs:
@@ -145,7 +144,7 @@ class March:
         def advance(first: int, last: int) -> None:
             self._take(first, some(room, slice(1, last - first + 1)), None, 1)
 
-        seconds = in_blocks(len(self.t), most, self.finest, advance, taken, progress)
+        seconds = in_blocks(len(self.t), most, self.finest, advance, taken, progress) - self._sampling
         least = balance.round_off(self.form.modes.B @ self.form.modes.B.T, self.f, float(self.t[1]))
         surplus = balance.surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
         balance.refuse_growth(surplus, "march", self._growing)
@@ -163,21 +162,51 @@ class March:
             self._take((first - 1) * every + 1, rows, outputs, every)
 
         most = max(1, BLOCK // every)
-        seconds = in_blocks(len(y) + 1, most, self.finest, advance, lambda first, last: None, None)
+        seconds = in_blocks(len(y) + 1, most, self.finest, advance, lambda first, last: None, None) - self._sampling
         self._check_finite(y, 1, every)
         without_pull(multipliers, self.pushing)
         return seconds
 
     def _take(self, first: int, rows: Record, outputs: Outputs | SideOutputs | None, every: int) -> None:
         """Take steps from number `first` on, as many as there is room for."""
-        count, loop, (s, f, given, c) = every * len(rows.multipliers), self.loop, self._drive
-        reach = slice((first - 1) * self.finest, (first - 1 + count) * self.finest + 1)
-        given = None if given is None else given[first - 1 : first - 1 + count]
-        drive = Drive(s[reach], f[reach], given, None if c is None else c[reach])
-        taken, failed = kernel.run(loop, self.scheme, outputs, drive, rows, every)
-        if failed:
-            why = reason(self.form.modal, loop.state.modes[ROW:], failed)
-            raise SimulationError(f"march failed at {self._where(first + taken)}: {why}")
+        count, taken, loop = every * len(rows.multipliers), 0, self.loop
+        while True:  # once where no step is taken, too: so it is compiled before the clock runs
+            begun, per = first - 1 + taken, self._parts_of(first - 1 + taken)
+            end = first - 1 + (count if per == 1 else min(count, taken + FINE))
+            s, f, c = self._sampled(begun, end, per) if per > 1 else (one[begun : end + 1] for one in self._drive)
+            given = None if self._given is None else self._given[begun:end]
+            drive = Drive(s, f, given, c if self.system.terms else None, per)
+            taken, failed = kernel.run(loop, self.scheme, outputs, drive, rows, every, taken)
+            if failed and failed != COARSE:
+                why = reason(self.form.modal, loop.state.modes[ROW:], failed)
+                raise SimulationError(f"march failed at {self._where(first + taken)}: {why}")
+            if taken == count:
+                return
+
+    def _parts_of(self, step: int) -> int:
+        """In how many parts a step is tried first."""
+        if self._given is None:
+            return 1
+        level = self._given[step]
+        return int(self.loop.levels.parts[level if level >= 0 else self.loop.control.level[0]])
+
+    def _sampled(self, first: int, last: int, per: int) -> tuple[Array, Array, Array]:
+        """Paths (., P) m, loads (., i) N and amplitudes (., J) of some steps, at `per` parts of each.
+
+        To evaluate them takes far longer than a step, so it is done for those steps alone that are made in parts.
+        """
+        begun = perf_counter()
+        t = np.arange(first * self.finest, last * self.finest + 1, self.finest // per) * self._fine_step
+        nothing = np.empty((len(t), 0))
+        s, f, c = (
+            np.column_stack([nothing, *(one.value(t) for one in signals)])
+            for signals in (self._path, self._loads, self._terms)
+        )
+        if self.body is not None:  # a body that nothing moves has one place all the same
+            domain = self.body.domain
+            s = on_path(self._path[0], s[:, 0], domain, t)[:, None] if self._path else np.full((len(t), 1), domain[0])
+        self._sampling += perf_counter() - begun
+        return s, f, c
 
     def _steps(self, first: int, last: int, rows: Record) -> Steps:
         """Steps `first` to `last`, the latter excluded, with their energies."""

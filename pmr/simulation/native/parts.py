@@ -37,11 +37,13 @@ Array = NDArray[np.float64]
 
 #: Where a step misses less than this share of what it may, the next one is made in half as many parts.
 SPARE = 0.125
+#: Returned where path and loads are known at fewer times than a step has parts.
+COARSE = -6
 
 
 @inlined
 def step_in_parts(loop: Loop, given: int, s: Array, f: Array, c: Any, peaks: Array) -> int:
-    """One step, in as many parts as it takes to keep to the tolerance; as `advance` returns."""
+    """One step, in as many parts as it takes to keep to the tolerance; as `advance` returns, or COARSE before it."""
     contact, state, control = loop.state.contact, loop.state, loop.control
     level, last = given if given >= 0 else control.level[0], len(loop.levels.parts) - 1
     found = given < 0 and last > 0
@@ -49,6 +51,9 @@ def step_in_parts(loop: Loop, given: int, s: Array, f: Array, c: Any, peaks: Arr
         mark(contact, state, control)
         _mark_energy(loop.sides, loop.terms, control)
     while True:
+        if loop.levels.parts[level] > len(s) - 1:
+            control.level[0] = level
+            return COARSE
         now = _on(loop, level)
         if level != control.active[0]:
             failed = _begin(now, level, s[0], f[0], None if c is None else c[0])
@@ -84,7 +89,7 @@ def _on(loop: Loop, level: int) -> Loop:
 def _parts(loop: Loop, level: int, judged: bool, s: Array, f: Array, c: Any, peaks: Array) -> tuple[int, float]:
     """The parts of a step on a level; what failed, or 0, and what one of them misses over what it may."""
     levels, state, control = loop.levels, loop.state, loop.control
-    scheme, stride, off = scheme_of(levels, level), levels.parts[-1] // levels.parts[level], 0.0
+    scheme, stride, off = scheme_of(levels, level), (len(s) - 1) // levels.parts[level], 0.0
     for at in range(stride, len(s), stride):
         if judged:
             note(state.contact, state, control)

@@ -145,7 +145,7 @@ class Stepper:
             self._drive = Drive(np.stack([self._s, self._s]), np.stack([self._f, self._f]), None)
             self._record = Record(None, None, self._state.multipliers[None].copy(), y=np.zeros((1, len(moved))))
             none = Record(None, None, self._record.multipliers[:0], y=self._record.y[:0])
-            kernel.run(self._march.loop, self._march.scheme, self._seen, self._drive, none, 1)  # compiles, or loads
+            kernel.run(self._march.loop, self._march.scheme, self._seen, self._drive, none, 1, 0)  # compiles, or loads
 
     def step(self, s: Values, F: Values | None = None) -> Array:
         """Advance by one step.
@@ -249,7 +249,7 @@ class Stepper:
         self._take_path(s)
         self._drive.s[1], self._drive.f[1] = self._s, self._f
         march = self._march
-        failed = kernel.run(march.loop, march.scheme, self._seen, self._drive, self._record, 1)[1]
+        failed = kernel.run(march.loop, march.scheme, self._seen, self._drive, self._record, 1, 0)[1]
         assert self._record.y is not None
         self._y = np.concatenate([self._record.y[0], self.multipliers])[self._chosen]
         return int(failed)

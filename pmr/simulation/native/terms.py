@@ -92,8 +92,8 @@ class Terms(NamedTuple):
     numbers: Array  # (7,)
 
 
-def independent(c: Array) -> tuple[Array, Array]:
-    """Amplitudes (T, J) none of which is a multiple of another one, and the shares (J, K) that make c (T, K) of them.
+def independent(c: Array) -> tuple[Indices, Array]:
+    """Numbers (J,) of amplitudes none of which is a multiple of another one, and their shares (J, K) in c (T, K).
 
     Terms with one signal, as a frame that turns has for each section, are one term.  At least one is left.
     """
@@ -110,7 +110,7 @@ def independent(c: Array) -> tuple[Array, Array]:
             kept.append(int(k))
             shares[k, k] = 1.0
     kept = kept or list(range(min(1, c.shape[1])))
-    return np.ascontiguousarray(c[:, kept]), shares[kept]
+    return np.array(kept, np.int64), shares[kept]
 
 
 def terms(form: SystemForm, shares: Array) -> Terms | None:

@@ -82,9 +82,9 @@ def test_amplitudes_that_are_multiples_of_others_are_left_out() -> None:
     c = np.stack([np.sin(t), 0.0 * t, -3.0 * np.sin(t), t, np.sin(t) + 1e-9 * t, t / 7.0], axis=1)
     c[0, 5] = 1e-6  # a multiple but for one moment
     left, shares = independent(c)
-    np.testing.assert_array_equal(left, c[:, [0, 3, 4, 5]])
-    np.testing.assert_allclose(left @ shares, c, atol=1e-15 * np.abs(c).max())
-    assert [one.shape for one in independent(np.zeros((3, 2)))] == [(3, 1), (1, 2)]
+    np.testing.assert_array_equal(left, [0, 3, 4, 5])
+    np.testing.assert_allclose(c[:, left] @ shares, c, atol=1e-15 * np.abs(c).max())
+    assert [one.shape for one in independent(np.zeros((3, 2)))] == [(1,), (1, 2)]
 
 
 def test_a_term_on_two_bodies_is_a_spring_between_them() -> None:
