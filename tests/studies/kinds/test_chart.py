@@ -156,7 +156,7 @@ def test_made_twice_it_is_the_same_to_the_byte(small: StudyResults, folder: Path
 def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyResults, folder: Path) -> None:
     text = page(folder)
     assert text.count("<title>radius") == 12
-    assert "Limits and the number of points" in text and "carried, by place" in text
+    assert "Limits, the number of points" in text and "It carries " in text
 
 
 def test_full_order_agrees_within_the_error_bars(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.load_chart import Chart, load_chart, pointed
-from pmr.report.numbers import SPACE, plain
+from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.charting import governing
 from pmr.studies.limits import STABILITY
@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: Reaches and angles in the table, at most.
 ROWS, COLUMNS = 14, 7
+#: Units of what is limited; others have none.
+UNITS = {"stress": "Pa", "pad": "N", "cylinder": "N", "support": "N", "deflection": "m", "frequency": "Hz"}
 #: Error bars in kg from which on they are shown beside a load.
 SHOWN = 0.5
 
@@ -97,7 +99,7 @@ def _headline(study: FinishedStudy, least: Array) -> str:
     if not np.isfinite(least).any():
         return f"No limit is met up to {study.asked['up_to']:g}{SPACE}kg at any point."
     low, high = np.nanmin(least), np.nanmax(least)
-    return f"From {_kg(low)} to {_kg(high)} are carried, by place."
+    return f"It carries {_kg(low)} to {_kg(high)}, depending on extension and angle."
 
 
 def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNumber]:
@@ -114,7 +116,7 @@ def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNu
 
 def _paragraphs(study: FinishedStudy) -> list[str]:
     bars = (
-        "Error bars are those of the reduction alone, as a richer model tells them: neither the mesh's part nor what "
+        "Error bars are those of the reduction alone, from a richer reduced model: neither the mesh's part nor what "
         "second order neglects is in them."
         if study.asked["error_bars"]
         else "Error bars were not asked for."
@@ -133,9 +135,19 @@ def _limits(study: FinishedStudy, names: list[str]) -> Grid:
         limit = asked.get(name, {"of": "equilibrium", "factor": 1.0})
         amount = limit.get("most") or limit.get("least")
         counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
-        rows.append((name, str(limit["of"]), "–" if amount is None else f"{amount:g}", f"{limit['factor']:g}", *counts))
-    heads = ("limit", "of", "amount in SI units", "factor", "governs at", "not met at", "met at no load at")
-    return Grid("Limits and the number of points at which they govern.", heads, tuple(rows))
+        rows.append((name, str(limit["of"]), _amount(limit, amount), f"{limit['factor']:g}", *counts))
+    heads = ("limit", "of", "amount", "factor", "governs", "not met", "at no load")
+    return Grid(
+        "Limits, the number of points at which they govern, are not met, or are met at no load.", heads, tuple(rows)
+    )
+
+
+def _amount(limit: Mapping[str, Any], amount: float | None) -> str:
+    """With its unit."""
+    if amount is None:
+        return "–"
+    unit = "Pa" if limit.get("area") else UNITS.get(str(limit["of"]))
+    return f"{amount:g}" if unit is None else quantity(amount, unit)
 
 
 def _loads(chart: Chart, error: Array, luffing: Any) -> Grid:
