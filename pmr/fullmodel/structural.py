@@ -62,7 +62,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         output_units=tuple(output.unit for output in structure.outputs),
         output_kinds=tuple(output.kind for output in structure.outputs),
         reference_frequency=model.reference_frequency,
-        rigid=_rigid_motions(coupling, restraints, operators.M),
+        rigid=_rigid_motions(coupling, restraints, operators.K),
         node_stations=model.node_stations,
         mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
         ports={port.name: coupling.rows([port]) for port in structure.ports},
@@ -92,10 +92,16 @@ def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str
     return matrices
 
 
-def _rigid_motions(coupling: Coupling, restraints: Restraints, M: PETSc.Mat) -> RigidMotions:
-    """This rank's rows of them, and what clamps and springs measure of each."""
-    springs = [np.asarray(spring @ coupling.rigid) for spring in restraints.vectors(coupling.T.shape[1])]
-    own, held = coupling.rigid[slice(*M.getOwnershipRange())].copy(), np.vstack([coupling.clamped, *springs])
+def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat) -> RigidMotions:
+    """This rank's rows of them, and what clamps and springs measure of each; a spring within K's round-off has none."""
+    size = coupling.T.shape[1]
+    lost = size * np.finfo(float).eps * np.concatenate(K.comm.tompi4py().allgather(K.getDiagonal().getArray()))
+    springs = [
+        np.asarray(c @ coupling.rigid)
+        for c, spring in zip(restraints.vectors(size), restraints.springs, strict=True)
+        if np.any(c.toarray()[0] ** 2 > spring.compliance * lost)
+    ]
+    own, held = coupling.rigid[slice(*K.getOwnershipRange())].copy(), np.vstack([coupling.clamped, *springs])
     return RigidMotions(own, held, whole=not len(coupling.clamped))
 
 

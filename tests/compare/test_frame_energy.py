@@ -35,7 +35,7 @@ THREE = (
     "sections.fly.joint.extension.times=[0.5, 2.5]",
     "time.end=3.0",
 )
-#: With so many coordinates that what their modes without inertia leave out of the kinetic energy is below the step's part.
+#: With ten coordinates a section: fewer leave more than a step's part out of the kinetic energy, in modes without inertia.
 SLEWED = (
     "section.mesh.elements=4",
     "section.reduction.coordinates=10",

@@ -103,6 +103,15 @@ def test_rigid_pads_on_a_section_that_can_not_deform_are_named() -> None:
         reduced(full, 6)
 
 
+@pytest.mark.parametrize(("stiffness", "free"), [(1e3, 3), (1e-6, 6)])
+def test_springs_within_the_stiffness_own_round_off_hold_nothing(stiffness: float, free: int) -> None:
+    """Of a box of steel: a ring holds y, z and rx; n u K_ii is some 1e-5 N/m, so that 1e-6 N/m are lost in K."""
+    structure = boom(beam()).structure
+    soft = tuple(replace(pad, stiffness=stiffness) for pad in structure.pads.fixed)
+    held = replace(structure.pads, fixed=soft, supports=())
+    assert soft and FreeBody(structural_model(replace(structure, pads=held))).Z.shape[1] == free
+
+
 def node_passing_share(body: ReducedModel, spacing: float) -> float:
     """Largest amplitude of a pad force at the wavelength of the nodes, over the largest force."""
     s = np.linspace(1.6, 1.6 + 6 * spacing, 1201)
