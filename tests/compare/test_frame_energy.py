@@ -35,7 +35,7 @@ THREE = (
     "sections.fly.joint.extension.times=[0.5, 2.5]",
     "time.end=3.0",
 )
-#: With ten coordinates a section: fewer leave more than a step's part out of the kinetic energy, in modes without inertia.
+#: Ten coordinates a section: fewer leave more out of the kinetic energy, in modes without inertia, than a step errs by.
 SLEWED = (
     "section.mesh.elements=4",
     "section.reduction.coordinates=10",
