@@ -37,7 +37,9 @@ class Refusal:
     def of(cls, error: ValidationError, model: type[BaseModel], data: Any) -> Refusal:
         """The first thing that pydantic refuses of what a file says; unknown keys go first."""
         found = error.errors()
-        first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
+        of_table = isinstance(found[0]["input"], (dict, list)) and found[0]["type"] == "float_type"
+        within = [e for e in found if of_table and e["input"] is not found[0]["input"]]  # a number, or a table of them
+        first = next((e for e in found if e["type"] == "extra_forbidden"), [*within, found[0]][0])
         spelled = {key for _, _, key, _ in keys_of(data)} | {""}  # not the branches of unions
         location: list[str | int] = [part for part in first["loc"] if isinstance(part, int) or part in spelled]
         value, allowed, about = first["input"], first["msg"].removeprefix("Value error, "), first.get("ctx", {})

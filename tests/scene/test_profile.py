@@ -118,6 +118,20 @@ def test_what_does_not_fit_is_refused_in_one_line(changes: list[str], says: str)
     assert says in str(refused.value) and "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("wall={roof=0.01}", "wall.roof = 'roof': 'sides', 'bottom', 'bottom left'"),
+        ("radius={left=0.1}", "radius.left = 'left': 'bottom' or 'top' is allowed"),
+        ("wall={top=-1}", "wall.top = -1: input should be greater than 0"),
+    ],
+)
+def test_a_table_in_place_of_a_number_is_refused_by_its_own_keys(change: str, says: str) -> None:
+    with pytest.raises(InputError) as refused:
+        scenes.load_any("boom_beam", [f"body.box.{change}"])
+    assert says in str(refused.value) and "\n" not in str(refused.value)
+
+
 def test_pads_on_slanted_faces_take_a_beam_in_space() -> None:
     still = ["section.body.model=auto", "sections.fly.loads=[]"]
     for member in members(scenes.load_any(BOOM, still)):
