@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
+from pmr.scene.refusals import of_key
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.postures import HOOK, with_hook
 from pmr.studies.charting import allowed, governing, in_doubt, postures, sequence
@@ -41,6 +42,12 @@ class Range(_Table):
     order: Literal["together", "in turn"] = Field(
         default="together", description="Of extensions: whether all sections telescope at once or one after the other"
     )
+
+    @model_validator(mode="after")
+    def _ascending(self) -> Self:
+        if self.most < self.least:
+            raise of_key("most", self.most, f"at least {self.least:g}, which is `least`, is allowed")
+        return self
 
     @property
     def values(self) -> tuple[float, ...]:

@@ -208,6 +208,7 @@ def test_full_order_agrees_within_the_error_bars(tmp_path: Path) -> None:
         ("factor = 1.5", "factor = -1.5", "limits[0].factor"),
         ("[[2.0, 2.0], [-2.0, 2.0], [-2.0, -2.0], [2.0, -2.0]]", "[[2.0, 2.0], [-2.0, 2.0]]", "a polygon with an area"),
         ("luffing = { least = 0.0, most = 70.0, count = 4 }", "luffing = []", "luffing: at least one angle"),
+        ("luffing = { least = 0.0, most = 70.0", "luffing = { least = 80.0, most = 70.0", "at least 80"),
     ],
 )
 def test_bad_tables_are_refused_in_one_line(folder: Path, old: str, new: str, said: str) -> None:
