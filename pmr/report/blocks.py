@@ -11,6 +11,9 @@ from pmr.report.marks import ErrorTable
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Around what a drawing shows at a pointer: paper has none, and goes without.
+SCREEN, END_OF_SCREEN = "<!--screen-->", "<!--end of screen-->"
+
 
 @dataclass(frozen=True)
 class KeyNumber:

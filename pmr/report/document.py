@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ import jinja2
 from pmr.errors.environment import needed
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
-from pmr.report.blocks import Chapter
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Chapter
 from pmr.report.figures.vector import FONT, embedded, words
 from pmr.report.sections import chapter
 from pmr.results import RunResult
@@ -58,7 +59,8 @@ def write(text: str, folder: Path) -> ReportFiles:
     """Write a page as both files."""
     with fresh(folder, REPORT_FILES) as new:
         (new / "report.html").write_text(text, encoding="utf-8")
-        needed("weasyprint").HTML(string=text).write_pdf(new / "report.pdf")  # takes a second to load
+        on_paper = re.sub(f"{SCREEN}.*?{END_OF_SCREEN}", "", text, flags=re.DOTALL)
+        needed("weasyprint").HTML(string=on_paper).write_pdf(new / "report.pdf")  # takes a second to load
     _log.info("report written to %s", folder)
     return ReportFiles(folder / "report.html", folder / "report.pdf")
 

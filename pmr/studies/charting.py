@@ -94,8 +94,6 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     arrays = needs["postures"].arrays
     at = records.record(Postures, _behind(arrays, "reduced."))
     better = records.record(Postures, _behind(arrays, "richer.")) if arguments["error"] else None
-    for limit in limits:
-        limit.check(at)
     cases, up_to, gravity = arguments["cases"], arguments["up_to"], arguments["gravity"]
     amounts = [[_amount(case, part) for part in at.parts] for case in cases]
     margins = np.array(

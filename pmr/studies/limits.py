@@ -21,7 +21,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.names import named
 from pmr.simulation.postures import HOOK, WEIGHT, Postures
+from pmr.system.from_scene import force_names
 from pmr.system.loaded import State
 
 Array = NDArray[np.float64]
@@ -29,6 +32,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 #: What outputs and which contacts a limit of each kind looks at.
 OUTPUTS = {"stress": "probe", "deflection": "tip", "support": "support"}
 CONTACTS = {"pad": "pad", "cylinder": "cylinder", "support": "support"}
+NAMED = ("stress", *CONTACTS)
 LEAST = ("buckling", "frequency")
 #: The limit that every chart has: beyond it nothing stands.
 STABILITY = "stability"
@@ -127,12 +131,19 @@ class Limit(BaseModel):
         """Whether what it uses grows with the load alone."""
         return self.of in ("buckling", "frequency", "overturning")
 
-    def check(self, at: Postures) -> None:
-        """An InputError is raised where it looks at nothing."""
-        if self.of == "stress":
-            self._stresses(at)
-        elif self.of in OUTPUTS or self.of in CONTACTS:
-            self._looked_at(at)
+    def check(self, scene: Scene) -> None:
+        """An InputError is raised where a name that it looks at is none of the scene's; that takes no model."""
+        if self.of not in NAMED:
+            return
+        known = [
+            named(body, probe.name)
+            for body, part in scene.bodies.items()
+            for probe in part.probes
+            if "stress" in probe.measures
+        ]
+        known = known if self.of == "stress" else list(force_names(scene)[self.of])
+        if not all(any(fnmatchcase(name, pattern) for name in known) for pattern in self.which):
+            raise self._nothing(known)
 
     def _looked_at(self, at: Postures) -> tuple[list[int], list[int]]:
         """Numbers of outputs and of contacts."""
@@ -185,12 +196,12 @@ class Limit(BaseModel):
         weight = np.zeros(6)
         for one in self.machine:
             c, s = (np.cos(at.slewing[k]), np.sin(at.slewing[k])) if one.slews else (1.0, 0.0)
-            x, y, z = one.at
-            pull = np.array([0.0, 0.0, -one.mass * amounts[at.parts.index(WEIGHT)] * gravity])
-            weight += np.concatenate([pull, np.cross([c * x - s * y, s * x + c * y, z], pull)])
-        held, tips = (
-            np.einsum("ei,ei->e", edges, one[3:] - np.cross(corners, one[:3])) for one in (resting + weight, hook)
-        )
+            x, y = c * one.at[0] - s * one.at[1], s * one.at[0] + c * one.at[1]
+            pull = -one.mass * amounts[at.parts.index(WEIGHT)] * gravity
+            weight += np.array([0.0, 0.0, pull, y * pull, -x * pull, 0.0])
+        wrenches = np.stack([resting + weight, hook])[:, None]
+        moments = wrenches[..., 3:] - np.cross(corners, wrenches[..., :3])
+        held, tips = np.einsum("ei,wei->we", edges, moments)
         return -held, tips
 
 

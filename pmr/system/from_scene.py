@@ -6,16 +6,18 @@ what holds the base.  Only where the outer one has no coordinates along the boom
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from pmr.scene import Scene
+from pmr.scene.built import force_of
+from pmr.scene.choice import directions, felt_faces, has_tail
 from pmr.scene.joints import JointPads
-from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint
-from pmr.scene.names import ALONE, cylinder_of
+from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint, member_at, members
+from pmr.scene.names import ALONE, cylinder_of, named
 from pmr.scene.parts import Part
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
@@ -47,6 +49,33 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
         contact for name, body in bodies.items() for contact in _on_ground(name, body, joined, scene.bodies[name])
     ]
     return (*contacts, *ground)
+
+
+def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
+    """What the forces of its ``pad``, ``cylinder`` and ``support`` are called, as far as no model has to be built."""
+    found: dict[str, list[str]] = {"pad": [], "cylinder": [], "support": []}
+    for number, (name, member) in enumerate(zip(scene.names, members(scene), strict=True)):
+        if number:
+            joint, felt = member.part.joint, set(felt_faces(member)) & set(felt_faces(member_at(scene, number - 1)))
+            assert joint is not None  # as the scene's checks say
+            for at in ("tail", "mouth"):
+                for ring in getattr(joint, at):
+                    faces = as_pads(ring, footprint(scene, ring)).places if ring.faces else ()
+                    rows = {row for row, face, _ in faces if face in felt}
+                    found["pad"] += [pad.name for pad in _pads(scene, ring, f"{name} {at}", rows)]
+            if has_tail(member):
+                found["cylinder"].append(cylinder_of(name))
+        own = [(pad, face) for ring in member.part.pads for pad, face, _ in ring.places]
+        beside = name if name == ALONE else f"{name} "
+        found["pad"] += [f"{beside}{pad}" for pad, face in own if face in felt_faces(member)]
+        if name == ALONE:
+            found["pad"] += member.point_names
+        for support in member.part.supports:
+            rows_of = [support.row_name(d) for d in support.held if d in directions(member)]
+            found["support"] += [f"{beside}{row}" for row in rows_of]
+            if support.stiffness != "rigid":
+                found["support"] += [named(name, force_of(row)) for row in rows_of]
+    return found
 
 
 def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:

@@ -91,7 +91,7 @@ class Form:
         size, Q = np.linalg.eigh(flexibility)
         if size[0] < -ROUND_OFF * size[-1] or size[-1] * np.abs(K).max() > 1.0 / np.finfo(float).eps:
             return  # past buckling by what is there without the load, or nothing but round-off holds it
-        L = Q * np.sqrt(np.maximum(size, 0.0))
+        L = _root(size, Q)
         self.eta, V = np.linalg.eigh(L.T @ e.G[1] @ L)
         least = float(self.eta[0]) if len(self.eta) else 0.0
         some = -least > ROUND_OFF * np.abs(self.eta).max(initial=0.0) and least < 0.0
@@ -130,7 +130,7 @@ class Form:
         scale, C, F = float(np.abs(e.K).max()) or 1.0, e.C[closed], e.F[np.ix_(closed, closed)]
         Z = np.linalg.inv(np.block([[e.K, scale * C.T], [scale * C, -(scale**2) * F]]))
         size, Q = np.linalg.eigh((Z[:n, :n] + Z[:n, :n].T) / 2.0)
-        L = Q * np.sqrt(np.maximum(size, 0.0))
+        L = _root(size, Q)
         return L.T @ e.G[0] @ L, L.T @ e.G[1] @ L, L, scale * Z[n:, :n]
 
     def inverse_factor(self, load: float) -> float:
@@ -180,6 +180,12 @@ class Form:
         except np.linalg.LinAlgError:
             return 0.0
         return float(1.0 / np.sqrt(largest[0]) / (2.0 * np.pi)) if largest[0] > 0.0 else np.inf
+
+
+def _root(size: Array, Q: Array) -> Array:
+    """L of the flexibility L L^T with these eigenvalues (n,) and eigenvectors (n, n), without what is round-off."""
+    some = size > len(size) * np.finfo(float).eps * size[-1]
+    return np.asarray(Q[:, some] * np.sqrt(size[some]))
 
 
 class Loaded:

@@ -7,10 +7,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from pmr.report import sentences
+from pmr.report import document, sentences
+from pmr.report.blocks import END_OF_SCREEN, SCREEN
 from pmr.report.document import dated, write_report
 from pmr.report.document import page as render
 from pmr.report.sections import chapter as case
@@ -295,3 +297,16 @@ def test_a_report_has_the_dates_of_its_results() -> None:
     assert dated("Report", [{}, {"date": ""}]) == "Report"
     assert dated("Report", [{"date": "2026-03-02"}]) == "Report · 2026-03-02"
     assert dated("Report", [{"date": "2026-03-02"}, {"date": "2025-12-31"}]) == "Report · 2025-12-31 to 2026-03-02"
+
+
+def test_paper_goes_without_what_is_shown_at_a_pointer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Printer:
+        def __init__(self, string: str) -> None:
+            self.string = string
+
+        def write_pdf(self, file: Path) -> None:
+            file.write_text(self.string)
+
+    monkeypatch.setattr(document, "needed", lambda _: SimpleNamespace(HTML=Printer))
+    made = document.write(f"<p>a{SCREEN}\n1{END_OF_SCREEN}b{SCREEN}2{END_OF_SCREEN}</p>", tmp_path / "report")
+    assert made.pdf.read_text() == "<p>ab</p>" and "\n1" in made.html.read_text()

@@ -97,6 +97,8 @@ class Study(StudyBase):
 
     def plan(self) -> Plan:
         scene, rows, size = self._scene, self._rows, len(self._angles) * len(self.slewing)
+        for limit in self.limits:
+            limit.check(scene)
         if len(rows) * size > MOST:
             raise InputError("study", "extensions", len(rows), f"at most {MOST} points are allowed in all")
         unit = np.pi / 180.0 if scene.frame is not None and scene.frame.unit == "degrees" else 1.0

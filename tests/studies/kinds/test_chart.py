@@ -21,6 +21,7 @@ from pmr.studies.charting import allowed, postures, stands_of
 from pmr.studies.figures import boom_arguments
 from pmr.studies.limits import Limit
 from pmr.studies.results import StudyResults
+from pmr.system.from_scene import force_names
 
 pytestmark = pytest.mark.slow
 
@@ -219,7 +220,32 @@ def test_bad_tables_are_refused_in_one_line(folder: Path, old: str, new: str, sa
     assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
-def test_a_limit_that_looks_at_nothing_is_refused(small: StudyResults, folder: Path) -> None:
-    text = STUDY.replace('name = "pads"', 'name = "pads"\nwhich = ["*bottom*"]', 1)
-    with pytest.raises(InputError, match="names among middle tail"):
-        finished(folder, text)
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('name = "pads"', 'name = "pads"\nwhich = ["*bottom*"]', "names among middle tail above, middle tail below"),
+        ('name = "pads"', 'name = "pads"\nwhich = ["fly *", "nose"]', "limits.pads.which = 'fly *, nose': names among"),
+        ('name = "cylinder"', 'name = "cylinder"\nwhich = ["ram"]', "names among base pin x"),
+        ('of = "pad"', 'of = "cylinder"\nwhich = ["ram"]', "names among cylinder of middle, cylinder of fly are"),
+        ('of = "pad"', 'of = "stress"', "the scene has no stress to look at"),
+    ],
+)
+def test_a_limit_of_what_is_not_there_is_refused_before_anything_is_computed(
+    folder: Path, old: str, new: str, said: str
+) -> None:
+    assert old in STUDY
+    (folder / "bad.toml").write_text(STUDY.replace(old, new, 1))
+    with pytest.raises(InputError, match=r".") as refused:
+        files.load(folder / "bad.toml")
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_names_that_limits_may_choose_are_those_of_the_models() -> None:
+    """Of the crane, whose pads lie on faces, and of a planar telescope that has none there."""
+    crane = load_any(Path(__file__).parents[3] / "workflows" / "crane.toml", ["compare.against=[]"])
+    planar = load_any("boom_two", ["section.body.model='beam2d'", "compare.against=[]"])
+    for scene in (crane, planar):
+        scene = scene.model_copy(update={"frame": crane.frame, "gravity": crane.gravity})
+        system, names = shared.full_system(scene), force_names(scene)
+        for kind in ("pad", "cylinder"):
+            assert names[kind] == [one.name for one in system.contacts if one.kind == kind]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.load_chart import Chart, load_chart, pointed
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
@@ -42,7 +42,8 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     )
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
     said = [_said(study, table, chart, error, number) for number in range(least.size)]
-    picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + pointed(chart, said) + "</svg>")
+    shown = f"{SCREEN}{pointed(chart, said)}{END_OF_SCREEN}</svg>"
+    picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
     return Chapter(
         anchor=prefix,
         title=study.title,
