@@ -118,7 +118,7 @@ class Postures:
         assembly = Assembly(system)
         x = places_of(system, at)
         rows, size = assembly.along(x), assembly.size
-        parts, f, c = _acting(scene, system, at)
+        parts, f, c = acting(scene, system, at)
         shown, names, kinds = _shown(system)
         used = [k for k, term in enumerate(assembly.terms) if term.stiffness is not None and np.any(c[:, :, k])]
         terms = [assembly.terms[k].stiffness.toarray() for k in used]
@@ -179,14 +179,14 @@ def places_of(system: System, at: Stands) -> Array:
     return np.ascontiguousarray(np.broadcast_to(x, (at.count, len(system.sides))))
 
 
-def _acting(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], Array, Array]:
+def acting(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], Array, Array]:
     """Parts, and loads (w, P, i) and amplitudes (w, P, k) of a unit of each: of the weight, and of every load."""
     names = list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
     assert scene.gravity is not None
     unit = dict.fromkeys(names, 1.0) | {HOOK: -scene.gravity.acceleration}
     numbers, f, c = np.arange(at.count, dtype=float), list[Array](), list[Array]()
-    for acting in (None, *names):
-        loads = {name: unit[name] if name == acting else 0.0 for name in names}
+    for one_of in (None, *names):
+        loads = {name: unit[name] if name == one_of else 0.0 for name in names}
         still = resting(scene, at.extensions, at.luffing, at.slewing, loads)
         driven = Excitation.of(still)
         signals = in_order(driven.loads, system.input_names)

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from pmr.files import records
 from pmr.scene import Scene
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, places_of, weights_of
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, weights_of
 from pmr.studies.allowed import allowed_loads
 from pmr.studies.engine.task import TaskResult
 from pmr.studies.limits import Limit
+from pmr.system.assembly import Assembly
+from pmr.system.buckling import buckling_factors
 from pmr.system.loaded import Loaded
 from pmr.system.system import System
 
@@ -23,6 +25,8 @@ Array = NDArray[np.float64]
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
 #: Luffing angles at each extension whose forces attachment modes answer.
 ANSWERED = 3
+#: Places at which the richer model's buckling factor is compared with that of full order.
+MEASURED = 5
 
 
 def stands_of(arguments: Mapping[str, Any]) -> Stands:
@@ -42,7 +46,8 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 
     scene, at = Scene.model_validate(arguments["boom"]), stands_of(arguments)
     built = shared.bodies_of(scene)
-    weights = weights_of(shared.full_system(scene))
+    full = shared.full_system(scene)
+    weights = weights_of(full)
     system = joined(scene, reduce_bodies(scene, built))
     found = Postures.of(scene, system, at, weights)
     reach = at.reach(scene)
@@ -50,6 +55,7 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     if arguments["error"]:
         better = richer_system(scene, system, at, weights, arguments["up_to"])
         arrays |= records.arrays(Postures.of(scene, better, at, weights), "richer.")
+        arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
     return TaskResult(arrays=arrays)
 
 
@@ -70,6 +76,25 @@ def richer_system(scene: Scene, system: System, at: Stands, weights: Any, up_to:
         forces.append(shapes * np.abs(forces[-1]).max(axis=1, initial=0.0)[:, None])
         loads.append(np.zeros_like(weight))
     return richer(system, places_of(system, few), [np.nan_to_num(one) for one in forces], loads)
+
+
+def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: float) -> float:
+    """By which share the buckling factor of a richer system is above that of full order, at most, at a few places.
+
+    A shape of few coordinates buckles later than that of all (Rayleigh's quotient), and the two models' errors of
+    opposite sign may cancel in their difference.
+    """
+    every = _answered(at)
+    few = at.some(every[np.linspace(0, len(every) - 1, min(MEASURED, len(every))).astype(int)])
+    factors = []
+    for system in (better, full):
+        assembly, x, (parts, _, c) = Assembly(system), places_of(system, few), acting(scene, system, few)
+        pressed = c[parts.index(WEIGHT)] + up_to / 2.0 * c[parts.index(HOOK)]
+        named = [dict(zip(system.term_names, one.tolist(), strict=True)) for one in pressed]
+        factors.append([buckling_factors(assembly, at_, one)[0] for at_, one in zip(x, named, strict=True)])
+    found, exact = np.array(factors)
+    known = np.isfinite(found) & np.isfinite(exact)
+    return max(0.0, float(np.max(found[known] / exact[known] - 1.0, initial=0.0)))
 
 
 def _answered(at: Stands) -> NDArray[np.int64]:
@@ -99,6 +124,9 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     margins = np.array(
         [MARGIN_OF_BUCKLING if one.of == "buckling" else MARGIN for one in limits] + [MARGIN_OF_BUCKLING]
     )
+    above = float(arrays["too_stiff"]) if arguments["error"] else 0.0
+    buckling = [number for number, one in enumerate(limits) if one.of == "buckling"]
+    sooner = [limits[i].model_copy(update={"factor": limits[i].factor * (1.0 + above)}) for i in buckling]
     first, last = arguments["rows"]
     load, error = np.full((2, last - first, len(limits) + 1), np.nan)
     case = np.zeros((last - first, len(limits) + 1), np.int64)
@@ -106,12 +134,17 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
         found = np.array([allowed_loads(limits, at, k, one, up_to, gravity) for one in amounts])
         case[k - first], load[k - first] = _least(found)
         if better is not None:
+            close = np.concatenate([found[:, :-1], found[:, buckling], found[:, -1:]], axis=1)
             others = [
-                allowed_loads(limits, better, k, one, up_to, gravity, near)
-                for one, near in zip(amounts, found, strict=True)
+                allowed_loads([*limits, *sooner], better, k, one, up_to, gravity, near)
+                for one, near in zip(amounts, close, strict=True)
             ]
-            apart = np.nan_to_num(_least(np.array(others))[1], nan=up_to) - np.nan_to_num(load[k - first], nan=up_to)
-            error[k - first] = margins * np.abs(apart)
+            known, own = (np.nan_to_num(one, nan=up_to) for one in (_least(np.array(others))[1], load[k - first]))
+            other = np.append(known[: len(limits)], known[-1])
+            before = other.copy()
+            before[buckling] = np.minimum(known[len(limits) : -1], other[buckling])
+            before[-1] /= 1.0 + above
+            error[k - first] = margins * np.maximum(np.abs(other - own), np.abs(before - own))
     governing = np.min(np.nan_to_num(load, nan=np.inf), axis=1)
     finite = governing[np.isfinite(governing)]
     record = {"load.least": float(finite.min()), "load.most": float(finite.max())} if len(finite) else {}

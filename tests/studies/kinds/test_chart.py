@@ -196,6 +196,34 @@ def test_full_order_agrees_within_the_error_bars(tmp_path: Path) -> None:
     assert (np.abs(exact - load) <= error + 1e-6 * load)[known].mean() >= 0.95
 
 
+def test_full_order_buckles_within_the_error_bars_sideways_too() -> None:
+    """The crane in space at 20 random places: two models' errors of opposite sign cancel where they cross."""
+    rng = np.random.default_rng(2)
+    changes = ["sections.fly.masses=[]", "frame.second_order=true", "section.mesh.elements=16", "compare.against=[]"]
+    scene = with_hook(load_any("crane", changes))
+    at = {
+        "extensions": {name: rng.uniform(0.7, 4.5, 20).tolist() for name in ("middle", "fly")},
+        "luffing": rng.uniform(0.0, 1.3, 20).tolist(),
+        "slewing": [0.0] * 20,
+    }
+    asked: dict[str, Any] = {"up_to": 1e5, "error": True}
+    made = postures(boom_arguments(scene) | asked | {"at": at}, {})
+    limits = [Limit(name="buckling", of="buckling", least=3.0)]
+    more = {"limits": [one.model_dump(mode="json") for one in limits], "gravity": 9.80665, "rows": [0, 20]}
+    cases = [{"weight": 1.0, "load": 1.0, "loads": {}}]
+    found = allowed(asked | more | {"cases": cases}, {"postures": made}).arrays
+    full = shared.full_system(scene)
+    whole = Postures.of(scene, full, stands_of({"at": at}), weights_of(full))
+    amounts = [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in whole.parts]
+    near = found["load"]
+    exact = np.array([allowed_loads(limits, whole, k, amounts, 1e5, 9.80665, near[k]) for k in range(20)])
+    load, error = found["load"], found["error"]
+    known = np.isfinite(load) & np.isfinite(exact)
+    assert known.sum() >= 20
+    assert (np.abs(exact - load) <= error)[known].all()
+    assert (error <= 0.06 * load)[known].all()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
