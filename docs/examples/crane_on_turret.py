@@ -80,7 +80,6 @@ settings.solution.file.write = False
 settings.solution.sensors.writePeriod = STEP
 settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = END, round(END / STEP)
 settings.timeIntegration.generalizedAlpha.spectralRadius = scene.time.rho_inf
-settings.timeIntegration.newton.relativeTolerance = 1e-6  # round-off at the stiff hook
 settings.timeIntegration.verboseMode = 0
 mbs.SolveDynamic(settings)
 

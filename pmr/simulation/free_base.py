@@ -43,6 +43,7 @@ from pmr.scene.choice import directions
 from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.members import member_at
+from pmr.scene.names import input_of
 from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -79,6 +80,7 @@ class FreeBase:
         }
         rotating, carried, shortened = np.zeros((3, n, n)), np.zeros((3, 3, n, n)), list[Shortened]()
         terms = {term.name: term for term in assembly.terms}
+        self._scene, self._terms = scene, {term.name: term.stiffness for term in assembly.terms}
         for one in frame_terms(scene):
             term = terms[one.name]
             if one.of == "rotation":
@@ -109,6 +111,16 @@ class FreeBase:
         for (_, over, along), column in self._fields.items():
             found[column] = 0.0 if over else -upwards[along]
         return found
+
+    def shortened_by(self, load: str) -> Iterator[tuple[int | None, Array]]:
+        """G (n, n) in 1/m of q^T G q / 2, by which the place of a load along the boom gets nearer as the boom bends.
+
+        A cylinder, by its number, has it over its length.
+        """
+        for one in frame_terms(self._scene):
+            if one.of in ("load", "cylinder load"):
+                if input_of(one.carried or one.bodies[0], one.component) == load:
+                    yield (one.number if one.of == "cylinder load" else None), self._terms[one.name].toarray()
 
     def loads(self, f: Array, extended: Extended) -> Array:
         """Force and moment about O (6,) of loads f (i,) at the undeformed boom, inertia left out."""

@@ -100,7 +100,7 @@ class Base:
         self.reference, self._rotations = np.array(known["referenceCoordinates"]), ROTATIONS[kind]
         self._gravity = on.scene.gravity.signal if on.scene.gravity else None
         self._contacts, self._equations, self._known = Contacts(equations, inputs), equations, dict[float, Answers]()
-        self._paths = [_Path(name, paths.get(name), on.scene.time.step) for name in on.scene.names[1:]]
+        self._paths = [_Path(name, paths.get(name), on.scene.time.step, mbs) for name in on.scene.names[1:]]
 
     @property
     def count(self) -> int:
@@ -167,19 +167,33 @@ class Base:
 
 
 class _Path:
-    """A path of signals, or of an object with `value` and `rate`, its kinks spread over one step of h."""
+    """A path, its kinks spread over one step of h: a signal, an object as one, or a function of the mbs and the time.
 
-    def __init__(self, name: str, path: Any, h: float) -> None:
-        if not (hasattr(path, "value") and hasattr(path, "rate")):
-            allowed = "a signal, or an object with value(t) and rate(t), is allowed on a free base"
+    The rates of a function are those of the parabola through its values around t, half a step apart.
+    """
+
+    def __init__(self, name: str, path: Any, h: float, mbs: Any = None) -> None:
+        if not (hasattr(path, "value") and hasattr(path, "rate")) and not callable(path):
+            allowed = "a signal, an object with value(t) and rate(t), or a function of mbs and t is allowed"
             raise InputError("system", f"paths.{name}", None, allowed)
-        self.name, self._path, self._h = name, path, h
+        self.name, self._path, self._h, self._mbs = name, path, h, mbs
 
     def at(self, t: float) -> tuple[float, float, float]:
         """Value in m, rate and second rate."""
-        after, before = t + self._h / 2.0, max(t - self._h / 2.0, 0.0)
-        second = (float(self._path.rate(after)) - float(self._path.rate(before))) / (after - before)
+        half = self._h / 2.0
+        if not hasattr(self._path, "rate"):
+            middle = max(t, half)  # no time before the start is asked for
+            before, now, after = (float(self._path(self._mbs, at)) for at in (middle - half, middle, middle + half))
+            second = (after - 2.0 * now + before) / half**2
+            return _value(self._path, self._mbs, t), (after - before) / self._h + second * (t - middle), second
+        last, first = t + half, max(t - half, 0.0)
+        second = (float(self._path.rate(last)) - float(self._path.rate(first))) / (last - first)
         return float(self._path.value(t)), float(self._path.rate(t)), second
+
+
+def _value(driving: Any, mbs: Any, t: float) -> float:
+    """Of a signal or function."""
+    return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
 
 def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
@@ -191,7 +205,7 @@ def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Dr
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
     """Amplitudes of the terms: of the stress that loads make, for all others are the base's.
 
-    An InputError is raised where an extension has no rate.
+    An InputError is raised where an extension is neither a signal nor a function.
     """
     for name in on.scene.names[1:]:
         _Path(name, paths.get(name), on.scene.time.step)
@@ -207,8 +221,7 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
 
 def _pushed(load: Any, extension: Any, mbs: Any, t: float) -> float:
     """Minus what a cylinder pushes with against a load along it, over its length, N/m."""
-    force = load.value(t) if hasattr(load, "value") else load(mbs, t)
-    return float(force / extension.value(t))
+    return _value(load, mbs, t) / _value(extension, mbs, t)
 
 
 def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:

@@ -1,12 +1,14 @@
 r"""A hook on a boom that rides on a body in Exudyn: a point with a mass, to which ropes and all else are attached.
 
 Where three loads of the model act along x, y and z, the boom moves by :math:`B^T q + E f`, what follows the forces at
-once included, so that the hook at x pulls with
+once included, and bends shorter by :math:`q^T G q / 2` where the system has second order.  So the hook at x holds, with
+its force f on the boom in the boom's axes and the loads f_w that act beside, those of the weight among them,
 
-.. math:: f = E_h^{-1} \bigl(R^T (x - x_O) - d - r - B_h^T q - E_{hw} f_w\bigr)
+.. math:: g = R^T (x - x_O) - d - r - B_h^T q + \tfrac12 e_x\, q^T G q - E_{hw} f_w - E_h f = 0
 
-in the boom's axes, with the loads f_w that act beside and the weight's.  It pulls on the base with it, too, at the
-place where it is, so that momentum stays.
+a constraint whose multiplier is f.  By virtual work f acts on the base too, at the place where the hook is, so that
+momentum stays.  Coordinates w in m without mass carry :math:`E_h w = e E_h f`, with e the largest of E_h; where nothing
+gives way they are held at zero.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do
@@ -18,14 +20,25 @@ from typing import Any
 
 import exudyn as exu
 import numpy as np
-from exudyn.itemInterface import MarkerNodePosition, NodePoint, ObjectGenericODE2, ObjectMassPoint
+from exudyn.itemInterface import (
+    MarkerNodePosition,
+    MarkerObjectODE2Coordinates,
+    NodePoint,
+    ObjectConnectorCoordinateVector,
+    ObjectGenericODE2,
+    ObjectMassPoint,
+)
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.simulation.exudyn.free_base import Base
-from pmr.simulation.exudyn.items import SystemItems
+from pmr.simulation.exudyn.items import SystemItems, add_coordinates
+from pmr.simulation.start import InitialState
 
 Array = NDArray[np.float64]
+
+#: Of the largest flexibility: less gives nothing; and m/N, the largest of a model that does not give way.
+ROUND_OFF, TINY = 1e-9, 1e-20
 
 
 @dataclass(frozen=True)
@@ -35,7 +48,7 @@ class Hook:
     nHook: Any  # NodePoint
     oHook: Any  # ObjectMassPoint on it
     mHook: Any  # MarkerNodePosition
-    oJoint: Any  # ObjectGenericODE2 that joins it to the boom
+    oJoint: Any  # ObjectConnectorCoordinateVector that joins it to the boom; its Force is that on the boom, in its axes
 
 
 def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:
@@ -54,7 +67,7 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     Raises
     ------
     InputError
-        If the boom stands on the ground, or the model has no such inputs, at one place, with residual flexibility.
+        If the boom stands on the ground, or the model has no such inputs at one place.
     """
     base = items.base
     if base is None:
@@ -65,17 +78,26 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     place = joint.place(0.0, carrier, start)
     name = f"{mbs.GetMarker(items.mSystem)['name']} {loads[2]}"
     node = mbs.AddNode(NodePoint(name=name, referenceCoordinates=place))
-    nodes = [node, base.node, *items.nBodies.values()]
-    size = 3 + base.count + len(start)
-    oJoint = mbs.AddObject(
+    nForce = add_coordinates(mbs, f"{name} force", InitialState.at_rest(3))
+    size = 6 + base.count + len(start)
+    oGiven = mbs.AddObject(
         ObjectGenericODE2(
-            name=name,
-            nodeNumbers=nodes,
-            massMatrix=np.zeros((size, size)),
-            forceUserFunction=lambda mbs, t, item, q, q_t: joint.force(t, place, np.array(q)),
+            name=f"{name} gives",
+            nodeNumbers=[nForce, node, base.node, *items.nBodies.values()],
+            massMatrix=_corner(joint.firm, size),
+            forceUserFunction=lambda mbs, t, item, q, q_t: -joint.given(t, size) @ np.array(q),
             jacobianUserFunction=lambda mbs, t, item, q, q_t, factor, factor_t: exu.MatrixContainer(
-                factor * joint.stiffness(t, place, np.array(q))
+                factor * joint.given(t, size)
             ),
+        )
+    )
+    oJoint = mbs.AddObject(
+        ObjectConnectorCoordinateVector(
+            name=name,
+            markerNumbers=[items.mGround, mbs.AddMarker(MarkerObjectODE2Coordinates(objectNumber=oGiven))],
+            scalingMarker0=np.zeros((3, 1)),  # its height is the number of rows
+            constraintUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.gap(t, np.array(q)),
+            jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.moved(t, np.array(q)),
         )
     )
     return Hook(
@@ -84,6 +106,13 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
         mbs.AddMarker(MarkerNodePosition(name=name, nodeNumber=node)),
         oJoint,
     )
+
+
+def _corner(A: Array, size: int) -> Array:
+    """A (3, 3) as the first block of a matrix (size, size)."""
+    found = np.zeros((size, size))
+    found[:3, :3] = A
+    return found
 
 
 class _Joint:
@@ -99,41 +128,58 @@ class _Joint:
         turned = work[3:]  # r x e_j
         self._r, self._section = np.array([turned[2, 1], turned[0, 2], turned[1, 0]]), owner
         there = np.cross(self._r, np.eye(3), axisb=0, axisc=0)
-        placed = np.allclose(work[:3], np.eye(3)) and np.allclose(turned, there, atol=1e-9)
-        if not placed or np.linalg.eigvalsh(base.answers(0.0).E[np.ix_(self._on, self._on)]).min() <= 0.0:
-            allowed = "forces along x, y and z at one place, of a model with residual flexibility, are allowed"
+        E = self._given(0.0)
+        if not (np.allclose(work[:3], np.eye(3)) and np.allclose(turned, there, atol=1e-9)):
+            allowed = "forces along x, y and z at one place are allowed"
             raise InputError("system", "loads", ", ".join(loads), allowed)
+        values, vectors = np.linalg.eigh(E)
+        stiff = vectors[:, values <= ROUND_OFF * max(base.answers(0.0).E.max(), TINY)]
+        self.firm = stiff @ stiff.T  # onto the directions in which nothing gives way at once
+        self._scale = float(values[-1]) if values[-1] > 0.0 else 1.0
+        self._shortened = list(base.boom.shortened_by(loads[0]))
+
+    def _given(self, t: float) -> Array:
+        return self._base.answers(t).E[np.ix_(self._on, self._on)]
+
+    def given(self, t: float, size: int) -> Array:
+        """E_h / e at t s and what holds w elsewhere, (size, size), over e: N/m."""
+        return _corner(self._given(t) / self._scale + self.firm, size) / self._scale
+
+    def _bent(self, t: float, q: Array) -> Array:
+        """G q (n,) at t s."""
+        extended = self._base.extended(t).value
+        parts = [(G if k is None else G / extended[k]) @ q for k, G in self._shortened]
+        return np.asarray(sum(parts, np.zeros_like(q)))
 
     def _unbent(self, t: float, q: Array, R: Array) -> tuple[Array, Array]:
-        """Where the place is from O in the boom's axes with nothing on the hook, (3,) m, and B_h (n, 3)."""
+        """Where the place is from O in the boom's axes with nothing on the hook, (3,) m, and how q moves it (3, n)."""
         answers, X = self._base.answers(t), np.cumsum(self._base.extended(t).value)[self._section]
-        B = answers.B[:, self._on]
+        moved, bent = answers.B[:, self._on].T, np.outer([1.0, 0.0, 0.0], self._bent(t, q))
         beside = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
         sagging = answers.E[self._on] @ beside
-        return self._base.boom.boom.place + [X, 0.0, 0.0] + self._r + B.T @ q + sagging, B
+        return self._base.boom.boom.place + [X, 0.0, 0.0] + self._r + (moved - bent / 2.0) @ q + sagging, moved - bent
 
     def place(self, t: float, x: Array, q: Array) -> Array:
         """In space, of nothing on the hook."""
         _, _, _, R = self._base.kinematics(x, 0.0 * x)
         return np.asarray(self._base.origin(x) + R @ self._unbent(t, q, R)[0])
 
-    def _parts(self, t: float, place: Array, z: Array) -> tuple[Array, Array, Array, Array]:
-        """Force f (3,) of the hook on the boom, how z moves what it measures (3, N), 1/E_h, and R."""
-        k = self._base.count
-        x, q = z[3 : 3 + k], z[3 + k :]
+    def gap(self, t: float, z: Array) -> Array:
+        """G (3,) m of w, hook, base and coordinates z, as a marker has them: with those of reference."""
+        x, q = self._split(z)
+        _, _, _, R = self._base.kinematics(x, 0.0 * x)
+        at = R.T @ (z[3:6] - self._base.origin(x))
+        return np.asarray(at - self._unbent(t, q, R)[0] - self._given(t) @ z[:3] / self._scale)
+
+    def moved(self, t: float, z: Array) -> Array:
+        """Its derivative (3, N)."""
+        x, q = self._split(z)
         turned, _, _, R = self._base.kinematics(x, 0.0 * x)
-        at = R.T @ (place + z[:3] - self._base.origin(x))
-        unbent, B = self._unbent(t, q, R)
-        spring = np.linalg.inv(self._base.answers(t).E[np.ix_(self._on, self._on)])
-        moved = np.hstack([R.T, np.cross(at, turned[3:], axisb=0, axisc=0) - turned[:3], -B.T])
-        return spring @ (at - unbent), moved, spring, R
+        at = R.T @ (z[3:6] - self._base.origin(x))
+        on_base = np.cross(at, turned[3:], axisb=0, axisc=0) - turned[:3]
+        return np.hstack([-self._given(t) / self._scale, R.T, on_base, -self._unbent(t, q, R)[1]])
 
-    def force(self, t: float, place: Array, z: Array) -> Array:
-        """On hook, base and coordinates, (N,)."""
-        f, moved, _, _ = self._parts(t, place, z)
-        return np.asarray(-moved.T @ f)
-
-    def stiffness(self, t: float, place: Array, z: Array) -> Array:
-        """(N, N) N/m."""
-        _, moved, spring, _ = self._parts(t, place, z)
-        return np.asarray(moved.T @ spring @ moved)
+    def _split(self, z: Array) -> tuple[Array, Array]:
+        """Coordinates of the base, and of the boom."""
+        k = self._base.count
+        return z[6 : 6 + k] - self._base.reference, z[6 + k :]

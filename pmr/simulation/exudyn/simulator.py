@@ -98,7 +98,8 @@ def add_system(
         An amplitude for each of ``system.term_names``.
     on : OnBody, optional
         A rigid body of the mbs that carries the boom and feels it, by default the ground.  Inertia, weight and terms
-        follow from its motion: neither loads ``inertia ...`` nor `terms` are given, and paths have rates.
+        follow from its motion: neither loads ``inertia ...`` nor `terms` are given.  A path that is a function is asked
+        for half a step to either side of t, for its rates: it must not depend on what the mbs has computed by then.
 
     Raises
     ------

@@ -18,6 +18,7 @@ from pmr.errors import InputError
 from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.signals import Table
+from pmr.simulation import Excitation
 from pmr.simulation.exudyn import simulate_system
 from pmr.simulation.frame import Turning
 from pmr.simulation.native import systems
@@ -128,9 +129,27 @@ def test_free_in_space_its_energy_stays_but_for_the_step() -> None:
     assert coarse / fine == pytest.approx(4.0, rel=0.2)
 
 
+def test_an_extension_is_a_function() -> None:
+    """As the signal with the same values, but for its rates: their error falls with the step."""
+    found = []
+    for step in (4e-3, 2e-3):
+        scene, q = free_boom.scene("time.end=0.04", f"time.step={step}"), []
+        signal = Excitation.of(scene).paths["fly"]
+        for path in (signal, lambda mbs, t, signal=signal: float(signal.value(t))):
+            turret = Turret(scene, initialAngularVelocity=[0.8, -0.5, 1.1])
+            turret.excitation = replace(turret.excitation, paths={"fly": path})
+            turret.add()
+            turret.solve()
+            q.append(turret.q)
+        found.append(np.abs(q[1] - q[0]).max() / np.abs(q[0]).max())
+    coarse, fine = found
+    assert fine < 0.01  # 0.76 %, and 0.22 % with half the step
+    assert coarse / fine > 2.5  # on its way to 4
+
+
 def test_what_is_refused() -> None:
     turret = Turret(free_boom.scene())
-    turret.excitation = replace(turret.excitation, paths={"fly": lambda mbs, t: 0.6})
+    turret.excitation = replace(turret.excitation, paths={"fly": 0.6})
     with pytest.raises(InputError, match="paths.fly"):
         turret.add()
     turret = Turret(free_boom.scene())
