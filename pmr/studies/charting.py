@@ -143,7 +143,7 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
             other = np.append(known[: len(limits)], known[-1])
             before = other.copy()
             before[buckling] = np.minimum(known[len(limits) : -1], other[buckling])
-            before[-1] /= 1.0 + above
+            before[-1] /= 1.0 + above * (before[-1] < up_to)  # of one that is not met nothing is known
             error[k - first] = margins * np.maximum(np.abs(other - own), np.abs(before - own))
     governing = np.min(np.nan_to_num(load, nan=np.inf), axis=1)
     finite = governing[np.isfinite(governing)]
