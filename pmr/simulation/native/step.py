@@ -185,11 +185,10 @@ def _add_others(divided: Divided, state: State, f: Array) -> None:
     for l in range(1, 0 if len(state.given) else len(f)):
         for n in range(0, r, LANES):
             store(others, n, load(others, n) + load(divided.B[l], n) * f[l])
-    for k in range(0 if coupled else 1, len(state.multipliers)):
-        multiplier = state.multipliers[k]
-        if coupled:
-            for n in range(0, r, LANES):
-                store(others, n, load(others, n) - load(state.weighted[k], n) * multiplier)
-        else:
-            for n in range(0, r, LANES):
-                store(others, n, load(others, n) - load(unit, n) * load(state.modes[ROW + k], n) * multiplier)
+    first = 0 if coupled else 1
+    for n in range(0, r, LANES):
+        held = spread(0.0)
+        for k in range(first, len(state.multipliers)):
+            row = state.weighted[k] if coupled else state.modes[ROW + k]
+            held = held + load(row, n) * state.multipliers[k]
+        store(others, n, load(others, n) - (held if coupled else held * load(unit, n)))

@@ -18,10 +18,10 @@ buckling load or where a tension raises frequencies that the step does not resol
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import (
@@ -43,10 +43,11 @@ from pmr.simulation.native.compilation import compiled_and_inlined, inlined
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.rows import dot
 from pmr.simulation.native.simd import LANES, aligned, load, spread, store
-from pmr.system.terms import Term
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+#: Of what is never counted from the end, which a signed number might be.
+Numbers = NDArray[np.uint64]
 
 #: Change of w that counts as none, and the one that is accepted after the last time, over the largest w so far.
 CONVERGED, ACCEPTED = 1e-11, 1e-8
@@ -57,6 +58,8 @@ DIVERGED = 1e6
 SETTLED, AGAIN, LAST = 0, -4, -5
 #: What of an amplitude is round-off of another one's, over its largest; at so many times they are compared at first.
 SAME, SAMPLES = 1e-15, 16
+#: Entries of a matrix below this share of its largest one are round-off of zero: most planes of bending do not couple.
+NOTHING = 1e-13
 #: Entries of `Terms.numbers`: largest |w|^2 so far, times that w was found in this step, |w|^2 of the first one, work
 #: since the start in J, |change|^2 of w before, by what it is multiplied from one time to the next at most, and
 #: the times since this was last found.
@@ -66,22 +69,18 @@ FORESEEN, MOST_TRUSTED = 0.1, 16
 
 
 class Terms(NamedTuple):
-    """Terms with J signals as b blocks, each of which makes forces on the modes of one body from those of one body.
+    """Terms with J signals as their sum, of which only what is not zero is stored: u registers of four rows each.
 
-    Blocks are flat, one column after the other, as long as the modes' ranges are; each is made up of parts, one for
-    each signal that it depends on, e in all.
+    A register belongs to one column and to z or z'.  It is a sum over the signals that it depends on, e in all.
     """
 
-    of_rates: NDArray[np.bool_]  # (b,): whether a block acts on z' or on z
-    rows: Indices  # (b, 2): the first and behind the last mode on which it makes forces
-    columns: Indices  # (b, 2): and by which
-    first: Indices  # (b + 1,)
-    now: Array  # with present amplitudes
-    parts: Array  # with amplitudes of 1, those of a block one after the other
-    first_part: Indices  # (b + 1,): the number of the first one of a block
-    signal: Indices  # (e,): what a part is multiplied by
-    start: Indices  # (b,): where the parts of a block begin
-    amplitudes: Array  # (e,): present ones
+    now: Array  # (4 u,): with present amplitudes, one block of four rows after the other
+    column: Numbers  # (u,): the mode by which each makes forces
+    of_rows: Indices  # (r' / 4, 3): where those of four rows begin, those of them on z', and where they end
+    parts: Array  # (4 e,): with amplitudes of 1, those of a register one after the other
+    signal: Numbers  # (e,): what a part is multiplied by
+    first_part: Indices  # (u + 1,): where the parts of a register begin, as many ones after fewer
+    to: Indices  # (u,): where in `now` this register begins
     c: Array  # (J,): present amplitudes; NaN before the start
     given: Array  # (r',): S^-1 B f where `State.given` is not; else (0,)
     force: Array  # (r',): w
@@ -118,28 +117,23 @@ def terms(form: SystemForm, shares: Array) -> Terms | None:
     system = form.system
     if not system.terms:
         return None
-    r, names = int(form.starts[-1]), list(system.bodies)
-    ranges = {name: (int(form.starts[k]), int(form.starts[k + 1])) for k, name in enumerate(names)}
-    blocks = dict[tuple[bool, str, str], dict[int, Array]]()
-    for number, term in enumerate(form.modal.terms):
-        for key, A in term.matrices.items():
-            for row, column, part in _between(term, A, form):
-                of_signals = blocks.setdefault((key == "damping", row, column), {})
-                for signal in np.flatnonzero(shares[:, number]).tolist():
-                    of_signals[signal] = of_signals.get(signal, 0.0) + shares[signal, number] * part
-    sizes = [np.subtract(*ranges[row][::-1]) * np.subtract(*ranges[column][::-1]) for _, row, column in blocks]
-    found = [(signal, part.ravel()) for one in blocks.values() for signal, part in one.items()]
+    r = int(form.starts[-1])
+    found, numbers, signal = _registers(form, shares)
+    known, u = np.unique(numbers, return_inverse=True)
+    count = np.bincount(u, minlength=len(known))
+    by_count = np.argsort(count, kind="stable")  # loops as long as the one before are foreseen
+    place = np.empty(len(known), np.int64)
+    place[by_count] = np.arange(len(known))
+    order = np.lexsort((signal, place[u]))
+    first = np.searchsorted(known, r * np.arange(2 * (r // LANES) + 1))
     return Terms(
-        of_rates=np.array([of_rates for of_rates, _, _ in blocks], np.bool_),
-        rows=np.array([ranges[row] for _, row, _ in blocks], np.int64).reshape(-1, 2),
-        columns=np.array([ranges[column] for _, _, column in blocks], np.int64).reshape(-1, 2),
-        first=np.cumsum([0, *sizes], dtype=np.int64),
-        now=aligned(np.zeros(int(np.sum(sizes)))),
-        parts=aligned(np.concatenate([np.empty(0), *(part for _, part in found)])),
-        first_part=np.cumsum([0, *map(len, blocks.values())], dtype=np.int64),
-        signal=np.array([signal for signal, _ in found], np.int64),
-        start=np.cumsum([0, *(len(one) * size for one, size in zip(blocks.values(), sizes, strict=True))])[:-1],
-        amplitudes=np.zeros(len(found)),
+        now=aligned(np.zeros(LANES * len(known))),
+        column=(known % r).astype(np.uint64),
+        of_rows=np.stack([first[:-2:2], first[1::2], first[2::2]], axis=1).astype(np.int64),
+        parts=aligned(found[order].ravel()),
+        signal=signal[order].astype(np.uint64),
+        first_part=np.cumsum([0, *count[by_count]], dtype=np.int64),
+        to=LANES * by_count.astype(np.int64),
         c=np.full(len(shares), np.nan),
         given=aligned(np.zeros(0 if form.on_tables is None else r)),
         force=aligned(np.zeros(r)),
@@ -151,19 +145,29 @@ def terms(form: SystemForm, shares: Array) -> Terms | None:
     )
 
 
-def _between(term: Term, A: Array, form: SystemForm) -> Sequence[tuple[str, str, Array]]:
-    """Parts of a matrix on the modes of a term's bodies, transposed and filled up, but those that are zero."""
-    columns = form.columns
-    sizes = [columns[name].stop - columns[name].start for name in term.bodies]
-    ends = np.cumsum([0, *sizes])
-    own = {name: slice(a, b) for name, a, b in zip(term.bodies, ends[:-1], ends[1:], strict=True)}
-    found = []
-    for row in term.bodies:
-        for column in term.bodies:
-            part = np.asarray(A[own[row], own[column]]).T
-            if np.any(part):
-                found.append((row, column, np.pad(part, [(0, -n % LANES) for n in part.shape])))
-    return found
+def _registers(form: SystemForm, shares: Array) -> tuple[Array, Indices, Indices]:
+    """All registers that are not zero, of each signal: entries (e, 4), numbers (e,) by rows, rate and column; signals.
+
+    Those of four rows that act on z come before those of the same rows that act on z'.
+    """
+    r, columns = int(form.starts[-1]), form.columns
+    where = {name: range(own.start, own.stop) for name, own in columns.items()}
+    sums = dict[tuple[int, int], sp.csr_matrix]()
+    for number, term in enumerate(form.modal.terms):
+        for key, A in term.among(where, r).matrices.items():
+            A.data[np.abs(A.data) <= NOTHING * np.abs(A.data).max(initial=0.0)] = 0.0
+            for signal in np.flatnonzero(shares[:, number]).tolist():
+                at = int(key == "damping"), signal
+                sums[at] = sums.get(at, sp.csr_matrix((r, r))) + shares[signal, number] * A
+    entries, numbers, signals = [np.empty((0, LANES))], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    for (of_rates, signal), A in sums.items():
+        A.eliminate_zeros()
+        tall = A.tobsr((LANES, 1))
+        rows = np.repeat(np.arange(r // LANES), np.diff(tall.indptr))
+        entries.append(tall.data[:, :, 0])
+        numbers.append((2 * rows + of_rates) * r + tall.indices)
+        signals.append(np.full(len(rows), signal))
+    return np.concatenate(entries), np.concatenate(numbers), np.concatenate(signals)
 
 
 @compiled_and_inlined
@@ -275,49 +279,32 @@ def add(terms: Any, a: Array) -> None:
 
 @inlined
 def _combine(terms: Terms, c: Array) -> None:
-    """The blocks with amplitudes c (J,), where these are others than before."""
+    """Their sum with amplitudes c (J,), where these are others than before."""
     same = True
     for k in range(len(c)):
         same = same and c[k] == terms.c[k]
         terms.c[k] = c[k]
     if same:
         return
-    for e in range(len(terms.signal)):
-        terms.amplitudes[e] = terms.c[terms.signal[e]]
-    for b in range(len(terms.of_rates)):
-        amplitudes = terms.amplitudes[terms.first_part[b] : terms.first_part[b + 1]]
-        size = terms.first[b + 1] - terms.first[b]
-        for n in range(0, size, 4 * LANES):  # sizes are multiples of registers squared
-            at, to, none = terms.start[b] + n, terms.first[b] + n, spread(0.0)
-            one, two, three, four = none, none, none, none
-            for e in range(len(amplitudes)):
-                one = one + load(terms.parts, at) * amplitudes[e]
-                two = two + load(terms.parts, at + LANES) * amplitudes[e]
-                three = three + load(terms.parts, at + 2 * LANES) * amplitudes[e]
-                four = four + load(terms.parts, at + 3 * LANES) * amplitudes[e]
-                at += size
-            store(terms.now, to, one)
-            store(terms.now, to + LANES, two)
-            store(terms.now, to + 2 * LANES, three)
-            store(terms.now, to + 3 * LANES, four)
+    for u in range(len(terms.to)):
+        value = spread(0.0)
+        for e in range(terms.first_part[u], terms.first_part[u + 1]):
+            value = value + load(terms.parts, LANES * e) * terms.c[terms.signal[e]]
+        store(terms.now, terms.to[u], value)
 
 
 @inlined
 def _find_forces(terms: Terms, modes: Array) -> None:
     """W of the present displacements and their rates, as `Terms.new_force`."""
-    for n in range(0, len(terms.new_force), LANES):
-        store(terms.new_force, n, spread(0.0))
-    for b in range(len(terms.of_rates)):
-        moving = modes[V] if terms.of_rates[b] else modes[Z]
-        row, height = terms.rows[b, 0], terms.rows[b, 1] - terms.rows[b, 0]
-        column, width = terms.columns[b, 0], terms.columns[b, 1] - terms.columns[b, 0]
-        for n in range(0, height, LANES):
-            at, odd, even = terms.first[b] + n, spread(0.0), spread(0.0)
-            for l in range(0, width, 2):  # in two sums, for each addition has to wait for the one before
-                even = even + load(terms.now, at) * moving[column + l]
-                odd = odd + load(terms.now, at + height) * moving[column + l + 1]
-                at += 2 * height
-            store(terms.new_force, row + n, load(terms.new_force, row + n) - even - odd)
+    z, v = modes[Z], modes[V]
+    for k in range(len(terms.of_rows)):
+        first, middle, last = terms.of_rows[k, 0], terms.of_rows[k, 1], terms.of_rows[k, 2]
+        of_z, of_v = spread(0.0), spread(0.0)
+        for u in range(first, middle):
+            of_z = of_z - load(terms.now, LANES * u) * z[terms.column[u]]
+        for u in range(middle, last):
+            of_v = of_v - load(terms.now, LANES * u) * v[terms.column[u]]
+        store(terms.new_force, LANES * k, of_z + of_v)
 
 
 @inlined
@@ -342,11 +329,11 @@ def _reach(terms: Terms, divided: Divided, scheme: Scheme, state: State) -> None
             a = a + load(modes[OTHERS], n)
         else:
             a = a - load(modes[STIFFNESS], n) * z - load(modes[DAMPING], n) * v
+        held = spread(0.0)
         for k in range(len(state.multipliers)):
-            if coupled:
-                a = a - load(state.weighted[k], n) * state.multipliers[k]
-            else:
-                a = a - load(modes[UNIT], n) * load(modes[ROW + k], n) * state.multipliers[k]
+            row = state.weighted[k] if coupled else modes[ROW + k]
+            held = held + load(row, n) * state.multipliers[k]
+        a = a - (held if coupled else held * load(modes[UNIT], n))
         store(modes[Z], n, z + a * scheme.z_gain)
         store(modes[V], n, v + a * scheme.v_gain)
 
