@@ -77,10 +77,11 @@ def solve(factor: Array, x: Array) -> None:
     for k in range(m):
         for n in range(k):
             x[k] -= factor[k, n] * x[n]
-    for k in range(m - 1, -1, -1):
+    for k in range(m):
         x[k] *= factor[k, k]
-        for n in range(k + 1, m):
-            x[k] -= factor[n, k] * x[n]
+    for k in range(m - 1, 0, -1):  # by rows, as they stand in memory: nothing waits for a sum
+        for n in range(k):
+            x[n] -= factor[k, n] * x[k]
 
 
 @inlined
