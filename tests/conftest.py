@@ -3,9 +3,12 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import tempfile
 import time
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+#: What runs measure once per structure is no user's here.
+os.environ["PMR_CACHE"] = os.path.join(tempfile.gettempdir(), f"pmr-tests-{os.getpid()}")
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

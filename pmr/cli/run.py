@@ -94,6 +94,7 @@ def run(
     import numpy as np
 
     from pmr.errors.environment import Clock
+    from pmr.files.users import users_folder
     from pmr.pipeline import run as run_scene
     from pmr.report.document import REPORT_FILES, write_report
 
@@ -104,7 +105,8 @@ def run(
         checkpoint = where / f"full-{scene.hash}.checkpoint"
         with _progress(name, shown=first) as progress:
             try:
-                outcome = run_scene(scene, clock=Clock(progress), checkpoint=checkpoint, cache=cache)
+                clock, measures = Clock(progress), cache or users_folder()
+                outcome = run_scene(scene, clock=clock, checkpoint=checkpoint, cache=cache, measures=measures)
             except InputError as error:
                 raise error.found_in(str(file)) from None
             except (np.linalg.LinAlgError, ArithmeticError) as error:

@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 #: Frequencies that are compared, modes among which they are, and places along the path: beams with walls that give way
 #: are off most over an eighth of it, which nine places missed in two of twenty booms (`benchmarks.walls`).
 FREQUENCIES, MODES, PLACES = 2, 12, 33
+#: Of places where nobody asked: both ends and the middle.
+FEW_PLACES = 3
 #: Share of a mode's motion that a poorer model knows, for the mode to be one that it should have.
 KNOWN = 0.5
 #: Of the largest motion of any mode: less is round-off.
@@ -57,14 +59,18 @@ class Motion:
     response: Response
 
     @classmethod
-    def of(cls, scene: Scene, system: System) -> Motion:
-        """Raises an `InputError` where the motion grows without bound."""
+    def of(cls, scene: Scene, system: System, count: int = PLACES, response: Response | None = None) -> Motion:
+        """With frequencies at `count` places, and a `response` where that is known.
+
+        Else an `InputError` is raised where the motion grows without bound.
+        """
         scene = as_made(scene, system.terms)
         excitation = Excitation.of(scene)
-        steps = steps_of(excitation)
+        steps = steps_of(excitation, count)
         x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
-        with refused_growth(scene):
-            response = repeated(scene, system, excitation, SIMULATOR).response
+        if response is None:
+            with refused_growth(scene):
+                response = repeated(scene, system, excitation, SIMULATOR).response
         assembly, kinds = Assembly(system), [kind for body in system.bodies.values() for kind in body.output_kinds]
         frequencies, moved = list[Array](), list[Array]()
         for place, amplitudes in zip(x, c, strict=True):
@@ -92,11 +98,27 @@ class Motion:
         numbers = {one.name: k for k, one in enumerate(self.response.outputs) if one.kind == kind}
         return {name: self.response.column(k) for name, k in numbers.items()}
 
+    def at_places_of(self, other: Motion) -> dict[str, Array]:
+        """Displacements along bodies where another one has them, by its names; between places linear."""
+        places, found = dict[tuple[str, str], list[tuple[float, Array]]](), dict[str, Array]()
+        for k, one in enumerate(self.response.outputs):
+            if one.kind == "beam" and one.place is not None:
+                places.setdefault((one.body, one.direction), []).append((one.place, self.response.column(k)))
+        for one in other.response.outputs:
+            mine = sorted(places.get((one.body, one.direction), ()), key=lambda at: at[0])
+            if one.kind == "beam" and one.place is not None and mine and mine[0][0] <= one.place <= mine[-1][0]:
+                x = np.array([at for at, _ in mine])
+                k = int(np.clip(np.searchsorted(x, one.place), 1, max(1, len(x) - 1)))
+                before, after = mine[k - 1], mine[min(k, len(x) - 1)]
+                share = (one.place - before[0]) / (after[0] - before[0]) if after[0] > before[0] else 0.0
+                found[one.name] = (1.0 - share) * before[1] + share * after[1]
+        return found
 
-def steps_of(excitation: Excitation) -> list[int]:
-    """Those at which all paths together are nearest to places from shortest to longest."""
+
+def steps_of(excitation: Excitation, count: int = PLACES) -> list[int]:
+    """Those at which all paths together are nearest to `count` places from shortest to longest."""
     reach = excitation.s.reshape(len(excitation.times), -1).sum(axis=1)
-    at = np.linspace(reach.min(), reach.max(), PLACES)
+    at = np.linspace(reach.min(), reach.max(), count)
     return list(dict.fromkeys(int(np.argmin(np.abs(reach - one))) for one in at))
 
 
@@ -105,6 +127,8 @@ def model_part(scene: Scene, own: Motion, richer: Motion, called: str) -> dict[s
     shares: dict[str, float | None] = {}
     for kind, name in KINDS.items():
         both = own.histories(kind), richer.histories(kind)
+        if kind == "beam":
+            both = both[0] | own.at_places_of(richer), both[1]
         names = [one for one in both[0] if one in both[1]]
         if names:
             y, reference = (np.array([of[one] for one in names]) for of in both)

@@ -9,22 +9,26 @@ from pathlib import Path
 from typing import Any
 
 from pmr.compare import model_part
-from pmr.compare.model_part import Motion
+from pmr.compare.accuracy import mesh
+from pmr.compare.model_part import FEW_PLACES, PLACES, Motion
 from pmr.errors import ConvergenceError, InputError, SimulationError, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.reduction.cache import Cache, cache_in
+from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
-from pmr.scene.richer import alike, beside, candidates
+from pmr.scene.richer import alike, beside, candidates, coarsely
 from pmr.system.system import System
 
 SystemOf = Callable[[Scene], System]
 #: What is no reason not to run: the error is not known then.
 UNKNOWN = (InputError, ConvergenceError, SimulationError)
+#: Why nothing is known yet of what the run had no time for.
+LATER = "not measured yet: the next run of this structure measures it"
 _log = logging.getLogger(__name__)
 
 
@@ -53,14 +57,12 @@ def decided(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, syst
 
 
 def measured(
-    scene: Scene, comm: MPI.Comm, clock: Clock, caches: Mapping[str, Cache], system_of: SystemOf, known: Decided
-) -> Mapping[str, Any] | None:
-    """``budget.model`` of summary.json; None unless the scene asks for it, or its model was chosen.  Collective.
+    scene: Scene, comm: MPI.Comm, clock: Clock, caches: Mapping[str, Cache], system_of: SystemOf
+) -> Mapping[str, Any]:
+    """``budget.model`` of summary.json for a scene that asks for it; collective.
 
     What keeps it from being known stands there as ``reason``.
     """
-    if scene.compare.richer == "none":
-        return known.part
     with clock.stage("richer model"):
         try:
             own, richer, called = beside(scene)
@@ -68,6 +70,48 @@ def measured(
             return _part(own, _moved(richer, comm, cache, system_of), called, comm, cache, system_of)
         except UNKNOWN as error:
             return {"beside": None, "reason": str(error)}
+
+
+def unasked(
+    scene: Scene,
+    system: System,
+    response: Response | None,
+    comm: MPI.Comm,
+    cache: Cache,
+    system_of: SystemOf,
+    known: Mapping[str, Any],
+) -> dict[str, Any]:
+    """``mesh`` and ``model`` of the budget as far as they cost little, on a finer mesh and beside a coarse shell.
+
+    Of the scene's own `system`, whose `response` rank 0 has; what is `known` stays.  A run measures one of them, what
+    was measured before is found in the cache.  Collective.
+    """
+    try:
+        own = on_first(comm, lambda: Motion.of(scene, system, FEW_PLACES, response))
+    except UNKNOWN as error:
+        return {"model": {"beside": None, "reason": str(error)}, "mesh_reason": str(error), **known}
+
+    measured_one = False
+
+    def beside_own(make: Callable[[Scene], Scene], called: str) -> dict[str, Any]:
+        nonlocal measured_one
+        try:
+            other = make(scene)
+            if not cache.has_system_of(other):
+                if measured_one:
+                    return {"beside": None, "reason": LATER}
+                measured_one = True
+            moved = _moved(other, comm, cache, system_of, FEW_PLACES)
+        except (*UNKNOWN, ValueError, ImportError) as error:  # nobody asked: no reason not to run
+            return {"beside": None, "reason": error.allowed if isinstance(error, InputError) else str(error)}
+        part = None if own is None or moved is None else model_part.model_part(scene, own, moved, called)
+        found: dict[str, Any] = comm.bcast(part)
+        return found
+
+    found = dict(known)
+    if "model" not in found:
+        found["model"] = beside_own(coarsely, "coarse shell")
+    return found if scene.ordered is not None else found | mesh.of_beams(beside_own(mesh.finer_beams, "finer mesh"))
 
 
 def _chosen(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Decided:
@@ -102,10 +146,12 @@ def _part(
     return found
 
 
-def _moved(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:
+def _moved(
+    scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf, count: int = PLACES
+) -> Motion | None:
     """On rank 0; None on the others."""
     system = system_of(scene) if cache is None else cache.system_of(scene, lambda: system_of(scene))
-    return on_first(comm, lambda: Motion.of(scene, system))
+    return on_first(comm, lambda: Motion.of(scene, system, count))
 
 
 def _named(scene: Scene) -> dict[str, Any]:

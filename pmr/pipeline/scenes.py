@@ -22,7 +22,7 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies
-from pmr.pipeline.model_part import Decided, decided, measured
+from pmr.pipeline.model_part import Decided, decided, measured, unasked
 from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
 from pmr.reduction.recover.from_scene import Recovered
@@ -62,11 +62,13 @@ def run(
     clock: Clock | None = None,
     checkpoint: Path | None = None,
     cache: Path | None = None,
+    measures: Path | None = None,
 ) -> Outcome | None:
     """Run a scene on `comm`; what is not distributed runs on rank 0, the other ranks get None.
 
     With a `checkpoint`, a file, a full-order simulation that was cut off goes on.  In a `cache`, a folder, reductions
-    and frequencies of full models are cached and found.
+    and frequencies of full models are cached and found.  With a folder `measures` mesh and structural model are judged
+    without being asked for, where that costs little; what takes the time is cached there.
 
     Raises
     ------
@@ -77,13 +79,18 @@ def run(
     """
     try:
         kept = None if checkpoint is None else Checkpoint(checkpoint)
-        return _run(scene, comm, clock or Clock(), kept, cache)
+        return _run(scene, comm, clock or Clock(), kept, cache, measures)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
 
 def _run(
-    scene: Scene, comm: MPI.Comm, clock: Clock, checkpoint: Checkpoint | None, cache: Path | None
+    scene: Scene,
+    comm: MPI.Comm,
+    clock: Clock,
+    checkpoint: Checkpoint | None,
+    cache: Path | None,
+    measures: Path | None,
 ) -> Outcome | None:
     check_installed(scene)
     chosen = _decided(scene, comm, clock, cache)
@@ -105,7 +112,17 @@ def _run(
     if scene.recovery is not None:
         with clock.stage("recover"):
             seen |= bodies.recover(motions)
-    of_model = measured(scene, comm, clock, caches, lambda one: _reduced(one, comm).system, chosen)
+
+    def system_of(one: Scene) -> System:
+        return _reduced(one, comm).system
+
+    budget = {} if chosen.part is None else {"model": chosen.part}
+    if scene.compare.richer != "none":
+        budget = {"model": measured(scene, comm, clock, caches, system_of)}
+    if measures is not None:
+        with clock.stage("mesh and model"):
+            response = None if motions.reduced is None else motions.reduced.first.response
+            budget = unasked(scene, bodies.system, response, comm, cache_in(measures, models[0]), system_of, budget)
     if motions.reduced is None:
         return None
     (judged, tip_error), system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
@@ -129,8 +146,8 @@ def _run(
     summary = combined(parts)
     if chosen.said is not None:
         summary["chosen_model"] = chosen.said
-    if of_model is not None:
-        summary["budget"] = summary.get("budget", {}) | {"model": of_model}
+    if budget:
+        summary["budget"] = budget | summary.get("budget", {})
     result = RunResult(
         scene,
         summary,

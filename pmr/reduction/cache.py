@@ -91,13 +91,20 @@ class Cache:
 
     def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
         """The reduced system of a scene of any structure; on every rank, collective."""
-        path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
-        file = self._file("system", {"scene": structure_in(scene), "path": path})
+        file = self._of_system(scene)
         found = None if self._read(file) is None else self._loaded_by(System.load, file)
         if found is None:
             found = make()
             self._write(file, {}, found)
         return found
+
+    def has_system_of(self, scene: Scene) -> bool:
+        """Whether `system_of` would find one, on every rank; collective."""
+        return bool(self.model.comm.bcast(self._of_system(scene).is_file()))
+
+    def _of_system(self, scene: Scene) -> Path:
+        path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
+        return self._file("system", {"scene": structure_in(scene), "path": path})
 
     def _file(self, kind: str, asked: Mapping[str, Any]) -> Path:
         text = repr((self.content, sorted(asked.items())))

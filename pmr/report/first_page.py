@@ -10,6 +10,7 @@ import numpy as np
 from pmr.report import sentences
 from pmr.report.blocks import Table
 from pmr.report.columns import is_round_off, tips
+from pmr.report.model_error import CALLED as MODELS
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
 from pmr.report.parameters import by_face
 from pmr.report.subject import alone, loads_as_asked, spoken
@@ -24,6 +25,8 @@ Rows = Iterator[tuple[str, str]]
 
 #: What the largest force of a kind is called; those of points that slide are pads without faces.
 CALLED = {"pad": "largest pad force", "cylinder": "largest cylinder force", "support": "largest force of a support"}
+#: What measures what the mesh takes.
+NO_MESH = "not known: a run with [accuracy] measures it"
 #: Of the largest force: what is below is round-off.
 ROUND_OFF = 1e-9
 
@@ -152,8 +155,8 @@ def _at(result: RunResult, along: float) -> str:
 def _trusted(result: RunResult) -> Rows:
     summary = result.summary
     yield "model", _model(summary)
-    mesh = summary.get("budget", {}).get("mesh")
-    yield "mesh", _share(mesh, "beam") or "not known: a run with [accuracy] measures it"
+    budget = summary.get("budget", {})
+    yield "mesh", _share(budget.get("mesh"), "beam") or budget.get("mesh_reason") or NO_MESH
     step = summary.get("step", {})
     yield "time step", _share(step, "beam") or f"not known{_reason(step)}"
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
@@ -170,10 +173,12 @@ def _trusted(result: RunResult) -> Rows:
 def _model(summary: Mapping[str, Any]) -> str:
     found = summary.get("budget", {}).get("model") or {}
     if found.get("beside") is None:
-        return f"not known: {found.get('reason') or 'compare.richer measures it'}"
+        reason = found.get("reason") or "compare.richer measures it"
+        return reason if reason.startswith("not ") else f"not known: {reason}"
     known = _share(found, "beam")
     frequency = f"lowest frequencies {percent(found['frequency'])}" if found.get("frequency") is not None else ""
-    return ", ".join(filter(None, (f"{known} over the run" if known else "", frequency)))
+    beside = f"beside {MODELS[found['beside']]}"
+    return ", ".join(filter(None, (f"{known} over the run" if known else "", frequency, beside)))
 
 
 def _share(found: Any, key: str) -> str:

@@ -11,7 +11,7 @@ from pmr.report.subject import alone, along, chosen_by, spoken
 from pmr.results import RunResult
 
 #: What the models are called with which others are compared.
-CALLED = {"beam3d": "a beam in space", "shell": "a shell"}
+CALLED = {"beam3d": "a beam in space", "shell": "a shell", "coarse shell": "a coarse shell"}
 OF = {
     "tip": "at the tip",
     "pad_force": "in the pad forces",

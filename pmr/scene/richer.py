@@ -7,12 +7,18 @@ from pmr.scene.asked import Observe, Reduction, Simulation
 from pmr.scene.checks import check
 from pmr.scene.choice import model_of, undecided
 from pmr.scene.members import members
+from pmr.scene.parts import Part
 from pmr.scene.scene import Scene
 
 #: From the poorest to the richest.
 ORDER = ("beam2d", "beam3d", "shell")
 #: Coordinates of a body where models are compared, whatever the scene's own reduction, and places that are observed.
 COORDINATES, PLACES, FROM_AN_END = 20, 9, 0.05
+#: Of a coarse shell: how many times as long its cells are, how many rectangles of cells it may have to be compared with
+#: unasked, and coordinates.
+COARSE, SMALL, OF_COARSE = 2.0, 250, 12
+#: Seconds that a comparison takes, and that each rectangle of a shell's cells adds: a guess, from boxes of 5 and 6 m.
+FIXED, EACH = 1.0, 6e-3
 
 
 def beside(scene: Scene) -> tuple[Scene, Scene, str]:
@@ -32,6 +38,36 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
     if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
         raise _none(asked, "walls that give way are to be compared with a shell")
     return alike(scene), _with(scene, [richer] * len(own)), richer
+
+
+def coarsely(scene: Scene) -> Scene:
+    """Coarse shells of the scene's bodies, to tell at little cost how far beams are off.
+
+    Raises an `InputError` that says why none are: who wants to know has to ask for it.
+    """
+    ask = "not measured; compare.richer = 'shell' measures it"
+    shells = scene.model_copy(update={"compare": scene.compare.model_copy(update={"richer": "shell"})})
+    _, shells, _ = beside(shells)
+    seconds = FIXED + EACH * sum(_rectangles(part, 1.0) for part in shells.sections)
+    ask += f", in some {seconds:.0f} s" if seconds < 100.0 else f", in some {seconds / 60.0:.0f} minutes"
+    if any(part.body.walls == "give" for part in scene.sections):
+        raise _none("none", f"{ask}: a coarse shell is further off than beams whose walls give way")
+    if sum(_rectangles(part, COARSE) for part in shells.sections) > SMALL:
+        raise _none("none", ask)
+    parts = []
+    for part in shells.sections:
+        along = part.mesh.along and COARSE * part.mesh.along
+        cells = part.mesh.model_copy(update={"size": COARSE * part.mesh.size, "along": along})
+        reduction = part.reduction.model_copy(update={"coordinates": OF_COARSE})
+        parts.append(part.model_copy(update={"mesh": cells, "reduction": reduction}))
+    return shells.model_copy(update={"sections": tuple(parts)})
+
+
+def _rectangles(part: Part, by: float) -> float:
+    """Of cells of a shell, `by` times as long."""
+    assert part.body.box is not None  # as `beside` says
+    around, along = by * part.mesh.size, by * (part.mesh.along or part.mesh.size)
+    return sum(max(2.0, side.length / around) for side in part.body.box.sides) * part.length / along
 
 
 def candidates(scene: Scene) -> list[Scene]:

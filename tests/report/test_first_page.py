@@ -69,7 +69,7 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     model = {"beside": "shell", "beam": 0.4, "frequency": 0.6}
     known = SUMMARY | {"budget": {"mesh": {"beam": 0.01}, "model": model}}
     trust = rows(make_space(summary=known), "How far to trust it")
-    assert trust["model"] == f"40.0{SPACE}% over the run, lowest frequencies 60.0{SPACE}%"
+    assert trust["model"] == f"40.0{SPACE}% over the run, lowest frequencies 60.0{SPACE}%, beside a shell"
     assert trust["mesh"] == f"1.00{SPACE}%" and trust["reduction"] == f"0.200{SPACE}% off the full model"
 
 

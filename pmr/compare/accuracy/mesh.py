@@ -8,17 +8,23 @@ thus taken to be larger than it is.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from pmr.compare.accuracy.family import Family, Member
 from pmr.compare.outputs import differences
+from pmr.errors import InputError
 from pmr.scene import MeshChoice, Scene
+from pmr.scene.choice import model_of
+from pmr.scene.members import members
 
 #: Cells are so many times as short: beams have few of them, and with shells the coordinates grow with the square.
 BEAM, CELLS = 2.0, 1.5
 ORDER = 2.0
+#: Of beams whose mesh is judged without being asked for.
+MOST_ELEMENTS = 120
 #: Places along the body are the same up to this share of its length.
 SAME = 1e-9
 
@@ -30,6 +36,36 @@ def finer(scene: Scene) -> Scene | None:
         return None
     parts = [part.model_copy(update={"mesh": mesh}) for part, mesh in zip(scene.sections, cells, strict=True)]
     return scene.model_copy(update={"sections": tuple(parts)})
+
+
+def finer_beams(scene: Scene) -> Scene:
+    """The scene with twice as many elements, of beams, whose reduction takes no time.
+
+    Raises an `InputError` that says why the part of the mesh is to be asked for.
+    """
+    why, ask = "", "not measured; [accuracy] measures it"
+    if not all(model_of(member) in ("beam2d", "beam3d") for member in members(scene)):
+        why = f"{ask}, by a second reduction on cells two thirds as long"
+    elif any(part.body.walls == "give" for part in scene.sections):
+        why = f"{ask}, with the cells on which walls give way"
+    elif sum(part.mesh.elements for part in scene.sections) > MOST_ELEMENTS:
+        why = ask
+    found = finer(scene)
+    if why or found is None:
+        raise InputError("scene", "mesh", None, why or "a mesh that is read from a file has no finer one")
+    once = found.simulation.model_copy(update={"simulators": ("march",), "repeats": 1})
+    parts = [
+        part.model_copy(update={"reduction": part.reduction.model_copy(update={"estimate": False})})
+        for part in found.sections
+    ]
+    return found.model_copy(update={"sections": tuple(parts), "simulation": once, "recovery": None})
+
+
+def of_beams(found: Mapping[str, Any]) -> dict[str, Any]:
+    """``mesh`` of the budget by kind, and its ``mesh_reason``, from what `finer_beams` are apart from a scene's own."""
+    kinds = [kind for kind in ("beam", "tip", "pad_force", "cylinder_force") if found.get(kind) is not None]
+    shares = {kind: found[kind] / (1.0 - BEAM**-ORDER) for kind in kinds}
+    return {"mesh": shares or None, "mesh_reason": found.get("reason")}
 
 
 def _shorter(cells: MeshChoice) -> MeshChoice | None:
