@@ -34,9 +34,9 @@ def meshed(boom: Scene, count: int) -> Scene:
     return _with(boom, "mesh", {"elements": count})
 
 
-def reduced_to(boom: Scene, modes: int) -> Scene:
-    """With free modes for so many elastic ones in every section."""
-    asked = {"coordinates": RIGID + modes, "flexibility": True, "estimate": True}
+def reduced_to(boom: Scene, modes: int, estimate: bool = True) -> Scene:
+    """With free modes for so many elastic ones in every section, and those of an error estimate where one is wanted."""
+    asked = {"coordinates": RIGID + modes, "flexibility": True, "estimate": estimate}
     return _with(boom, "reduction", asked)
 
 

@@ -129,7 +129,8 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common.values()))
 
     def _of_sections(self, boom: Scene, name: str) -> Iterator[Task]:
-        largest, known = booms.reduced_to(boom, max(self.coordinates)), {"repeats": self.repeats}
+        # Of a coarse mesh the modes of an estimate would leave too little to tell the rows of rigid overlaps apart.
+        largest, known = booms.reduced_to(boom, max(self.coordinates), estimate=False), {"repeats": self.repeats}
         for approach, cost in OF_SECTIONS.items():
             for modes in (0,) if approach.startswith("full") else self.coordinates:
                 called = f"{approach}-{modes}" if modes else approach
