@@ -24,8 +24,9 @@ basis whose coordinates keep their meaning, and leaves the sliders as a few cons
 What is named here stays; everything else may change between versions.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from pmr.errors.lazy import names_from
 
 if TYPE_CHECKING:
     from pmr.compare.simulated import simulate
@@ -59,13 +60,7 @@ __all__ = [
     "ConvergenceError", "InputError", "ReducedModel", "RunResult", "SimulationError", "Stepper", "System",
     "from_matrices", "load_scene", "reduce", "run", "simulate",
 ]  # fmt: skip
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _PLACES:
-        raise AttributeError(f"module 'pmr' has no public name {name!r}; there are {', '.join(__dir__())}")
-    module, _, attribute = _PLACES[name].partition(":")
-    return getattr(import_module(module), attribute)
+__getattr__ = names_from("pmr", _PLACES)
 
 
 def __dir__() -> list[str]:

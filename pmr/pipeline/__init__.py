@@ -1,7 +1,8 @@
 """The whole way: scene -> full model -> reduce -> system -> simulate -> compare -> result."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from pmr.errors.lazy import names_from
 
 if TYPE_CHECKING:
     from pmr.fem.compat import versions as fenicsx_versions
@@ -20,10 +21,4 @@ _PLACES = {
     "reduce": "pmr.pipeline.scenes:reduce",
     "run": "pmr.pipeline.scenes:run",
 }
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _PLACES:
-        raise AttributeError(f"module 'pmr.pipeline' has no name {name!r}")
-    module, _, attribute = _PLACES[name].partition(":")
-    return getattr(import_module(module), attribute)
+__getattr__ = names_from("pmr.pipeline", _PLACES)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING
 
 from pmr.errors.environment import needed
+from pmr.errors.lazy import names_from
 
 if TYPE_CHECKING:
     from pmr.simulation.exudyn.simulator import (
@@ -42,10 +43,6 @@ FORMULATIONS: dict[str, Formulation] = {
     "exudyn-callback": "callbacks",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """What stands in `simulator`; an InputError is raised where Exudyn is not installed."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    needed("exudyn")
-    return getattr(import_module("pmr.simulation.exudyn.simulator"), name)
+_PLACES = {name: f"pmr.simulation.exudyn.simulator:{name}" for name in __all__ if name != "FORMULATIONS"}
+#: An InputError is raised where Exudyn is not installed.
+__getattr__ = names_from(__name__, _PLACES, before=partial(needed, "exudyn"))
