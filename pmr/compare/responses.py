@@ -28,6 +28,7 @@ from pmr.simulation.blocks import Block, Recorder
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import Progress
 from pmr.system.body import SlidingBody
 from pmr.system.states import BodyStates, states_of
@@ -95,12 +96,11 @@ def repeated(
     done: Progress | None = None,
 ) -> Simulated:
     """By a simulator, several times as the scene says unless it takes long; the seconds are the least."""
-    run, seconds = _prepared(system, excitation, simulator, np.asarray(steps, np.int64)), list[float]()
-    found: Simulated | None = None
-    while found is None or (len(seconds) < scene.simulation.repeats and seconds[0] <= SHORT):
-        found = None  # two of them at once would take twice the memory
-        found = run(None if seconds else done)
-        seconds.append(found.response.seconds)
+    prepared = _prepared(system, excitation, simulator, np.asarray(steps, np.int64))
+    found = prepared.run(done)
+    seconds = [found.response.seconds]
+    if seconds[0] <= SHORT:
+        seconds += prepared.seconds(scene.simulation.repeats - 1)
     return replace(found, response=replace(completed(scene, system, found.response), seconds=min(seconds)))
 
 
@@ -156,15 +156,26 @@ def full_simulator(scene: Scene, size: int) -> str:
     return "march" if size <= (MARCHED_UP_TO if len(scene.bodies) == 1 else SECTIONS_MARCHED_UP_TO) else "petsc"
 
 
-Run = Callable[[Progress | None], Simulated]
+@dataclass(frozen=True)
+class Prepared:
+    """A simulation, with all that repeating it needs made once."""
+
+    run: Callable[[Progress | None], Simulated]
+    seconds: Callable[[int], list[float]]  # of the solver alone, so many times: outputs are evaluated once
 
 
-def _prepared(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Run:
+def _prepared(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Prepared:
     """What simulates, with all that every simulation of the system under the excitation needs made once."""
     if ALONE in system.bodies and not system.terms:
         body, on_slider = system.bodies[ALONE], excitation.on_slider
         return (_marched if simulator == "march" else _in_exudyn(simulator))(body, on_slider, steps)
     start = systems.start_of(system, excitation)
+
+    def again(count: int) -> list[float]:
+        if simulator == "march":
+            return systems.seconds(SystemForm.of(system), excitation, start, count) if count else []
+        formulation = exudyn.FORMULATIONS[simulator]
+        return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
 
     def run(done: Progress | None) -> Simulated:
         if simulator == "march":
@@ -175,12 +186,14 @@ def _prepared(system: System, excitation: Excitation, simulator: str, steps: Ind
         response = booms.respond(system, trajectory)
         return Simulated(response, states_of(system, trajectory, steps), trajectory.parts, trajectory)
 
-    return run
+    return Prepared(run, again)
 
 
-def _marched(body: SlidingBody, excitation: Excitation, steps: Indices) -> Run:
+def _marched(body: SlidingBody, excitation: Excitation, steps: Indices) -> Prepared:
     """In modal coordinates throughout, of which the steps alone are kept: a response does not depend on them."""
     form, f = modal_form(body), excitation.forces(body.input_names)
+    alone = SystemForm.alone(form)
+    start = systems.start_of(alone.system, excitation)
 
     def run(done: Progress | None) -> Simulated:
         evaluation, recorder = Evaluation(form.body, excitation.times, excitation.path_rate, f), Recorder(steps)
@@ -193,25 +206,28 @@ def _marched(body: SlidingBody, excitation: Excitation, steps: Indices) -> Run:
             if len(steps):
                 recorder(block)
 
-        ended = march.follow(form, excitation, take, progress=done)
+        ended = march.follow_form(alone, excitation, take, progress=done)
         states = dict[str, BodyStates]()
         if len(steps):
             kept = march.in_coordinates(body, form, recorder.trajectory(ended), f[steps])
             states[ALONE] = BodyStates.along_path(body, kept, f[steps])
         return Simulated(evaluation.response(ended), states, parts, None)
 
-    return run
+    return Prepared(run, lambda count: systems.seconds(alone, excitation, start, count) if count else [])
 
 
-def _in_exudyn(name: str) -> Callable[[SlidingBody, Excitation, Indices], Run]:
-    def prepared(body: SlidingBody, excitation: Excitation, steps: Indices) -> Run:
-        f = excitation.forces(body.input_names)
+def _in_exudyn(name: str) -> Callable[[SlidingBody, Excitation, Indices], Prepared]:
+    def prepared(body: SlidingBody, excitation: Excitation, steps: Indices) -> Prepared:
+        f, formulation = excitation.forces(body.input_names), exudyn.FORMULATIONS[name]
 
         def run(done: Progress | None) -> Simulated:
-            kept = exudyn.simulate(body, excitation, progress=done, formulation=exudyn.FORMULATIONS[name])
+            kept = exudyn.simulate(body, excitation, progress=done, formulation=formulation)
             states = {ALONE: BodyStates.along_path(body, kept.at(steps), f[steps])}
             return Simulated(respond(body, kept, excitation.path_rate, f), states, kept.parts, None)
 
-        return run
+        def again(count: int) -> list[float]:
+            return [exudyn.simulate(body, excitation, formulation=formulation).seconds for _ in range(count)]
+
+        return Prepared(run, again)
 
     return prepared

@@ -6,14 +6,36 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
+from pmr.compare import booms, evaluation
 from pmr.compare.responses import simulate
 from pmr.pipeline import reduce
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.native import simulator as march
+from pmr.simulation.native.arrays import Z
+from pmr.simulation.native.march import March
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SMALL = ("mesh.elements=12", "time.end=0.2", "reduction.coordinates=6", "slider.path=2.0", "simulation.repeats=1")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workflow", ["boom_beam", "boom_two"])
+def test_repeats_time_the_solver_and_evaluate_nothing(workflow: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scenes.load_any(WORKFLOWS / f"{workflow}.toml", ["time.end=0.05"])
+    system, evaluated, taken = reduce(scene).system, [], []
+    whole, once_more = booms.response_of, March.again
+    monkeypatch.setattr(booms, "response_of", lambda *of: evaluated.append(1) or whole(*of))
+    monkeypatch.setattr(evaluation, "response_of", booms.response_of)
+    monkeypatch.setattr(March, "again", lambda march: taken.append(march) or once_more(march))
+    found = simulate(scene, system, Excitation.of(scene)).first
+    assert (len(evaluated), len(taken)) == (1, scene.simulation.repeats - 1)
+    assert found.response.seconds > 0.0
+    march = taken[-1]  # from the same start to the same end
+    repeated, march.loop = march.loop.state.modes[Z], march._begun()
+    assert not np.allclose(march.loop.state.modes[Z], repeated, rtol=1e-9, atol=0.0)
+    march.run(lambda steps: None)
+    assert np.allclose(march.loop.state.modes[Z], repeated, rtol=1e-9, atol=0.0)
 
 
 @pytest.mark.slow

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.reduced.model import ReducedModel
 from pmr.simulation import contact_step
-from pmr.simulation.native.arrays import Z_NEXT, State, Tables, V
+from pmr.simulation.native.arrays import Z_NEXT, Scheme, State, Tables, V
 from pmr.simulation.native.contact import contact
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.levels import Control, Levels
@@ -38,7 +39,7 @@ def loop_of(
     """
     system, schemes = form.modal, [method.scheme() for method in methods]
     body = form.on_tables
-    of_levels = [] if body is None else [tables(form, body, scheme) for scheme in schemes]
+    of_levels = [] if body is None else [_tables(form, body, scheme) for scheme in schemes]
     constants = bodies(form, paths) if body is None else None
     state = form.state(schemes[0], contact(system.clearance, methods[0].memory()), shares(body))
     whole = tuple(parts) == (1,)
@@ -54,6 +55,13 @@ def loop_of(
         terms=terms(form, of_terms),
         quasi_static=quasi_static(form),
     )
+
+
+def _tables(form: SystemForm, body: ReducedModel, scheme: Scheme) -> Tables:
+    """Made once: those of a full model take longer than its steps."""
+    if scheme not in form.tables:
+        form.tables[scheme] = tables(form, body, scheme)
+    return form.tables[scheme]
 
 
 def _levels(

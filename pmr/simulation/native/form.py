@@ -12,7 +12,19 @@ from scipy.linalg import block_diag
 
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.native.arrays import DAMPING, INPUT, ROW, STIFFNESS, UNIT, Contact, Divided, Modes, Scheme, State
+from pmr.simulation.native.arrays import (
+    DAMPING,
+    INPUT,
+    ROW,
+    STIFFNESS,
+    UNIT,
+    Contact,
+    Divided,
+    Modes,
+    Scheme,
+    State,
+    Tables,
+)
 from pmr.simulation.native.simd import LANES, aligned, padded
 from pmr.system.contacts import ALONE
 from pmr.system.rings import Combined, combined
@@ -95,6 +107,11 @@ class SystemForm:
         (form,) = self.forms.values()
         rows = [form.body.row_names.index(contact.inner.row) for contact in self.system.contacts]
         return replace(form.body.with_rows(rows), pads=self.system.compliance, clearance=self.system.clearance)
+
+    @cached_property
+    def tables(self) -> dict[Scheme, Tables]:
+        """Those of `on_tables` that have been made, by the scheme that their couplings are of."""
+        return {}
 
     @property
     def classically_damped(self) -> bool:

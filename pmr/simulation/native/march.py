@@ -21,6 +21,7 @@ from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import ROW, Drive, Outputs, Record, V, Z
 from pmr.simulation.native.building import loop_of
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.part import Loop
 from pmr.simulation.native.parts import COARSE
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import SideOutputs, side_outputs
@@ -79,14 +80,21 @@ class March:
         self._fine_step = stepping.divided(self.finest).step
         self._drive = s, f, c = self._sampled(0, stepping.steps, 1)
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
-        self.scheme, self.loop = methods[0].scheme(), loop_of(form, methods, parts, omega, self._paths, shares)
+        self.scheme = methods[0].scheme()
         x = places(form.modal, excitation)
         rigid = np.all(Assembly(form.modal).at(x[0]).F == 0.0, axis=1)
         needs = needs_of(form.modal, rigid, x, stepping.rho_inf)
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         x_rate = rates_of_places(system, excitation)
-        begin(self.loop, form, methods[0], Onset(self._paths, s[0], self.x[0], x_rate, x[0], f[0], initial, c[0]))
+        onset = Onset(self._paths, s[0], self.x[0], x_rate, x[0], f[0], initial, c[0])
+
+        def begun() -> Loop:
+            loop = loop_of(form, methods, parts, omega, self._paths, shares)
+            begin(loop, form, methods[0], onset)
+            return loop
+
+        self._begun, self.loop = begun, begun()
         self._account = None if self.body is None else balance.Account(self.body, stepping.steps)
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
         self._sampling = 0.0  # s, of the steps that follow
@@ -126,7 +134,7 @@ class March:
 
         A GrowthError is raised where more than `balance.GROWN` of the largest energy comes from nowhere.
         """
-        most = max(1, min(BLOCK, RECORDED // (2 * len(self.form.used)), len(self.t) - 1))
+        most = self._most
         room = self._room(most + 1)
 
         def taken(first: int, last: int) -> None:
@@ -149,6 +157,22 @@ class March:
         surplus = balance.surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
         balance.refuse_growth(surplus, "march", self._growing)
         return Ended(seconds, surplus)
+
+    def again(self) -> float:
+        """Take all steps once more from the start, as `run` does, and keep nothing: the solver's seconds."""
+        self.loop, self._sampling = self._begun(), 0.0
+        most = self._most
+        room = self._room(most + 1)
+
+        def advance(first: int, last: int) -> None:
+            self._take(first, some(room, slice(1, last - first + 1)), None, 1)
+
+        return in_blocks(len(self.t), most, self.finest, advance, lambda first, last: None, None) - self._sampling
+
+    @property
+    def _most(self) -> int:
+        """Steps that are recorded at once, at most."""
+        return max(1, min(BLOCK, RECORDED // (2 * len(self.form.used)), len(self.t) - 1))
 
     def observe(self, outputs: Outputs | SideOutputs, every: int, y: Array, multipliers: Array) -> float:
         """Take all steps; outputs y (T // every, o) and multipliers (T // every, m) of each `every`-th, but the first.

@@ -47,7 +47,7 @@ def simulate(
     machine), diagonalising and the way back to q are not in it.
     """
     form, recorder = modal_form(body), Recorder(np.arange(excitation.stepping.steps + 1))
-    ended = _follow(SystemForm(System.of(body), {ALONE: form}), excitation, recorder, initial, progress)
+    ended = follow_form(SystemForm(System.of(body), {ALONE: form}), excitation, recorder, initial, progress)
     return in_coordinates(body, form, recorder.trajectory(ended), excitation.forces(body.input_names))
 
 
@@ -74,12 +74,18 @@ def follow(
     Where rows only push, a step may be made in parts (`pmr.simulation.contact_step`), of which `take` gets the last.
     Errors as for `pmr.simulation.Simulator`; that of a motion that grows comes at the end.
     """
-    return _follow(SystemForm.alone(form), excitation, take, initial, progress)
+    return follow_form(SystemForm.alone(form), excitation, take, initial, progress)
 
 
-def _follow(
-    form: SystemForm, excitation: Excitation, take: Take, initial: InitialState | None, progress: Progress | None
+def follow_form(
+    form: SystemForm,
+    excitation: Excitation,
+    take: Take,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
 ) -> Ended:
+    """The same of a system of one; simulations of one form share its tables."""
+
     def taken(steps: Steps) -> None:
         z, v, multipliers, peaks, parts = steps.record[:5]
         assert steps.energy is not None

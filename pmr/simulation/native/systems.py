@@ -79,6 +79,12 @@ def simulate(
     )  # fmt: skip
 
 
+def seconds(form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState], count: int) -> list[float]:
+    """The solver's wall time of the same simulation, `count` times; nothing of it is kept."""
+    march = March(form, excitation, initial)
+    return [march.again() for _ in range(count)]
+
+
 def observe(
     form: SystemForm, excitation: Excitation, outputs: Sequence[int] | None = None, every: int = 1
 ) -> Observation:
