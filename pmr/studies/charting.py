@@ -21,7 +21,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: How many times as large an error is taken as a richer model says; of limits that buckling decides (docs/load_chart.md).
+#: How many times as large an error is taken as a richer model says; where buckling decides (docs/load_chart.md).
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
 #: Luffing angles at each extension whose forces attachment modes answer.
 ANSWERED = 3
