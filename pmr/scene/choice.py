@@ -55,6 +55,12 @@ def has_giving_walls(member: Member) -> bool:
     return member.part.body.walls == "give" and model_of(member) in ("beam2d", "beam3d")
 
 
+def has_walls_that_could_give(member: Member) -> bool:
+    """Whether the chosen model is a beam of a box whose walls are rigid under its pads."""
+    body = member.part.body
+    return body.box is not None and body.walls == "rigid" and model_of(member) in ("beam2d", "beam3d")
+
+
 def directions(member: Member) -> tuple[Direction, ...]:
     """What a place of the chosen model can do."""
     if model_of(member) != "beam2d":
