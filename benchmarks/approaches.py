@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
 from pmr.compare.errors import nrms
-from pmr.simulation import Excitation, Simulator
+from pmr.simulation import Excitation, SystemSimulator
 from pmr.simulation.exudyn import simulator as exudyn
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.native import simulator as march
-from pmr.system.body import SlidingBody, Trajectory, displacement
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
+from pmr.system.body import SlidingBody
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
@@ -27,8 +29,8 @@ SHARE = 0.02
 MARCHES = 10
 
 #: The paper's way, with a new Jacobian in each iteration, and with one that is kept while Newton's method converges.
-CALLBACKS = partial(exudyn.simulate, formulation="callbacks")
-MODIFIED = partial(exudyn.simulate, formulation="callbacks-modified-newton")
+CALLBACKS = partial(exudyn.simulate_system, formulation="callbacks")
+MODIFIED = partial(exudyn.simulate_system, formulation="callbacks-modified-newton")
 
 
 def measure(name: str, repeats: int, share: float = SHARE) -> dict[str, Any]:
@@ -58,21 +60,21 @@ def in_exudyn(repeats: int) -> dict[str, Any]:
     Seconds, ratios to the latter, and e_NRMS of the whole beam against the full one.
     """
     drive, paper, flexible = beams.drive("evolved"), beams.reduced("evolved"), beams.flexible(6)
-    simulators: dict[str, tuple[Simulator, SlidingBody]] = {
+    simulators: dict[str, tuple[SystemSimulator, SlidingBody]] = {
         "callbacks": (CALLBACKS, paper),
         "callbacks, Jacobian kept": (MODIFIED, paper),
-        "residual flexibility": (exudyn.simulate, flexible),
+        "residual flexibility": (exudyn.simulate_system, flexible),
     }
     full = beams.full("evolved")
-    reference = _outputs(full, march.simulate(full, drive), drive)
+    reference = _outputs(full, systems.simulate(System.of(full), drive))
     errors = dict[str, float]()
 
     def by(name: str) -> Callable[[], float]:
         simulate, body = simulators[name]
 
         def run() -> float:
-            trajectory = simulate(body, drive)
-            errors[name] = nrms(_outputs(body, trajectory, drive), reference)
+            trajectory = simulate(System.of(body), drive)
+            errors[name] = nrms(_outputs(body, trajectory), reference)
             return trajectory.seconds
 
         return run
@@ -88,7 +90,7 @@ def in_exudyn(repeats: int) -> dict[str, Any]:
 
 
 def _observe(form: ModalForm, drive: Excitation, chosen: Sequence[int]) -> float:
-    return march.observe(form, drive, outputs=chosen).seconds
+    return systems.observe(SystemForm.alone(form), drive, outputs=chosen).seconds
 
 
 def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, repeats: int) -> dict[str, Any]:
@@ -96,25 +98,25 @@ def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, 
     parts = beams.stretches(drive, share)
     found: dict[str, list[Array]] = {}
 
-    def by(way: str, simulate: Simulator, body: SlidingBody, drives: Sequence[Excitation]) -> Callable[[], float]:
+    def by(way: str, simulate: SystemSimulator, body: SlidingBody, drives: Sequence[Excitation]) -> Callable[[], float]:
         def run() -> float:
-            trajectories = [simulate(body, each) for each in drives]
-            found[way] = [_outputs(body, *both) for both in zip(trajectories, drives, strict=True)]
+            trajectories = [simulate(System.of(body), each) for each in drives]
+            found[way] = [_outputs(body, one) for one in trajectories]
             return sum(trajectory.seconds for trajectory in trajectories)
 
         return run
 
     def modal() -> float:
-        return march.simulate_modal(form, drive).seconds
+        return systems.simulate_form(SystemForm.alone(form), drive).seconds
 
-    by("march, parts", march.simulate, body, parts)()  # compiled before the clock runs
-    by("march", march.simulate, body, [drive])()
+    by("march, parts", systems.simulate, body, parts)()  # compiled before the clock runs
+    by("march", systems.simulate, body, [drive])()
     everything = list(range(len(body.output_positions)))
     times = side_by_side(
         {
             "callbacks": by("callbacks", CALLBACKS, as_in_paper, parts),
             "callbacks, Jacobian kept": by("callbacks, Jacobian kept", MODIFIED, as_in_paper, parts),
-            "updates": by("updates", exudyn.simulate, body, [drive]),
+            "updates": by("updates", exudyn.simulate_system, body, [drive]),
             "march": _middle(modal),
             "march, outputs only": _middle(partial(_observe, form, drive, everything)),
         },
@@ -136,9 +138,9 @@ def _middle(run: Callable[[], float]) -> Callable[[], float]:
     return lambda: statistics.median(run() for _ in range(MARCHES))
 
 
-def _outputs(body: SlidingBody, trajectory: Trajectory, drive: Excitation) -> Array:
-    f = drive.forces(body.input_names)
-    return displacement(body, trajectory.q, trajectory.s, trajectory.multipliers, f)
+def _outputs(body: SlidingBody, trajectory: SystemTrajectory) -> Array:
+    (found,) = systems.displacements(System.of(body), trajectory).values()
+    return found
 
 
 def _ratio(slow: Times, fast: Times) -> dict[str, float]:

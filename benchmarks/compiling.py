@@ -12,18 +12,19 @@ from pathlib import Path
 _SCRIPT = """
 import json, time
 from benchmarks import beams
-from pmr.simulation.native import simulator as march
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.stepper import Stepper
 
 body, drive = beams.reduced("evolved"), beams.shorter(beams.drive("evolved"), 0.001)
-form = march.modal_form(body)
+form = SystemForm.alone(modal_form(body))
 seconds = {}
 def timed(name, work):
     begin = time.perf_counter()
     work()
     seconds[name] = time.perf_counter() - begin
-timed("all steps kept", lambda: march.simulate_modal(form, drive))
-timed("outputs kept", lambda: march.observe(form, drive))
+timed("all steps kept", lambda: systems.simulate_form(form, drive))
 timed("step by step", lambda: Stepper(body, 1e-3, 1.25).step(1.25, 0.0))
 print(json.dumps(seconds))
 """

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +18,8 @@ from pmr.reduction.bodies import reduce_bodies
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
@@ -26,7 +28,7 @@ ELEMENTS = (10, 20, 50, 100)
 MANY_ELEMENTS = (*ELEMENTS, 200, 400)
 ROWS = (1, 2, 3, 4, 5, 6)
 OUTPUTS = (1, 4, 16, 51)
-BOOMS = ("boom_two", "boom_three", "boom_four")
+SECTIONS = (2, 3, 4, 6, 9, 12)
 EACH = (4, 8, 16)  # coordinates of every section but the base
 
 
@@ -49,7 +51,7 @@ def measure(long: bool, repeats: int = 40) -> dict[str, Any]:
 
 def booms(repeats: int) -> dict[str, Any]:
     """Microseconds of a step of booms on pads that hold both ways, and a + b m^2 + c m r fitted to them."""
-    cases = {(name, r): _boom(name, r) for name in BOOMS for r in EACH}
+    cases = {(count, r): _boom(count, r) for count in SECTIONS for r in EACH}
     best = dict.fromkeys(cases, np.inf)
     for _ in range(repeats):
         for key, (system, drive) in cases.items():
@@ -66,12 +68,31 @@ def booms(repeats: int) -> dict[str, Any]:
         "coordinates": r.tolist(),
         "us": us.tolist(),
         "fitted": fitted.tolist(),
+        "exponent": exponent(np.array(SECTIONS) - 1.0, us.reshape(len(SECTIONS), -1)[:, EACH.index(8)]),
         "off": float(np.abs(terms @ fitted / us - 1.0).max()),
     }
 
 
-def _boom(name: str, r: int) -> tuple[System, Excitation]:
-    boom = load_scene(beams.WORKFLOWS / f"{name}.toml", [f"section.reduction.coordinates={r}"])
+def _chain(count: int) -> str:
+    """A scene of so many boxes of 6 m in one another, that all extend at once."""
+    pads = "at = 0.15, stiffness = 1e8, faces = { bottom = [0.0], top = [0.0] }"
+    lines = ['title = "Chain"', "[section]", 'body = { model = "beam2d", box.length = 6.0 }', "mesh.elements = 20"]
+    lines += [f"joint = {{ tail = [{{ {pads} }}], mouth = [{{ {pads} }}] }}", "[gravity]", "rise = 0.0"]
+    for k in range(count):
+        lines += ["[[sections]]", f'name = "s{k}"']
+        lines += [f"body.box = {{ width = {0.6 - 0.04 * k}, height = {0.8 - 0.05 * k}, wall = 0.006 }}"]
+        lines += ['joint.extension = { kind = "smooth_ramp", times = [0.0, 1.5], values = [1.0, 2.5] }'] * (k > 0)
+        lines += ['supports = [{ name = "clamp", kind = "clamped" }]', "reduction.coordinates = 3"] * (k == 0)
+    load = 'name = "tip force", on = "tip", direction = "z", signal = { kind = "constant", amount = 1.0 }'
+    lines += [f"loads = [{{ {load} }}]", "[damping]", "ratio = 0.005", "frequencies = [1.0, 30.0]"]
+    return "\n".join([*lines, "[time]", "end = 1.5", "step = 1e-3"])
+
+
+def _boom(count: int, r: int) -> tuple[System, Excitation]:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "chain.toml")
+        file.write_text(_chain(count), encoding="utf-8")
+        boom = load_scene(file, [f"section.reduction.coordinates={r}"])
     bodies = {name: one.model for name, one in reduce_bodies(boom, build_bodies(boom, MPI.COMM_SELF)).items()}
     given = system_of(boom, bodies)
     system = System(bodies, tuple(replace(contact, clearance=None) for contact in given.contacts))
@@ -86,7 +107,7 @@ def _series(forms: dict[int, tuple[ModalForm, int]], repeats: int) -> dict[str, 
     for _ in range(repeats):
         for size, (form, outputs) in forms.items():
             chosen = np.linspace(0, len(form.body.outputs) - 1, outputs).astype(int)
-            seen = march.observe(form, drive, outputs=chosen)
+            seen = systems.observe(SystemForm.alone(form), drive, outputs=chosen)
             best[size] = min(best[size], seen.seconds / drive.stepping.steps)
     return {"size": list(best), "ns": [1e9 * seconds for seconds in best.values()]}
 

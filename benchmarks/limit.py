@@ -26,8 +26,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks import beams
-from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
 from pmr.simulation.native.compilation import OPTIONS
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.simd import LANES, aligned, load, spread, store, total
 
 Array = NDArray[np.float64]
@@ -70,7 +71,7 @@ def measure(sizes: tuple[int, ...] = (6, 20, 48, 100, 151), repeats: int = 200) 
     """Nanoseconds of a step, and the least that flops, bytes and the chain of dependent operations allow."""
     drive, form = beams.sliding(1500), beams.modal()
     steps = drive.stepping.steps
-    bodies = {r: beams.leading(form, r) for r in sizes}
+    bodies = {r: SystemForm.alone(beams.leading(form, r)) for r in sizes}
     arrays = {
         r: [aligned(np.zeros(max(LANES, WORKING_SET * _wide(r) // 24 // LANES * LANES))) for _ in range(3)]
         for r in sizes
@@ -78,7 +79,7 @@ def measure(sizes: tuple[int, ...] = (6, 20, 48, 100, 151), repeats: int = 200) 
     step, byte, flop, operation = dict.fromkeys(sizes, np.inf), dict.fromkeys(sizes, np.inf), np.inf, np.inf
     for _ in range(repeats):
         for r in sizes:
-            seen = march.observe(bodies[r], drive, outputs=[50], every=steps)
+            seen = systems.observe(bodies[r], drive, outputs=[50], every=steps)
             step[r] = min(step[r], 1e9 * seen.seconds / steps)
             turns = 1 + 20_000 // len(arrays[r][0])
             byte[r] = min(byte[r], _ns(_triad, turns, *arrays[r], 0.5) / (turns * len(arrays[r][0]) * 24))

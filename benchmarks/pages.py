@@ -168,7 +168,8 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
     sections = tuple((str(k), str(m), str(r), quantity(1e-6 * us, "s")) for k, m, r, us in columns)
     said = (
         f"Booms on pads that hold both ways; {own:.2g} + {squared:.2g} m^2 + {crossed:.2g} m r microseconds "
-        f"with m contacts and r coordinates, at most {100 * booms['off']:.0f} % off."
+        f"with m contacts and r coordinates, at most {100 * booms['off']:.0f} % off. "
+        f"With eight coordinates a section it costs the joints to the power of {significant(booms['exponent'], 2)}."
     )
     return Chapter(
         anchor=prefix,

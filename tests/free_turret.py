@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import exudyn as exu
 import free_boom
 import numpy as np
-from exudyn.utilities import InertiaCuboid, SensorNode
+from exudyn.utilities import InertiaCuboid, NodeGenericODE2, ObjectGenericODE2, SensorNode
 from numpy.typing import NDArray
 
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation import Excitation
-from pmr.simulation.exudyn import OnBody, add_system
+from pmr.simulation.exudyn import NodeCoordinate, OnBody, add_system
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.free_base import Base
 from pmr.simulation.start import InitialState
@@ -33,6 +34,16 @@ class Turret:
         self.mbs, self.excitation = self._container.AddSystem(), Excitation.of(scene)
         self.body = self.mbs.CreateRigidBody(inertia=TURRET, nodeType=KINDS[kind], **body)
         self.on = OnBody(self.body, scene, PLACE)
+        self.rod, self.spring, self.rods = 0.0, 0.0, list[Any]()
+
+    def draw(self, rod: float, s: float, rate: float, spring: float = 0.0) -> None:
+        """Have a rod of so many kg draw the fly out, at s m and rate m/s, on a spring in N/m relaxed at 0.55 m."""
+        start = {"referenceCoordinates": [0.55], "initialCoordinates": [s - 0.55], "initialCoordinates_t": [rate]}
+        node = self.mbs.AddNode(NodeGenericODE2(numberOfODE2Coordinates=1, **start))
+        moved = {"massMatrix": np.array([[rod]]), "stiffnessMatrix": np.array([[spring]])}
+        self.mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], **moved))
+        self.rod, self.spring, self.rods = rod, spring, [node]
+        self.excitation = replace(self.excitation, paths={"fly": NodeCoordinate(node)})
 
     def add(self, start: Mapping[str, InitialState] | None = None) -> Any:
         loads = {name: load for name, load in self.excitation.loads.items() if INERTIA not in name}
@@ -45,6 +56,7 @@ class Turret:
         of = exu.OutputVariableType
         kinds = [of.Coordinates, of.Coordinates_t, of.Coordinates_tt]
         asked = [(own, one) for one in kinds] + [(node, one) for one in kinds[:2] for node in nodes]
+        asked += [(node, one) for one in kinds[:2] for node in self.rods]
         sensors = [
             self.mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=one, storeInternal=True))
             for node, one in asked
@@ -63,7 +75,10 @@ class Turret:
         self.t = self.excitation.times
         found = [self.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors]
         self.x, self.x_t, self.x_tt = found[:3]
-        self.q, self.q_t = np.hstack(found[3 : 3 + len(nodes)]), np.hstack(found[3 + len(nodes) :])
+        n = len(nodes)
+        self.q, self.q_t = np.hstack(found[3 : 3 + n]), np.hstack(found[3 + n : 3 + 2 * n])
+        none = np.zeros((len(self.t), 0))
+        self.z, self.z_t = found[3 + 2 * n :] if self.rods else (none, none)
 
     def base(self) -> Base:
         return Base(self.mbs, self.items.equations, self.items.inputs, self.excitation.paths, self.on)
@@ -73,28 +88,28 @@ class Turret:
         base, found = self.base(), []
         for k, t in enumerate(self.t):
             turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
+            out = base.extended(t, self.z[k], self.z_t[k])
             O = self.x[k, :3] + base.reference[:3]
             velocity, com, J = R.T @ self.x_t[k, :3], TURRET.com, TURRET.inertiaTensor
             linear = TURRET.mass * (velocity + np.cross(motion.omega, com))
             angular = TURRET.mass * np.cross(com, velocity) + J @ motion.omega
-            own = base.boom.momentum(
-                motion, turned[:3] @ self.x_t[k], base.extended(t), self.q[k], self.q_t[k], base.moments(t)
-            )
+            own = base.boom.momentum(motion, turned[:3] @ self.x_t[k], out, self.q[k], self.q_t[k], base.moments(out))
             P, L = R @ (linear + own[:3]), R @ (angular + own[3:] + np.cross(PLACE, own[:3]))
             found.append(np.append(P, L + np.cross(O, P)))
         return np.array(found)
 
     def energies(self) -> Array:
-        """Kinetic and strain energy of turret and boom, (T,) J, with the boom's extension constant."""
+        """Kinetic and strain energy of turret and boom, and of what draws it out, (T,) J."""
         base, found, equations = self.base(), [], self.items.equations
-        (extension,) = {float(path.value(0.0)) for path in self.excitation.paths.values()}
-        x = equations.at(dict.fromkeys(self.excitation.paths, extension))
-        K = Contacts(equations, self.items.inputs).springs(x)[0][:, : equations.size]
+        contacts = Contacts(equations, self.items.inputs)
         for k, t in enumerate(self.t):
             turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
             velocity, q, rate, omega = R.T @ self.x_t[k, :3], self.q[k], self.q_t[k], motion.omega
-            own = base.boom.kinetic(motion, turned[:3] @ self.x_t[k], base.extended(t), q, rate, base.moments(t))
+            out = base.extended(t, self.z[k], self.z_t[k])
+            K = contacts.springs(equations.at(base.paths.named(out.value)))[0][:, : equations.size]
+            own = base.boom.kinetic(motion, turned[:3] @ self.x_t[k], out, q, rate, base.moments(out))
             turret = TURRET.mass * velocity @ (velocity / 2.0 + np.cross(omega, TURRET.com))
             turret += omega @ TURRET.inertiaTensor @ omega / 2.0
-            found.append(own + turret + (rate @ equations.M @ rate + q @ K @ q) / 2.0)
+            rod = (self.rod * self.z_t[k] ** 2 + self.spring * self.z[k] ** 2).sum() / 2.0
+            found.append(rod + own + turret + (rate @ equations.M @ rate + q @ K @ q) / 2.0)
         return np.array(found)

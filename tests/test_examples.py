@@ -58,9 +58,11 @@ def crane(found: Found) -> None:
     for hook, force in found["luffing"].items():
         moment = sum(m * (k * out + 3.0) for k, m in enumerate(steel)) + hook * (2.0 * out + 6.0)
         hoisted = 1000.0 * np.clip(t - 0.5, 0.0, 1.0) * (2.0 * out + 6.0)
-        held = 9.81 * np.cos(np.deg2rad(raised)) * (moment + hoisted) / 2.0  # statics about the pivot
+        lug, foot = (2.0 - 0.25j) * np.exp(1j * np.deg2rad(raised)), 0.6 - 1.2j
+        arm = (foot.conjugate() * lug).imag / np.abs(lug - foot)  # of the cylinder about the pivot
+        held = 9.81 * np.cos(np.deg2rad(raised)) * (moment + hoisted) / arm  # statics about the pivot
         # at rest again it swings about what statics say, far out and raised; on the way it is accelerated too
-        assert -force[t > 12.0].mean() == pytest.approx(held[-1], rel=0.02) and -force.min() > held.max()
+        assert force[t > 12.0].mean() == pytest.approx(held[-1], rel=0.02) and force.max() > held.max()
     for curve in found["curves"].values():
         np.testing.assert_allclose(curve.models["reduced"][:, 0], curve.models["full"][:, 0], rtol=1e-4)
     assert "animation space" in found["report"] and "animation line" not in found["report"]
@@ -162,6 +164,22 @@ def crane_on_turret(found: Found) -> None:
     assert np.abs(lengths - 0.8).max() < 1e-6 < np.ptp(tip[:, 3])
     reach = 0.2 + found["scene"].extension(1).value(tip[:, 0]) + 2.0
     assert np.abs(np.linalg.norm(tip[:, 1:], axis=1) - reach).max() < 1e-3
+
+
+@figures_of
+def tip_damping(found: Found) -> None:
+    alone, controlled = found["swings"].values()
+    assert controlled < 0.5 * alone > 1.0
+
+
+@figures_of
+def driven_extension(found: Found) -> None:
+    mass = 7850.0 * 2.0 * 2.0 * (0.21 + 0.17) * 0.004 + 100.0  # kg
+    t, push = found["t"], found["push"](found["t"])
+    given = ((push[1:] + push[:-1]) / 2.0 * np.diff(t)).sum() - 2e3 * found["out"][-1]  # momentum, N s
+    taken = (mass + 40.0) * found["speed"][-1] + mass * 9.81 * np.sin(0.3) * t[-1]
+    assert given == pytest.approx(taken, rel=0.01)
+    assert found["speed"].max() == pytest.approx((1000.0 - mass * 9.81 * np.sin(0.3)) / 2e3, rel=0.02)
 
 
 def test_every_example_is_checked_and_short() -> None:

@@ -3,14 +3,15 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import one_body
 import pytest
 from driving import driven
+from one_body import respond
 from processes import undrawn
 from scipy.signal import butter, sosfiltfilt
 from textbook import TIP_DEFLECTION
 
 from pmr.compare.errors import nrms
-from pmr.compare.evaluation import respond
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
@@ -18,7 +19,6 @@ from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
 from pmr.results import RunResult
 from pmr.simulation import TimeStepping
-from pmr.simulation.exudyn import simulator as exudyn
 
 SHORT = ("time.end=0.5", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
 
@@ -69,7 +69,7 @@ def test_a_saved_model_simulates_to_the_same_motion(load_scene, tmp_path) -> Non
     loaded = ReducedModel.load(reduced.save(tmp_path / "reduced.npz"))
     stepping = TimeStepping(0.2, 1e-3)
     first, second = (
-        exudyn.simulate(model, driven(scene.slider.path, [scene.loads[0].signal], stepping))
+        one_body.in_exudyn(model, driven(scene.slider.path, [scene.loads[0].signal], stepping))
         for model in (reduced, loaded)
     )
     assert np.array_equal(first.q, second.q) and np.abs(first.q).max() > 1e-6
@@ -82,7 +82,7 @@ def test_dense_and_slepc_give_the_same_motion(load_scene) -> None:
     found = reduce(scene).reduced
     tips = []
     for model in (reference, found):
-        motion = exudyn.simulate(model, driven(scene.slider.path, [scene.loads[0].signal], stepping))
+        motion = one_body.in_exudyn(model, driven(scene.slider.path, [scene.loads[0].signal], stepping))
         tips.append(motion.q @ model.outputs[-1])
     assert np.abs(tips[0]).max() > 1e-3 and np.abs(tips[0] - tips[1]).max() < 1e-9
 
@@ -196,12 +196,12 @@ def test_few_coordinates_with_residual_flexibility_do_what_twenty_did_not(load_s
     assert full is not None
     stepping, path, load = TimeStepping(15.0, 1e-3, 0.9), scene.slider.path, scene.loads[0].signal
     loads = load.value(stepping.times)[:, None]
-    reference = respond(full, exudyn.simulate(full, driven(path, load, stepping)), path.rate(stepping.times), loads)
+    reference = respond(full, one_body.in_exudyn(full, driven(path, load, stepping)), path.rate(stepping.times), loads)
     found, forces = {}, {}
     for r in BEAM[name]:
         reduced = reduce(load_scene(name, [f"reduction.coordinates={r}"])).reduced
         response = respond(
-            reduced, exudyn.simulate(reduced, driven(path, load, stepping)), path.rate(stepping.times), loads
+            reduced, one_body.in_exudyn(reduced, driven(path, load, stepping)), path.rate(stepping.times), loads
         )
         assert len(reduced.K) == r
         found[r] = 100.0 * nrms(response.displacement, reference.displacement)

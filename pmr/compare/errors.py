@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.results import Response
+from pmr.simulation.start import dense
 from pmr.system.body import SlidingBody, force_outputs, length_outputs, other_outputs, released_rows
 
 Array = NDArray[np.float64]
@@ -39,6 +40,8 @@ RELATIVE_FLOOR = 1e-6
 ROUND_OFF = 1e-12
 #: The same of a force, which has that of accelerations too.
 FORCE_ROUND_OFF = 1e-11
+#: N/m: what holds a coordinate lets nothing through.
+HOLDS = 1e300
 #: Coordinates up to which it is found out what the loads would do to the body.
 LARGEST_COMPLIANCE = 500
 
@@ -189,7 +192,7 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
     By Cauchy and Schwarz the product bounds what the loads do to an output of the bodies with their contacts released,
     in whichever coordinates.  Round-off is a share of that also where a slider cancels it, or where loads along the
     axis don't bend the body at all.  It is linear in the loads, so no motion is too small by itself.  0 for bodies that
-    are large or sparse.
+    are large.
     """
     return float(ROUND_OFF * _moved(bodies, loads, end, length_outputs).max(initial=0.0))
 
@@ -200,13 +203,13 @@ def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float)
 
 
 def _moved(bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: Callable[[Any], Any]) -> Array:
-    """How far each of some outputs (o,) may go; 0 where a body is large or sparse."""
+    """How far each of some outputs (o,) may go; 0 where a body is large."""
     sizes, reach, first = list[Array](), 0.0, 0
     for body in bodies.values():
         chosen, last = which(body), first + body.B.shape[1]
         A = _released(body, end)
         reach += np.inf if A is None else _reach(A, body, loads[:, first:last])
-        sizes.append(np.zeros(np.count_nonzero(chosen)) if A is None else _norms(A, np.asarray(body.outputs)[chosen]))
+        sizes.append(np.zeros(np.count_nonzero(chosen)) if A is None else _norms(A, dense(body.outputs)[chosen]))
         first = last
     found = np.concatenate(sizes)
     return found * reach if np.isfinite(reach) else np.zeros_like(found)
@@ -221,20 +224,24 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
     if (A := _released(body, end)) is None:
         return 0.0
     rows = released_rows(body)
-    C = np.asarray(body.C(s))[rows]
+    C = dense(body.C(s))[rows]
     give = _norms(A, C) ** 2 + np.asarray(body.row_compliance)[rows]
     if body.flexibility is not None:
         give = give + np.diag(body.flexibility.rows(s))[rows]
     stiff = 1.0 / np.sqrt(give[give > 0.0])
-    forces = _norms(A, np.asarray(body.outputs)[force_outputs(body)])
+    forces = _norms(A, dense(body.outputs)[force_outputs(body)])
     return float(FORCE_ROUND_OFF * np.concatenate([stiff, forces]).max(initial=0.0) * _reach(A, body, loads))
 
 
 def _released(body: SlidingBody, end: float) -> Array | None:
-    """K + (2 pi / end)^2 M; None where the body is large or sparse."""
-    if body.size > LARGEST_COMPLIANCE or not isinstance(body.K, np.ndarray) or not end > 0.0:
+    """K + (2 pi / end)^2 M, with what supports hold held; None where the body is large."""
+    if body.size > LARGEST_COMPLIANCE or not end > 0.0:
         return None
-    return np.asarray(body.K + (2.0 * np.pi / end) ** 2 * body.M)
+    found = dense(body.K + (2.0 * np.pi / end) ** 2 * body.M)
+    held = list(body.held.values())
+    found[held] = found[:, held] = 0.0
+    found[held, held] = HOLDS
+    return found
 
 
 def _norms(A: Array, rows: Array) -> Array:

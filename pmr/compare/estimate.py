@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from pmr.compare import coverage
 from pmr.compare import errors as compare
 from pmr.compare.attached import SETTLED, UnsettledError, lifting, loads_carried, scatter, settled
-from pmr.compare.booms import quantities, respond, with_friction
+from pmr.compare.booms import quantities, with_friction
+from pmr.compare.evaluation import respond
 from pmr.compare.indicators import chi
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, probe_differences
 from pmr.compare.ringing import rings

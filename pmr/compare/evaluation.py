@@ -1,116 +1,250 @@
-"""What a simulated motion means: outputs, forces, energies and residuals of its rows, block by block."""
+"""What simulated motions mean: outputs, forces, energies and residuals of a system, block by block."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import Motion, response_of, with_reactions
+from pmr.compare.booms import bearing, is_reaction
 from pmr.compare.errors import force_round_off, refuse_infinite, round_off
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
+from pmr.scene.built import force_of, reaction_of
 from pmr.scene.names import ALONE
-from pmr.simulation.balance import blocks, energy
-from pmr.simulation.blocks import Block, Ended
-from pmr.simulation.modal import support_forces
-from pmr.system.body import FullBody, SlidingBody, Trajectory, displacement
-from pmr.system.system import System
+from pmr.simulation.balance import blocks, potential
+from pmr.simulation.blocks import Ended
+from pmr.simulation.columns import called
+from pmr.simulation.modal import inertia_share, support_forces, unpressed
+from pmr.simulation.native import systems
+from pmr.system.body import FullBody, SlidingBody, Trajectory, force_outputs, length_outputs, with_inertia
+from pmr.system.contacts import named
+from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
+Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
+
+#: What a response has of each step beside its energies.
+HISTORIES = (
+    "t", "displacement", "slider_force", "residual_position", "residual_velocity", "force_peaks", "others",
+)  # fmt: skip
 
 
-def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: Array) -> Response:
-    """Outputs, energies and constraint residuals of a trajectory under loads (T, i) in N.
+def respond(system: System, trajectory: SystemTrajectory) -> Response:
+    """Displacements of all bodies, one after the other, forces of contacts, springs and supports, and energies.
 
-    `path_rate` is s'(t) (T,) in m/s, for the residual at velocity level.  Raises SimulationError if outputs, forces or
-    energies overflow.
+    Raises SimulationError if outputs, forces or energies overflow.
     """
-    evaluation = Evaluation(body, trajectory.t, path_rate, loads)
+    evaluation = Evaluation(system, trajectory.t, trajectory.loads)
     for kept in blocks(len(trajectory.t)):
-        part, f = trajectory.at(kept), loads[kept]
-        with np.errstate(over="ignore", invalid="ignore"):
-            energies = energy(body, part, f)
-        evaluation(Block(kept.start, part, f, energies))
+        evaluation(kept.start, trajectory.at(kept))
     return evaluation.response(Ended(trajectory.seconds, trajectory.surplus))
 
 
 class Evaluation:
-    """Takes the blocks of a body's simulation at times t (T,) in s and makes the response of them: no state is kept.
+    """Takes blocks of a system's motion at times t (T,) in s and makes the response of them: no state is kept.
 
-    `path_rate` and `loads` as for `respond`.
+    Loads are (T, i) in N.
     """
 
-    def __init__(self, body: SlidingBody, t: Array, path_rate: Array, loads: Array) -> None:
-        self._body, self._t, self._path_rate, self._loads = body, t, path_rate, loads
-        self._rows = [number for number in range(len(body.row_names)) if number not in body.held]  # that are contacts
+    def __init__(self, system: System, t: Array, loads: Array) -> None:
+        self._system, self._t, self._loads = system, t, loads
         self._columns: dict[str, Array] = {}
-        self._start = 0.0  # path coordinate in m
+        self._found: Response | None = None
 
-    def __call__(self, block: Block) -> None:
-        """Evaluate a block; raises SimulationError if outputs, forces or energies overflow."""
-        body, part, energies = self._body, block.part, block.energy
-        rows = slice(block.first, block.first + len(part.t))
-        if block.first == 0:
-            self._start = float(part.s[0])
-        with np.errstate(over="ignore", invalid="ignore"):
-            outputs = displacement(body, part.q, part.s, part.multipliers, block.loads)
-        refuse_infinite(outputs, part.multipliers, energies.kinetic, energies.strain, energies.external)
-        violation, drift = _residuals(body, part, self._path_rate[rows], block.loads)
-        self._keep("outputs", rows, outputs)
-        self._keep("reactions", rows, self._reactions(part, block.loads))
-        self._keep("forces", rows, part.multipliers[:, self._rows])
-        self._keep("residual_position", rows, np.abs(violation).max(axis=1))
-        self._keep("residual_velocity", rows, np.abs(drift).max(axis=1))
-        for name in ("kinetic", "strain", "external"):
-            self._keep(name, rows, getattr(energies, name))
-        if part.peaks is not None:
-            self._keep("peaks", rows, part.peaks[:, self._rows])
-
-    def _reactions(self, part: Trajectory, loads: Array) -> Array:
-        """Of rigid supports, (T, h): multipliers of a full body's own rows, else from the equations of motion."""
-        if isinstance(self._body, ReducedModel):
-            return support_forces(self._body, part, loads)
-        assert isinstance(self._body, FullBody)
-        return part.multipliers[:, self._body.rows.fixed]
+    def __call__(self, first: int, part: SystemTrajectory) -> None:
+        """Evaluate the steps from number `first` on; raises SimulationError as `respond`."""
+        found, rows = _of(self._system, part), slice(first, first + len(part.t))
+        arrays = {name: getattr(found, name) for name in HISTORIES}
+        for name, values in (arrays | vars(found.energy)).items():
+            if values is not None:
+                if name not in self._columns:
+                    self._columns[name] = np.empty((len(self._t), *values.shape[1:]))
+                self._columns[name][rows] = values
+        self._found = self._found or self._with_round_off(found, part)
 
     def response(self, ended: Ended) -> Response:
         """The response, when all blocks are taken."""
-        body, columns, end = self._body, self._columns, float(self._t[-1] - self._t[0])
-        energies = Energy(*(columns[name] for name in ("kinetic", "strain", "external")))
-        motion = Motion({ALONE: columns["outputs"]}, columns["forces"], columns.get("peaks"), energies)
-        found = response_of(System.of(body), self._t, motion)
-        if body.reactions is not None:
-            found = with_reactions(found, {ALONE: body.reactions.supports}, {ALONE: columns["reactions"]})
-        return replace(
-            found,
-            residual_position=columns["residual_position"],
-            residual_velocity=columns["residual_velocity"],
-            seconds=ended.seconds,
-            round_off=round_off({ALONE: body}, self._loads, end),
-            force_round_off=force_round_off(body, self._loads, end, self._start),
-            surplus=ended.surplus,
-        )
+        assert self._found is not None  # as every simulation has a block
+        columns: dict[str, Any] = {name: self._columns.get(name) for name in HISTORIES}
+        energy = Energy(*(self._columns[name] for name in vars(self._found.energy)))
+        return replace(self._found, **columns, energy=energy, seconds=ended.seconds, surplus=ended.surplus)
 
-    def _keep(self, name: str, rows: slice, values: Array) -> None:
-        if name not in self._columns:
-            self._columns[name] = np.empty_like(values, shape=(len(self._t), *values.shape[1:]))
-        self._columns[name][rows] = values
+    def _with_round_off(self, found: Response, part: SystemTrajectory) -> Response:
+        """Without histories, with what may be nothing but round-off, of a body alone of forces, too."""
+        system, end = self._system, float(np.ptp(self._t))
+        nothing: dict[str, Any] = dict.fromkeys(HISTORIES)  # of these the columns have all
+        found = replace(found, **nothing, round_off=round_off(system.bodies, self._loads, end))
+        if ALONE not in system.bodies or system.terms:
+            return found
+        body = system.bodies[ALONE]
+        start = float(_on_rows(system, body, part.bodies[ALONE]).s[0])
+        return replace(found, force_round_off=force_round_off(body, self._loads, end, start))
 
 
-def _residuals(body: SlidingBody, part: Trajectory, path_rate: Array, loads: Array) -> tuple[Array, Array]:
+def _of(system: System, part: SystemTrajectory) -> Response:
+    """Of some steps."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        kinetic = np.zeros(len(part.t))
+        for name, body in system.bodies.items():
+            v = with_inertia(body, part.bodies[name].v)
+            kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
+        outputs, external = systems.displacements(system, part), -part.work
+        violation = drift = np.full((len(part.t), 1), np.nan)
+        if ALONE in system.bodies and not system.terms:
+            body, motion = system.bodies[ALONE], _on_rows(system, system.bodies[ALONE], part.bodies[ALONE])
+            external = potential(body, motion, part.loads)
+            violation, drift = _residuals(body, motion, part)
+        energy = Energy(kinetic, part.energy - kinetic, external)
+    refuse_infinite(*outputs.values(), part.forces, energy.kinetic, energy.strain, energy.external)
+    peaks = part.peaks if ALONE not in system.bodies or not np.isnan(system.clearance).all() else None
+    found = response_of(system, part.t, Motion(outputs, part.forces, peaks, energy))
+    position, velocity = (np.abs(one).max(axis=1, initial=0.0) for one in (violation, drift))
+    return _with_reactions(replace(found, residual_position=position, residual_velocity=velocity), system, part)
+
+
+def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> tuple[Array, Array]:
     """What each row violates, (T, m) in m, and its rate in m/s; NaN where rows have no equation for the latter."""
-    q, v, s, multipliers = part.q, part.v, part.s, part.multipliers
+    q, v, s, multipliers = motion.q, motion.v, motion.s, motion.multipliers
     violation = body.apply_rows(s, q) - body.row_compliance * multipliers
     if body.flexibility is not None:
-        violation = violation + body.flexibility.row_motion(s, multipliers, loads)
-    violation = np.where(np.isnan(body.row_clearance), violation, _overlap(violation - body.row_clearance, multipliers))
-    if body.flexibility is not None or np.any(body.row_compliance):
+        violation = violation + body.flexibility.row_motion(s, multipliers, part.loads)
+    excess = violation - body.row_clearance  # where rows push any gap, elsewhere a negative one
+    overlap = np.where(multipliers > 0.0, excess, np.maximum(excess, 0.0))
+    violation = np.where(np.isnan(body.row_clearance), violation, overlap)
+    if body.flexibility is not None or np.any(body.row_compliance) or part.rates is None:
         return violation, np.full_like(violation, np.nan)  # rows that give way have no equation at velocity level
-    return violation, body.apply_rows(s, v) + path_rate[:, None] * body.apply_rows(s, q, derivative=1)
+    path_rate = part.rates.sum(axis=1)[:, None]  # of the only path, if there is one
+    return violation, body.apply_rows(s, v) + path_rate * body.apply_rows(s, q, derivative=1)
 
 
-def _overlap(excess: Array, multipliers: Array) -> Array:
-    """What rows that only push violate, (T, m) in m: where they push any gap, elsewhere a negative one."""
-    return np.where(multipliers > 0.0, excess, np.maximum(excess, 0.0))
+@dataclass(frozen=True)
+class Motion:
+    """What a simulator says: outputs (T, o) of every body, forces and peaks (T, m) in N of contacts, energies."""
+
+    outputs: Mapping[str, Array]
+    forces: Array
+    peaks: Array | None
+    energy: Energy
+
+
+def _with_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
+    """With what bodies press on their rigid supports; full ones of several, or with terms, where these are contacts."""
+    of_bodies, found, first = dict[str, Supports](), dict[str, Array](), 0
+    for name, body in system.bodies.items():
+        loads = trajectory.loads[:, first : first + len(body.input_names)]
+        first += len(body.input_names)
+        known, motion = body.reactions, trajectory.bodies[name]
+        held = [k for k, one in enumerate(system.contacts) if one.inner.body == name and is_reaction(one)]
+        alone = name == ALONE and not system.terms
+        if isinstance(body, FullBody) and held and not alone:
+            rows = [body.rows.rows[body.row_names.index(system.contacts[k].inner.row)] for k in held]
+            of_bodies[name], found[name] = [(row.name, row.unit) for row in rows], trajectory.forces[:, held]
+        if known is None or not (alone or isinstance(body, ReducedModel)):
+            continue
+        if name == ALONE:
+            forces = support_forces(body, _on_rows(system, body, motion), loads)
+        elif body.carriers is None or known.carried is None:
+            continue
+        else:
+            carried = known.carried - body.carriers.values @ inertia_share(body, known).T
+            forces = unpressed(body, known, motion, loads)
+            own = [side for side in system.sides if side.place.body == name]
+            for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
+                forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
+                if trajectory.moments is not None:
+                    turned = system.row(side.place).weights(x, 1) @ carried
+                    forces += side.sign * trajectory.moments[:, side.contact, None] * turned
+        forces = forces - _of_terms(system, name, inertia_share(body, known), trajectory)
+        of_bodies[name], found[name] = known.supports, forces
+    return with_reactions(response, of_bodies, found)
+
+
+def _on_rows(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
+    """The motion of a body alone with the path coordinate (T,), and multipliers of all of its rows."""
+    multipliers = np.zeros((len(motion.t), len(body.row_names)))
+    moving = 0
+    for k, side in enumerate(system.sides):
+        multipliers[:, body.row_names.index(side.place.row)] = motion.multipliers[:, k]
+        moving = k if side.place.path is not None else moving
+    s = motion.s[:, moving] if motion.s.shape[1] else np.full(len(motion.t), body.domain[0])
+    return replace(motion, s=s, multipliers=multipliers)
+
+
+def _of_terms(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
+    """What terms that vary in time take from the forces on a body's rigid supports, (T, h)."""
+    found: Array | float = 0.0
+    if trajectory.amplitudes is None:
+        return found
+    for term, c in zip(system.terms, trajectory.amplitudes.T, strict=True):
+        if (work := term.supports.get(name)) is not None:
+            motions = [trajectory.bodies[one] for one in term.bodies]
+            before = term.bodies.index(name) and system.bodies[term.bodies[0]].size
+            for key, A in term.arrays.items():
+                own = A[before : before + system.bodies[name].size]
+                moved = np.hstack([one.q if key == "stiffness" else one.v for one in motions])
+                found = found + c[:, None] * (moved @ (work - P @ own).T)
+    return found
+
+
+def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:
+    """With the forces (T, h) of rigid supports, by body, after all other outputs."""
+    if not forces:
+        return response
+    supports = [(body, one, unit) for body, of in of_bodies.items() for one, unit in of]
+    return replace(
+        response,
+        others=np.hstack([*([] if response.others is None else [response.others]), *forces.values()]),
+        other_names=(*response.other_names, *(reaction_of(named(body, one)) for body, one, _ in supports)),
+        other_units=(*response.other_units, *(unit for *_, unit in supports)),
+        kinds=(*response.kinds, *("reaction" for _ in supports)),
+        bodies=(*response.bodies, *(body for body, *_ in supports)),
+    )
+
+
+def response_of(system: Joined[Any], t: Array, motion: Motion) -> Response:
+    """The same of what any simulator says at the times t (T,) s."""
+    moved, springs, others = list[Array](), list[Array](), list[Array]()
+    other_names, other_units = list[str](), list[str]()
+    x, names, force_names = list[Array](), list[str](), list[str]()
+    kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, forces and others
+    of_bodies: tuple[list[str], list[str], list[str]] = ([], [], [])
+    for name, body in system.bodies.items():
+        of, y = called(body), motion.outputs[name]
+        moved.append(y[:, length_outputs(body)])
+        springs.append(y[:, force_outputs(body)])
+        others.append(y[:, ~(length_outputs(body) | force_outputs(body))])
+        other_names += [named(name, one) for one in of.others]
+        other_units += of.other_units
+        x.append(body.output_positions[length_outputs(body)])
+        names += [named(name, one) for one in of.moved]
+        force_names += [named(name, one) for one in of.forces]
+        for columns, bodies, found in zip(kinds, of_bodies, of.kinds, strict=True):
+            columns += found
+            bodies += [name] * len(found)
+    kept = bearing(system)
+    kinds[1].extend(system.contacts[k].kind for k in kept)
+    of_bodies[1].extend(system.contacts[k].inner.body for k in kept)
+    not_known = np.full(len(t), np.nan)
+    return Response(
+        t=t,
+        x=np.concatenate(x),
+        displacement=np.hstack(moved),
+        energy=motion.energy,
+        slider_force=np.hstack([*springs, motion.forces[:, kept]]),
+        residual_position=not_known,
+        residual_velocity=not_known,
+        seconds=np.nan,
+        output_names=tuple(names),
+        output_units=("m",) * len(names),
+        force_names=(*force_names, *(force_of(system.contact_names[k]) for k in kept)),
+        force_peaks=None if motion.peaks is None else np.hstack([*springs, motion.peaks[:, kept]]),
+        others=np.hstack(others) if other_names else None,
+        other_names=tuple(other_names),
+        other_units=tuple(other_units),
+        kinds=tuple(kind for one in kinds for kind in one),
+        bodies=tuple(body for one in of_bodies for body in one),
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pmr.compare import boom_figures, frame_energy, moving_frame, pad_forces, summary
+from pmr.compare import boom_figures, fatigue, frame_energy, luffing_cylinder, moving_frame, pad_forces, ropes, summary
 from pmr.compare.accuracy.order import Choice
 from pmr.compare.estimated import SimulatedSystem, step_part
 from pmr.compare.responses import Simulations
@@ -30,6 +30,9 @@ def parts_of_motion(
     omega = contact_step.contact_frequency(system, excitation)
     return [
         pad_forces.part(scene, system, made.first.response),
+        ropes.part(scene, made.first.response),
+        luffing_cylinder.part(scene, made.first.response),
+        fatigue.part(scene, made.first.response),
         step_part(
             SimulatedSystem(system, excitation), natural.models["reduced"], clock, scene.accuracy is not None, known
         ),

@@ -33,7 +33,8 @@ PULLED = 0.01
 def part(scene: Scene, system: System, response: Response) -> Part:
     """``pads``, ``cylinders`` and ``reactions`` of summary.json: smallest and largest force, when and where.
 
-    Of cylinders also the largest ``friction`` that they overcome, and ``kinks``, where there are any.  Pads that are
+    Of cylinders also the largest ``friction`` that they overcome, what it has ``dissipated`` in J, and ``kinks``.
+    Pads that are
     pulled and forces that are not known are warned of.
     """
     joined, along, figures = len(scene.sections) > 1, scene.along(response.t), dict[str, Any]()
@@ -72,7 +73,10 @@ def _cylinders(scene: Scene, system: System, response: Response) -> Iterator[dic
     for force in response.force_names:
         if (body := driven.get(force)) is not None:
             found = {"name": cylinder_of(body), **Extremes.of(response.force(force, 0), response.t, along).summary()}
-            found |= {"friction": float(np.abs(resisting[body]).max())} if body in resisting else {}
+            if body in resisting:
+                lost = resisting[body] * scene.paths[body].rate(response.t)
+                found |= {"friction": float(np.abs(resisting[body]).max())}
+                found |= {"dissipated": float((lost[1:] + lost[:-1]) @ np.diff(response.t) / 2.0)}
             yield found | ({"kinks": kinks} if (kinks := at_kinks[cylinder_of(body)]) else {})
 
 
@@ -211,8 +215,8 @@ def _kinked(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
     most, t, name = max(given)
     return [
         f"extensions have kinks, where cylinders give impulses, up to {most:.4g} N s: {name} at {t:g} s; how high its "
-        "force is there depends on the step and on stiffnesses, so it is none to size by (cylinders in summary.json "
-        "have all impulses; a smooth_ramp has no kinks)"
+        "force and those of pads are there depends on the step, on stiffnesses and on the number of coordinates, so "
+        "they are none to size by (cylinders in summary.json have all impulses; a smooth_ramp has no kinks)"
     ]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import booms
+from pmr.compare import booms, luffing_cylinder
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
 from pmr.compare.pivot import at_pivot
@@ -25,12 +25,9 @@ from pmr.scene.names import ALONE
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping, contact_step, exudyn
 from pmr.simulation.blocks import Block, Recorder
-from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import Progress
-from pmr.system.body import SlidingBody
 from pmr.system.states import BodyStates, states_of
 from pmr.system.system import Joined, System, SystemTrajectory
 
@@ -106,7 +103,8 @@ def repeated(
 
 def completed(scene: Scene, system: Joined[Any], response: Response) -> Response:
     """With what follows from the motion: the friction that cylinders overcome, and what the machine below bears."""
-    return at_pivot(scene, booms.with_friction(Excitation.of(scene), system.contacts, response))
+    rubbed = booms.with_friction(Excitation.of(scene), system.contacts, response)
+    return luffing_cylinder.with_force(scene, at_pivot(scene, rubbed))
 
 
 def agreement(found: Mapping[str, Response]) -> dict[str, float]:
@@ -165,69 +163,44 @@ class Prepared:
 
 
 def _prepared(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Prepared:
-    """What simulates, with all that every simulation of the system under the excitation needs made once."""
-    if ALONE in system.bodies and not system.terms:
-        body, on_slider = system.bodies[ALONE], excitation.on_slider
-        return (_marched if simulator == "march" else _in_exudyn(simulator))(body, on_slider, steps)
-    start = systems.start_of(system, excitation)
+    """What simulates, with all that every simulation of the system under the excitation needs made once.
 
-    def again(count: int) -> list[float]:
-        if simulator == "march":
-            return systems.seconds(SystemForm.of(system), excitation, start, count) if count else []
-        formulation = exudyn.FORMULATIONS[simulator]
-        return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
+    Of a body alone nothing but its states at the `steps` is kept.
+    """
+    alone = ALONE in system.bodies and not system.terms
+    if simulator == "march":
+        return _marched(system, excitation, steps, np.asarray(steps) if alone else np.arange(len(excitation.times)))
+    start, formulation = systems.start_of(system, excitation), exudyn.FORMULATIONS[simulator]
 
     def run(done: Progress | None) -> Simulated:
-        if simulator == "march":
-            trajectory = systems.simulate(system, excitation, start, done)
-        else:
-            formulation = exudyn.FORMULATIONS[simulator]
-            trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)
-        response = booms.respond(system, trajectory)
-        return Simulated(response, states_of(system, trajectory, steps), trajectory.parts, trajectory)
+        found = exudyn.simulate_system(system, excitation, start, done, formulation)
+        states = states_of(system, found, steps)
+        return Simulated(respond(system, found), states, found.parts, None if alone else found)
+
+    def again(count: int) -> list[float]:
+        return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
 
     return Prepared(run, again)
 
 
-def _marched(body: SlidingBody, excitation: Excitation, steps: Indices) -> Prepared:
-    """In modal coordinates throughout, of which the steps alone are kept: a response does not depend on them."""
-    form, f = modal_form(body), excitation.forces(body.input_names)
-    alone = SystemForm.alone(form)
-    start = systems.start_of(alone.system, excitation)
+def _marched(system: System, excitation: Excitation, steps: Indices, kept: Indices) -> Prepared:
+    """By the compiled simulator: evaluated block by block; states of the steps that are `kept`, if these are all."""
+    form, start = SystemForm.of(system), systems.start_of(system, excitation)
+    f, every = excitation.forces(system.input_names), len(kept) == len(excitation.times)
 
     def run(done: Progress | None) -> Simulated:
-        evaluation, recorder = Evaluation(form.body, excitation.times, excitation.path_rate, f), Recorder(steps)
+        evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(kept)
         parts = np.ones(len(excitation.times), np.int64)
 
         def take(block: Block) -> None:
-            evaluation(block)
-            if block.part.parts is not None:
-                parts[block.first : block.first + len(block.part.t)] = block.part.parts
-            if len(steps):
-                recorder(block)
+            part = block.at(slice(None))
+            evaluation(block.first, part)
+            parts[block.first : block.first + block.count] = part.parts
+            recorder(block)
 
-        ended = march.follow_form(alone, excitation, take, progress=done)
-        states = dict[str, BodyStates]()
-        if len(steps):
-            kept = march.in_coordinates(body, form, recorder.trajectory(ended), f[steps])
-            states[ALONE] = BodyStates.along_path(body, kept, f[steps])
-        return Simulated(evaluation.response(ended), states, parts, None)
+        ended = systems.follow(form, excitation, take, start, done)
+        found = recorder.trajectory(ended)
+        numbers = steps if every else np.arange(len(kept))
+        return Simulated(evaluation.response(ended), states_of(system, found, numbers), parts, found if every else None)
 
-    return Prepared(run, lambda count: systems.seconds(alone, excitation, start, count) if count else [])
-
-
-def _in_exudyn(name: str) -> Callable[[SlidingBody, Excitation, Indices], Prepared]:
-    def prepared(body: SlidingBody, excitation: Excitation, steps: Indices) -> Prepared:
-        f, formulation = excitation.forces(body.input_names), exudyn.FORMULATIONS[name]
-
-        def run(done: Progress | None) -> Simulated:
-            kept = exudyn.simulate(body, excitation, progress=done, formulation=formulation)
-            states = {ALONE: BodyStates.along_path(body, kept.at(steps), f[steps])}
-            return Simulated(respond(body, kept, excitation.path_rate, f), states, kept.parts, None)
-
-        def again(count: int) -> list[float]:
-            return [exudyn.simulate(body, excitation, formulation=formulation).seconds for _ in range(count)]
-
-        return Prepared(run, again)
-
-    return prepared
+    return Prepared(run, lambda count: systems.seconds(form, excitation, start, count) if count else [])

@@ -28,7 +28,7 @@ from pmr.simulation.excitation import places
 from pmr.simulation.frame import term_signals
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.buckling import buckling_factors
+from pmr.system.buckling import Held
 from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import system_of
 
@@ -82,14 +82,16 @@ def stressed(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stressed:
     assembly, x = Assembly(system), places(system, excitation)
     axial = [term.name for term in terms if term.of in AXIAL]
     steps = _looked_at(excitation)
+    rows = assembly.along(x[steps])
     factors, shares = np.full(len(steps), np.inf), np.zeros(len(steps))
     for k, step in enumerate(steps):
         with np.errstate(divide="ignore", invalid="ignore"):  # of cylinders of no length
             c = {name: float(signal.value(excitation.times[step])) for name, signal in signals.items()}
         if not np.isfinite(list(c.values())).all():
             continue
-        factors[k] = buckling_factors(assembly, x[step], {name: c[name] for name in axial})[0]
-        either = [buckling_factors(assembly, x[step], {name: way * one for name, one in c.items()}) for way in (1, -1)]
+        held = Held(assembly, rows.at(k))
+        factors[k] = held.factors({name: c[name] for name in axial})[0]
+        either = [held.factors({name: way * one for name, one in c.items()}) for way in (1, -1)]
         shares[k] = 1.0 / np.min(either)
     return Stressed(excitation.times[steps], factors, shares)
 

@@ -6,7 +6,7 @@ breaks (intervals + 1,) in m.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,9 @@ from scipy.interpolate import BSpline, PPoly
 from pmr.errors import BEYOND_ENDS
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+#: Products of powers and entries of x that are formed at once.
+AT_ONCE = 2**18
 
 
 def within_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
@@ -37,22 +40,50 @@ def applied(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
 
     A ValueError is raised where s leaves the table's domain.  SciPy would keep the values of all steps at once.
     """
-    from pmr.constraints import applied as compiled  # who asks a file what it holds need not load Numba
-
-    c = table.c if derivative == 0 else table.derivative(derivative).c
-    found = np.empty((len(s), c.shape[2]))
+    table = table if derivative == 0 else table.derivative(derivative)
     s = within_domain(s, table.x[0], table.x[-1], "slider")
-    compiled.apply(np.ascontiguousarray(c), table.x, s, np.ascontiguousarray(x, dtype=float), found)
-    return found
+    interval, x = _interval(table, s), np.asarray(x, dtype=float)
+
+    def powers(at: Indices) -> Array:
+        return np.vander(s[at] - table.x[interval[at]], len(table.c))
+
+    return _summed(table, interval, powers, x)
 
 
 def applied_change(table: PPoly, s: Array, x: Array) -> Array:
     """(A(s_{t+1}) - A(s_t)) x_t, (T - 1, m), for s (T,) m and x (T - 1, r); errors likewise."""
-    from pmr.constraints import applied as compiled
-
-    found = np.empty((len(s) - 1, table.c.shape[2]))
     s = within_domain(s, table.x[0], table.x[-1], "slider")
-    compiled.apply_change(np.ascontiguousarray(table.c), table.x, s, np.ascontiguousarray(x, dtype=float), found)
+    interval, x = _interval(table, s), np.asarray(x, dtype=float)
+    same = interval[1:] == interval[:-1]
+
+    def change(at: Indices) -> Array:
+        """Of what stays within an interval; of the others the powers at the end."""
+        offset, count = table.x[interval[at + 1]], len(table.c)
+        ends, begins = np.vander(s[at + 1] - offset, count), np.vander(s[at] - offset, count)
+        return np.where(same[at, None], ends - begins, ends)
+
+    found = _summed(table, interval[1:], change, x)
+    left = np.flatnonzero(~same)
+    found[left] -= applied(table, s[left], x[left])
+    return found
+
+
+def _interval(table: PPoly, s: Array) -> Indices:
+    """(T,): the number of the table's interval at each s."""
+    return np.clip(np.searchsorted(table.x, s, side="right") - 1, 0, len(table.x) - 2)
+
+
+def _summed(table: PPoly, interval: Indices, powers: Callable[[Indices], Array], x: Array) -> Array:
+    """(T, m): a table's coefficients on each one's interval times `powers` (., p) of it and x (T, r)."""
+    count, intervals, m, r = table.c.shape
+    found, order = np.zeros((len(x), m)), np.argsort(interval, kind="stable")
+    size = max(1, AT_ONCE // max(1, count * r))
+    ends = np.searchsorted(interval[order], np.arange(intervals + 1))
+    for j in np.flatnonzero(np.diff(ends)):
+        c = table.c[:, j].transpose(0, 2, 1).reshape(count * r, m)
+        for first in range(ends[j], ends[j + 1], size):
+            at = order[first : min(first + size, ends[j + 1])]
+            found[at] = (powers(at)[:, :, None] * x[at, None, :]).reshape(len(at), count * r) @ c
     return found
 
 

@@ -15,7 +15,8 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.compare import cable
-from pmr.compare.booms import Motion, Supports, bearing, response_of, with_reactions
+from pmr.compare.booms import bearing
+from pmr.compare.evaluation import Motion, Supports, response_of, with_reactions
 from pmr.compare.responses import Simulated, completed, full_simulator, repeated
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError, on_first

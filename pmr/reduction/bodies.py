@@ -15,7 +15,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel, SectionOf
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.cache import Cache
-from pmr.reduction.from_scene import build_basis, enrichment_of, project, provenance, take_snapshots
+from pmr.reduction.from_scene import build_basis, enrichment_of, may_be_stressed, project, provenance, take_snapshots
 from pmr.reduction.ports import with_ports
 from pmr.reduction.reactions import support_motions, with_reactions
 from pmr.reduction.reduced_body import ReducedBody
@@ -30,9 +30,6 @@ from pmr.scene.members import Member, members
 from pmr.scene.names import ALONE
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
-
-#: Enrichment modes of a section where a tolerance or a budget is given: among them the smallest model is looked for.
-SEARCHED = 12
 
 
 @dataclass(frozen=True)
@@ -98,8 +95,10 @@ def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Cloc
     """A body alone as `reduce_body` makes it, or as the cache has it; collective."""
     if cache is None:
         return reduce_body(scene, model, clock)
-    asked = scene.reduction.model_dump(mode="json") | {"path": scene.travel, "searched": scene.ordered is not None}
-    asked["enrichment"] = enrichment_of(scene, scene.reduction)
+    asked = scene.reduction.model_dump(mode="json") | {"path": scene.travel}
+    asked["enrichment"] = enrichment_of(scene, scene.reduction, model)
+    if may_be_stressed(scene):
+        asked["stressed"] = True
     if scene.reduction.file is not None:
         asked["file"] = scene.hash  # which has the content
     found = cache.reduced(asked, lambda: reduce_body(scene, model, clock))
@@ -136,17 +135,17 @@ def reduce_with(
 
 def _section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
     """On free modes and carriers, with enrichment modes where an error is estimated or terms may act."""
-    choice = member.part.reduction
-    enrichment = SEARCHED if choice.estimable and scene.ordered is not None else enrichment_of(scene, choice)
+    choice, stressed = member.part.reduction, may_be_stressed(scene)
+    enrichment = enrichment_of(scene, choice, model)
 
     def make() -> ReducedBody:
         body = FreeBody(model, choice.solver)
-        snapshots = free_modes(model, choice.coordinates, choice.solver, enrichment, body)
+        snapshots = free_modes(model, choice.coordinates, choice.solver, enrichment, body, stressed)
         basis, motions = modal_basis(snapshots), support_motions(body)
         found = ReducedBody(snapshots, basis, section_model(body, basis, {}, choice.coordinates, motions))
         return replace(found, modal=with_reactions(found.modal, body, found.V, motions))
 
-    asked = choice.model_dump(mode="json") | {"section": enrichment}
+    asked = choice.model_dump(mode="json") | {"section": enrichment} | ({"stressed": True} if stressed else {})
     found = make() if cache is None else cache.reduced(asked, make)
     return found if choice.flexibility else replace(found, modal=_stiff(found.modal))
 

@@ -28,8 +28,9 @@ from pmr.scene.names import ALONE
 #: Modes beyond the coordinates with which the error is estimated: attachment modes have what these
 #: leave out.
 ENRICHMENT_MODES = 4
-#: The same where a tolerance is given: among so many the smallest model is looked for.
-SEARCHED_MODES = 34
+#: The same of a body alone, and of each of several sections, where a tolerance or a budget is given: among so many the
+#: smallest model is looked for.
+SEARCHED_MODES, SEARCHED_OF_SECTIONS = 34, 12
 
 
 def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None) -> Snapshots:
@@ -40,7 +41,9 @@ def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None)
     if scene.reduction.file is not None:
         return given_vectors(model, scene.reduction.file)
     if not scene.reduction.pooled:
-        return free_modes(model, scene.reduction.coordinates, scene.reduction.solver, _enrichment(scene, model), body)
+        choice = scene.reduction
+        more, stressed = enrichment_of(scene, choice, model), may_be_stressed(scene)
+        return free_modes(model, choice.coordinates, choice.solver, more, body, stressed)
     return eigenmode_snapshots(model, scene)
 
 
@@ -102,7 +105,7 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
     Raises an `InputError` if rows depend on each other.
     """
     choice = scene.reduction
-    if enrichment_of(scene, choice):
+    if enrichment_of(scene, choice, body.model):
         found = section_model(body, basis, provenance, choice.coordinates)
         check_independence(found)  # on one path all rows are
         return found
@@ -112,20 +115,23 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
     return with_held_coordinates(reduced) if choice.basis == "paper" else reduced
 
 
-def enrichment_of(scene: Scene, choice: Reduction) -> int:
-    """Modes beyond the coordinates: those that estimate the error, or follow without inertia where terms act."""
+def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
+    """Modes beyond the coordinates: those that estimate the error, or follow without inertia where terms act.
+
+    Of a coarse mesh half of all modes are left at least where many are asked for: attachment modes need the
+    flexibility.  Rigid sliders and pads need some of it, too (`pmr.reduction.snapshots.free_modes`).
+    """
+    if choice.estimable and scene.ordered is not None:
+        searched = SEARCHED_MODES if ALONE in scene.bodies else SEARCHED_OF_SECTIONS
+        return max(ENRICHMENT_MODES, min(searched, model.size // 2 - choice.coordinates))
     if choice.estimable:
         return ENRICHMENT_MODES
-    may_be_stressed = scene.frame is not None and bool(scene.frame.second_order)
-    return QUASI_STATIC if may_be_stressed and choice.extendable else 0
+    return QUASI_STATIC if may_be_stressed(scene) and choice.extendable else 0
 
 
-def _enrichment(scene: Scene, model: FullModel) -> int:
-    """The same of a body alone, whose mesh has so many."""
-    if scene.ordered is not None:
-        # Of a coarse mesh all of them would leave no flexibility by which rows are told apart.
-        return max(ENRICHMENT_MODES, min(SEARCHED_MODES, model.size // 2 - scene.reduction.coordinates))
-    return enrichment_of(scene, scene.reduction)
+def may_be_stressed(scene: Scene) -> bool:
+    """Whether terms of second order act on a scene's bodies."""
+    return scene.frame is not None and bool(scene.frame.second_order)
 
 
 def description(choice: Reduction, basis: Basis) -> str:

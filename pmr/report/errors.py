@@ -8,7 +8,7 @@ from decimal import Decimal
 from typing import Any
 
 from pmr.report.marks import SAME, WITHIN, ErrorTable, Row, apart, mark_for, signed_deviation
-from pmr.report.numbers import SPACE, length, percent, quantity, significant
+from pmr.report.numbers import SPACE, TINY, length, percent, quantity, significant
 from pmr.report.subject import forces_called, places_called
 from pmr.results import RunResult
 from pmr.results.tables import REACTION_OF
@@ -77,7 +77,11 @@ def _errors(result: RunResult) -> Iterator[Row]:
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
             if place.startswith(REACTION_OF) and here == absolute == 0.0:
                 continue  # nothing acts along this support
-            norm = None if absolute is None else _norm(units.get(place, "N" if "_force" in place else "m"), absolute)
+            norm = (
+                None
+                if absolute is None or 0.0 < here < TINY
+                else _norm(units.get(place, "N" if "_force" in place else "m"), absolute)
+            )
             yield replace(row, absolute=norm)
 
 

@@ -93,7 +93,11 @@ def _carried(result: RunResult) -> Rows:
         at = f"{plain(round(used['position'][0], 2))}{SPACE}m from the tail, at {plain(round(used['t'], 2))}{SPACE}s"
         limit = f"{percent(used['value'])} of {quantity(used['yield'], 'Pa')}"
         yield "largest stress over yield stress", f"{limit}{where}, {at}"
+    if found := summary.get("fatigue"):
+        life = "" if found[0]["life"] is None else f", endured {significant(found[0]['life'])} times"
+        yield "largest damage by fatigue", f"{significant(found[0]['damage'])}, {found[0]['name']}{life}"
     yield from _forces(result)
+    yield from _luffing(result)
     yield from _deflection(result)
     yield from _lowest(result)
     if (found := summary.get("buckling", {})).get("factor") is not None:
@@ -119,6 +123,16 @@ def _forces(result: RunResult) -> Rows:
         name = outputs[columns[k]].name
         called = name.replace(FORCE_OF, "", 1)
         yield CALLED[kind], f"{quantity(value, 'N')}, {called}, {_when(result, int(step))}"
+
+
+def _luffing(result: RunResult) -> Rows:
+    """What the cylinder along itself presses or pulls with most, and its stroke."""
+    if (found := result.summary.get("luffing_cylinder")) is not None:
+        force, length = found["force"], found["length"]
+        end = "max" if force["max"] >= -force["min"] else "min"
+        when = f"at {plain(round(force[f't_{end}'], 2))}{SPACE}s, {_at(result, force[f's_{end}'])}"
+        stroke = _between(length["min"], length["max"], f"{SPACE}m long")
+        yield "cylinder that raises it, along itself", f"{quantity(force[end], 'N')}, {when}; {stroke}"
 
 
 def _deflection(result: RunResult) -> Rows:

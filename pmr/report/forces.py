@@ -27,8 +27,23 @@ def contact(result: RunResult, prefix: str) -> Block | None:
 
 
 def cylinders(result: RunResult, prefix: str) -> Block | None:
-    """What cylinders push their sections out with."""
-    return _block(result, prefix, "cylinder", "cylinder forces")
+    """What cylinders push their sections out with, and where ropes move some of them, the cylinders that pull these."""
+    found, ropes = _block(result, prefix, "cylinder", "cylinder forces"), tuple(_ropes(result))
+    return Block(heading=found.heading, rows=found.rows, grids=(*found.grids, *ropes)) if found else None
+
+
+def _ropes(result: RunResult) -> Iterator[Grid]:
+    """Forces of ropes and chains, and of the cylinders that pull them."""
+    found = {
+        f"{'rope' if one['follows'] else 'cylinder'} of {one['name']}": Extremes.from_summary(one["force"])
+        for one in result.summary.get("ropes", ())
+    }
+    if found:
+        caption = (
+            "Forces of ropes or chains, all strands of each together, and of the cylinder that moves all of them: by "
+        )
+        caption += "virtual work, without friction of sheaves."
+        yield _grid(found, "N", max(map(size, found.values())), caption, result.coordinate)
 
 
 def supports(result: RunResult, prefix: str) -> Block | None:
@@ -49,8 +64,24 @@ def pivot(result: RunResult, prefix: str) -> Block | None:
         some = [one for one in some if np.abs(response.other(one.name)).max() > ROUND_OFF * largest]
         if some:
             said = f"{what} that the boom presses on its machine with, all supports together, along the boom's axes."
+            if any(one.name.endswith("cylinder") for one in some):
+                said += " Of these the cylinder that raises it bears its own force, along itself; the pivot the rest."
             row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot, said, result, some))
-    return Block(heading="Forces on the machine", rows=(tuple(row),)) if row else None
+    return Block(heading="Forces on the machine", rows=(tuple(row),), grids=tuple(_luffing(result))) if row else None
+
+
+def _luffing(result: RunResult) -> Iterator[Grid]:
+    """Force, length, speed and power of the cylinder that raises the boom."""
+    if (found := result.summary.get("luffing_cylinder")) is None:
+        return
+    s, rows = "the path coordinate" if alone(result) else "the reach", list[tuple[str, ...]]()
+    for name, base in (("force", "N"), ("length", "m"), ("speed", "m/s"), ("power", "W")):
+        one = Extremes.from_summary(found[name])
+        unit = unit_for(size(one), base)
+        rows.append((f"{name} in {unit.name}", *cells(one, unit)))
+    caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
+    caption += f"it gets longer; s is {s}."
+    yield Grid(caption, ("", "least", "at t in s", "and s in m", "largest", "at t in s", "and s in m"), tuple(rows))
 
 
 def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | None:

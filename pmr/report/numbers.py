@@ -11,6 +11,10 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p"}
 
 
+#: A fraction below which figures are no measure of anything.
+TINY = 1e-8
+
+
 @dataclass(frozen=True)
 class Unit:
     """A unit with its prefix: values in the base unit are divided by `size`."""
@@ -68,7 +72,9 @@ def signed(value: float) -> str:
 
 
 def percent(fraction: float, digits: int = 3) -> str:
-    """A fraction in per cent."""
+    """A fraction in per cent; below `TINY` only that it is less, for its digits are those of round-off."""
+    if 0.0 < abs(fraction) < TINY:
+        return f"less than {power_of_ten(round(log10(100.0 * TINY)))}{SPACE}%"
     return f"{significant(100.0 * fraction, digits)}{SPACE}%"
 
 

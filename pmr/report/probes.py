@@ -51,7 +51,21 @@ def probes(result: RunResult, prefix: str) -> Block | None:
     counted = [_counted(result, name, units[known[name]["unit"]]) for name in drawn if known[name]["unit"] != "mm"]
     figures = tuple((_drawn(result, f"{prefix}-probe-{k}", name, known[name]["unit"]),) for k, name in enumerate(drawn))
     text = "All load cycles stand in tables/cycles.csv." if counted else ""
-    return Block("Probes", figures, text=text, grids=(extremes, *counted))
+    return Block("Probes", figures, text=text, grids=(extremes, *counted, *_damage(result)))
+
+
+def _damage(result: RunResult) -> list[Grid]:
+    """Of each stress, where an S-N line is given."""
+    found = result.summary.get("fatigue")
+    if not found:
+        return []
+    rows = [(row["name"], _number(row["damage"]), _number(row["life"])) for row in found]
+    caption = "Damage by load cycles on the scene's S-N line, after Palmgren and Miner: 1 is failure. The life is how "
+    return [Grid(f"{caption}often all that is asked for may come.", ("", "damage", "life"), tuple(rows))]
+
+
+def _number(value: float | None) -> str:
+    return "without end" if value is None else significant(value)
 
 
 def _foremost(names: Iterable[str], found: Mapping[str, Extremes]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,11 @@ class Extremes:
         first, last = int(np.argmin(values)), int(np.argmax(values))
         low, high = float(values[first]), float(values[last])
         return cls(low, float(t[first]), float(s[first]), high, float(t[last]), float(s[last]))
+
+    @classmethod
+    def from_summary(cls, said: Mapping[str, float]) -> Extremes:
+        """Of what `summary` says."""
+        return cls(*(float(said[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", "s_")))
 
     def summary(self) -> dict[str, float]:
         """By the names that summaries and tables give them."""

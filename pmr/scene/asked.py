@@ -16,6 +16,8 @@ from pmr.scene.section import (
     Length,
     Name,
     Place,
+    Positive,
+    Pressure,
     Quantity,
     Section,
     Share,
@@ -129,6 +131,34 @@ class Recovery(Section):
     frames: Count = Field(default=101, description="Of the fields that are stored, for pictures")
     components: Switch = Field(default=False, description="Whether signed stresses are stored beside von Mises'")
     series: Switch = Field(default=True, description="Whether a series of fields is written that ParaView opens")
+
+
+class Repeated(Section):
+    """A line of a load spectrum."""
+
+    cycles: Positive = Field(description="How often the simulated cycle comes, with this share of its stresses")
+    factor: Positive = Field(default=1.0, description="Of all stresses")
+
+
+class Fatigue(Section):
+    """An S-N line, and how often what is simulated is gone through: the damage at each probe that measures stress."""
+
+    slope: Positive = Field(description="m of the line, in logarithms")
+    reference: Pressure = Field(description="Range of a stress that is endured 2e6 times")
+    cut_off: Pressure | None = Field(default=None, description="Range below which a cycle does no damage")
+    cycles: Positive = Field(default=1.0, description="How often the simulated cycle comes")
+    spectrum: tuple[Repeated, ...] = Field(default=(), description="In place of `cycles`: with shares of its stresses")
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Fatigue:
+        if self.spectrum and "cycles" in self.model_fields_set:
+            raise ValueError("give cycles or spectrum, one of them")
+        return self
+
+    @property
+    def lines(self) -> tuple[Repeated, ...]:
+        """Of the spectrum."""
+        return self.spectrum or (Repeated(cycles=self.cycles),)
 
 
 class Reduction(Section):

@@ -28,6 +28,7 @@ def check(scene: Scene) -> None:
     else:
         _check_alone(scene)
     check_frame(scene)
+    _fatigue(scene)
 
 
 def _check_alone(scene: Scene) -> None:
@@ -47,6 +48,12 @@ def _check_alone(scene: Scene) -> None:
     _frequency_response(scene)
     _comparison(scene)
     _simulators(scene)
+
+
+def _fatigue(scene: Scene) -> None:
+    measured = [measure for part in scene.sections for probe in part.probes for measure in probe.measures]
+    if scene.fatigue is not None and "stress" not in measured:
+        raise refusal("fatigue", None, "a probe with measures = ['stress'] is needed: damage is that of its stresses")
 
 
 def check_time(scene: Scene) -> None:

@@ -22,7 +22,7 @@ from pydantic import Field, model_validator
 
 from pmr.scene.joints import Linear
 from pmr.scene.refusals import of_key
-from pmr.scene.section import Point, Section, Switch
+from pmr.scene.section import Place, Point, Section, Switch
 from pmr.scene.signals import Constant, Signal, SignalBase
 
 #: What inputs are called that accelerate a body with the frame, before the field: ``inertia x``, ``inertia zx``.
@@ -69,6 +69,31 @@ class BaseMotion(Section):
         return {axis: signal for axis, signal in found.items() if signal is not None}
 
 
+class LuffingCylinder(Section):
+    r"""Where the cylinder that raises the boom is hinged: x and z from the pivot, z upwards where the boom lies level.
+
+    With the foot :math:`r_0` on the machine and the lug :math:`r_1` on the boom its length at the angle
+    :math:`\varphi` is :math:`L = |R(\varphi) r_1 - r_0|`, and by virtual work it carries the moment
+    :math:`\mathfrak M` of the boom about the pivot with the force :math:`\mathfrak M / (dL / d\varphi)`.
+    """
+
+    foot: tuple[Place, Place] = Field(description="Hinge on the machine, along axes that slew but are not raised")
+    lug: tuple[Place, Place] = Field(description="Hinge on the boom, along axes of the boom")
+
+    def raised(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """The lug at luffing angles (...) in rad, (..., 2) m along the axes of the foot."""
+        sine, cosine, (x, z) = np.sin(angle), np.cos(angle), self.lug
+        return np.stack([x * cosine - z * sine, x * sine + z * cosine], axis=-1)
+
+    def length(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Length in m at luffing angles in rad, and what it grows by for each radian, its arm about the pivot, m."""
+        lug = self.raised(angle)
+        own = lug - self.foot
+        length = np.linalg.norm(own, axis=-1)
+        turned = own[..., 1] * lug[..., 0] - own[..., 0] * lug[..., 1]
+        return length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0)
+
+
 class Frame(Section):
     """A frame that turns about a pivot: every body moves in it, and gravity turns with it."""
 
@@ -79,6 +104,9 @@ class Frame(Section):
     slewing: Signal | None = Field(default=None, description="Angle over time by which it is turned, upwards axis")
     unit: Literal["rad", "degrees"] = Field(default="rad", description="Of all angles")
     base: BaseMotion | None = Field(default=None, description="How the machine below the pivot moves itself")
+    cylinder: LuffingCylinder | None = Field(
+        default=None, description="What raises the boom: its force, length and power are computed"
+    )
     second_order: Switch | Literal["auto"] = Field(
         default=False,
         description="Whether axial forces bend what is bent, and the small motion itself feels that the frame turns; "

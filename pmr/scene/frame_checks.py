@@ -6,6 +6,7 @@ import numpy as np
 
 from pmr.scene.built import Gravity
 from pmr.scene.choice import model_of, parts_of
+from pmr.scene.frame import Frame
 from pmr.scene.members import members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
@@ -13,6 +14,8 @@ from pmr.scene.structure_checks import refusal
 
 #: Share of an angle's range that it may jump by, which round-off does.
 JUMP = 1e-9
+#: Share of a luffing cylinder's distance from the pivot that its arm is at least, and at how many times.
+IN_LINE, SAMPLES = 0.01, 1001
 #: Of 2 pi rad: more of it is more likely to be meant in degrees.
 TURN = 2.0 * np.pi
 
@@ -30,6 +33,7 @@ def check_frame(scene: Scene) -> None:
             allowed = "its unit has to be said where an angle goes beyond a turn: frame.unit = 'degrees' or 'rad'"
             raise refusal(f"frame.{key}", float(f"{largest:.4g}"), allowed)
         _check_smooth(scene, key, "an angle", angle)
+    _check_cylinder(scene, frame)
     for axis, motion in (frame.base.motions if frame.base else {}).items():
         if axis in ("x", "y", "z"):
             _check_smooth(scene, f"base.{axis}", "a motion", motion)
@@ -59,6 +63,20 @@ def check_frame(scene: Scene) -> None:
                 raise refusal(scene.key_of(member.number, "loads"), load.on, allowed)
     if "ancf" in scene.compare.against:
         raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
+
+
+def _check_cylinder(scene: Scene, frame: Frame) -> None:
+    """A cylinder in line with the pivot carries no moment."""
+    if frame.cylinder is None:
+        return
+    t = np.linspace(0.0, scene.time.end, SAMPLES)
+    angle = frame.angles[0].value(t)
+    length, arm = frame.cylinder.length(angle)
+    reach = float(np.hypot(*frame.cylinder.lug))
+    k = int(np.argmin(np.abs(arm)))
+    if np.abs(arm[k]) < IN_LINE * reach or arm.min() < 0.0 < arm.max() or reach == 0.0:
+        at = f"at {t[k]:.4g} s, {np.rad2deg(angle[k]):.3g} degrees, a cylinder of {length[k]:.3g} m has {arm[k]:.2g} m"
+        raise refusal("frame.cylinder", None, f"hinges with an arm about the pivot are allowed: {at}")
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:

@@ -42,7 +42,10 @@ class JointPads(Section):
     clearance: Distance | dict[Face, Distance] = Field(
         default=0.0, description="Between pads that only push and the section at rest, of all faces or by face"
     )
-    friction: Friction = Field(default=0.0, description="Coulomb's coefficient along the boom, part of cylinder forces")
+    friction: Friction = Field(
+        default=0.0,
+        description="Coulomb's coefficient along the boom: part of cylinder forces, moment on both sections",
+    )
 
     @model_validator(mode="after")
     def _only_what_pushes_has_play(self) -> JointPads:

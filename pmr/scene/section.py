@@ -56,6 +56,7 @@ Speed = Annotated[float, _Positive, Quantity("m/s", 1e-12, 1e9)]
 Time = Annotated[float, _Positive, Quantity("s", 1e-12, 1e9)]
 Share = Annotated[float, _NotNegative, Quantity("1", 0.0, 1e9)]
 Friction = Annotated[float, _NotNegative, Quantity("1", 0.0, 1.0)]  # dry steel on steel has 0.8
+Positive = Annotated[float, _Positive, Quantity("1", 1e-12, 1e18)]
 Count = Annotated[int, _Count, Quantity("1", 1, 1_000_000)]
 Component = Annotated[float, _Strict, Quantity("1", -1e300, 1e300)]
 

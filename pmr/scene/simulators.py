@@ -17,6 +17,7 @@ class Needs:
     rigid_pushing: tuple[str, ...] = ()
     giving: tuple[str, ...] = ()  #: Rows that give way
     rigid_moving: tuple[str, ...] = ()  #: Rigid rows that travel along a path
+    rubbing: tuple[str, ...] = ()  #: Rows with friction that does more than add to a cylinder's force
     rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
 
@@ -26,17 +27,18 @@ class Capabilities:
 
     rows_that_push: bool = False
     rows_that_give_way: bool = True
+    rows_that_rub: bool = False
     reduced_models: bool = True  # it is one of `simulation.simulators`
     package: str | None = None  # that it needs installed
 
 
 #: By the names of `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
-    "march": Capabilities(rows_that_push=True),
+    "march": Capabilities(rows_that_push=True, rows_that_rub=True),
     "exudyn": Capabilities(rows_that_push=True, package="exudyn"),
     "exudyn-multiplier": Capabilities(package="exudyn"),
     "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
-    "petsc": Capabilities(rows_that_push=True, reduced_models=False),
+    "petsc": Capabilities(rows_that_push=True, rows_that_rub=True, reduced_models=False),
 }
 
 
@@ -59,6 +61,7 @@ def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
     lacking = {
         "rows_that_push": (needs.pushing, f"knows no rows that only push ({', '.join(needs.pushing)})"),
         "rows_that_give_way": (needs.giving, f"knows no rows that give way ({', '.join(needs.giving)})"),
+        "rows_that_rub": (needs.rubbing, f"knows no friction ({', '.join(needs.rubbing)})"),
     }
     for capability, (needed, reason) in lacking.items():
         if needed and not getattr(can, capability):

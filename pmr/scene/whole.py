@@ -34,6 +34,7 @@ class Whole(Section):
     damping: asked.Damping = Field(default=asked.Damping(), description="Of the material")
     time: asked.TimeChoice = Field(description="Simulated time and its steps")
     recovery: asked.Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
+    fatigue: asked.Fatigue | None = Field(default=None, description="Damage by load cycles at probes of stress")
     simulation: asked.Simulation = Field(default=asked.Simulation(), description="Who simulates")
     compare: asked.Compare = Field(default=asked.Compare(), description="What the reduced model is compared with")
     accuracy: asked.Accuracy | None = Field(

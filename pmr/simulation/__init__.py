@@ -1,9 +1,8 @@
 """Simulators, a folder each: `native` (march, compiled), `exudyn` (with the ANCF reference), `petsc` (full order).
 
-Every simulator of a sliding body fulfils `Simulator`: the same arguments, and a `Trajectory` that holds all steps,
-t = 0 included; of a system of bodies it is `SystemSimulator`.  Full models, of which nobody keeps all steps, have
-`petsc.observe`.  What a simulator can't do it doesn't try: `pmr.scene.simulators.refuse`
-says so, with the key to change.
+Every simulator fulfils `SystemSimulator`: the same arguments, and a `SystemTrajectory` that holds all steps, t = 0
+included; a body alone is the system of one.  Full models, of which nobody keeps all steps, have `petsc.observe`.  What
+a simulator can't do it doesn't try: `pmr.scene.simulators.refuse` says so, with the key to change.
 """
 
 from __future__ import annotations
@@ -14,43 +13,9 @@ from typing import Protocol
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress, TimeStepping
-from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.system import System, SystemTrajectory
 
-__all__ = ["Excitation", "InitialState", "Progress", "Simulator", "SystemSimulator", "TimeStepping"]
-
-
-class Simulator(Protocol):
-    """Integrates a sliding body over time."""
-
-    def __call__(
-        self,
-        body: SlidingBody,
-        excitation: Excitation,
-        initial: InitialState | None = None,
-        progress: Progress | None = None,
-    ) -> Trajectory:
-        """Simulate from t = 0 on.
-
-        Parameters
-        ----------
-        body : SlidingBody
-            Reduced or full.
-        excitation : Excitation
-            One path, within the body's domain, a load for each of the body's inputs, and the time grid.
-        initial : InitialState, optional
-            Coordinates and velocities at t = 0; at rest and undeformed by default.
-        progress : callable, optional
-            Called with the share of the time span that is done.
-
-        Raises
-        ------
-        InputError
-            If the path leaves the domain, a load is missing, or the initial position violates the rows.
-        SimulationError
-            If a step fails or a result is not finite.
-        """
-        ...
+__all__ = ["Excitation", "InitialState", "Progress", "SystemSimulator", "TimeStepping"]
 
 
 class SystemSimulator(Protocol):
@@ -69,7 +34,8 @@ class SystemSimulator(Protocol):
         ----------
         system : System
         excitation : Excitation
-            The system's paths, by name, and a load for each ``body.input``.
+            The system's paths, by name and within their rows' ranges, a load for each input and an amplitude for each
+            term, and the time grid.
         initial : mapping of str to InitialState, optional
             Of each body; those that are missing start at rest, undeformed.  `native.systems.static_start` gives one.
         progress : callable, optional
@@ -79,6 +45,6 @@ class SystemSimulator(Protocol):
         InputError
             If a path leaves a row, a load is missing, a start violates a rigid contact, or a rigid one only pushes.
         SimulationError
-            If contacts depend on each other, a result is not finite, or the motion grows.
+            If a step fails, contacts depend on each other, a result is not finite, or the motion grows.
         """
         ...

@@ -26,9 +26,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import GrowthError
-from pmr.results import Energy
-from pmr.simulation.start import row_flexibility
-from pmr.system.body import SlidingBody, Trajectory, pushing_rows, with_inertia
+from pmr.system.body import SlidingBody, Trajectory, with_inertia
 
 Array = NDArray[np.float64]
 
@@ -43,13 +41,9 @@ ROUND_OFF = 1e-12
 BLOCK = 4096
 
 
-def energy(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Energy:
-    """v^T M v / 2, q^T K q / 2 and -q^T B f, each (T,) in J (Weyrer et al., equation for H(t)).
-
-    Strain energy includes that of the pads, lambda^2 / (2 k), and of the residual flexibility; the residual part's
-    kinetic energy is left out.
-    """
-    return _energy(body, trajectory, loads, _motion(body, trajectory, loads))
+def potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
+    """Of the loads, -q^T B f (T,) in J (Weyrer et al., equation for H(t))."""
+    return -dot(_motion(body, trajectory, loads), loads)
 
 
 class Account:
@@ -59,29 +53,20 @@ class Account:
         self._body = body
         self.stored, self.work = np.zeros(steps + 1), np.zeros(steps + 1)
 
-    def add(self, first: int, part: Trajectory, loads: Array) -> Energy:
-        """Energies of a part of the trajectory, whose first step, number `first`, is the last of the one before."""
-        steps = slice(first, first + len(part.t))
-        with np.errstate(over="ignore", invalid="ignore"):
-            motion = _motion(self._body, part, loads)
-            found = _energy(self._body, part, loads, motion)
-            self.stored[steps] = found.kinetic + found.strain
-            self.work[steps][1:] = self.work[first] + np.cumsum(_works(self._body, part, loads, motion))
-        return found
+    def add(self, first: int, part: Trajectory, loads: Array) -> None:
+        """Follow a part of the trajectory, whose first step, number `first`, is the last of the one before.
 
-    def surplus(self, loads: Array, step: float, s: float, simulator: str) -> float:
-        """Surplus of the whole motion, under loads (T, i) in N and with the slider at s m in the beginning.
-
-        A GrowthError is raised where more than `GROWN` of the largest energy comes from nowhere.
+        Strain energy includes that of the pads, lambda^2 / (2 k), and of the residual flexibility; the residual part's
+        kinetic energy is left out.
         """
-        body = self._body
+        body, steps = self._body, slice(first, first + len(part.t))
         with np.errstate(over="ignore", invalid="ignore"):
-            inertia = body.M.diagonal() if sp.issparse(body.M) else np.diagonal(body.M)
-            least = round_off(body.B.T @ (body.B / inertia[:, None]), loads, step)
-            found = surplus(self.stored, self.work, least, since_start=bool(pushing_rows(body)))
-        rigid = row_flexibility(body, s)[1]
-        refuse_growth(found, simulator, [body.row_names[k] for k in body.moving if rigid[k]])
-        return found
+            motion, multipliers = _motion(body, part, loads), part.multipliers
+            strain = half_form(body.K, part.q) + multipliers**2 @ body.row_compliance / 2.0
+            if body.flexibility is not None:
+                strain = strain + body.flexibility.strain_energy(part.s, multipliers, loads)
+            self.stored[steps] = half_form(body.M, with_inertia(body, part.v)) + strain
+            self.work[steps][1:] = self.work[first] + np.cumsum(_works(body, part, loads, motion))
 
 
 def surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
@@ -136,15 +121,6 @@ def blocks(size: int) -> Iterator[slice]:
     """Rows of a trajectory of `size` steps, some thousand at a time; each block begins where the one before ends."""
     for first in range(0, max(1, size - 1), BLOCK):
         yield slice(first, min(first + BLOCK + 1, size))
-
-
-def _energy(body: SlidingBody, part: Trajectory, loads: Array, motion: Array) -> Energy:
-    """The energies, given B^T q."""
-    multipliers = part.multipliers
-    strain = half_form(body.K, part.q) + multipliers**2 @ body.row_compliance / 2.0
-    if body.flexibility is not None:
-        strain = strain + body.flexibility.strain_energy(part.s, multipliers, loads)
-    return Energy(half_form(body.M, with_inertia(body, part.v)), strain, -dot(motion, loads))
 
 
 def _works(body: SlidingBody, part: Trajectory, f: Array, motion: Array) -> Array:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.results import Energy
 from pmr.simulation.stepping import Progress
-from pmr.system.body import Trajectory
+from pmr.system.system import SystemTrajectory
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -23,9 +21,9 @@ class Block:
     """Some steps in a row; the first of them is the last of the block before, or the start."""
 
     first: int  # number of its first step
-    part: Trajectory  # its arrays are valid until the next block: what is kept is to be copied
-    loads: Array  # (T, i) N
-    energy: Energy
+    count: int
+    #: Some of its steps, by their numbers from the first one on; valid until the next block: what is kept is copied.
+    at: Callable[[Indices | slice], SystemTrajectory]
 
 
 #: Seconds from which on blocks get no longer, where they begin with few steps.
@@ -37,7 +35,7 @@ Take = Callable[[Block], None]
 
 @dataclass(frozen=True)
 class Ended:
-    """What is known at the end of a simulation: the solver's wall time in s, and the `surplus` of a `Trajectory`."""
+    """What is known at the end of a simulation: the solver's wall time in s, and the `surplus` of a trajectory."""
 
     seconds: float
     surplus: float
@@ -48,21 +46,23 @@ class Recorder:
 
     def __init__(self, steps: Indices) -> None:
         self._steps = steps
-        self._arrays: dict[str, Any] = {}
+        self._found: SystemTrajectory | None = None
 
     def __call__(self, block: Block) -> None:
-        size = len(block.part.t)
-        low, high = np.searchsorted(self._steps, [block.first, block.first + size])
-        # Numbers in a row are copied as they stand, in a fifth of the time.
-        rows = slice(None) if high - low == size else self._steps[low:high] - block.first
-        for name, array in block.part.arrays.items():
-            if name not in self._arrays:
-                self._arrays[name] = np.empty((len(self._steps), *array.shape[1:]), array.dtype)
-            self._arrays[name][low:high] = array[rows]
+        low, high = np.searchsorted(self._steps, [block.first, block.first + block.count])
+        if self._found is not None and low == high:
+            return
+        # Numbers in a row are taken as they stand, in a fifth of the time.
+        some = block.at(slice(None) if high - low == block.count else self._steps[low:high] - block.first)
+        if self._found is None:
+            self._found = some.mapped(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
+        for kept, array in zip(self._found.arrays, some.arrays, strict=True):
+            kept[low:high] = array
 
-    def trajectory(self, ended: Ended) -> Trajectory:
+    def trajectory(self, ended: Ended) -> SystemTrajectory:
         """The recorded steps."""
-        return Trajectory(**self._arrays, seconds=ended.seconds, surplus=ended.surplus)
+        assert self._found is not None  # as every simulation has a block
+        return replace(self._found, seconds=ended.seconds, surplus=ended.surplus)
 
 
 def in_blocks(

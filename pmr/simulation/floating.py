@@ -27,11 +27,11 @@ class Extended:
 
 @dataclass(frozen=True)
 class Moments:
-    """beta (S, 4, 3, n) of the sections, over 1, x, y and z; with rates, once and twice, as extensions change it."""
+    """beta (S, 4, 3, n) of the S sections, over 1, x, y and z, where extensions s (S,) stand and move."""
 
     value: Array
-    rate: Array
-    second: Array
+    slope: Array  # d beta / d s, (S, 4, 3, n, S)
+    curve: Array  # d^2 beta / d s_j d s_k s_j' s_k', (S, 4, 3, n)
 
 
 @dataclass(frozen=True)
@@ -115,10 +115,11 @@ class State:
         self.X, self.X_rate, self.X_second = (np.cumsum(one) for one in vars(extended).values())
         self.d = of.place + np.outer(self.X, e)
         beta = of.moments if moments is None else moments
+        beta_rate = beta.slope @ extended.rate
         self.J, self.mu = beta.value.copy(), beta.value @ q
-        self.mu_rate = beta.value @ rate + beta.rate @ q
-        self.mu_second = 2.0 * beta.rate @ rate + beta.second @ q  # but for what accelerations make
-        self.lean = np.zeros((len(sections), 4, len(sections)))  # d mu_lx / d extension
+        self.mu_rate = beta.value @ rate + beta_rate @ q
+        self.mu_second = 2.0 * beta_rate @ rate + beta.curve @ q  # but for what accelerations make
+        self.lean = np.einsum("sljne,n->slje", beta.slope, q)  # d mu / d extension, (S, 4, 3, S)
         for one in of.shortened:
             f, f1, f2 = one.factor(extended)
             at, Gq = (one.section, one.over, 0), one.G @ q
@@ -131,7 +132,7 @@ class State:
             )
             self.mu_second[at] += f * (rate @ one.G @ rate) + 2.0 * f1 * (rate @ Gq) + known * (q @ Gq) / 2.0
             if one.cylinder is not None:
-                self.lean[one.section, one.over, one.cylinder] += (q @ Gq) / 2.0 / extended.value[one.cylinder] ** 2
+                self.lean[*at, one.cylinder] += (q @ Gq) / 2.0 / extended.value[one.cylinder] ** 2
         masses, first = np.array([one.mass for one in sections]), np.array([one.first for one in sections])
         self.masses = masses
         self.own = masses[:, None] * self.d + first + self.mu[:, 0]  # of each section about O
@@ -173,15 +174,15 @@ class State:
         found[:3, 6 : 6 + n] = J[:, 0].sum(axis=0)
         turned = np.einsum("kab,sa,sbn->kn", CROSS, self.d, J[:, 0]) + np.einsum("klj,sljn->kn", CROSS, J[:, 1:])
         found[3:6, 6 : 6 + n] = turned + self.tq
-        # an extension moves all sections from its own on, and cylinders that lean carry them
-        beyond = np.tril(np.ones((S, S)))  # (section, extension)
-        along = (self.masses[:, None] * beyond + self.lean[:, 0]).sum(axis=0)
-        found[:3, 6 + n :] = np.outer(e, along)
+        # an extension moves all sections from its own on, and changes what coordinates and leaning cylinders move
+        beyond, lean = np.tril(np.ones((S, S))), self.lean  # (section, extension)
+        found[:3, 6 + n :] = np.outer(e, self.masses @ beyond) + lean[:, 0].sum(axis=0)
         found[3:6, 6 + n :] = np.einsum("sk,se->ke", np.cross(self.own, e), beyond)
-        found[3:6, 6 + n :] += np.einsum("sk,se->ke", np.cross(self.d, e), self.lean[:, 0])
+        found[3:6, 6 + n :] += np.einsum("kab,sa,sbe->ke", CROSS, self.d, lean[:, 0])
+        found[3:6, 6 + n :] += np.einsum("klj,slje->ke", CROSS, lean[:, 1:])
         found[6 : 6 + n, 6 + n :] = np.einsum("sn,se->ne", J[:, 0, 0], beyond)
-        both = beyond.T @ (self.masses[:, None] * beyond) + beyond.T @ self.lean[:, 0] + self.lean[:, 0].T @ beyond
-        found[6 + n :, 6 + n :] = both
+        both = beyond.T @ lean[:, 0, 0]
+        found[6 + n :, 6 + n :] = beyond.T @ (self.masses[:, None] * beyond) + both + both.T
         return np.asarray(np.triu(found) + np.triu(found, 1).T)
 
     def forces(self) -> Array:
@@ -201,7 +202,7 @@ class State:
         each = self.masses[:, None] * y[:, 0] + np.array([one.first for one in self.of.sections]) @ A.T
         each = each + self.mu_second[:, 0] + 2.0 * self.mu_rate[:, 0] @ spin.T + self.mu[:, 0] @ A.T
         beyond = np.tril(np.ones((S, S)))
-        path = beyond.T @ each[:, 0] + np.einsum("sl,sle->e", y[:, :, 0], self.lean)
+        path = beyond.T @ each[:, 0] + np.einsum("slj,slje->e", y, self.lean)
         return np.concatenate([linear, turned, own, path])
 
 

@@ -95,7 +95,7 @@ class FreeBase:
                 shortened.append(Shortened(section, len(one.component) - 1, term.stiffness.toarray(), cylinder))
         self.size, self._count = n, len(sections)
         B = self.moments(assembly.B.toarray())
-        own = Moments(B, 0.0 * B, 0.0 * B)
+        own = Moments(B, np.zeros((*B.shape, len(sections))), 0.0 * B)
         self.boom = Boom(np.array(scene.frame.place), sections, own, shortened, rotating, carried)
 
     def moments(self, B: Array) -> Array:
@@ -130,6 +130,10 @@ class FreeBase:
             own[3:] += np.cross(self.boom.place + X * np.eye(3)[0], own[:3])
             found += own
         return found
+
+    def pulls(self, f: Array) -> Array:
+        """Forces (S,) of loads f (i,) along the extensions: on a section and all beyond it."""
+        return np.cumsum([(one.loads @ f)[0] for one in self.boom.sections[::-1]])[::-1]
 
     def momentum(
         self, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None

@@ -12,9 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.linalg import spsolve
 
-from pmr.constraints.polynomials import applied, times, total, transposed
+from pmr.constraints.polynomials import applied, total, transposed
 from pmr.errors import InputError
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
@@ -96,7 +98,7 @@ def modal_form(body: SlidingBody) -> ModalForm:
     return ModalForm(modal, X, np.asarray((body.M @ X).T), tuple(kept))
 
 
-def support_forces(body: ReducedModel, trajectory: Trajectory, loads: Array) -> Array:
+def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     r"""What a body presses on its rigid supports with, (T, h) in N or N m, under loads (T, i).
 
     Of `pmr.reduced.reactions`, with the accelerations that follow from the equations of motion:
@@ -109,17 +111,21 @@ def support_forces(body: ReducedModel, trajectory: Trajectory, loads: Array) -> 
     if known is None:
         return np.empty((len(trajectory.t), 0))
     P = inertia_share(body, known)
-    rows = total(known.rows, transposed(times(body.rows, P.T)), -1.0)
+    rows = total(known.rows, transposed(body.rows_on(P.T)), -1.0)
     pressed = applied(rows, trajectory.s, trajectory.multipliers)
     return unpressed(body, known, trajectory, loads) - pressed
 
 
-def inertia_share(body: ReducedModel, known: Reactions) -> Array:
-    """P (h, r) of `support_forces`."""
-    return np.asarray(np.linalg.solve(body.M, known.inertia[:, : body.size].T).T)
+def inertia_share(body: SlidingBody, known: Reactions) -> Array:
+    """P (h, n) of `support_forces`; none in coordinates that supports hold."""
+    free, P = np.setdiff1d(np.arange(body.size), list(body.held.values())), np.zeros((len(known.names), body.size))
+    M, right = body.M[np.ix_(free, free)], known.inertia[:, free].T
+    found = spsolve(sp.csc_matrix(M), right).reshape(right.shape) if sp.issparse(M) else np.linalg.solve(M, right)
+    P[:, free] = found.T
+    return P
 
 
-def unpressed(body: ReducedModel, known: Reactions, trajectory: Trajectory, loads: Array) -> Array:
+def unpressed(body: SlidingBody, known: Reactions, trajectory: Trajectory, loads: Array) -> Array:
     """`support_forces` but for the rows' share, (T, h)."""
     r, P = body.size, inertia_share(body, known)
     forces = loads @ (known.inputs - P @ body.B).T - trajectory.v @ (known.damping[:, :r] - P @ body.D).T

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pmr.scene.simulators import Needs
 from pmr.system.body import Body
+from pmr.system.friction import Friction
 from pmr.system.system import Joined
 
 Array = NDArray[np.float64]
@@ -18,6 +19,8 @@ def needs_of(system: Joined[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: 
     for side, at in zip(system.sides, x.T, strict=True):
         moving[side.contact] |= np.any(at != at[0])
 
+    rubs = Friction.of(system.contacts)
+
     def names(which: NDArray[np.bool_]) -> tuple[str, ...]:
         return tuple(name for name, chosen in zip(system.contact_names, which, strict=True) if chosen)
 
@@ -26,5 +29,6 @@ def needs_of(system: Joined[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: 
         rigid_pushing=names(pushing & rigid),
         giving=names(~rigid),
         rigid_moving=names(rigid & moving),
+        rubbing=() if rubs is None else tuple(system.contact_names[k] for k in rubs.pads),
         rho_inf=rho_inf,
     )

@@ -106,6 +106,8 @@ class Postures:
     c: Array  # (w, P, k): amplitudes of the terms of each part
     wrenches: Array  # (w, P, 6): force in N and moment in N m about the pivot, along the ground's axes, of each part
     slewing: Array  # (P,) rad
+    luffing: Array  # (P,) rad
+    arm: Array  # (P,) m: about the pivot, of the cylinder that raises the boom; NaN where the scene has none
     parts: tuple[str, ...]  # (w,)
     output_names: tuple[str, ...]
     output_kinds: tuple[str, ...]
@@ -142,6 +144,8 @@ class Postures:
             c=c[:, :, used],
             wrenches=np.array([_wrench(scene, weights, at, name) for name in parts]),
             slewing=at.slewing,
+            luffing=at.luffing,
+            arm=_arms(scene, at),
             parts=parts,
             output_names=names,
             output_kinds=kinds,
@@ -222,6 +226,12 @@ def _wrench(scene: Scene, weights: Weights, at: Stands, acting: str) -> Array:
 def _add(found: Array, place: Array, force: Array) -> None:
     found[:, :3] += force
     found[:, 3:] += np.cross(place, force)
+
+
+def _arms(scene: Scene, at: Stands) -> Array:
+    assert scene.frame is not None
+    cylinder = scene.frame.cylinder
+    return np.full(at.count, np.nan) if cylinder is None else cylinder.length(at.luffing)[1]
 
 
 def _shown(system: System) -> tuple[list[int], tuple[str, ...], tuple[str, ...]]:

@@ -13,13 +13,14 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import MODAL, extended, truncated
 from pmr.scene import Reduction, Scene
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.balance import energy
-from pmr.simulation.blocks import Recorder
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.studies import local_bases, shared
-from pmr.system.body import Trajectory, displacement, length_outputs
+from pmr.system.body import length_outputs
+from pmr.system.contacts import ALONE
 from pmr.system.projection import projected
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
@@ -37,20 +38,20 @@ class Case:
     excitation: Excitation
     band: float
     full: ReducedModel
-    run: Trajectory
+    run: SystemTrajectory
     displacement: Array
 
     @classmethod
     def of(cls, scene: Scene, band: float) -> Case:
         form, excitation = modal_form(shared.body_of(scene)), Excitation.of(scene)
-        run = march.simulate_modal(form, excitation)
-        return cls(scene, excitation, band, form.body, run, _outputs(form.body, run, excitation))
+        run = _simulated(form, excitation)
+        return cls(scene, excitation, band, form.body, run, _outputs(form.body, run))
 
-    def simulated(self, model: ReducedModel) -> tuple[Trajectory, Array]:
+    def simulated(self, model: ReducedModel) -> tuple[SystemTrajectory, Array]:
         """Trajectory in modal coordinates, and outputs (T, o)."""
         form = modal_form(model)
-        run = march.simulate_modal(form, self.excitation)
-        return run, _outputs(form.body, run, self.excitation)
+        run = _simulated(form, self.excitation)
+        return run, _outputs(form.body, run)
 
 
 Model = TypeVar("Model")
@@ -69,8 +70,14 @@ class BySize(Generic[Model]):
 Models = BySize[ReducedModel]
 
 
-def _outputs(body: ReducedModel, run: Trajectory, excitation: Excitation) -> Array:
-    return displacement(body, run.q, run.s, run.multipliers, excitation.forces(body.input_names))
+def _simulated(form: ModalForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
+    """From rest or equilibrium, in modal coordinates."""
+    alone = SystemForm.alone(form)
+    return systems.simulate_form(alone, excitation, systems.start_of(alone.system, excitation), every=every)
+
+
+def _outputs(body: ReducedModel, run: SystemTrajectory) -> Array:
+    return systems.displacements(System.of(body), run)[ALONE]
 
 
 def reduction(scene: Scene, basis: str, largest: int) -> Reduction:
@@ -135,7 +142,7 @@ def harmonic(case: Case) -> Models:
 
 def trajectory(case: Case) -> Models:
     """POD of the full model's own motion."""
-    return _spanned(case.full, case.run.q[::EVERY].T)
+    return _spanned(case.full, case.run.bodies[ALONE].q[::EVERY].T)
 
 
 def _spanned(body: ReducedModel, pool: Array) -> Models:
@@ -169,20 +176,11 @@ def candidates(case: Case, method: str) -> BySize[Simulate]:
 
 def _marched(form: ModalForm) -> Simulate:
     def simulate(excitation: Excitation, every: int) -> local_bases.LocalMotion:
-        recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
-        run, f = recorder.trajectory(march.follow(form, excitation, recorder)), excitation.forces(form.body.input_names)
-        y = displacement(form.body, run.q, run.s, run.multipliers, f[::every])[:, length_outputs(form.body)]
-        found = energy(form.body, run, f[::every])
-        return local_bases.LocalMotion(y, found.kinetic + found.strain, run.seconds)
+        run = _simulated(form, excitation, every)
+        y = _outputs(form.body, run)[:, length_outputs(form.body)]
+        return local_bases.LocalMotion(y, run.energy, run.seconds)
 
     return simulate
-
-
-def full_energy(case: Case) -> Array:
-    """Energy (T,) in J of the full model's motion."""
-    body = case.full
-    found = energy(body, case.run, case.excitation.forces(body.input_names))
-    return np.asarray(found.kinetic + found.strain)
 
 
 def stepped(excitation: Excitation, factor: float) -> Excitation:
@@ -193,4 +191,5 @@ def stepped(excitation: Excitation, factor: float) -> Excitation:
 
 def observed(form: ModalForm, excitation: Excitation, every: int) -> Array:
     """Displacements (T, o) in m at each `every`-th step."""
-    return march.observe(form, excitation, np.flatnonzero(length_outputs(form.body)).tolist(), every).y
+    chosen = np.flatnonzero(length_outputs(form.body)).tolist()
+    return systems.observe(SystemForm.alone(form), excitation, chosen, every).y

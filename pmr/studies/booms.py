@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.accuracy.family import Family
 from pmr.compare.accuracy.order import family_of as all_sizes
-from pmr.compare.booms import respond
+from pmr.compare.evaluation import respond
 from pmr.compare.runs import in_parts, run_from_start
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.quasi_static import as_simulated
@@ -34,9 +34,9 @@ def meshed(boom: Scene, count: int) -> Scene:
     return _with(boom, "mesh", {"elements": count})
 
 
-def reduced_to(boom: Scene, modes: int, estimate: bool = True) -> Scene:
-    """With free modes for so many elastic ones in every section, and those of an error estimate where one is wanted."""
-    asked = {"coordinates": RIGID + modes, "flexibility": True, "estimate": estimate}
+def reduced_to(boom: Scene, modes: int) -> Scene:
+    """With free modes for so many elastic ones in every section, and those of an error estimate."""
+    asked = {"coordinates": RIGID + modes, "flexibility": True, "estimate": True}
     return _with(boom, "reduction", asked)
 
 

@@ -16,7 +16,8 @@ from pmr.studies.engine.task import TaskResult
 from pmr.studies.limits import Limit
 from pmr.system.assembly import Assembly
 from pmr.system.buckling import buckling_factors
-from pmr.system.loaded import Loaded
+from pmr.system.lift_off import Rope, lift_off
+from pmr.system.loaded import Equations, Loaded
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -113,7 +114,9 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     """Task: what limits allow at some of the places; ``place`` (p, 2) m, radius and height of the undeformed tip.
 
     Arrays: ``load`` (p, l) kg, the least of all cases, with ``case`` (p, l), its number, and ``error`` (p, l) kg; NaN
-    where a limit is not met up to the largest load.  Figures are the extremes of the loads that all limits allow.
+    where a limit is not met up to the largest load.  With ``hoist`` also ``hoist`` (p,), by which factor of its weight
+    the least load of all pulls as it is lifted off, in the first case's amounts.  Figures are the extremes of the loads
+    that all limits allow.
     """
     limits = [Limit.model_validate(one) for one in arguments["limits"]]
     arrays = needs["postures"].arrays
@@ -146,12 +149,25 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
             before[-1] /= 1.0 + above * (before[-1] < up_to)  # of one that is not met nothing is known
             error[k - first] = margins * np.maximum(np.abs(other - own), np.abs(before - own))
     governing = np.min(np.nan_to_num(load, nan=np.inf), axis=1)
+    hoisted = {}
+    if arguments.get("hoist") is not None:
+        rope, named = Rope(*arguments["hoist"]), dict(zip(at.parts, amounts[0], strict=True))
+        hoisted["hoist"] = np.array(
+            [_hoisted(at.at(k, named), float(m), rope, gravity) for k, m in enumerate(governing, first)]
+        )
     finite = governing[np.isfinite(governing)]
     record = {"load.least": float(finite.min()), "load.most": float(finite.max())} if len(finite) else {}
     tip, slewing = needs["postures"].arrays["tip"][first:last], at.slewing[first:last]
     radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
     place = np.column_stack([radius, tip[:, 2]])
-    return TaskResult(record, {"load": load, "case": case, "error": error, "place": place})
+    return TaskResult(record, {"load": load, "case": case, "error": error, "place": place, **hoisted})
+
+
+def _hoisted(equations: Equations, load: float, rope: Rope, gravity: float) -> float:
+    """The factor by which a load pulls that is hoisted off the ground; NaN for none and where no limit is met."""
+    if not 0.0 < load < np.inf:
+        return np.nan
+    return lift_off(Loaded(equations).state(load).form, load, rope, gravity)
 
 
 def _least(found: Array) -> tuple[NDArray[np.int64], Array]:

@@ -76,6 +76,8 @@ def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
     if weights:
         record["mass"] = sum(weights.values())
         record |= {f"mass.{name}": weight for name, weight in weights.items() if name != ALONE}
+    for row in summary.get("fatigue", ()):
+        record[f"damage.{row['name']}"] = row["damage"]
     if used := summary.get("utilisation", {}).get("reduced"):
         record |= {"utilisation": used["value"], "utilisation_t": used["t"]}
         record |= {f"utilisation_{axis}": float(at) for axis, at in zip("xyz", used["position"], strict=True)}

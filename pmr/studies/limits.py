@@ -7,6 +7,8 @@ stress, pad, cylinder, support, deflection :math:`\gamma |r| / r_{most}` of the 
 buckling                                  :math:`\gamma \Lambda_{least} / \Lambda`, all axial forces growing
 frequency                                 :math:`\gamma f_{least} / f`, the load as a mass that hangs at the tip
 overturning                               :math:`\gamma M_{load} / M_{rest}` about each edge of the polygon
+luffing                                   :math:`\gamma |M / a| / F_{most}`, moment about the pivot over the arm of
+                                          `frame.cylinder`, the load at the deflected tip
 ========================================  ==================================================================
 """
 
@@ -66,9 +68,9 @@ class Limit(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: str = Field(min_length=1, description="What its column is called")
-    of: Literal["stress", "pad", "cylinder", "support", "deflection", "buckling", "frequency", "overturning"] = Field(
-        description="What is limited"
-    )
+    of: Literal[
+        "stress", "pad", "cylinder", "support", "luffing", "deflection", "buckling", "frequency", "overturning"
+    ] = Field(description="What is limited")
     most: Positive | None = Field(
         default=None, description="Largest amount: von Mises stress in Pa, force in N, deflection in m"
     )
@@ -118,6 +120,9 @@ class Limit(BaseModel):
         if self.of == "stress":
             groups = self._stresses(at)
             return lambda state: max(_mises(state.outputs[i], form) for i, form in groups) / allowed
+        if self.of == "luffing":
+            pressed = self._luffing(at, k, np.asarray(amounts))
+            return lambda state: abs(pressed(state)) / allowed
         outputs, contacts = self._looked_at(at)
         if self.of == "deflection":
             return lambda state: float(np.linalg.norm(state.outputs[outputs])) / allowed
@@ -133,6 +138,9 @@ class Limit(BaseModel):
 
     def check(self, scene: Scene) -> None:
         """An InputError is raised where a name that it looks at is none of the scene's; that takes no model."""
+        if self.of == "luffing" and (scene.frame is None or scene.frame.cylinder is None):
+            allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"
+            raise InputError("study", f"limits.{self.name}.of", self.of, allowed)
         if self.of not in NAMED:
             return
         known = [
@@ -182,6 +190,24 @@ class Limit(BaseModel):
     def _nothing(self, known: Sequence[str]) -> InputError:
         allowed = f"names among {', '.join(known)} are allowed" if known else f"the scene has no {self.of} to look at"
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
+
+    def _luffing(self, at: Postures, k: int, amounts: Array) -> Callable[[State], float]:
+        """Force in N of the cylinder that raises the boom, positive where it presses."""
+        c, s = np.cos(at.slewing[k]), np.sin(at.slewing[k])
+        about = at.wrenches[:, k, 4] * c - at.wrenches[:, k, 3] * s  # of each part, along the axis of luffing
+        load = np.array([name == HOOK for name in at.parts])
+        rest, hook = float(~load * amounts @ about), float(load * amounts @ about)
+        weight = -float(load * amounts @ at.wrenches[:, k, 2])  # of a kg of the load
+        if not at.arm[k] > 0.0:
+            found = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
+            raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {found}")
+        z = next(n for n, kind in enumerate(at.output_kinds) if kind == "tip" and at.output_names[n].endswith("tip z"))
+
+        def pressed(state: State) -> float:
+            outwards = -state.outputs[z] * np.sin(at.luffing[k])
+            return float((rest + state.load * (hook + weight * outwards)) / at.arm[k])
+
+        return pressed
 
     def _moments(self, at: Postures, k: int, amounts: Array, gravity: float) -> tuple[Array, Array]:
         """What keeps the machine from tipping over each edge, N m, and what a kg of the load adds to tipping, N m."""

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from pmr.compare import errors as compare
 from pmr.compare import summary
-from pmr.compare.booms import quantities, respond
+from pmr.compare.booms import quantities
 from pmr.compare.estimate import estimate, no_estimate
+from pmr.compare.evaluation import respond
 from pmr.compare.runs import in_parts, run_from_start
 from pmr.errors import InputError, SimulationError
 from pmr.files import records

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -124,14 +124,6 @@ def pushing_rows(body: SlidingBody) -> list[int]:
 def released_rows(body: SlidingBody) -> list[int]:
     """Numbers of the rows that move or only push: whose multipliers are forces of sliders and pads."""
     return sorted({*body.moving, *pushing_rows(body)})
-
-
-def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:
-    """Outputs O q + W f - X(s) lambda, (T, o) in m, of coordinates q (T, n) along a trajectory."""
-    result = np.asarray((body.outputs @ q.T).T)
-    if body.flexibility is not None:
-        result = result + body.flexibility.displacement(s, multipliers, loads)
-    return result
 
 
 def with_inertia(body: SlidingBody, v: Array) -> Array:
@@ -279,21 +271,5 @@ class Trajectory:
     multipliers: Array  # lambda (T, m) in N; the sliders push with -lambda on the body
     s: Array  # (T,) m: path coordinate; (T, m) of a body of a system, whose places each have their own
     seconds: float  # wall time of the solver alone
-    # (T, m) N: largest multiplier within the step that ends at t, of rows that only push, where a step is made in
-    # parts; of the others that at t
-    peaks: Array | None = None
-    # (T,): of how many parts each step was made, where rows only push (`pmr.simulation.contact_step`)
-    parts: NDArray[np.int64] | None = None
     # share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN: unknown
     surplus: float = np.nan
-
-    @property
-    def arrays(self) -> dict[str, Array]:
-        """All that it has of each step, by name."""
-        names = ("t", "q", "v", "multipliers", "s", "peaks", "parts")
-        return {name: array for name in names if (array := getattr(self, name)) is not None}
-
-    def at(self, steps: NDArray[np.int64] | slice) -> Trajectory:
-        """Some of its steps, by their numbers (S,)."""
-        chosen: dict[str, Any] = {name: array[steps] for name, array in self.arrays.items()}
-        return replace(self, **chosen)

@@ -11,6 +11,7 @@ flexibility A of the bodies and their contacts, symmetric and at least semi-defi
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -50,15 +51,49 @@ def buckling_factors(assembly: Assembly, x: Array, coefficients: Mapping[str, fl
     InputError
         If there is no term of such a name, or contacts do not hold the bodies.
     """
-    G, rows = geometric_stiffness(assembly, coefficients), assembly.at(x)
-    found = np.full(count, np.inf)
-    if G.nnz:
-        solve, n = saddle_point_solver(assembly.K, rows), assembly.size
-        answer = _held(assembly, rows, solve)
-        shares = _dense(solve, rows, G) if n <= DENSE_UP_TO else _largest(solve, rows, G, answer, count)
-        shares = np.sort(shares[shares > ROUND_OFF * np.abs(shares).max()])[::-1][:count]
-        found[: len(shares)] = 1.0 / shares
-    return found
+    return Held(assembly, assembly.at(x)).factors(coefficients, count)
+
+
+class Held:
+    """A system at one place with every contact closed: its flexibility serves all loads that are looked at there."""
+
+    def __init__(self, assembly: Assembly, rows: ContactRows) -> None:
+        self._assembly, self._rows = assembly, rows
+
+    def factors(self, coefficients: Mapping[str, float], count: int = 1) -> Array:
+        """As `buckling_factors`."""
+        G = geometric_stiffness(self._assembly, coefficients)
+        found = np.full(count, np.inf)
+        if G.nnz:
+            if self._assembly.size <= DENSE_UP_TO:
+                shares = np.linalg.eigvalsh(-(self._root.T @ (G @ self._root)))
+            else:
+                shares = _largest(self._solve, self._rows, G, self._answer, count)
+            shares = np.sort(shares[shares > ROUND_OFF * np.abs(shares).max()])[::-1][:count]
+            found[: len(shares)] = 1.0 / shares
+        return found
+
+    @cached_property
+    def _solve(self) -> Solve:
+        return saddle_point_solver(self._assembly.K, self._rows)
+
+    @cached_property
+    def _answer(self) -> Array:
+        """What answers a load without any symmetry (n,); an InputError is raised where round-off alone resists it."""
+        K, load = self._assembly.K, np.random.default_rng(3).standard_normal(self._assembly.size)
+        q = self._solve(np.concatenate([load, np.zeros(len(self._rows.F))]))[: len(load)]
+        if not q @ load >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q)):  # NaN too
+            allowed = "contacts that hold the bodies are allowed: without, nothing is there to buckle"
+            raise InputError("system", "contacts", None, allowed)
+        return q
+
+    @cached_property
+    def _root(self) -> Array:
+        """L of the flexibility A = L L^T, (n, n)."""
+        n = len(self._answer)
+        A = self._solve(np.vstack([np.eye(n), np.zeros((len(self._rows.F), n))]))[:n]
+        size, Q = np.linalg.eigh((A + A.T) / 2.0)
+        return np.asarray(Q * np.sqrt(np.maximum(size, 0.0)))
 
 
 def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -> sp.csr_matrix:
@@ -73,26 +108,6 @@ def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -
             total += c * G
     total.eliminate_zeros()
     return total
-
-
-def _held(assembly: Assembly, rows: ContactRows, solve: Solve) -> Array:
-    """What answers a load without any symmetry (n,); an InputError is raised where round-off alone resists it."""
-    load = np.random.default_rng(3).standard_normal(assembly.size)
-    q = solve(np.concatenate([load, np.zeros(len(rows.F))]))[: assembly.size]
-    stored = q @ load
-    if not stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(assembly.K) @ np.abs(q)):  # NaN too
-        allowed = "contacts that hold the bodies are allowed: without, nothing is there to buckle"
-        raise InputError("system", "contacts", None, allowed)
-    return q
-
-
-def _dense(solve: Solve, rows: ContactRows, G: sp.csr_matrix) -> Array:
-    """All 1/Lambda."""
-    n = G.shape[0]
-    A = solve(np.vstack([np.eye(n), np.zeros((len(rows.F), n))]))[:n]
-    size, Q = np.linalg.eigh((A + A.T) / 2.0)
-    L = Q * np.sqrt(np.maximum(size, 0.0))
-    return np.linalg.eigvalsh(-(L.T @ (G @ L)))
 
 
 def _largest(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:

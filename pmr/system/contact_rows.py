@@ -26,6 +26,10 @@ class ContactRows:
         """At one of the places, by its number."""
         return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
+    def part(self, places: slice) -> ContactRows:
+        """At some of the places."""
+        return ContactRows(self.C[places], self.F[places], self.H[places], self.X[places])
+
     def of(self, which: NDArray[np.bool_]) -> ContactRows:
         """None but some of the contacts (m,), at one place."""
         return ContactRows(self.C[which], self.F[np.ix_(which, which)], self.H[which], self.X[:, which])

@@ -46,9 +46,9 @@ class Contact:
     compliance: float = 0.0  # 1/k in m/N; 0 for a rigid one
     # m, of a contact that only pushes: how far the inner place may go before it closes; None: it holds both ways
     clearance: float | None = None
-    # Coulomb's coefficient along the path; nothing is simulated with it, but what drives a section has to overcome it
-    friction: float = 0.0
+    friction: float = 0.0  # Coulomb's coefficient along the path (`pmr.system.friction`)
     kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.outputs`)
+    arm: float = 0.0  # m: of friction, from the axis to the face that the contact presses on
 
     def __post_init__(self) -> None:
         for place in (self.inner, *filter(None, (self.outer,))):
@@ -71,7 +71,7 @@ def refused(contact: str, key: str, value: object, allowed: str) -> InputError:
 
 @dataclass(frozen=True)
 class JointPad:
-    """A pad of a joint; `direction`, `compliance`, `clearance` and `friction` as of a `Contact`."""
+    """A pad of a joint; `direction`, `compliance`, `clearance`, `friction` and `arm` as of a `Contact`."""
 
     name: str
     row: str  # what it measures, on both sections
@@ -80,6 +80,7 @@ class JointPad:
     compliance: float = 0.0
     clearance: float | None = None
     friction: float = 0.0
+    arm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ class Joint:
             (pad, Place(self.inner, pad.row, x, self.path, -1.0), Place(self.outer, pad.row, x)) for pad, x in places
         ]
         return tuple(
-            Contact(pad.name, inner, outer, pad.direction, pad.compliance, pad.clearance, pad.friction)
+            Contact(pad.name, inner, outer, pad.direction, pad.compliance, pad.clearance, pad.friction, arm=pad.arm)
             for pad, inner, outer in (*at_tail, *at_mouth)
         )
 

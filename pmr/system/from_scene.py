@@ -62,7 +62,7 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
                 for ring in getattr(joint, at):
                     faces = as_pads(ring, footprint(scene, ring)).places if ring.faces else ()
                     rows = {row for row, face, _ in faces if face in felt}
-                    found["pad"] += [pad.name for pad in _pads(scene, ring, f"{name} {at}", rows)]
+                    found["pad"] += [pad.name for pad in _pads(scene, number, ring, f"{name} {at}", rows)]
             if has_tail(member):
                 found["cylinder"].append(cylinder_of(name))
         own = [(pad, face) for ring in member.part.pads for pad, face, _ in ring.places]
@@ -89,8 +89,8 @@ def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[
         scene.sections[number].length,
         scene.sections[number - 1].length,
         inner,
-        tuple(pad for ring in joint.tail for pad in _pads(scene, ring, f"{inner} tail", rows)),
-        tuple(pad for ring in joint.mouth for pad in _pads(scene, ring, f"{inner} mouth", rows)),
+        tuple(pad for ring in joint.tail for pad in _pads(scene, number, ring, f"{inner} tail", rows)),
+        tuple(pad for ring in joint.mouth for pad in _pads(scene, number, ring, f"{inner} mouth", rows)),
     ).contacts
     if joint.rigid_overlap:
         within = Place(inner, "", scene.sections[number - 1].length - joint.first_at(joint.mouth), inner, -1.0)
@@ -105,21 +105,29 @@ def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[
         yield Contact(cylinder_of(inner), Place(inner, TAIL, at), held, -1.0, compliance, kind="cylinder")
 
 
-def _pads(scene: Scene, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:
-    """Those of a ring that both sections can feel: nothing moves a planar beam sideways."""
+def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:
+    """Those of a ring of a section's joint that both can feel: nothing moves a planar beam sideways."""
     called = " ".join(filter(None, (called, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
     if ring.faces is None:
         clearance = ring.clearance_on("") if ring.unilateral else None
         for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": 1.0}.items():
-            yield JointPad(called + way, POINT, ring.at, direction, compliance, clearance, ring.friction)
+            arm = _arm(scene.sections[number], "top") if ring.friction else 0.0
+            yield JointPad(called + way, POINT, ring.at, direction, compliance, clearance, ring.friction, arm)
         return
     pads = as_pads(ring, footprint(scene, ring))
     named = pads.model_copy(update={"name": called})  # so are their contacts
     for (row, *_), (name, face, _) in zip(pads.places, named.places, strict=True):
         if row in rows:
             clearance = ring.clearance_on(face) if ring.unilateral else None
-            yield JointPad(name, row, ring.at, 1.0, compliance, clearance, ring.friction)
+            arm = _arm(scene.sections[number], face) if ring.friction else 0.0
+            yield JointPad(name, row, ring.at, 1.0, compliance, clearance, ring.friction, arm)
+
+
+def _arm(part: Part, face: str) -> float:
+    """How far a face is from the axis, m; nothing of what has no faces in the scene."""
+    side = None if part.body.box is None else part.body.box.faces.get(face)
+    return 0.0 if side is None else float(side.normal @ side.start)
 
 
 def _on_ground(name: str, body: Body, joined: set[tuple[str, str]], part: Part) -> Iterator[Contact]:

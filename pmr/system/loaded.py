@@ -148,8 +148,11 @@ class Form:
         return np.asarray(found / np.maximum(np.abs(found).max(axis=1, keepdims=True), np.finfo(float).tiny))
 
     @cached_property
-    def _condensed(self) -> tuple[Array, Array, Array, Array]:
-        """M, K, G_1 and the load's inertia of a unit mass on what rigid contacts leave free."""
+    def condensed(self) -> tuple[Array, Array, Array, Array]:
+        """M, K under what is there without the load, G_1 (r, r), on what rigid contacts leave free; the load's motion.
+
+        The latter (d, r) measures in m how its place moves along the load's directions.
+        """
         e, closed = self.equations, self.closed
         T, H, E = e.on
         n, d = T.shape
@@ -159,23 +162,29 @@ class Form:
         rigid = diagonal == 0.0
         rigid[len(rigid) - d :] |= diagonal[len(rigid) - d :] <= RIGID * diagonal.max(initial=0.0)
         soft = ~rigid
-        K, M, G, one = (np.zeros((n + d, n + d)) for _ in range(4))
-        K[:n, :n], M[:n, :n], G[:n, :n], one[n:, n:] = e.K + e.G[0], e.M, e.G[1], np.eye(d)
+        K, M, G = (np.zeros((n + d, n + d)) for _ in range(3))
+        K[:n, :n], M[:n, :n], G[:n, :n] = e.K + e.G[0], e.M, e.G[1]
         K += C[soft].T @ np.linalg.solve(F[np.ix_(soft, soft)], C[soft])
         Z = scipy.linalg.null_space(C[rigid]) if rigid.any() else np.eye(n + d)
-        K, M, G, one = (Z.T @ A @ Z for A in (K, M, G, one))
-        return M, K, G, one
+        K, M, G = (Z.T @ A @ Z for A in (K, M, G))
+        return M, K, G, Z[n:]
+
+    @property
+    def against(self) -> Array:
+        """The direction (d,) against which a load pulls, among those of its inputs."""
+        pull = np.linalg.lstsq(self.equations.on[0], self.equations.b[1], rcond=None)[0]
+        return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
         """The lowest in Hz, with the load as a mass in kg that moves along its own directions; 0 past buckling."""
-        M, K, G, one = self._condensed
+        M, K, G, place = self.condensed
         if load >= self.critical:
             return 0.0
         K = K + load * G
         last = len(K) - 1
         try:
             largest = scipy.linalg.eigh(
-                M + load * one, (K + K.T) / 2.0, eigvals_only=True, subset_by_index=(last, last)
+                M + load * place.T @ place, (K + K.T) / 2.0, eigvals_only=True, subset_by_index=(last, last)
             )
         except np.linalg.LinAlgError:
             return 0.0

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,6 +30,8 @@ Indices = NDArray[np.int64]
 
 #: What a pad adds to the others of its ring, over the largest, that is round-off in modes and flexibility.
 DEPENDENT = 1e-10
+#: Sums of columns in which dependent rows are looked for: several times as many as pads of a ring.
+SUMS = 32
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _Rows]) -> list[tup
     """Numbers of contacts that are combined, each with S (pads, fewer), or of one by itself."""
     found = dict[object, list[int]]()
     for number, contact in enumerate(contacts):
-        combines = contact.clearance is None and contact.compliance > 0.0
+        combines = contact.clearance is None and contact.compliance > 0.0 and not contact.friction
         where = tuple((one.body, one.at, one.path, one.rate) for one in _places(contact))
         found.setdefault(where if combines else number, []).append(number)
     rings = list[tuple[list[int], Array]]()
@@ -133,11 +136,22 @@ class _Rows:
             if not (np.array_equal(breaks, other[0]) and not apart.any() and np.array_equal(coefficients, other[2])):
                 return None
         used = np.unique(touched - touched.min())
-        parts = [self._carriers.values]
+        return np.array([self._seen[at.min() + used].ravel() for _, at, _ in found])
+
+    @cached_property
+    def _seen(self) -> Array:
+        """What carriers measure of modes, flexibility and inputs, (K, .), each over its largest.
+
+        Of the many columns of the flexibility a few sums with random weights tell which rows depend on which.
+        """
+        parts, rng = [self._carriers.values], np.random.default_rng(11)
         if (left := self._carriers.flexibility) is not None:
             parts += [left.rows, left.inputs, left.outputs.T]
-        scaled = [part / (np.abs(part).max(initial=0.0) or 1.0) for part in parts]
-        return np.array([np.concatenate([part[at.min() + used].ravel() for part in scaled]) for _, at, _ in found])
+        for k, part in enumerate(parts):
+            parts[k] = part / (np.abs(part).max(initial=0.0) or 1.0)
+            if part.shape[1] > SUMS:
+                parts[k] = parts[k] @ rng.standard_normal((part.shape[1], SUMS))
+        return np.hstack(parts)
 
     def combine(self, names: Sequence[str], shares: Array) -> str:
         """Add the sum of rows times `shares` (rows,), unless it is there; its name."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -31,12 +30,6 @@ class BodyStates:
         """Some of the states."""
         t, s, p, v = self.t[which], self.s[which], self.p[which], self.v[which]
         return BodyStates(t, s, p, v, self.multipliers[which], self.loads[which], self.rows)
-
-    @classmethod
-    def along_path(cls, body: SlidingBody, trajectory: Trajectory, loads: Array) -> BodyStates:
-        """Of a body alone under loads (S, i) in N, all of whose rows are at the same place of its path."""
-        s = np.repeat(trajectory.s[:, None], len(body.row_names), axis=1)
-        return cls(trajectory.t, s, trajectory.q, trajectory.v, trajectory.multipliers, loads, body.row_names)
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:

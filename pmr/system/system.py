@@ -24,6 +24,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, Trajectory, names_of, units_of
 from pmr.system.contacts import ALONE, SLIDER, Contact, Place, input_of, named, refused
+from pmr.system.friction import Friction
 from pmr.system.terms import Term
 from pmr.system.terms import refused as refused_term
 
@@ -243,13 +244,16 @@ class System(Joined[SlidingBody]):
         return self.reduced | dict(self.on_modes)
 
     def ensure_constant(self, source: str) -> System:
-        """Itself; an InputError of `source` is raised where it has terms that vary in time: whoever asks knows none."""
+        """Itself; an InputError of `source` where it has terms that vary in time or friction, which it knows not."""
         if self.terms:
             allowed = (
                 "a system without terms that vary in time (a frame that moves, second order) is allowed here; "
                 "`pmr simulate` follows them"
             )
             raise InputError(source, "terms", ", ".join(self.term_names), allowed)
+        if (known := Friction.of(self.contacts)) is not None:
+            names = ", ".join(self.contact_names[k] for k in known.pads)
+            raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")
         return self
 
     def save(self, path: str | Path) -> Path:
@@ -325,11 +329,29 @@ class SystemTrajectory:
     # (T, m) N s: of the step that ends at t, as generalized-alpha weighs forces; None where no contact only pushes
     impulses: Array | None = None
     amplitudes: Array | None = None  # c (T, k) of the system's terms, None where there are none
+    moments: Array | None = None  # (T, m) N m: of the contacts' friction (`pmr.system.friction`), None where none rub
+    rates: Array | None = None  # (T, P) m/s: how fast the paths lead on, None where not known
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """All that is known of each step, of the bodies too."""
+        of_bodies = [array for one in self.bodies.values() for array in _arrays(one).values()]
+        return [*of_bodies, *_arrays(self).values()]
+
+    def mapped(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> SystemTrajectory:
+        """The same with all of its arrays changed."""
+
+        def changed(one: Trajectory | SystemTrajectory) -> dict[str, Any]:
+            return {name: change(array) for name, array in _arrays(one).items()}
+
+        bodies = {name: replace(one, **changed(one)) for name, one in self.bodies.items()}
+        return replace(self, bodies=bodies, **changed(self))
 
     def at(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
         """Some of its steps, by their numbers (S,); what belongs to a step that ends there is left out."""
-        bodies = {name: one.at(steps) for name, one in self.bodies.items()}
-        kept = ("t", "forces", "peaks", "loads", "energy", "work")
-        changed: dict[str, Any] = {name: getattr(self, name)[steps] for name in kept}
-        changed["amplitudes"] = None if self.amplitudes is None else self.amplitudes[steps]
-        return replace(self, bodies=bodies, parts=None, impulses=None, **changed)
+        return replace(self.mapped(lambda array: array[steps]), parts=None, impulses=None)
+
+
+def _arrays(one: Trajectory | SystemTrajectory) -> dict[str, NDArray[Any]]:
+    """Those among the fields, by their names."""
+    return {name: value for name, value in vars(one).items() if isinstance(value, np.ndarray)}

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from one_body import energy, respond
 from scipy.interpolate import PPoly
 
 from pmr.compare.errors import absolute_error, errors, nrms
-from pmr.compare.evaluation import respond
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
-from pmr.simulation.balance import energy
 from pmr.system.body import Trajectory
 
 T = np.linspace(0.0, 1.0, 1001)

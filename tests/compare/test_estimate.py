@@ -4,10 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import one_body
 import pytest
 from alone import estimate, outputs
 from driving import Loads, driven, loads_at
 from numpy.typing import NDArray
+from one_body import displacement
 from oracle import enriched, flexible, full_body, nrms_error, paper_basis, project, rich_body, with_curvature
 
 from pmr.compare import estimated
@@ -19,8 +21,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import TimeStepping
-from pmr.simulation.native import simulator as march
-from pmr.system.body import FullBody, displacement
+from pmr.system.body import FullBody
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -31,14 +32,14 @@ STEPPING = TimeStepping(1.0, 1e-3)
 
 
 def truth(full: FullBody, path: SignalBase, loads: Loads, stepping: TimeStepping) -> Array:
-    run = march.simulate(full, driven(path, loads, stepping))
+    run = one_body.simulate(full, driven(path, loads, stepping))
     f = loads_at(loads, run.t)
     return displacement(full, run.q, run.s, run.multipliers, f)
 
 
 def errors(found: Estimate, model: ReducedModel, w: Array, path: SignalBase, loads: Loads) -> tuple[float, Array]:
     """e_NRMS of the model without kept inertia, and its error (T, o)."""
-    run = march.simulate(model, driven(path, loads, STEPPING))
+    run = one_body.simulate(model, driven(path, loads, STEPPING))
     f = loads_at(loads, run.t)
     y = displacement(model, run.q, run.s, run.multipliers, f)
     return nrms_error(y, w), w - y
@@ -61,7 +62,7 @@ def test_it_is_the_error_and_a_margin(body: str, r: int) -> None:
 
 
 def moved(model: ReducedModel, path: SignalBase, loads: Loads) -> Array:
-    run = march.simulate(model, driven(path, loads, STEPPING))
+    run = one_body.simulate(model, driven(path, loads, STEPPING))
     f = loads_at(loads, run.t)
     return displacement(model, run.q, run.s, run.multipliers, f)
 

@@ -10,7 +10,7 @@ from newton_euler import needed
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.booms import respond
+from pmr.compare.evaluation import respond
 from pmr.compare.frame_energy import InSpace, in_space
 from pmr.compare.pivot import at_pivot
 from pmr.compare.simulated import excitation_in

@@ -13,9 +13,9 @@ from pmr.errors import InputError, environment
 from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.simulation.blocks import Recorder
-from pmr.simulation.modal import modal_form
 from pmr.simulation.native import march as marching
-from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.system.body import FullBody
 from pmr.system.system import System
 
@@ -59,7 +59,7 @@ def test_the_machine_says_what_is_free() -> None:
 @pytest.fixture
 def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs are longer than what is evaluated at once, so the room for that is in none of their difference."""
-    monkeypatch.setattr(marching, "BLOCK", 4096)
+    monkeypatch.setattr(marching, "BLOCK", 1024)
 
 
 def _a_step(load_scene, run: Callable[[object], object]) -> float:
@@ -94,7 +94,8 @@ def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: Fu
 def test_states_at_a_few_steps_don_t_take_those_of_all(load_scene, full: FullBody) -> None:
     def run(scene: Scene) -> None:
         recorder = Recorder(np.arange(0, 7001, 1000))
-        recorder.trajectory(march.follow(modal_form(full), Excitation.of(scene), recorder))
+        form = SystemForm.of(System.of(full))
+        recorder.trajectory(systems.follow(form, Excitation.of(scene), recorder))
 
     found = _a_step(load_scene, run)
     assert found < memory.NUMBER * memory.BESIDE

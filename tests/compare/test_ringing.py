@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import one_body
 import pytest
 from driving import driven
 from oracle import flexible, full_body
@@ -15,7 +16,6 @@ from pmr.report import errors, sentences
 from pmr.scene.signals import Chirp, Sine, SmoothRamp
 from pmr.simulation import TimeStepping, balance
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 
 #: 3 m/s on a smooth path.  With rho_inf = 0.97 the energy's surplus is below 1e-3 and displacements agree to 2e-5, and
 #: 98 % of the full model's slider force alternate.
@@ -99,7 +99,7 @@ def test_no_force_is_blamed_that_agrees_with_more_damping() -> None:
             forces = {}
             for rho in (0.8, rho_inf):
                 drive = driven(path, load, TimeStepping(1.0, step, rho))
-                forces[rho] = [march.simulate_modal(form, drive) for form in (rich, full)]
+                forces[rho] = [one_body.simulate_modal(form, drive) for form in (rich, full)]
             if forces[rho_inf][1].surplus > balance.NOTABLE:
                 continue
             reduced, reference = (one.multipliers for one in forces[rho_inf])

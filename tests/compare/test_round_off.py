@@ -5,20 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import one_body
 import pytest
 from driving import driven
+from one_body import respond
 from scipy.interpolate import PPoly
 
 from pmr import scene as scenes
-from pmr.compare.booms import respond as of_sections
 from pmr.compare.errors import force_round_off, round_off
-from pmr.compare.evaluation import respond
+from pmr.compare.evaluation import respond as of_sections
 from pmr.compare.runs import run_from_start
 from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.native import simulator as march
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 ALONG = {
@@ -71,7 +71,7 @@ def test_a_response_of_sections_knows_its_round_off() -> None:
 
 def test_forces_have_a_round_off_too() -> None:
     model, stepping = two_springs(0.7), TimeStepping(1.0, 1e-3)
-    motion = march.simulate(model, driven(Constant(amount=0.5), Constant(amount=7.0), stepping))
+    motion = one_body.simulate(model, driven(Constant(amount=0.5), Constant(amount=7.0), stepping))
     f, w2 = np.full((1001, 1), 7.0), (2.0 * np.pi) ** 2
     least = 7e-11 / np.sqrt(2e4 + w2) / np.sqrt(1.0 / (3e4 + w2) + 1e-5)
     assert force_round_off(model, f, 1.0, 0.5) == pytest.approx(least, rel=1e-9, abs=0.0)

@@ -7,10 +7,12 @@ from pathlib import Path
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
+import one_body
 import pytest
 from alone import step_error
 from driving import Loads, driven, loads_at
 from numpy.typing import NDArray
+from one_body import displacement
 from oracle import flexible, full_body, paper_basis, project, rich_body
 
 from pmr import scene as scenes
@@ -26,11 +28,9 @@ from pmr.report import sentences
 from pmr.report.blocks import Chapter
 from pmr.report.sections import chapter
 from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
-from pmr.simulation import Excitation, TimeStepping, exudyn
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.contact_step import contact_frequency, parts
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
-from pmr.system.body import displacement
 
 Array = NDArray[np.float64]
 PATH = SmoothRamp(times=(0.1, 0.8), values=(1.5, 3.0))
@@ -38,7 +38,7 @@ SLOW = Sine(amplitude=50.0, frequency=2.0)
 REST = Constant(amount=2.0)
 
 
-def outputs(model: ReducedModel, path: SignalBase, loads: Loads, stepping: TimeStepping, simulate=march.simulate):
+def outputs(model: ReducedModel, path: SignalBase, loads: Loads, stepping: TimeStepping, simulate=one_body.simulate):
     run_ = simulate(model, driven(path, loads, stepping))
     f = loads_at(loads, run_.t)
     return displacement(model, run_.q, run_.s, run_.multipliers, f)
@@ -74,7 +74,7 @@ def test_it_is_the_error_against_far_smaller_steps(name: str, step: float) -> No
 
 def test_exudyn_makes_the_same_error(load_scene) -> None:
     model, stepping = MODELS["residual flexibility"][0], TimeStepping(0.4, 1e-2)
-    by_exudyn = outputs(model, PATH, SLOW, stepping, exudyn.simulate)
+    by_exudyn = outputs(model, PATH, SLOW, stepping, one_body.in_exudyn)
     fine = outputs(model, PATH, SLOW, TimeStepping(0.4, 1e-2 / 64))[::64]
     assert step_error(model, driven(PATH, SLOW, stepping)).beam == pytest.approx(
         relative_error(by_exudyn, fine), rel=0.3

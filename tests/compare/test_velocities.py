@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import on_pads
+import one_body
 import pytest
 from driving import driven, loads_at
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
+from one_body import displacement
 from oracle import enriched, paper_basis, project, rich_body
 
 from pmr.compare.velocities import force_rates, load_rates, velocity
 from pmr.scene.signals import Sine, SmoothRamp
 from pmr.simulation import TimeStepping
-from pmr.simulation.native import simulator as march
-from pmr.system.body import displacement
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def rate(x: Array) -> Array:
 @pytest.mark.parametrize("pads", [None, np.array([2e-6, 5e-6])])
 def test_they_are_the_rates_of_outputs_and_forces(pads: Array | None) -> None:
     model = replace(enriched(FULL, 5), pads=pads)
-    run = march.simulate(model, EXTENSION)
+    run = one_body.simulate(model, EXTENSION)
     y = displacement(model, run.q, run.s, run.multipliers, loads_at(LOADS, run.t))
     found, late = velocity(model, run, EXTENSION)[1:-1], slice(300, None)  # the start strikes
     assert np.abs(found - rate(y))[late].max() < 2e-4 * np.abs(found).max()
@@ -50,7 +50,7 @@ def test_rows_that_are_open_have_no_force_that_changes() -> None:
     model = flexible_on_pads(beam_on_pads(clearance=1e-3), 5)
     loads = (SmoothRamp(times=(0.0, 0.1), values=(0.0, 9.81)), Sine(amplitude=4000.0, frequency=5.0))
     excitation = on_pads.driven(PATH, loads, STEPPING)
-    run = march.simulate(model, excitation)
+    run = one_body.simulate(model, excitation)
     z = force_rates(model, run, excitation.path_rate, load_rates(model, excitation))
     pushes = run.multipliers > 0.0
     assert not z.rate[~pushes].any() and 0.1 < pushes.mean() < 0.9
@@ -62,7 +62,7 @@ def test_rows_that_are_open_have_no_force_that_changes() -> None:
 
 def test_without_flexibility_they_are_those_of_the_coordinates() -> None:
     model = project(FULL, paper_basis(FULL, 3, 3, 6))
-    run = march.simulate(model, SHORT)
+    run = one_body.simulate(model, SHORT)
     assert np.array_equal(velocity(model, run, SHORT), run.v @ model.outputs.T)
     with pytest.raises(ValueError, match="without residual flexibility"):
         force_rates(model, run, SHORT.path_rate, load_rates(model, SHORT))

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import one_body
 import petsc_alone
 import pytest
 from booms import Boom, boom
@@ -29,7 +30,6 @@ from pmr.scene.signals import Constant
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.system.compliant_rows import CompliantRows
 
 pytestmark = pytest.mark.mpi
@@ -144,7 +144,7 @@ def test_ten_coordinates_follow_the_full_model() -> None:
     scene = boom(shell(), span=3.0)
     full = structural_model(scene.structure)
     every = petsc_alone.observe(full, scene.excitation)
-    few = march.observe(modal_form(reduced(full, 10)), scene.excitation)
+    few = one_body.observe(modal_form(reduced(full, 10)), scene.excitation)
     released = [i for i, row in enumerate(full.rows.rows) if not row.fixed]
     assert nrms(few.y[:, 58:60], every.y[:, 58:60]) < 0.002
     assert nrms(few.y[:, :58], every.y[:, :58]) < 0.002
@@ -157,7 +157,7 @@ def test_ten_coordinates_follow_the_full_model() -> None:
 def test_ten_coordinates_follow_the_boom(scene: Boom) -> None:
     """All ten seconds, against 150 with residual flexibility."""
     full = structural_model(scene.structure)
-    found = [march.observe(modal_form(reduced(full, r)), scene.excitation) for r in (10, min(150, full.size // 2))]
+    found = [one_body.observe(modal_form(reduced(full, r)), scene.excitation) for r in (10, min(150, full.size // 2))]
     few, many = ((o.y[:, 58:60], o.y[:, :58], np.hstack([o.multipliers, o.y[:, 60:]])) for o in found)
     assert max(nrms(a, b) for a, b in zip(few, many, strict=True)) < 0.003
 
@@ -177,7 +177,7 @@ def test_a_boom_on_pads_that_only_push_rests_as_statics_says() -> None:
     body = replace(reduced(full, 10), D=10.0 * np.eye(10))
     loads = dict.fromkeys(body.input_names, Constant(amount=0.0)) | {"gravity": scene.excitation.loads["gravity"]}
     excitation = Excitation({"boom": Constant(amount=1.5)}, loads, TimeStepping(4.0, 1e-2, rho_inf=0.5))
-    found = march.observe(modal_form(body), excitation)
+    found = one_body.observe(modal_form(body), excitation)
     forces = dict(zip(body.row_names, found.multipliers[-1], strict=True))
     weight, centre = weight_and_centre(scene)
     tail = weight * (centre - 1.5) / (1.5 - 0.15)
@@ -191,7 +191,7 @@ def test_side_pads_touch_within_their_clearance_only() -> None:
     """A gust carries the boom across; the pads it hasn't reached have no force at all."""
     scene = boom(beam(), span=3.0, overrides=[PUSHING, "compare.against=[]"])
     body = reduced(structural_model(scene.structure), 10)
-    found = march.observe(modal_form(body), scene.excitation)
+    found = one_body.observe(modal_form(body), scene.excitation)
     sides = [k for k, name in enumerate(body.row_names) if name.split()[1:] in (["left"], ["right"])]
     forces, ys = found.multipliers[:, sides], found.y[:, 58]
     assert forces[:2000].max() == 0.0 and np.abs(ys[:2000]).max() < 1e-9  # before the gust

@@ -47,11 +47,12 @@ def case(number: int, rng: Random, folder: Path) -> str:
 
 
 def _simulated(model: Any) -> str:
+    import one_body
+    from one_body import displacement
+
     from pmr.errors import SimulationError
     from pmr.scene import Scene
     from pmr.simulation import Excitation, TimeStepping
-    from pmr.simulation.native import simulator
-    from pmr.system.body import displacement
 
     try:
         scene = Scene.model_validate(model.provenance["scene"])
@@ -61,7 +62,7 @@ def _simulated(model: Any) -> str:
     stepping = TimeStepping(min(time.steps, MOST_STEPS) * time.step, time.step, time.rho_inf)
     excitation = Excitation.of(scene).with_stepping(stepping)
     try:
-        found = simulator.simulate(model, excitation)
+        found = one_body.simulate(model, excitation)
     except SimulationError as error:  # what the library says to a program of one's own; no command simulates a model
         return f"gave up: {error}"
     ensure_finite("q", found.q)

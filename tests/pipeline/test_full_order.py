@@ -21,7 +21,7 @@ from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.petsc import History
-from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.system import System, SystemTrajectory
 
 SHORT = ("time.end=0.04", "mesh.elements=20", "slider.path={kind='ramp',times=[0.01,0.03],values=[1.25,1.3]}")
 SIMULATORS = ("march", "exudyn")
@@ -103,18 +103,18 @@ def test_pads_that_push_are_followed_in_the_parts_that_the_reduced_model_chose(
     """In full order by PETSc, and of the reduced model by Exudyn."""
     scene = pmr.load_scene(KINDS["J"].written(tmp_path), ["simulation.full=petsc", "time.end=0.02"])
     scene = scene.model_copy(update={"simulation": scene.simulation.model_copy(update={"simulators": SIMULATORS})})
-    asked, observed, in_exudyn = dict[str, TimeStepping](), full_order.observe, responses.exudyn.simulate
+    asked, observed, in_exudyn = dict[str, TimeStepping](), full_order.observe, responses.exudyn.simulate_system
 
     def observe(system: FullSystem, excitation: Excitation, *more: Any, **named: Any) -> History:
         asked["petsc"] = excitation.stepping
         return observed(system, excitation, *more, **named)
 
-    def simulated(body: SlidingBody, excitation: Excitation, **named: Any) -> Trajectory:
+    def simulated(system: System, excitation: Excitation, *more: Any) -> SystemTrajectory:
         asked["exudyn"] = excitation.stepping
-        return in_exudyn(body, excitation, **named)
+        return in_exudyn(system, excitation, *more)
 
     monkeypatch.setattr(full_order, "observe", observe)
-    monkeypatch.setattr(responses.exudyn, "simulate", simulated, raising=False)
+    monkeypatch.setattr(responses.exudyn, "simulate_system", simulated, raising=False)
     pmr.run(scene)
     assert len(asked["petsc"].schedule) == 20  # one number a step, instead of the most for all of them
     assert asked["exudyn"].schedule == asked["petsc"].schedule

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import pmr
 from pmr import scene as scenes
 from pmr.compare.boom_figures import frequency_map
-from pmr.compare.booms import respond
+from pmr.compare.evaluation import respond
 from pmr.compare.pivot import at_pivot
 from pmr.compare.saved_model import simulate_saved
 from pmr.compare.way import frequencies, visited
@@ -363,8 +363,11 @@ def test_the_crane_takes_six_coordinates_a_section() -> None:
 
 @pytest.mark.slow
 def test_three_sections_that_luff_are_followed_by_few_coordinates() -> None:
-    """As near as 13 coordinates of a separate planar model come: 0.011 %, here with 13 and six without inertia."""
-    changes = [f"sections.{name}.reduction.coordinates={n}" for name, n in {"base": 3, "middle": 5, "fly": 5}.items()]
+    """16 across the boom, six of them without inertia, as near as 16 of a separate planar model come: 0.0032 %.
+
+    Six more are along it, where that model is rigid.
+    """
+    changes = [f"sections.{name}.reduction.coordinates={n}" for name, n in {"base": 2, "middle": 5, "fly": 5}.items()]
     few = ("section.mesh.elements=10", "time.step=8e-3", "frame.second_order=true", "section.reduction.estimate=false")
     scene = load(*few, *changes, "compare.against=['full']", "simulation.repeats=1", file=LUFFING)
-    assert pmr.run(scene).result.summary["errors"]["reduced_vs_full"]["tip"] < 1.1e-4
+    assert pmr.run(scene).result.summary["errors"]["reduced_vs_full"]["tip"] < 4e-5

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import one_body
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
@@ -23,7 +24,6 @@ from pmr.scene.names import ALONE
 from pmr.scene.signals import Constant
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_sliding_body
-from pmr.simulation.native import simulator as march
 from pmr.system.body import FullBody
 from pmr.system.compliant_rows import CompliantRows
 
@@ -123,7 +123,7 @@ def test_a_mass_that_hangs_on_a_port_in_exudyn_moves_as_on_the_full_boom(load_sc
     )
     excitation = Excitation.of(scene)
     loads: Mapping[str, Any] = {**excitation.loads, "weight": Constant(amount=1.0)}
-    expected = (z @ march.simulate(replace(heavy, rayleigh=None), replace(excitation, loads=loads)).q.T)[0]
+    expected = (z @ one_body.simulate(replace(heavy, rayleigh=None), replace(excitation, loads=loads)).q.T)[0]
     tip = without.reduced.outputs[without.reduced.output_names.index("tip z")]
     size = np.abs(expected).max()
     missed = np.abs(hung(scene, without.reduced, tip) - expected).max() / size

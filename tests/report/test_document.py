@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import base64
 import re
 import zlib
 from collections import Counter
@@ -8,6 +9,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import pytest
 
@@ -299,14 +301,28 @@ def test_a_report_has_the_dates_of_its_results() -> None:
     assert dated("Report", [{"date": "2026-03-02"}, {"date": "2025-12-31"}]) == "Report · 2025-12-31 to 2026-03-02"
 
 
+class Printer:
+    """Keeps what it is to print."""
+
+    def __init__(self, string: str) -> None:
+        self.string = string
+
+    def write_pdf(self, file: Path) -> None:
+        file.write_text(self.string)
+
+
 def test_paper_goes_without_what_is_shown_at_a_pointer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Printer:
-        def __init__(self, string: str) -> None:
-            self.string = string
-
-        def write_pdf(self, file: Path) -> None:
-            file.write_text(self.string)
-
     monkeypatch.setattr(document, "needed", lambda _: SimpleNamespace(HTML=Printer))
     made = document.write(f"<p>a{SCREEN}\n1{END_OF_SCREEN}b{SCREEN}2{END_OF_SCREEN}</p>", tmp_path / "report")
     assert made.pdf.read_text() == "<p>ab</p>" and "\n1" in made.html.read_text()
+
+
+def test_on_paper_figures_are_images_and_text_stays_as_it_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(document, "needed", lambda _: SimpleNamespace(HTML=Printer))
+    drawn = '<svg viewBox="0 0 2 1"><path d="M0 0"/><text>a &lt; b</text></svg>'
+    text = document.write(f"<style>.pair svg {{ width: 1px }}</style><p>svg {{</p>{drawn}", tmp_path).pdf.read_text()
+    image = re.search('base64,([^"]*)', text)
+    assert image is not None
+    shown = ElementTree.fromstring(base64.b64decode(image[1]))
+    assert [element.tag.rpartition("}")[2] for element in shown.iter()] == ["svg", "path", "text"]
+    assert ".pair embed {" in text and "<p>svg {</p>" in text and "<svg" not in text

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from pmr.report import numbers
-from pmr.report.numbers import Unit
+from pmr.report.numbers import SPACE, Unit
 
 
 @pytest.mark.parametrize(
@@ -85,3 +85,8 @@ def test_share_captured(kappa: float, text: str) -> None:
 @pytest.mark.parametrize(("true", "said"), [(1e-3, "1.25 times the true error"), (4e-9, ""), (0.0, ""), (None, "")])
 def test_an_estimate_is_compared_with_an_error_above_round_off_only(true: float | None, said: str) -> None:
     assert numbers.times_the_true_error(1.25e-3, true) == said
+
+
+def test_a_share_that_is_round_off_has_no_digits() -> None:
+    assert numbers.percent(6.71e-12) == f"less than 10⁻⁶{SPACE}%"
+    assert numbers.percent(0.0) == f"0{SPACE}%" and numbers.percent(1.2e-8) == f"1.20{SPACE}·{SPACE}10⁻⁶{SPACE}%"

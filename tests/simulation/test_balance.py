@@ -6,16 +6,16 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+import one_body
 import pytest
 from driving import driven
 from numpy.typing import NDArray
+from one_body import Simulate
 from oracle import enriched, flexible, full_body
 
 from pmr.errors import SimulationError
 from pmr.scene.signals import Constant, Ramp, Sine
-from pmr.simulation import InitialState, Simulator, TimeStepping, balance
-from pmr.simulation.exudyn import simulator as exudyn
-from pmr.simulation.native import simulator as march
+from pmr.simulation import InitialState, TimeStepping, balance
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.system.body import FullBody
 
@@ -25,8 +25,10 @@ FAST = Ramp(times=(0.05, 0.6, 1.15), values=(0.7, 4.2, 0.7))
 SLOWER = Ramp(times=(0.05, 1.0, 1.95), values=(0.7, 4.2, 0.7))
 LOAD = Sine(amplitude=50.0, frequency=2.0)
 SIMULATORS = {
-    "march": march.simulate,
-    **{f"exudyn-{way}": partial(exudyn.simulate, formulation=way) for way in ("springs", "multipliers", "callbacks")},
+    "march": one_body.simulate,
+    **{
+        f"exudyn-{way}": partial(one_body.in_exudyn, formulation=way) for way in ("springs", "multipliers", "callbacks")
+    },
 }
 
 
@@ -36,7 +38,7 @@ def beam() -> FullBody:
 
 
 @pytest.fixture(params=SIMULATORS)
-def simulator(request: pytest.FixtureRequest) -> Simulator:
+def simulator(request: pytest.FixtureRequest) -> Simulate:
     return SIMULATORS[request.param]
 
 
@@ -56,22 +58,22 @@ def test_a_rigid_rows_multiplier_has_a_triple_root_at_minus_rho(rho: float) -> N
 
 
 @pytest.mark.slow
-def test_growth_is_an_error_in_every_simulator(beam: FullBody, simulator: Simulator) -> None:
+def test_growth_is_an_error_in_every_simulator(beam: FullBody, simulator: Simulate) -> None:
     """Exudyn's Newton method may give up before the end is reached."""
     with pytest.raises(SimulationError, match=r"(grows without bound.*rigid row slider.* moves|not converge).*rho_inf"):
         simulator(beam, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999)))
 
 
 @pytest.mark.slow
-def test_what_is_right_passes_in_every_simulator(beam: FullBody, simulator: Simulator) -> None:
+def test_what_is_right_passes_in_every_simulator(beam: FullBody, simulator: Simulate) -> None:
     found = simulator(beam, driven(SLOWER, LOAD, TimeStepping(2.0, 1e-3, 0.9)))
     assert 0.0 <= found.surplus < 0.1 * balance.NOTABLE
 
 
 def test_between_the_two_it_is_notable(beam: FullBody) -> None:
     """With rho_inf = 0.9 too, on a fast path: 29 % of the energy from nowhere before the displacements show it."""
-    found = march.simulate(beam, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9)))
-    sound = march.simulate(flexible(beam, 12), driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9)))
+    found = one_body.simulate(beam, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9)))
+    sound = one_body.simulate(flexible(beam, 12), driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9)))
     assert balance.NOTABLE < found.surplus < balance.GROWN
     assert sound.surplus < 0.1 * balance.NOTABLE
 
@@ -79,7 +81,7 @@ def test_between_the_two_it_is_notable(beam: FullBody) -> None:
 def test_a_row_that_gives_way_does_not_grow(beam: FullBody) -> None:
     """The same path and rho_inf, without a multiplier of index 3."""
     model = flexible(beam, 8)
-    for simulate in (march.simulate, exudyn.simulate):
+    for simulate in (one_body.simulate, one_body.in_exudyn):
         assert simulate(model, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999))).surplus < 0.02 * balance.NOTABLE
 
 
@@ -88,7 +90,7 @@ def test_the_balance_closes_with_the_step(beam: FullBody, of: Callable) -> None:
     """Second order: energy, work of loads and work of the row are those of one motion, signs included."""
     smooth = Sine(amplitude=1.2, frequency=1.0, offset=2.4)
     body, steps = of(beam, 8), (4e-3, 1e-3)
-    found = [march.simulate(body, driven(smooth, LOAD, TimeStepping(1.0, h, 0.8))).surplus for h in steps]
+    found = [one_body.simulate(body, driven(smooth, LOAD, TimeStepping(1.0, h, 0.8))).surplus for h in steps]
     assert found[0] < 0.02
     assert found[1] < found[0] / 8.0
 
@@ -96,7 +98,7 @@ def test_the_balance_closes_with_the_step(beam: FullBody, of: Callable) -> None:
 def test_an_initial_deformation_has_its_energy(beam: FullBody) -> None:
     model = flexible(beam, 8)
     start = InitialState(np.eye(model.size)[2] * 0.1, np.zeros(model.size))
-    found = march.simulate(
+    found = one_body.simulate(
         model, driven(Constant(amount=2.0), Constant(amount=0.0), TimeStepping(1.0, 1e-3, 0.9)), start
     )
     assert found.surplus < 1e-3
@@ -120,7 +122,7 @@ def test_surplus(stored: list[float], work: list[float], expected: float) -> Non
 def test_round_off_has_no_source(beam: FullBody) -> None:
     assert balance.surplus(np.array([0.0, 1e-30]), np.zeros(2), least=1e-20) == 0.0
     at = full_body(elements=16)
-    found = march.simulate(flexible(at, 8), driven(Constant(amount=5.0), LOAD, TimeStepping(0.5, 1e-3, 0.9)))
+    found = one_body.simulate(flexible(at, 8), driven(Constant(amount=5.0), LOAD, TimeStepping(0.5, 1e-3, 0.9)))
     assert np.abs(found.q).max() < 1e-12  # the slider stands under the load
     assert found.surplus == 0.0
 

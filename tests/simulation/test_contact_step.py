@@ -9,22 +9,21 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import one_body
 import pytest
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, driven, flexible_on_pads, modes_on_pads
+from one_body import energy, respond
 from scipy.interpolate import PPoly
 
-from pmr.compare.evaluation import respond
 from pmr.errors import InputError
 from pmr.files import records
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant
 from pmr.simulation import InitialState, TimeStepping, contact_step
-from pmr.simulation.balance import energy
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
 from pmr.system.contacts import SLIDER
@@ -48,7 +47,7 @@ def on_a_spring(mass: float, stiffness: float, clearance: float) -> ReducedModel
 
 def fall(body: ReducedModel, stepping: TimeStepping) -> Trajectory:
     """The beam falls by the clearance of its pads and bounces between those below and above."""
-    return march.simulate(body, driven(Constant(amount=3.0), (Constant(amount=9.81), REST[1]), stepping))
+    return one_body.simulate(body, driven(Constant(amount=3.0), (Constant(amount=9.81), REST[1]), stepping))
 
 
 @pytest.mark.parametrize("stiffness", [1e2, 1e8])
@@ -95,7 +94,7 @@ def test_stiff_pads_and_steps_of_a_millisecond_give_the_forces_of_a_fine_step(ki
     """Until the beam has rung through its first impacts: 0.2 s.  With one part a step 3 to 38 % are lost."""
     body = BODIES[kind](beam_on_pads(FALL, STIFFNESS, 20), coordinates)
     coarse, fine = fall(body, TimeStepping(0.2, 1e-3)), fall(body, TimeStepping(0.2, 2e-6, parts=1))
-    assert coarse.peaks is not None and fine.peaks is None
+    assert coarse.peaks is not None and fine.parts is not None and fine.parts.max() == 1
     most = fine.multipliers.max(axis=0)
     assert np.abs(coarse.peaks.max(axis=0) - most).max() < 0.03 * most.max()
     assert np.all(coarse.peaks >= coarse.multipliers)
@@ -114,7 +113,7 @@ def test_energy_is_kept_where_it_is_resolved_and_never_grows(kind: str, stiffnes
     v[:4] = np.random.default_rng(0).standard_normal(4) * [0.6, 0.6, 1.0, 0.6]
     for h in (1e-3, 1e-2):
         stepping = TimeStepping(2000 * h, h, rho_inf)
-        found = march.simulate(body, driven(Constant(amount=3.5), REST, stepping), InitialState(np.zeros(6), v))
+        found = one_body.simulate(body, driven(Constant(amount=3.5), REST, stepping), InitialState(np.zeros(6), v))
         total = energy(body, found, np.zeros((2001, 2))).total
         assert found.peaks is not None and np.count_nonzero(found.peaks.max(axis=1) > 0.0) > 20
         assert total.max() <= total[0] * (1.0 + 1e-12)
@@ -126,7 +125,7 @@ def test_five_seconds_of_rebounds_keep_their_energy() -> None:
     start = InitialState(np.zeros(4), np.array([0.6, 0.4, 0.0, 0.0]))
     left = {}
     for parts in (0, 1):
-        found = march.simulate(body, driven(Constant(amount=3.5), REST, TimeStepping(5.0, 1e-3, 0.9, parts)), start)
+        found = one_body.simulate(body, driven(Constant(amount=3.5), REST, TimeStepping(5.0, 1e-3, 0.9, parts)), start)
         total = energy(body, found, np.zeros((5001, 2))).total
         left[parts] = total[-1] / total[0]
     assert left[0] > 0.8 and left[1] < 0.05
@@ -143,7 +142,7 @@ def test_parts_are_smaller_steps_of_which_the_last_is_kept() -> None:
     within = every.multipliers[1:].reshape(500, 7, 4).max(axis=1)
     np.testing.assert_allclose(found.peaks[1:], within, rtol=0.0, atol=1e-9 * within.max())
     loads, stepping = (Constant(amount=9.81), REST[1]), TimeStepping(0.5, 1e-3, 0.9, parts=7)
-    seen = march.observe(modal_form(body), driven(Constant(amount=3.0), loads, stepping), outputs=[3], every=5)
+    seen = one_body.observe(modal_form(body), driven(Constant(amount=3.0), loads, stepping), outputs=[3], every=5)
     np.testing.assert_allclose(seen.multipliers, found.multipliers[::5], rtol=0.0, atol=1e-6 * within.max())
 
 
@@ -197,7 +196,7 @@ def test_first_impacts_of_random_falls_are_those_of_a_fine_step() -> None:
         found = []
         for parts in (0, 1, max(2, int(np.ceil(h * omega / 0.004)))):
             stepping = TimeStepping(steps * h, h, float(rho_inf), parts)
-            run = march.simulate(body, driven(Constant(amount=s), (Constant(amount=9.81), REST[1]), stepping))
+            run = one_body.simulate(body, driven(Constant(amount=s), (Constant(amount=9.81), REST[1]), stepping))
             found.append(float((run.multipliers if run.peaks is None else run.peaks).max()))
         off.append(abs(found[0] / found[2] - 1.0))
         whole.append(abs(found[1] / found[2] - 1.0))

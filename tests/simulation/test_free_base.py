@@ -15,7 +15,7 @@ from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation import Excitation
 from pmr.simulation.acceleration import Acceleration
-from pmr.simulation.floating import Extended, Motion
+from pmr.simulation.floating import Extended, Moments, Motion
 from pmr.simulation.frame import Turning
 from pmr.simulation.free_base import FreeBase
 from pmr.system.assembly import Assembly
@@ -117,6 +117,63 @@ def test_momenta_and_energy_stay_while_it_telescopes() -> None:
     moved = adrift.parts(found.y[:, -1])
     assert np.abs(moved[-1]) > 1e-4 * abs(before[2])  # the cylinder worked
     assert np.abs(moved[4]).max() > 0.02
+
+
+class Drawn(Adrift):
+    """The same, its extension a coordinate: a rod of so many kg on a spring; moments change as it is drawn out."""
+
+    def __init__(self, scene: Scene, system: System, rod: float) -> None:
+        super().__init__(scene, system)
+        self.rod, self.spring, self.relaxed = rod, 2e4, 0.55
+        own = self.boom.boom.moments.value
+        self.changed = np.random.default_rng(2).normal(size=(2, *own.shape)) * np.abs(own).max()
+
+    def start(self) -> Array:
+        return np.append(super().start()[:-1], [0.6, 0.5])
+
+    def moments(self, s: float, v: float) -> Moments:
+        """Beta + s beta_1 + s^2 beta_2."""
+        own, (one, two) = self.boom.boom.moments.value, self.changed
+        slope = np.zeros((*own.shape, 2))
+        slope[..., 1] = one + 2.0 * s * two
+        return Moments(own + s * one + s**2 * two, slope, 2.0 * two * v**2)
+
+    def rates(self, t: float, y: Array) -> Array:
+        _, R, v, omega, q, rate, (s, s_t) = self.parts(y)
+        R, n, out = R.reshape(3, 3), self.n, Extended(*np.array([[0.0, s], [0.0, s_t], [0.0, 0.0]]))
+        pressed = self.boom.at(Motion(omega, np.zeros(3)), out, q, rate, self.moments(s, s_t))
+        free = np.delete(np.arange(8 + n), 6 + n)
+        mass, forces = pressed.mass[np.ix_(free, free)], pressed.forces[free]
+        mass[6 : 6 + n, 6 : 6 + n] += self.M
+        mass[:3, :3] += self.mass * np.eye(3)
+        mass[3:6, 3:6] += self.inertia
+        mass[-1, -1] += self.rod
+        forces[6 : 6 + n] += self.K @ q
+        forces[3:6] += np.cross(omega, self.inertia @ omega)
+        forces[-1] += self.spring * (s - self.relaxed)
+        a, spin = -np.linalg.solve(mass, forces), np.cross(omega, np.eye(3), axisb=0, axisc=0)
+        moved = (R @ v, (R @ spin).ravel(), a[:3] - np.cross(omega, v), a[3:6], rate, a[6:-1], [s_t, a[-1]])
+        return np.concatenate(moved)
+
+    def conserved(self, t: float, y: Array) -> tuple[Array, Array, float]:
+        O, R, v, omega, q, rate, (s, s_t) = self.parts(y)
+        R, motion, moments = R.reshape(3, 3), Motion(omega, np.zeros(3)), self.moments(s, s_t)
+        out, turret = Extended(*np.array([[0.0, s], [0.0, s_t], [0.0, 0.0]])), self.inertia @ omega
+        p = self.boom.momentum(motion, v, out, q, rate, moments) + np.append(self.mass * v, turret)
+        energy = self.boom.kinetic(motion, v, out, q, rate, moments) + (rate @ self.M @ rate + q @ self.K @ q) / 2.0
+        energy += (self.mass * v @ v + omega @ turret + self.rod * s_t**2 + self.spring * (s - self.relaxed) ** 2) / 2.0
+        return R @ p[:3], R @ p[3:] + np.cross(O, R @ p[:3]), energy
+
+
+def test_momenta_and_energy_stay_while_a_spring_draws_it_out() -> None:
+    drawn = Drawn(free_boom.scene(), free_boom.system(), rod=30.0)
+    found = solve_ivp(drawn.rates, (0.0, 0.1), drawn.start(), method="DOP853", rtol=1e-10, atol=1e-10)
+    before, after = (drawn.conserved(found.t[k], found.y[:, k]) for k in (0, -1))
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())
+    moved = drawn.parts(found.y[:, -1])
+    assert np.abs(moved[-1] - [0.6, 0.5]).max() > 0.05
+    assert np.abs(moved[4]).max() > 0.01
 
 
 def test_what_is_refused() -> None:

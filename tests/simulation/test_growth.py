@@ -9,17 +9,18 @@ import os
 from dataclasses import dataclass
 
 import numpy as np
+import one_body
 import pytest
 from driving import driven
 from numpy.typing import NDArray
+from one_body import displacement
 from oracle import flexible, full_body
 
 from pmr.compare.errors import nrms
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import TimeStepping, balance
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.native import simulator as march
-from pmr.system.body import Trajectory, displacement
+from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
 CASES = 600 if os.environ.get("PMR_SWEEP") == "full" else 60
@@ -66,7 +67,7 @@ def grows_not(*runs: Trajectory) -> bool:
 
 
 def kept(form: ModalForm, found: Trajectory, f: Array) -> Array:
-    parts = balance.energy(form.body, found, f)
+    parts = one_body.energy(form.body, found, f)
     return parts.kinetic + parts.strain
 
 
@@ -89,7 +90,7 @@ def found() -> list[Found]:
             damped = TimeStepping(stepping.end, stepping.step, 0.7)
             f = drive.load.value(stepping.times)[:, None]
             runs = [
-                march.simulate_modal(form, driven(drive.path, drive.load, time))
+                one_body.simulate_modal(form, driven(drive.path, drive.load, time))
                 for form in (full, rich)
                 for time in (stepping, damped)
             ]
@@ -160,5 +161,6 @@ def test_a_coarse_step_alone_is_no_growth(seed: int) -> None:
     load = Chirp(amplitude=50.0, times=(0.0, end), frequencies=(1.0, float(rng.uniform(2.0, 15.0))))
     body = modal_form(full_body(elements=20))
     assert (
-        march.simulate_modal(body, driven(paths[seed % 3], load, TimeStepping(end, step, rho))).surplus < balance.GROWN
+        one_body.simulate_modal(body, driven(paths[seed % 3], load, TimeStepping(end, step, rho))).surplus
+        < balance.GROWN
     )

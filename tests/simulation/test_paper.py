@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import one_body
 import pytest
 from driving import driven
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from textbook import EA, EI, LENGTH, RHO_A
 from pmr.reduced.model import ReducedModel
 from pmr.simulation import TimeStepping
 from pmr.simulation.exudyn import ancf
-from pmr.simulation.exudyn import simulator as exudyn
 from pmr.system.body import FullBody, Trajectory
 
 pytestmark = pytest.mark.slow
@@ -25,7 +25,7 @@ STEPPING = TimeStepping(end=15.0, step=1e-3, rho_inf=0.9)
 SLIDING_ENDS = 11.25  # s
 
 
-def run(body: FullBody | ReducedModel, case: Case, simulate: Any = exudyn.simulate) -> Trajectory:
+def run(body: FullBody | ReducedModel, case: Case, simulate: Any = one_body.in_exudyn) -> Trajectory:
     return simulate(body, driven(case.path, [case.load], STEPPING))
 
 
@@ -91,7 +91,7 @@ def test_published_errors_are_those_of_round_off_in_the_support_rows(
 def test_callbacks_agree_with_updates_once_a_step(reduced: ReducedModel, name: str) -> None:
     once, called = (
         displacement(reduced, run(reduced, CASES[name], simulate))
-        for simulate in (exudyn.simulate, partial(exudyn.simulate, formulation="callbacks"))
+        for simulate in (one_body.in_exudyn, partial(one_body.in_exudyn, formulation="callbacks"))
     )
     assert np.abs(once - called).max() < 1e-9
 

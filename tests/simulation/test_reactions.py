@@ -6,16 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from one_body import respond, simulate
 
 from pmr import scene as scenes
-from pmr.compare.evaluation import respond
 from pmr.fullmodel.build import full_model
 from pmr.pipeline import Outcome, run
 from pmr.reduced.model import ReducedModel
 from pmr.results.tables import reaction_extremes
 from pmr.scene.built import GRAVITY
 from pmr.simulation import Excitation
-from pmr.simulation.native.simulator import simulate
 from pmr.system.body import FullBody
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import one_body
 import pytest
 from driving import driven
 from oracle import flexible, full_body
@@ -11,7 +12,6 @@ from pmr.errors import InputError
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import on_path
-from pmr.simulation.native import simulator as march
 from pmr.simulation.resolution import STEPS_A_PERIOD, UNSEEN, aliased, overshooting, unseen
 
 STEPPING = TimeStepping(1.0, 1e-3)
@@ -78,7 +78,7 @@ def test_a_path_that_leaves_the_beam_between_the_steps_is_refused(frequency: flo
         on_path(path, path.value(STEPPING.times), domain, STEPPING.times)
     model = flexible(full_body(10), 4)
     with pytest.raises(InputError, match="left between two steps"):
-        march.simulate(model, driven(path, Constant(amount=1.0), STEPPING))
+        one_body.simulate(model, driven(path, Constant(amount=1.0), STEPPING))
 
 
 #: Flat, then two rows on either side of a top that no row holds.

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.slow
 
 G, L, HEIGHT, WIDTH, WALL, E = 9.80665, 6.0, 0.32, 0.22, 0.006, 210e9
 BOX = {"length": L, "width": WIDTH, "height": HEIGHT, "wall": WALL}
+HINGES = {"foot": [0.5, -1.0], "lug": [1.5, -0.2]}
 PROBE = {"name": "root", "at": [0.0, 0.0, HEIGHT / 2.0], "measures": ["stress"]}
 
 
@@ -31,7 +32,12 @@ def cantilever(density: float, elements: int, coordinates: int = 6) -> Scene:
         {
             "title": "cantilever",
             "gravity": {},
-            "frame": {"pivot": [0.0, 0.0, 0.0], "luffing": {"kind": "constant", "amount": 0.0}, "second_order": True},
+            "frame": {
+                "pivot": [0.0, 0.0, 0.0],
+                "luffing": {"kind": "constant", "amount": 0.0},
+                "cylinder": HINGES,
+                "second_order": True,
+            },
             "sections": [
                 {
                     "name": "boom",
@@ -112,6 +118,16 @@ def test_deflection_and_stress_to_second_order_are_those_of_a_beam_column(raised
         assert berry(deflection, angle)[0] == pytest.approx(0.5, rel=1e-3)
         pressed = stress * G * np.sin(angle) / A
         assert berry(stress, angle)[1] * (HEIGHT + WALL) / 2.0 / I - pressed == pytest.approx(400e6, rel=1e-3)
+
+
+def test_a_luffing_cylinder_carries_the_moment_to_second_order(raised: Postures) -> None:
+    """Berry's moment at the root over the arm: twice the area of pivot, foot and lug over the cylinder's length."""
+    foot, lug = (complex(*HINGES[key]) for key in ("foot", "lug"))
+    for k, angle in enumerate((0.3, 1.4)):
+        turned = lug * np.exp(1j * angle)
+        arm = (foot.conjugate() * turned).imag / abs(turned - foot)
+        load, _ = loads([Limit(name="a", of="luffing", most=100e3, factor=1.25)], raised, k)
+        assert berry(load, angle)[1] / arm == pytest.approx(80e3, rel=1e-3)
 
 
 def test_a_column_stands_up_to_its_buckling_load_and_a_hanging_one_for_ever(raised: Postures) -> None:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import one_body
 import pytest
+from one_body import energy
 from oracle import TIP_LOAD, full_body
 
 from pmr.compare.errors import relative_error
 from pmr.scene.signals import Constant, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.balance import energy
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.studies.local_bases import aligned, held_modes, local_model, positions
 
 BODY = modal_form(full_body(4)).body
@@ -24,7 +24,7 @@ def driven(path=PATH) -> Excitation:
 
 
 def full(excitation: Excitation):
-    run, f = march.simulate_modal(BODY_FORM, excitation), excitation.forces((TIP_LOAD,))
+    run, f = one_body.simulate_modal(BODY_FORM, excitation), excitation.forces((TIP_LOAD,))
     found = energy(BODY, run, f)
     return run.q @ BODY.outputs.T, found.kinetic + found.strain
 

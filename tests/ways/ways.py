@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import one_body
 import scipy.io
 from export.fmi.libraries import Instance, compiled
 from fuzz import toml
 from numpy.typing import NDArray
+from one_body import displacement
 from processes import undrawn
 from ways.subjects import Refused, Subject, command, refusals
 
@@ -28,12 +30,11 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
 from pmr.simulation.recorded import recorded
 from pmr.studies.files import kind_names
 from pmr.system.assembly import Assembly
-from pmr.system.body import displacement, length_outputs
+from pmr.system.body import length_outputs
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -159,7 +160,7 @@ def simulated_outputs(system: System, excitation: Excitation) -> Array:
     """Of the compiled simulator, (T, o): a body alone from rest, sections from equilibrium."""
     if "" in system.bodies:
         model = system.reduced[""]
-        found, f = march.simulate(model, excitation), excitation.forces(model.input_names)
+        found, f = one_body.simulate(model, excitation), excitation.forces(model.input_names)
         return displacement(model, found.q, found.s, found.multipliers, f)
     start = systems.static_start(system, excitation)
     return np.hstack(list(systems.displacements(system, systems.simulate(system, excitation, start)).values()))

@@ -66,7 +66,7 @@ class Choice:
 def prepared(scene: Scene) -> Scene:
     """The scene whose reduction holds all models among which is chosen; as it is where it orders none.
 
-    Sections have the coordinates that they ask for, and more enrichment modes (`pmr.reduction.bodies.SEARCHED`).
+    Sections have the coordinates that they ask for, and more enrichment modes (`pmr.reduction.from_scene`).
     """
     if scene.ordered is None or len(scene.bodies) > 1:
         return scene

@@ -10,7 +10,9 @@ structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,27 +33,42 @@ Array = NDArray[np.float64]
 #: A load or a row that does less work on a mode than this share of its work on another one does not excite it.
 UNREACHED = 1e-8
 
+#: Axial forces that do less work on a mode than this share of that on another one do not bend it; so many that they do
+#: not bend may stand among the others.
+UNBENT, SPARE = 1e-6, 4
+
 #: Least share of each rigid-body mode in the lowest modes computed; 1 - 1e-8 on a beam of 2000 elements.
 HELD_BY_MODES = 0.9
 
 
 def free_modes(
-    model: FullModel, count: int, solver: str = "auto", enrichment: int = 0, body: FreeBody | None = None
+    model: FullModel,
+    count: int,
+    solver: str = "auto",
+    enrichment: int = 0,
+    body: FreeBody | None = None,
+    stressed: bool = False,
 ) -> Snapshots:
     """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes first; collective.
 
     There are `count` of them, at least as many as there are rigid-body modes and fewer than all, so that flexibility is
-    left, and up to `enrichment` more; a coarse mesh may have fewer.  Rigid-body modes come from the geometry
+    left, and up to `enrichment` more.  These leave as many modes as there are rigid sliders and pads, whose forces are
+    told apart by what is left: a coarse mesh may have fewer.  Rigid-body modes come from the geometry
     (`pmr.reduction.snapshots.free_body`), all others are M-orthogonal to them.
 
     Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
-    across it.  They are left out.
+    across it.  They are left out.  So are, among the `enrichment`, those that axial forces do not bend, of a section
+    that is `stressed`: modes without inertia follow these forces (`pmr.reduced.quasi_static`).
 
     The solver is ``"auto"``, ``"dense"`` or ``"slepc"``; a `body` of this model and solver leaves its factor to whoever
     needs it next.  Raises InputError if `count` is out of this range; ConvergenceError if too few modes converge.
     """
-    # One more tells whether flexibility is left.
-    lowest = _lowest(body or FreeBody(model, solver), count + enrichment + 1)
+    # One more tells whether flexibility is left; a mesh of which all modes are computed at once is asked for more.
+    rigid = sum(not row.fixed and row.compliance == 0.0 for row in model.rows.rows)
+    left = max(1, rigid if is_dense(model, solver) else 1)
+    stress = [A for name, A in model.matrices.items() if name.startswith("axial")] if stressed and enrichment else []
+    more = enrichment + (SPARE if stress else 0)
+    lowest = _lowest(body or FreeBody(model, solver), count + more + left)
     modes, found = lowest.modes, len(lowest.modes.omega)
     if lowest.rigid > count:
         allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
@@ -59,13 +76,15 @@ def free_modes(
     if found <= count:
         allowed = f"loads and sliders excite {found} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
-    taken = min(count + enrichment, found - 1)
+    beyond = np.arange(count, min(count + more, found - left))
+    beyond = beyond[_bent(model, stress, modes, beyond)] if stress else beyond
+    taken = np.concatenate([np.arange(count), beyond[:enrichment]])
     return Snapshots.of(
-        np.ascontiguousarray(modes.phi[:, :taken]),
+        np.ascontiguousarray(modes.phi[:, taken]),
         model,
-        omega=modes.omega[:taken],
-        s=np.full(taken, np.nan),
-        residuals=modes.residuals[:taken],
+        omega=modes.omega[taken],
+        s=np.full(len(taken), np.nan),
+        residuals=modes.residuals[taken],
         source="eigenmodes on the fixed supports, sliders released",
     )
 
@@ -139,6 +158,16 @@ def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
     omega2, turned = np.linalg.eigh(rest.T @ (modes.omega[:, None] ** 2 * rest))
     combined = rest @ turned
     return finished(held, _anywhere(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
+
+
+def _bent(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which modes axial forces of matrices `stress` bend: by G on the modes before them, over their own stiffness."""
+    found = np.zeros(len(which))
+    for G in stress:
+        work = inner(times(G, modes.phi), modes.phi, model.comm)
+        for k, number in enumerate(which):
+            found[k] += np.sum(work[number, : which[0]] ** 2) / modes.omega[number] ** 2
+    return np.asarray(found > UNBENT**2 * found.max(initial=0.0))
 
 
 def _work(model: FullModel, phi: Array) -> Array:

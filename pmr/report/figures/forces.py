@@ -57,7 +57,8 @@ def pivot(result: RunResult, outputs: Sequence[Output]) -> Figure:
         axes[0, 0].plot(time.t[shown], signal[shown] / unit.size, color=colour, linewidth=0.8)
     time.frame(axes[0, 0], f"{'Moment' if outputs[0].unit == 'N m' else 'Force'} in {unit.name}")
     axes[0, 0].axhline(0.0, linewidth=0.0)
-    key(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *time.shade()])
+    shade = time.shade() if len(lines) < 4 else ()  # there is no room for a fifth name
+    key(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *shade])
     return figure
 
 

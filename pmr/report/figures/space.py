@@ -82,7 +82,8 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     steps, t, scale = space.moments(result), result.responses["reduced"].t, exaggeration(result)
     bodies = space.axes(result, steps, scale)
     way = getattr(space.axes(result, spread(len(t), WAY), scale)[-1], view)[:, -1]
-    ax, figure = _paper([way, *(getattr(one, view).reshape(-1, 2) for one in bodies)], across, up)
+    raising = _cylinders(result, steps) if ground else []
+    ax, figure = _paper([way, *(getattr(one, view).reshape(-1, 2) for one in bodies), *raising], across, up)
     ax.plot(*way.T, color=MUTED, linewidth=0.6, linestyle=(0, (4.0, 2.5)), zorder=1.5)
     colours = [SECTIONS[k % len(SECTIONS)] for k in range(len(bodies))]
     for k, (body, colour) in enumerate(zip(bodies, colours, strict=True)):
@@ -91,12 +92,22 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     for step, places in zip(steps, getattr(bodies[-1], view), strict=True):
         _label(ax, places, f"{float(t[step]):.3g}{SPACE}s")
     if ground:
+        for places in raising:
+            ax.plot(*places.T, color=MUTED, linewidth=1.6, zorder=1.8)
         ax.axhline(0.0, color=GROUND, linewidth=1.2, zorder=1.0)
     ax.plot([0.0], [0.0], marker="^" if ground else "o", markersize=6.0, color=INK, zorder=4.0)
     if len(bodies) > 1:
         named = zip(bodies, colours, strict=True)
         key(figure, [Line2D([], [], color=colour, linewidth=2.0, label=one.body) for one, colour in named])
     return figure
+
+
+def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
+    """What raises the boom at some steps, each from its foot to its lug (2, 2) m; none where it is not said."""
+    frame, t = result.scene.frame, result.responses["reduced"].t
+    if frame is None or frame.cylinder is None:
+        return []
+    return [np.array([frame.cylinder.foot, lug]) for lug in frame.cylinder.raised(frame.angles[0].value(t[steps]))]
 
 
 def _label(ax: Axes, places: Array, text: str) -> None:

@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from pmr.simulation.exudyn.simulator import (
         Formulation,
         Hook,
+        NodeCoordinate,
         OnBody,
         add_hook,
         add_pre_step_function,
         add_sensors,
         add_sliding_body,
         add_system,
-        simulate,
         simulate_system,
     )
 
@@ -26,13 +26,13 @@ __all__ = [
     "FORMULATIONS",
     "Formulation",
     "Hook",
+    "NodeCoordinate",
     "OnBody",
     "add_hook",
     "add_pre_step_function",
     "add_sensors",
     "add_sliding_body",
     "add_system",
-    "simulate",
     "simulate_system",
 ]
 

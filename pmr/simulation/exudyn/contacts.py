@@ -40,16 +40,29 @@ class Contacts:
         """Whether any only pushes."""
         return self._pushing is not None
 
+    @property
+    def closed(self) -> Mask:
+        """Which of those that give way were when their forces were found last."""
+        return np.ones(len(self._names), bool) if self._pushing is None else self._pushing.closed.astype(bool)
+
     def springs(self, x: Array) -> Array:
         """K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), of those that give way and hold both ways."""
-        rows, K, B = self.rows(x), self._equations.K, self._equations.B
+        return self.sprung(self.rows(x))
+
+    def sprung(self, rows: ContactRows) -> Array:
+        """The same, of rows (T, ...) of those that give way."""
+        K, B = self._equations.K, self._equations.B
         answers = self._answers(rows, np.concatenate([rows.C, -rows.H], axis=2))
         return np.asarray(np.hstack([K, B]) + rows.C.transpose(0, 2, 1) @ answers)
 
     def rows(self, x: Array) -> ContactRows:
         """Of those that give way at x (T, k) m."""
-        all_of, gives = self._equations.rows(x), self.gives
-        return ContactRows(all_of.C[:, gives], all_of.F[:, gives][:, :, gives], all_of.H[:, gives], all_of.X)
+        return self.giving(self._equations.rows(x))
+
+    def giving(self, rows: ContactRows) -> ContactRows:
+        """Of all contacts none but those that give way, at one place or some."""
+        gives = self.gives
+        return ContactRows(rows.C[..., gives, :], rows.F[..., gives, :][..., gives], rows.H[..., gives, :], rows.X)
 
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
         """Of those that give way, (T, m') N, at T places; a SimulationError if which are closed is not settled."""
@@ -57,6 +70,11 @@ class Contacts:
         if self._pushing is None:
             return np.asarray(self._answers(rows, motion[:, :, None])[:, :, 0])
         return np.array([self.settled(rows.at(k), one) for k, one in enumerate(motion)]).reshape(motion.shape)
+
+    def force(self, rows: ContactRows, q: Array, f: Array) -> Array:
+        """The same (m',) at one place."""
+        whole = ContactRows(rows.C[None], rows.F[None], rows.H[None], rows.X[None])
+        return np.asarray(self.forces(whole, q[None], f[None])[0])
 
     def settled(self, rows: ContactRows, motion: Array) -> Array:
         """The same at one place, where the contacts move by C q + H f (m',) m."""
@@ -70,8 +88,7 @@ class Contacts:
 
     def stiffness(self, rows: ContactRows) -> Array:
         """C^T F^-1 C (n, n) of those that were closed when the forces were settled last."""
-        assert self._pushing is not None
-        closed = rows.of(self._pushing.closed)
+        closed = rows.of(self.closed)
         return np.asarray(closed.C.T @ np.linalg.solve(closed.F, closed.C))
 
     def _answers(self, rows: ContactRows, right: Array) -> Array:

@@ -59,7 +59,7 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
     if contacts.push:
         given |= _pushing(contacts, equations, inputs, steps)
     else:
-        given["jacobianUserFunction"] = _nothing_beyond_matrices(equations, steps)
+        given["jacobianUserFunction"] = nothing_beyond_matrices(equations, steps)
     K = system(0.0)[:, :n] if springs else None
     items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **given), rigid, scalingMarker1=rows(0.0))
     place_set, loads_set = inputs.number(0.0), inputs.loads(0.0)
@@ -135,7 +135,7 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
     q, forces = np.concatenate([one.q for one in start.values()]), np.zeros(m)
     forces[gives] = np.linalg.solve(F[np.ix_(gives, gives)], (C @ q - offset)[gives])
     steps = Steps(held=bool(m))
-    jacobian, force = _nothing_beyond_matrices(equations, steps), equations.B @ np.array(inputs.loads(0.0))
+    jacobian, force = nothing_beyond_matrices(equations, steps), equations.B @ np.array(inputs.loads(0.0))
     items = add_bodies(mbs, equations, start, forceVector=force, jacobianUserFunction=jacobian)
     name = f"{mbs.GetMarker(items.mSystem)['name']}Rows"
     nRows = add_coordinates(mbs, name, InitialState(forces, np.zeros(m)))
@@ -194,7 +194,7 @@ def _counts(equations: Equations) -> tuple[int, int]:
     return len(equations.system.contacts), equations.B.shape[1]
 
 
-def _nothing_beyond_matrices(equations: Equations, steps: Steps) -> Any:
+def nothing_beyond_matrices(equations: Equations, steps: Steps) -> Any:
     """Jacobian of the forces beyond K and D, which Exudyn adds itself; without it, it would difference K q."""
     empty = sp.csr_matrix(equations.K.shape)
     no_more = matrix(empty if equations.sparse else empty.toarray())

@@ -17,9 +17,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-import exudyn as exu
 import numpy as np
-from exudyn.itemInterface import ObjectGenericODE2
+import scipy.linalg
 from exudyn.rigidBodyUtilities import (
     EulerParameters2GLocal,
     EulerParameters2RotationMatrix,
@@ -35,15 +34,19 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.names import input_of
 from pmr.scene.signals import Constant
+from pmr.simulation.exudyn.along import CURVE, Along
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.extending import Extending
 from pmr.simulation.exudyn.inputs import Driving, Inputs
-from pmr.simulation.exudyn.items import SystemItems
+from pmr.simulation.exudyn.paths import NodeCoordinate, Paths, check_path
 from pmr.simulation.floating import Extended, Moments, Motion
 from pmr.simulation.free_base import FreeBase
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
+
+NOTHING = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -99,8 +102,13 @@ class Base:
             raise InputError("Exudyn", "nodeType", kind, allowed)
         self.reference, self._rotations = np.array(known["referenceCoordinates"]), ROTATIONS[kind]
         self._gravity = on.scene.gravity.signal if on.scene.gravity else None
-        self._contacts, self._equations, self._known = Contacts(equations, inputs), equations, dict[float, Answers]()
-        self._paths = [_Path(name, paths.get(name), on.scene.time.step, mbs) for name in on.scene.names[1:]]
+        self._contacts, self._equations, self._known = Contacts(equations, inputs), equations, dict[bytes, Answers]()
+        self._gives = bool(self._contacts.gives.any()) and not self._contacts.push
+        self.paths = Paths(mbs, on.scene, paths, equations.system.ranges)
+        self._moments, self.along = (b"", self.boom.boom.moments), Along(equations, self.paths)
+        self.extending = (
+            Extending(equations, self._contacts, self.boom, self.paths, self.along) if self.paths.free else None
+        )
 
     @property
     def count(self) -> int:
@@ -116,27 +124,37 @@ class Base:
         angles = (x + self.reference)[3:]
         return (x + self.reference)[:3] + np.array(self._rotations.matrix(angles)) @ np.array(self._on.place)
 
-    def extended(self, t: float) -> Extended:
-        """How far the sections are out at t s."""
-        known = np.array([(0.0, 0.0, 0.0), *(path.at(t) for path in self._paths)])
-        return Extended(*known.T)
+    def extended(self, t: float, z: Array = NOTHING, z_t: Array = NOTHING) -> Extended:
+        """How far the sections are out at t s, with coordinates and rates (m,) of the user's nodes of `paths`."""
+        return self.paths.at(t, z, z_t)
 
-    def moments(self, t: float) -> Moments:
-        """At t s, with what contacts that give way answer to inertia; rates by differences over a step."""
-        h = self._on.scene.time.step
-        before, now, after = (self.boom.moments(self.answers(max(at, 0.0)).B) for at in (t - h, t, t + h))
-        return Moments(now, (after - before) / (2.0 * h if t >= h else h + t), (after - 2.0 * now + before) / h**2)
+    def moments(self, at: Extended) -> Moments:
+        """With what contacts that give way answer to inertia; derivatives by extensions are differences."""
+        key = at.value.tobytes() + at.rate.tobytes()
+        if self._gives and key != self._moments[0]:
+            near, give = self.along.at(at.value, at.rate), self._contacts.giving
+            rows, slopes = give(near.rows), give(near.slopes)
+            answer, bent = (np.linalg.solve(rows.F, one) for one in (rows.H, rows.C))
+            B_slope = -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ (slopes.H - slopes.F @ answer)
+            line = self._contacts.sprung(give(near.line))[:, :, self._size :]
+            B_curve = (line[2] - 2.0 * line[1] + line[0]) * (at.rate @ at.rate) / CURVE**2
+            slope = np.stack([self.boom.moments(one) for one in B_slope], axis=-1)
+            now = self._equations.B - rows.C.T @ answer
+            self._moments = key, Moments(self.boom.moments(now), slope, self.boom.moments(B_curve))
+        return self._moments[1]
 
-    def answers(self, t: float) -> Answers:
-        """What inputs do at t s, with the contacts that give way; pads that only push, and rigid ones, left out."""
-        key = round(t, 9)
+    def answers(self, s: Array) -> Answers:
+        """What inputs do where extensions are s (S,) m, with the contacts that give way.
+
+        Rigid ones, and pads that only push, are left out.
+        """
+        key = s.tobytes()
         if key not in self._known:
             B, E = self._equations.B, self._equations.assembly.energy
-            if not self._contacts.push and self._contacts.gives.any():
-                x = self._equations.at({path.name: path.at(t)[0] for path in self._paths})
-                rows = self._contacts.rows(x).at(0)
-                B = self._contacts.springs(x)[0][:, self._size :]
-                E = E - rows.H.T @ np.linalg.solve(rows.F, rows.H)
+            if self._gives:
+                rows = self._contacts.giving(self.along.at(s).rows)
+                answer = np.linalg.solve(rows.F, rows.H)
+                B, E = B - rows.C.T @ answer, E - rows.H.T @ answer
             self._known = dict(list(self._known.items())[-4:]) | {key: Answers(B, E)}
         return self._known[key]
 
@@ -150,45 +168,28 @@ class Base:
         gamma = np.append(A.T @ (np.cross(left, c) + np.cross(omega, np.cross(omega, c))), A.T @ left)
         return found, gamma, Motion(A.T @ omega, np.zeros(3)), R @ A
 
-    def at(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array]:
-        """Mass (N, N) and force (N,) on the body's coordinates and the boom's, of both's coordinates x and rates."""
+    def at(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array, Array]:
+        """Mass (N, N), force (N,) and stiffness (N, N) that are added, of coordinates and rates (N,).
+
+        They are those of the body, of the boom and of the user's nodes of `paths`.
+        """
         k, n = self.count, self._size
         turned, gamma, motion, R = self.kinematics(x[:k], rate[:k])
-        extended = self.extended(t)
+        q, extended = x[k : k + n], self.extended(t, x[k + n :], rate[k + n :])
         pressed = self.boom.at(
-            replace(motion, weight=self.weight(t) * R[2]), extended, x[k:], rate[k:], self.moments(t)
+            replace(motion, weight=self.weight(t) * R[2]), extended, q, rate[k : k + n], self.moments(extended)
         )
-        L = np.zeros((6 + n, k + n))
-        L[:6, :k], L[6:, k:] = turned, np.eye(n)
-        own, known = pressed.mass[: 6 + n], np.concatenate([gamma, np.zeros(n), extended.second])
-        force = -pressed.forces[: 6 + n] - own @ known
+        L = scipy.linalg.block_diag(turned, np.eye(n), self.paths.along)
+        force = -pressed.forces - pressed.mass @ np.concatenate([gamma, np.zeros(n), extended.second])
+        stiffness = np.zeros((k + n, k + n))
         force[:6] += self.boom.loads(loads, extended)
-        return L.T @ own[:, : 6 + n] @ L, L.T @ force
-
-
-class _Path:
-    """A path, its kinks spread over one step of h: a signal, an object as one, or a function of the mbs and the time.
-
-    The rates of a function are those of the parabola through its values around t, half a step apart.
-    """
-
-    def __init__(self, name: str, path: Any, h: float, mbs: Any = None) -> None:
-        if not (hasattr(path, "value") and hasattr(path, "rate")) and not callable(path):
-            allowed = "a signal, an object with value(t) and rate(t), or a function of mbs and t is allowed"
-            raise InputError("system", f"paths.{name}", None, allowed)
-        self.name, self._path, self._h, self._mbs = name, path, h, mbs
-
-    def at(self, t: float) -> tuple[float, float, float]:
-        """Value in m, rate and second rate."""
-        half = self._h / 2.0
-        if not hasattr(self._path, "rate"):
-            middle = max(t, half)  # no time before the start is asked for
-            before, now, after = (float(self._path(self._mbs, at)) for at in (middle - half, middle, middle + half))
-            second = (after - 2.0 * now + before) / half**2
-            return _value(self._path, self._mbs, t), (after - before) / self._h + second * (t - middle), second
-        last, first = t + half, max(t - half, 0.0)
-        second = (float(self._path.rate(last)) - float(self._path.rate(first))) / (last - first)
-        return float(self._path.value(t)), float(self._path.rate(t)), second
+        if self.extending is not None:
+            own, K = self.extending.at(extended.value, q, loads)
+            force[6:] += own
+            force[6 + n :] += self.boom.pulls(loads)
+            inner = L[6:, k:]
+            stiffness = scipy.linalg.block_diag(np.zeros((k, k)), inner.T @ K @ inner)
+        return L.T @ pressed.mass @ L, L.T @ force, stiffness
 
 
 def _value(driving: Any, mbs: Any, t: float) -> float:
@@ -205,48 +206,22 @@ def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Dr
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
     """Amplitudes of the terms: of the stress that loads make, for all others are the base's.
 
-    An InputError is raised where an extension is neither a signal nor a function.
+    Those of an extension that is a coordinate are the base's, too.  An InputError is raised for what is no extension.
     """
     for name in on.scene.names[1:]:
-        _Path(name, paths.get(name), on.scene.time.step)
+        check_path(name, paths.get(name))
     nothing, found = Constant(amount=0.0), dict[str, Driving]()
     for one in frame_terms(on.scene):
         found[one.name] = nothing
         if one.of in ("load", "cylinder load"):
             found[one.name] = loads.get(input_of(one.carried or one.bodies[0], one.component), nothing)
         if one.of == "cylinder load":
-            found[one.name] = partial(_pushed, found[one.name], paths.get(on.scene.names[one.number]))
+            path = paths.get(on.scene.names[one.number])
+            free = isinstance(path, NodeCoordinate)
+            found[one.name] = nothing if free else partial(_pushed, found[one.name], path)
     return found
 
 
 def _pushed(load: Any, extension: Any, mbs: Any, t: float) -> float:
     """Minus what a cylinder pushes with against a load along it, over its length, N/m."""
     return _value(load, mbs, t) / _value(extension, mbs, t)
-
-
-def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
-    """The same items, and the object that couples them with the body."""
-    count = base.count + sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in items.nBodies.values())
-    nothing = exu.MatrixContainer(np.zeros((count, count)))
-    key, found = None, (np.empty(0), np.empty(0))
-
-    def at(t: float, q: Any, q_t: Any) -> tuple[Array, Array]:
-        nonlocal key, found
-        x, rate = np.array(q), np.array(q_t)
-        asked = (t, x.tobytes(), rate.tobytes())
-        if asked != key:  # mass and forces are asked for one after the other
-            key, found = asked, base.at(t, x, rate, np.array(inputs.loads(t)))
-        return found
-
-    name = f"{mbs.GetMarker(items.mSystem)['name']}Base"
-    oBase = mbs.AddObject(
-        ObjectGenericODE2(
-            name=name,
-            nodeNumbers=[base.node, *items.nBodies.values()],
-            massMatrix=np.zeros((count, count)),
-            massMatrixUserFunction=lambda mbs, t, item, q, q_t: at(t, q, q_t)[0],
-            forceUserFunction=lambda mbs, t, item, q, q_t: at(t, q, q_t)[1],
-            jacobianUserFunction=lambda *arguments: nothing,  # inertia decides within a step
-        )
-    )
-    return replace(items, oBase=oBase, base=base)

@@ -72,6 +72,9 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     base = items.base
     if base is None:
         raise InputError("Exudyn", "on", None, "a boom on a rigid body is allowed to carry a hook")
+    if base.paths.free:
+        allowed = "signals and functions are allowed as extensions of a boom that carries a hook"
+        raise InputError("system", f"paths.{next(iter(base.paths.free))}", "NodeCoordinate", allowed)
     joint = _Joint(base, items, loads)
     start = np.concatenate([mbs.GetNode(node)["initialCoordinates"] for node in items.nBodies.values()])
     carrier = np.array(mbs.GetNode(base.node)["initialCoordinates"])
@@ -133,13 +136,13 @@ class _Joint:
             allowed = "forces along x, y and z at one place are allowed"
             raise InputError("system", "loads", ", ".join(loads), allowed)
         values, vectors = np.linalg.eigh(E)
-        stiff = vectors[:, values <= ROUND_OFF * max(base.answers(0.0).E.max(), TINY)]
+        stiff = vectors[:, values <= ROUND_OFF * max(base.answers(base.extended(0.0).value).E.max(), TINY)]
         self.firm = stiff @ stiff.T  # onto the directions in which nothing gives way at once
         self._scale = float(values[-1]) if values[-1] > 0.0 else 1.0
         self._shortened = list(base.boom.shortened_by(loads[0]))
 
     def _given(self, t: float) -> Array:
-        return self._base.answers(t).E[np.ix_(self._on, self._on)]
+        return self._base.answers(self._base.extended(t).value).E[np.ix_(self._on, self._on)]
 
     def given(self, t: float, size: int) -> Array:
         """E_h / e at t s and what holds w elsewhere, (size, size), over e: N/m."""
@@ -153,7 +156,8 @@ class _Joint:
 
     def _unbent(self, t: float, q: Array, R: Array) -> tuple[Array, Array]:
         """Where the place is from O in the boom's axes with nothing on the hook, (3,) m, and how q moves it (3, n)."""
-        answers, X = self._base.answers(t), np.cumsum(self._base.extended(t).value)[self._section]
+        extended = self._base.extended(t).value
+        answers, X = self._base.answers(extended), np.cumsum(extended)[self._section]
         moved, bent = answers.B[:, self._on].T, np.outer([1.0, 0.0, 0.0], self._bent(t, q))
         beside = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
         sagging = answers.E[self._on] @ beside

@@ -13,6 +13,7 @@ from pmr.errors import InputError
 from pmr.scene.signals import SignalBase
 from pmr.simulation.excitation import Excitation, in_order
 from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.paths import NodeCoordinate
 from pmr.simulation.lengths import Lengths
 
 Array = NDArray[np.float64]
@@ -93,8 +94,16 @@ class SignalInputs(Inputs):
         self.rates = {name: float(path.rate(0.0)) if hasattr(path, "rate") else 0.0 for name, path in paths.items()}
         self._loads = in_order(loads, equations.system.input_names)
         self._terms = in_order(terms, equations.system.term_names, "term")
+        # coordinates of nodes, which move within a step
+        self._moving = [name for name, path in self._paths.items() if isinstance(path, NodeCoordinate)]
         self._x = np.empty(0)
         self.begin(0.0)
+
+    def at(self, t: float) -> Array:
+        self.number(t)
+        if not self._moving:
+            return self._x
+        return self._equations.at(self.s | {name: self._value(self._paths[name], t) for name in self._moving})
 
     def begin(self, t: float) -> None:
         self.s = {name: self._value(path, t) for name, path in self._paths.items()}  # m

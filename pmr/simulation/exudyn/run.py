@@ -23,8 +23,7 @@ from pmr.simulation.exudyn.terms import with_terms
 from pmr.simulation.lengths import Lengths
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
-from pmr.system.body import FullBody, SlidingBody, Trajectory
-from pmr.system.contacts import ALONE
+from pmr.system.body import Trajectory
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -53,10 +52,6 @@ class Run:
         self._items = with_terms(self._mbs, items, self._equations, self._inputs)
         kind, nodes = exu.OutputVariableType, list(self._items.nBodies.values())
         self._of_nodes = [of_nodes(self._mbs, nodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
-        alone = self._equations.alone
-        self._accelerations = (
-            of_nodes(self._mbs, nodes, kind.Coordinates_tt) if alone is not None and alone.held else []
-        )
         connector = self._items.oContacts
         self._of_contacts = None if connector is None else of_connector(self._mbs, connector)
 
@@ -72,19 +67,6 @@ class Run:
         motion = self._motion()
         balanced = followed(self._equations, Contacts(self._equations, self._inputs), motion)
         return self._trajectory(motion, balanced, seconds)
-
-    def supports(self, body: SlidingBody, found: SystemTrajectory) -> Array:
-        """Forces (T, h) in N on the coordinates of a full body alone that its supports hold, from its equations."""
-        assert isinstance(body, FullBody)
-        held, moved = list(body.held.values()), found.bodies[ALONE]
-        (sensor,) = self._accelerations
-        a = self._equations.whole(ALONE, self._stored(sensor)[self._lengths.ends])
-        inner = body.K[held] @ moved.q.T + body.D[held] @ moved.v.T + body.M[held] @ a.T
-        pressed = np.zeros((len(a), len(held)))
-        for name, force, s in zip(self.system.contact_names, found.forces.T, moved.s.T, strict=True):
-            row = body.rows.rows[body.row_names.index(name)]
-            pressed += force[:, None] * row.at(s)[:, held].toarray()
-        return np.asarray(found.loads @ body.B[held].T - inner.T - pressed)
 
     def _describe(self, t: float) -> str:
         """Where the paths lead at a time in s."""
@@ -130,5 +112,6 @@ class Run:
         energy, work = balanced.stored[ends], balanced.work[ends]
         c = motion.c[ends] if system.terms else None
         return SystemTrajectory(
-            t, bodies, forces, peaks, motion.f[ends], energy, work, seconds, surplus, made, amplitudes=c
-        )
+            t, bodies, forces, peaks, motion.f[ends], energy, work, seconds, surplus, made, amplitudes=c,
+            rates=self._excitation.rates,
+        )  # fmt: skip

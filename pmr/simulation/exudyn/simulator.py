@@ -11,32 +11,33 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pmr.errors import InputError
 from pmr.scene.simulators import refuse
 from pmr.simulation.excitation import Excitation
+from pmr.simulation.exudyn.base_items import with_base
 from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.extending import add_extended
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
-from pmr.simulation.exudyn.free_base import Base, OnBody, driven_by_base, terms_on_base, with_base
+from pmr.simulation.exudyn.free_base import Base, OnBody, driven_by_base, terms_on_base
 from pmr.simulation.exudyn.hook import Hook, add_hook
 from pmr.simulation.exudyn.inputs import Driving, SignalInputs
 from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function
+from pmr.simulation.exudyn.paths import NodeCoordinate
 from pmr.simulation.exudyn.quasi_static import with_quasi_static
 from pmr.simulation.exudyn.run import Run
 from pmr.simulation.exudyn.sensors import SystemSensors, add_sensors
 from pmr.simulation.exudyn.terms import with_terms
 from pmr.simulation.free_base import with_all_inertia
-from pmr.simulation.native.systems import start_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
-from pmr.system.body import SlidingBody, Trajectory, pushing_rows
+from pmr.system.body import SlidingBody
 from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.system import System, SystemTrajectory
 
 __all__ = [
     "Formulation",
     "Hook",
+    "NodeCoordinate",
     "OnBody",
     "SystemItems",
     "SystemSensors",
@@ -45,11 +46,8 @@ __all__ = [
     "add_sensors",
     "add_sliding_body",
     "add_system",
-    "simulate",
     "simulate_system",
 ]
-
-Array = NDArray[np.float64]
 
 
 def add_system(
@@ -86,7 +84,8 @@ def add_system(
         `System.of` a body alone, or the bodies of a boom.
     paths : mapping of str to signal or function
         Path coordinates in m, by the names in ``system.paths``; a function of mbs and t in s may read
-        ``mbs.variables``, which an earlier pre-step function has set.
+        ``mbs.variables``, which an earlier pre-step function has set.  With ``on`` also a `NodeCoordinate`, whose node
+        then feels the section: loads along it, weight, inertia, and what pads are pressed with.
     loads : mapping of str to signal or function
         A load in N (or N m) for each of ``system.input_names``.
     initial : mapping of str to InitialState, optional
@@ -112,6 +111,11 @@ def add_system(
         loads, terms = driven_by_base(system, loads), terms_on_base(loads, paths, on)
     inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
     name, add = FORMULATIONS[formulation]
+    if free := [path for path, driving in paths.items() if isinstance(driving, NodeCoordinate)]:
+        if on is None or formulation != "springs":
+            allowed = "a coordinate of a node is allowed for a boom on a rigid body (on), with the formulation springs"
+            raise InputError("system", f"paths.{free[0]}", "NodeCoordinate", allowed)
+        add = add_extended
     refuse(name, equations.needs(inputs.at(0.0)))
     items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
     items = with_terms(mbs, with_quasi_static(mbs, items, equations), equations, inputs)
@@ -150,30 +154,3 @@ def simulate_system(
     that the motion is the compiled one's in the limit of small steps.
     """
     return Run(system, excitation, initial or {}, formulation).trajectory(progress)
-
-
-def simulate(
-    body: SlidingBody,
-    excitation: Excitation,
-    initial: InitialState | None = None,
-    progress: Progress | None = None,
-    formulation: Formulation = "springs",
-) -> Trajectory:
-    """Simulate a reduced (dense) or full (sparse) body alone, as `simulate_system` does ``System.of(body)``.
-
-    Arguments and errors as for `pmr.simulation.Simulator`.
-    """
-    system, given = System.of(body), None if initial is None else {ALONE: initial}
-    run = Run(system, excitation, start_of(system, excitation.on_slider, given), formulation)
-    found = run.trajectory(progress)
-    alone, s = found.bodies[ALONE], excitation.along(body.domain)
-    rows = [body.row_names.index(contact.name) for contact in run.system.contacts]
-    multipliers = np.empty((len(s), len(body.row_names)))
-    multipliers[:, rows] = found.forces
-    if body.held:
-        multipliers[:, list(body.held)] = run.supports(body, found)
-    peaks = None
-    if pushing_rows(body):
-        peaks = multipliers.copy()
-        peaks[:, rows] = found.peaks
-    return replace(alone, multipliers=multipliers, s=s, peaks=peaks, parts=found.parts)

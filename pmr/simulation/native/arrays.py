@@ -114,6 +114,7 @@ class State(NamedTuple):
     shares: Array  # (q,): what `Outputs.of_rows` is multiplied by
     # (r',): accelerations S^-1 B f where the inputs move the rows through them alone; (0,) where `couplings` do it
     given: Array
+    pushed: Any = None  # (m',) m: H f, how far these inputs move the rows by themselves; None where `couplings` do it
     contact: Contact | None = None  # None, a type of its own to the compiler, where all rows hold both ways
 
 
@@ -139,4 +140,3 @@ class Record(NamedTuple):
     impulses: Any = None  # (T, m) N s: given in the step, where contacts only push
     energy: Any = None  # (T, 2) J: what is stored, and the work since the start
     given: Any = None  # (T,) J: the work of terms since the start
-    y: Any = None  # (T, o): outputs

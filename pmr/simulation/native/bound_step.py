@@ -68,7 +68,7 @@ def _example(contact: Contact | None) -> Arguments:
     """Arguments of the types that all have whose rows hold both ways, or that all others have."""
     one, two, three, four = (np.zeros((1,) * n) for n in range(1, 5))
     tables, divided = Tables(one, four, four, 0), Divided(two, three)
-    state = State(two, one, one, np.zeros(1, np.int64), two, two, two, one, one, contact)
+    state = State(two, one, one, np.zeros(1, np.int64), two, two, two, one, one, contact=contact)
     return tables, divided, Scheme(*[0.0] * len(Scheme._fields)), Outputs(two, three), state, one, one
 
 

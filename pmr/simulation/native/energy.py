@@ -13,93 +13,94 @@ is `pmr.simulation.balance` for rows with places of their own.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import ROW, Modes, State, V, Z
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
-from pmr.simulation.native.rows import dot
 from pmr.simulation.native.side_arrays import Bodies, Sides
-from pmr.simulation.native.simd import LANES, load, spread, store, total
+from pmr.simulation.native.sides import press
+from pmr.simulation.native.simd import LANES, entry, load, spread, store, total
 
 Array = NDArray[np.float64]
 
 
 @compiled_and_inlined
-def account(modes: Modes, bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
-    """Energy of the present state under loads f (i,), and the work done since the last call."""
+def account(modes: Modes, bodies: Bodies, state: State, sides: Sides) -> None:
+    """Energy of the present state under the loads of `press`, and the work done since the last call."""
     z, v, old_z = state.modes[Z], state.modes[V], sides.old_z
     held, moved = spread(0.0), spread(0.0)
-    for body in range(len(bodies.own_inputs)):
-        for n in range(bodies.modes[body], bodies.modes[body + 1], LANES):
-            own, push = load(z, n), spread(0.0)
-            held = held + load(v, n) * load(v, n) + load(modes.stiffness, n) * own * own
-            for l in range(bodies.own_inputs[body, 0], bodies.own_inputs[body, 1]):
-                push = push + load(modes.B[l], n) * (f[l] + sides.old_loads[l])
-            moved = moved + push * (own - load(old_z, n))
-    _take(bodies, state, sides, f)
+    for n in range(0, len(z), LANES):
+        own = load(z, n)
+        held = held + load(v, n) * load(v, n) + load(modes.stiffness, n) * own * own
+        moved = moved + (load(sides.push, n) + load(sides.old_push, n)) * (own - load(old_z, n))
+    _take(bodies, state, sides)
     stored = total(held) + sides.of_loads[0]  # both twice so far
     work = total(moved) + sides.of_loads[0] - sides.of_loads[1]
+    held, moved = spread(0.0), spread(0.0)  # added up once: that takes as long as some more products
     for k in range(len(state.multipliers)):
         force, old_force = sides.forces[k], sides.old_forces[k]
         if force != 0.0:
-            given = bodies.compliance[k] * force / 2.0 - sides.given[k] + dot(sides.half[k], sides.forces)
-            stored += 2.0 * force * given
+            stored += force * (bodies.compliance[k] * force - 2.0 * state.pushed[k])
+            for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
+                held = held + load(sides.half[k], n) * load(sides.forces, n) * (2.0 * force)
         if force != 0.0 or old_force != 0.0:
-            work -= (force - old_force) / 2.0 * _pushed(bodies, sides, k)
+            change, sum_ = (force - old_force) / 2.0, (force + old_force) / 2.0
+            moved = moved - _pushed(bodies, sides, k) * change
             if sides.moved[0]:
-                work += (force + old_force) / 2.0 * _turned(bodies, state, sides, k)
-    sides.energy[0] = stored / 2.0
-    sides.energy[1] += work / 2.0
+                moved = moved + _turned(bodies, state, sides, k) * sum_
+    sides.energy[0] = (stored + total(held)) / 2.0
+    sides.energy[1] += (work + total(moved)) / 2.0
     _end(bodies, state, sides)
 
 
 @inlined
-def _take(bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
-    """Loads, forces and what both have to do with the present state alone."""
-    for l in range(len(f)):
-        sides.loads[l] = f[l]
-    sides.of_loads[0] = 0.0
+def _take(bodies: Bodies, state: State, sides: Sides) -> None:
+    """Forces, and what loads have to do with themselves."""
+    moved, wide = spread(0.0), bodies.energy.shape[1]
     for body in range(len(bodies.own_inputs)):
         first, last = bodies.own_inputs[body, 0], bodies.own_inputs[body, 1]
-        for l in range(first, last):
-            moved = spread(0.0)
-            for n in range(first // LANES * LANES, last, LANES):
-                moved = moved + load(bodies.energy[l], n) * load(sides.loads, n)
-            sides.of_loads[0] += f[l] * total(moved)
+        for n in range(first // LANES * LANES, last, LANES):
+            own = spread(0.0)
+            for l in range(first, last):
+                own = own + load(bodies.energy, l * wide + n) * entry(sides.loads, l)
+            moved = moved + own * load(sides.loads, n)
+    sides.of_loads[0] = total(moved)
     for k in range(len(state.multipliers)):
-        sides.forces[k], given = state.multipliers[k], spread(0.0)
-        for n in range(bodies.moved_by[k, 0], bodies.moved_by[k, 1], LANES):
-            given = given + load(sides.inputs[k], n) * load(sides.loads, n)
-        sides.given[k] = total(given)
+        sides.forces[k] = state.multipliers[k]
 
 
 @inlined
-def _pushed(bodies: Bodies, sides: Sides, k: int) -> float:
-    """What loads move in a contact by themselves, four times its mean over the step."""
+def _pushed(bodies: Bodies, sides: Sides, k: int) -> Any:
+    """What loads move in a contact by themselves, four times its mean over the step, in the lanes of a register."""
     pushed = spread(0.0)
     for n in range(bodies.moved_by[k, 0], bodies.moved_by[k, 1], LANES):
         loads = load(sides.loads, n) + load(sides.old_loads, n)
         pushed = pushed + (load(sides.inputs[k], n) + load(sides.old_inputs[k], n)) * loads
-    return total(pushed)
+    return pushed
 
 
 @inlined
-def _turned(bodies: Bodies, state: State, sides: Sides, k: int) -> float:
+def _turned(bodies: Bodies, state: State, sides: Sides, k: int) -> Any:
     """What the new place of a contact makes of the motion, twice its mean over the step, but for that of inputs."""
     z, old_z, row, old, turned = state.modes[Z], sides.old_z, state.modes[ROW + k], sides.old_rows[k], spread(0.0)
     for n in range(bodies.moves[k, 0], bodies.moves[k, 1], LANES):
         turned = turned + (load(row, n) - load(old, n)) * (load(z, n) + load(old_z, n))
-    for n in range(0, len(sides.forces), LANES):  # G = N + N^T, of which a quadratic form takes twice either
+    for n in range(
+        bodies.beside[k, 0], bodies.beside[k, 1], LANES
+    ):  # G = N + N^T, of which a quadratic form takes twice either
         changed = load(sides.half[k], n) - load(sides.old_half[k], n)
         turned = turned - changed * (load(sides.forces, n) + load(sides.old_forces, n))
-    return total(turned)
+    return turned
 
 
 @inlined
-def keep(bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
+def keep(modes: Modes, bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
     """For the next step."""
-    _take(bodies, state, sides, f)
+    press(modes, bodies, state, sides, f)
+    _take(bodies, state, sides)
     _end(bodies, state, sides)
 
 
@@ -107,6 +108,7 @@ def keep(bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
 def _end(bodies: Bodies, state: State, sides: Sides) -> None:
     for n in range(0, len(sides.old_z), LANES):
         store(sides.old_z, n, load(state.modes[Z], n))
+        store(sides.old_push, n, load(sides.push, n))
     for n in range(0, len(sides.loads), LANES):
         store(sides.old_loads, n, load(sides.loads, n))
     for n in range(0, len(sides.forces), LANES):
@@ -118,6 +120,6 @@ def _end(bodies: Bodies, state: State, sides: Sides) -> None:
                 store(sides.old_inputs[k], n, load(sides.inputs[k], n))
             for n in range(bodies.moves[k, 0], bodies.moves[k, 1], LANES):
                 store(sides.old_rows[k], n, load(state.modes[ROW + k], n))
-            for n in range(0, sides.half.shape[1], LANES):
+            for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
                 store(sides.old_half[k], n, load(sides.half[k], n))
     sides.moved[0] = False

@@ -180,11 +180,12 @@ class SystemForm:
             multipliers=np.zeros(m),
             position=np.full(1, np.nan),
             interval=np.zeros(1, np.int64),
-            couplings=padded(np.zeros((m, m + i))),
+            couplings=padded(np.zeros((m, m + (0 if self.on_tables is None else i)))),
             factor=np.zeros((m, m)),
             weighted=aligned(np.zeros((m, r))),
             shares=np.zeros(shares),
             given=aligned(np.zeros(r if self.on_tables is None else 0)),
+            pushed=None if self.on_tables is not None else aligned(np.zeros(m + -m % LANES)),
             contact=contact,
         )
 

@@ -1,13 +1,13 @@
-r"""The one compiled loop of `march`: any bodies, whole steps or parts of them, states or outputs recorded.
+r"""The one compiled loop of `march`: any bodies, whole steps or parts of them, states recorded.
 
 What a simulation lacks is None, and what would be done with it is left out when the loop is compiled: tables of a body
 on one path, or sides of contacts with places of their own; levels of steps that are made in parts; a balance of energy;
 terms that vary in time.
 So a body alone on its tables takes O(r m) a step and nothing else.
 
-`run` is the entry point, for many steps or for one of a system that is advanced from outside
-(`pmr.simulation.native.stepper`); a body alone has `step_on_tables` of `pmr.simulation.native.part`, which takes
-a third of a microsecond from Python (`pmr.simulation.native.bound_step`).
+`run` is the entry point.  A system that is advanced from outside (`pmr.simulation.native.stepper`) has `step_observed`
+of `pmr.simulation.native.part`, and a body alone `step_on_tables`, which takes a third of a microsecond from Python
+(`pmr.simulation.native.bound_step`).
 """
 
 from __future__ import annotations
@@ -17,13 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.arrays import Contact, Drive, Outputs, Record, Scheme, State, Tables, V, Z
+from pmr.simulation.native.arrays import Contact, Drive, Record, Scheme, V, Z
 from pmr.simulation.native.compilation import compiled, inlined
 from pmr.simulation.native.contact import begin_impulses
-from pmr.simulation.native.outputs import observe, observe_sides
 from pmr.simulation.native.part import Loop, make_part
 from pmr.simulation.native.parts import step_in_parts
-from pmr.simulation.native.side_arrays import SideOutputs
 from pmr.simulation.native.step import FINISHED
 from pmr.simulation.native.terms import WORK
 
@@ -32,9 +30,7 @@ Indices = NDArray[np.int64]
 
 
 @compiled
-def run(
-    loop: Loop, scheme: Scheme, outputs: Any, drive: Drive, record: Record, every: int, begun: int
-) -> tuple[int, int]:
+def run(loop: Loop, scheme: Scheme, drive: Drive, record: Record, every: int, begun: int) -> tuple[int, int]:
     """Take `every` as many steps as `record` has room for; how many it were, and 0 or what stopped them.
 
     The first `begun` of them have been taken, and `drive` may end before the others do.  It is COARSE where the next
@@ -52,7 +48,6 @@ def run(
         until -= 1
         if until == 0:
             _record(loop, record, row)
-            _observe(outputs, loop, drive, n, record.y, row)
             row, until = row + 1, every
     return steps, FINISHED
 
@@ -74,7 +69,7 @@ def _at(c: Any, steps: Any) -> Any:
 
 @inlined
 def _record(loop: Loop, record: Record, row: int) -> None:
-    """All but peaks and outputs."""
+    """All but peaks."""
     _copy(record.z, row, loop.state.modes[Z])
     _copy(record.v, row, loop.state.modes[V])
     _copy(record.multipliers, row, loop.state.multipliers)
@@ -113,23 +108,3 @@ def _record_energy(rows: Any, sides: Any, row: int) -> None:
 def _record_work(rows: Any, terms: Any, row: int) -> None:
     if rows is not None:
         rows[row] = terms.numbers[WORK]
-
-
-@inlined
-def _observe(outputs: Any, loop: Loop, drive: Drive, n: int, y: Any, row: int) -> None:
-    if outputs is not None:
-        f = drive.f[(n + 1) * drive.per]
-        _observe_tables(loop.tables, outputs, loop.state, f, y[row])
-        _observe_sides(loop.sides, outputs, loop, f, y[row])
-
-
-@inlined
-def _observe_tables(tables: Tables | None, outputs: Outputs, state: State, f: Array, y: Array) -> None:
-    if tables is not None:
-        observe(tables, outputs, state, f, y)
-
-
-@inlined
-def _observe_sides(sides: Any, outputs: SideOutputs, loop: Loop, f: Array, y: Array) -> None:
-    if sides is not None:
-        observe_sides(outputs, loop.bodies, sides, loop.state, f, y)

@@ -4,34 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
-from pmr.results import Energy
 from pmr.scene.simulators import refuse
 from pmr.simulation import balance, contact_step
 from pmr.simulation.blocks import Ended, in_blocks
 from pmr.simulation.excitation import Excitation, in_order, on_path, places, rates_of_places
 from pmr.simulation.native import loop as kernel
-from pmr.simulation.native import tables
-from pmr.simulation.native.arrays import ROW, Drive, Outputs, Record, V, Z
+from pmr.simulation.native.arrays import ROW, Drive, Record, V, Z
 from pmr.simulation.native.building import loop_of
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.part import Loop
 from pmr.simulation.native.parts import COARSE
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.side_arrays import SideOutputs, side_outputs
 from pmr.simulation.native.start import Onset, begin, places_of, reason
-from pmr.simulation.native.terms import independent
+from pmr.simulation.native.terms import signals
 from pmr.simulation.needs import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
+from pmr.system.friction import joints_of
 
 Array = NDArray[np.float64]
 #: Steps between two looks at the clock, the keyboard and the progress; fewer where steps in parts take long.  The way
@@ -54,7 +51,11 @@ class Steps:
     f: Array  # (T, i) N
     stored: Array  # (T,) J
     work: Array  # (T,) J: since the start
-    energy: Energy | None  # in more detail, of a body on its tables
+
+    def at(self, rows: NDArray[np.int64] | slice) -> Steps:
+        """Some of them, by their numbers from the first one on."""
+        t, s, f, stored, work = (one[rows] for one in (self.t, self.s, self.f, self.stored, self.work))
+        return Steps(self.first, t, some(self.record, rows), s, f, stored, work)
 
 
 class March:
@@ -74,9 +75,10 @@ class March:
             parts = contact_step.levels(omega, stepping)
         given = np.searchsorted(parts, stepping.schedule) if stepping.schedule else np.full(stepping.steps, -1)
         self.finest, self._given, self._sampling = parts[-1], None if parts == (1,) else given, 0.0
-        kept, shares = independent(excitation.amplitudes(system.term_names))
+        numbers, self._mix, matrices = signals(form, excitation.amplitudes(system.term_names))
         self._path, self._loads = tuple(excitation.paths.values()), in_order(excitation.loads, system.input_names)
-        self._terms = [in_order(excitation.terms, system.term_names, "term")[k] for k in kept]
+        self._terms = [in_order(excitation.terms, system.term_names, "term")[k] for k in numbers]
+        self._sliding = excitation.sliding(joints_of(form.modal.contacts))
         self._fine_step = stepping.divided(self.finest).step
         self._drive = s, f, c = self._sampled(0, stepping.steps, 1)
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
@@ -90,7 +92,7 @@ class March:
         onset = Onset(self._paths, s[0], self.x[0], x_rate, x[0], f[0], initial, c[0])
 
         def begun() -> Loop:
-            loop = loop_of(form, methods, parts, omega, self._paths, shares)
+            loop = loop_of(form, methods, parts, omega, self._paths, matrices)
             begin(loop, form, methods[0], onset)
             return loop
 
@@ -109,20 +111,6 @@ class March:
         """Path coordinates (T, P) in m at the steps."""
         return self._drive[0]
 
-    @cached_property
-    def outputs(self) -> Outputs | SideOutputs:
-        """All outputs of the bodies, one body after the other, as the loop observes them."""
-        return self.outputs_of(np.arange(sum(len(one.body.outputs) for one in self.form.forms.values())))
-
-    def outputs_of(self, chosen: NDArray[np.int64]) -> Outputs | SideOutputs:
-        """Some of them, by their ascending numbers."""
-        if self.body is not None:
-            return tables.outputs(self.body, chosen.tolist())
-        counts = [len(one.body.outputs) for one in self.form.forms.values()]
-        first = np.cumsum([0, *counts])
-        of_bodies = [chosen[(chosen >= at) & (chosen < end)] - at for at, end in zip(first, first[1:], strict=False)]
-        return side_outputs(self.form, dict(zip(self.form.forms, map(np.ndarray.tolist, of_bodies), strict=True)))
-
     def outputs_at(self, s: Mapping[str, float], f: Array) -> Array:
         """Theirs (o,) of the present state where the paths lead to s m: O q + W f - X lambda."""
         assembly, state = Assembly(self.form.modal), self.loop.state
@@ -134,25 +122,11 @@ class March:
 
         A GrowthError is raised where more than `balance.GROWN` of the largest energy comes from nowhere.
         """
-        most = self._most
-        room = self._room(most + 1)
 
-        def taken(first: int, last: int) -> None:
-            rows = some(room, slice(last - first + 1))
-            assert rows.z is not None
-            self._check_finite(rows.z, first - 1)
-            for forces in (rows.multipliers, rows.peaks):
-                if forces is not None:
-                    without_pull(forces, self.pushing)
-            take(self._steps(first - 1, last, rows))
-            for begun, ended in zip(some(room, slice(1)), some(rows, slice(-1, None)), strict=True):
-                if begun is not None:
-                    begun[:] = ended
+        def taken(first: int, rows: Record) -> None:
+            take(self._steps(first, first + len(rows.multipliers), rows))
 
-        def advance(first: int, last: int) -> None:
-            self._take(first, some(room, slice(1, last - first + 1)), None, 1)
-
-        seconds = in_blocks(len(self.t), most, self.finest, advance, taken, progress) - self._sampling
+        seconds = self.observe(1, taken, progress)
         least = balance.round_off(self.form.modes.B @ self.form.modes.B.T, self.f, float(self.t[1]))
         surplus = balance.surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
         balance.refuse_growth(surplus, "march", self._growing)
@@ -161,37 +135,38 @@ class March:
     def again(self) -> float:
         """Take all steps once more from the start, as `run` does, and keep nothing: the solver's seconds."""
         self.loop, self._sampling = self._begun(), 0.0
-        most = self._most
+        return self.observe(1, lambda first, rows: None)
+
+    def observe(self, every: int, take: Callable[[int, Record], None], progress: Progress | None = None) -> float:
+        """Take all steps; `take` gets each `every`-th, some of them at a time, and the number of the first among these.
+
+        That is the last one of those before, or the start.  The solver's seconds; energy is not checked.
+        """
+        count = (len(self.t) - 1) // every
+        most = max(1, min(BLOCK // every, RECORDED // (2 * len(self.form.used)), count))
         room = self._room(most + 1)
 
         def advance(first: int, last: int) -> None:
-            self._take(first, some(room, slice(1, last - first + 1)), None, 1)
+            self._take((first - 1) * every + 1, some(room, slice(1, last - first + 1)), every)
 
-        return in_blocks(len(self.t), most, self.finest, advance, lambda first, last: None, None) - self._sampling
+        def taken(first: int, last: int) -> None:
+            rows = some(room, slice(last - first + 1))
+            self._check_finite(rows.z, first - 1, every)
+            for forces in (rows.multipliers, rows.peaks):
+                if forces is not None:
+                    without_pull(forces, self.pushing)
+            take(first - 1, rows)
+            for begun, ended in zip(some(room, slice(1)), some(rows, slice(-1, None)), strict=True):
+                if begun is not None:
+                    begun[:] = ended
 
-    @property
-    def _most(self) -> int:
-        """Steps that are recorded at once, at most."""
-        return max(1, min(BLOCK, RECORDED // (2 * len(self.form.used)), len(self.t) - 1))
+        return in_blocks(count + 1, most, self.finest, advance, taken, progress) - self._sampling
 
-    def observe(self, outputs: Outputs | SideOutputs, every: int, y: Array, multipliers: Array) -> float:
-        """Take all steps; outputs y (T // every, o) and multipliers (T // every, m) of each `every`-th, but the first.
+    def steps_of(self, rows: slice, every: int) -> slice:
+        """Numbers of the steps that such rows are of."""
+        return slice(rows.start * every, (rows.stop - 1) * every + 1, every)
 
-        The solver's seconds; energy is not checked.
-        """
-
-        def advance(first: int, last: int) -> None:  # of every so many steps
-            at = slice(first - 1, last - 1)
-            rows = Record(None, None, multipliers[at], self._peaks(last - first), y=y[at])
-            self._take((first - 1) * every + 1, rows, outputs, every)
-
-        most = max(1, BLOCK // every)
-        seconds = in_blocks(len(y) + 1, most, self.finest, advance, lambda first, last: None, None) - self._sampling
-        self._check_finite(y, 1, every)
-        without_pull(multipliers, self.pushing)
-        return seconds
-
-    def _take(self, first: int, rows: Record, outputs: Outputs | SideOutputs | None, every: int) -> None:
+    def _take(self, first: int, rows: Record, every: int) -> None:
         """Take steps from number `first` on, as many as there is room for."""
         count, taken, loop = every * len(rows.multipliers), 0, self.loop
         while True:  # once where no step is taken, too: so it is compiled before the clock runs
@@ -199,8 +174,8 @@ class March:
             end = first - 1 + (count if per == 1 else min(count, taken + FINE))
             s, f, c = self._sampled(begun, end, per) if per > 1 else (one[begun : end + 1] for one in self._drive)
             given = None if self._given is None else self._given[begun:end]
-            drive = Drive(s, f, given, c if self.system.terms else None, per)
-            taken, failed = kernel.run(loop, self.scheme, outputs, drive, rows, every, taken)
+            drive = Drive(s, f, given, c if c.shape[1] else None, per)
+            taken, failed = kernel.run(loop, self.scheme, drive, rows, every, taken)
             if failed and failed != COARSE:
                 why = reason(self.form.modal, loop.state.modes[ROW:], failed)
                 raise SimulationError(f"march failed at {self._where(first + taken)}: {why}")
@@ -226,6 +201,7 @@ class March:
             np.column_stack([nothing, *(one.value(t) for one in signals)])
             for signals in (self._path, self._loads, self._terms)
         )
+        c = np.column_stack([c @ self._mix.T, *(one.value(t) for one in self._sliding)])
         if self.body is not None:  # a body that nothing moves has one place all the same
             domain = self.body.domain
             s = on_path(self._path[0], s[:, 0], domain, t)[:, None] if self._path else np.full((len(t), 1), domain[0])
@@ -235,16 +211,16 @@ class March:
     def _steps(self, first: int, last: int, rows: Record) -> Steps:
         """Steps `first` to `last`, the latter excluded, with their energies."""
         at = slice(first, last)
-        s, f, energy = self.s[at], self.f[at], None
+        s, f = self.s[at], self.f[at]
         if rows.energy is not None:
             self._stored[at], self._work[at] = rows.energy.T
         if self._account is not None:
             assert rows.z is not None and rows.v is not None
-            energy = self._account.add(first, Trajectory(self.t[at], rows.z, rows.v, rows.multipliers, s[:, 0], 0.0), f)
+            self._account.add(first, Trajectory(self.t[at], rows.z, rows.v, rows.multipliers, s[:, 0], 0.0), f)
             self._stored[at], self._work[at] = self._account.stored[at], self._account.work[at]
         if rows.given is not None:
             self._work[at] += rows.given
-        return Steps(first, self.t[at], rows, s, f, self._stored[at], self._work[at], energy)
+        return Steps(first, self.t[at], rows, s, f, self._stored[at], self._work[at])
 
     def _room(self, size: int) -> Record:
         """Room for so many steps, the first of which is the start."""
@@ -263,7 +239,7 @@ class March:
     def _peaks(self, size: int) -> Array | None:
         return None if self.loop.levels is None else np.tile(self.loop.state.multipliers, (size, 1))
 
-    def _check_finite(self, recorded: Array, first: int, every: int = 1) -> None:
+    def _check_finite(self, recorded: Array, first: int, every: int) -> None:
         """Raise SimulationError at the first row that is not finite; row 0 is step `first` times `every`."""
         finite = np.isfinite(recorded).all(axis=1)
         if not finite.all():
@@ -274,7 +250,7 @@ class March:
         return f"step {step}, t = {self.t[step]:g} s{places_of(self._paths, self.s[step])}"
 
 
-def some(record: Record, rows: slice) -> Record:
+def some(record: Record, rows: NDArray[np.int64] | slice) -> Record:
     """Some rows of a record."""
     return Record._make(None if array is None else array[rows] for array in record)
 

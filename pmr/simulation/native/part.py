@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from pmr.simulation.native import quasi_static, terms
 from pmr.simulation.native.arrays import Divided, Modes, Outputs, Scheme, State, Tables
-from pmr.simulation.native.compilation import compiled_and_inlined, inlined
+from pmr.simulation.native.compilation import compiled, compiled_and_inlined, inlined
 from pmr.simulation.native.energy import account
-from pmr.simulation.native.outputs import observe
+from pmr.simulation.native.outputs import observe, observe_sides
 from pmr.simulation.native.rows import move_rows
-from pmr.simulation.native.side_arrays import Sides
+from pmr.simulation.native.side_arrays import SideOutputs, Sides
 from pmr.simulation.native.sides import give, move_sides
 from pmr.simulation.native.step import advance
 
@@ -48,8 +48,8 @@ def make_part(loop: Loop, scheme: Scheme, s: Array, f: Array, c: Any) -> int:
         failed = advance(loop.divided, scheme, loop.state, loop.terms, loop.quasi_static, f, c)
     if failed == 0:
         quasi_static.stop(loop.quasi_static, loop.state.modes)
-        _account(loop.sides, loop, f)
-        terms.account(loop.terms, loop.state.modes)
+        _account(loop.sides, loop)
+        terms.account(loop.terms, loop.state)
         quasi_static.finish(loop.quasi_static, scheme, loop.state.modes)
     return failed
 
@@ -62,19 +62,20 @@ def move(tables: Tables | None, sides: Sides | None, loop: Loop, scheme: Scheme,
         failed = move_rows(tables, loop.divided, loop.state, s[0])
     if sides is not None:
         failed = move_sides(loop.bodies, loop.divided, scheme, loop.state, sides, s)
+        terms.turn(loop.terms, loop.bodies, sides)
     return failed
 
 
 @inlined
 def _give(sides: Sides | None, loop: Loop, f: Array) -> None:
     if sides is not None:
-        give(loop.bodies, loop.divided, loop.state, f)
+        give(loop.modes, loop.bodies, loop.divided, loop.state, sides, f)
 
 
 @inlined
-def _account(sides: Sides | None, loop: Loop, f: Array) -> None:
+def _account(sides: Sides | None, loop: Loop) -> None:
     if sides is not None:
-        account(loop.modes, loop.bodies, loop.state, sides, f)
+        account(loop.modes, loop.bodies, loop.state, sides)
 
 
 @compiled_and_inlined
@@ -88,3 +89,25 @@ def step_on_tables(
     if failed == 0:
         observe(tables, outputs, state, f, y)
     return failed
+
+
+@compiled
+def step_observed(loop: Loop, scheme: Scheme, outputs: Any, s: Array, f: Array, y: Array) -> int:
+    """One step to s (P,) under f (i,), and all outputs y (o,) of the bodies; as `advance` returns."""
+    failed = make_part(loop, scheme, s, f, None)
+    if failed == 0:
+        _observe_tables(loop.tables, outputs, loop.state, f, y)
+        _observe_sides(loop.sides, outputs, loop, f, y)
+    return failed
+
+
+@inlined
+def _observe_tables(tables: Tables | None, outputs: Outputs, state: State, f: Array, y: Array) -> None:
+    if tables is not None:
+        observe(tables, outputs, state, f, y)
+
+
+@inlined
+def _observe_sides(sides: Sides | None, outputs: SideOutputs, loop: Loop, f: Array, y: Array) -> None:
+    if sides is not None:
+        observe_sides(outputs, loop.bodies, sides, loop.state, f, y)

@@ -77,7 +77,7 @@ def _on(loop: Loop, level: int) -> Loop:
     state, levels = loop.state, loop.levels
     now = State(
         state.modes, state.multipliers, state.position, state.interval, state.couplings, state.factor, state.weighted,
-        state.shares, state.given, contact_of(state.contact, levels, level),
+        state.shares, state.given, state.pushed, contact_of(state.contact, levels, level),
     )  # fmt: skip
     tables = tables_of(loop.tables, levels, level)
     divided = divided_of(levels, level)
@@ -113,14 +113,14 @@ def _begin(loop: Loop, level: int, s: Array, f: Array, c: Any) -> int:
         _begin_terms(loop.terms, loop.state, c)
         predict(loop.modes, loop.levels, level, loop.terms, loop.state.contact, loop.state, loop.control, f)
         _follow(loop.quasi_static, scheme_of(loop.levels, level), loop.state)
-        _keep(loop.sides, loop.bodies, loop.state, f)
+        _keep(loop.sides, loop, f)
     return failed
 
 
 @inlined
-def _keep(sides: Sides | None, bodies: Any, state: State, f: Array) -> None:
+def _keep(sides: Sides | None, loop: Loop, f: Array) -> None:
     if sides is not None:
-        keep(bodies, state, sides, f)
+        keep(loop.modes, loop.bodies, loop.state, sides, f)
 
 
 @inlined

@@ -110,14 +110,21 @@ def add_to_factor(contact: Contact | None, state: State, k: int) -> bool:
 
 @inlined
 def factorise(entries: Array, factor: Array, k: int) -> bool:
-    """Row k of the factor L diag(d) L^T from the matrix's entries (k + 1,); False if it depends on those before it."""
-    for l in range(k):
+    """Row k of the factor L diag(d) L^T from the matrix's entries (k + 1,); False if it depends on those before it.
+
+    Where the matrix begins with zeros so does the factor: contacts of a chain are coupled to their neighbours alone.
+    """
+    begin = 0
+    while begin < k and entries[begin] == 0.0:
+        factor[k, begin] = 0.0
+        begin += 1
+    for l in range(begin, k):
         entry = entries[l]
-        for n in range(l):
+        for n in range(begin, l):
             entry -= factor[k, n] * factor[l, n]
         factor[k, l] = entry  # so far L d
     pivot = entries[k]
-    for l in range(k):
+    for l in range(begin, k):
         entry = factor[k, l] * factor[l, l]
         pivot -= entry * factor[k, l]
         factor[k, l] = entry

@@ -6,7 +6,7 @@ each row at its own offset.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from pmr.errors import InputError
 from pmr.reduced.carriers import CarriedRows
 from pmr.simulation.native.form import SystemForm, starts
 from pmr.simulation.native.simd import LANES, aligned, padded
+from pmr.system.friction import Friction
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -38,10 +39,14 @@ class Polynomials(NamedTuple):
     touched: Indices  # [interval, entry]: numbers of the body's carriers
     first_touched: Indices
     width: Indices
+    beside: Indices  # (q,): the first side on the same body
 
 
 class Bodies(NamedTuple):
-    """Constants of bodies with r' modes, K carriers and i inputs in all, and of m contacts; i' and m' as r'."""
+    """Constants of bodies with r' modes, K carriers and i inputs in all, and of m contacts; i' and m' as r'.
+
+    Behind the m contacts stand the n pads that rub (`pmr.simulation.native.friction`), before they are filled up to m'.
+    """
 
     values: Array  # (K, r'): what the modes measure on the carriers
     inputs: Array  # (K, i') m/N: U R B
@@ -53,11 +58,13 @@ class Bodies(NamedTuple):
     own_inputs: Indices  # (bodies, 2): the first and behind the last input that acts on a body
     compliance: Array  # (m,) m/N
     moves: Indices  # (m, 2): the first and behind the last mode that a contact holds
+    beside: Indices  # (m, 2): and of the contacts on its bodies, in whole registers: no others share anything with it
     moved_by: Indices  # (m, 2): and of the inputs on its bodies, the first a register's
     staying: Array  # (m, r'): rows of the sides that stay where they are
     staying_inputs: Array  # (m, i') m/N: H of these
-    staying_half: Array  # (m, m') m/N: half of G between these
-    staying_answers: Array  # (K, m') m/N: U R b^T of these
+    staying_half: Array  # (m, m') m/N: half of G between these; all of what they measure of moments of pads that rub
+    staying_answers: Array  # (K, m') m/N: U R b^T of these, and U R b'^T of pads that rub
+    staying_slopes: Array  # (n, r') 1/m: C' of these
     rows: Polynomials
 
 
@@ -89,9 +96,10 @@ class Sides(NamedTuple):
     room: Array  # (d, p')
     half: Array  # (m, m') m/N: N of G = N + N^T
     inputs: Array  # (m, i') m/N: H
-    given: Array  # (m',) m: H f
     loads: Array  # (i',) N
     forces: Array  # (m',) N
+    push: Array  # (r',): B f
+    old_push: Array
     old_rows: Array  # (m, r')
     old_half: Array
     old_inputs: Array
@@ -117,15 +125,19 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         if left is not None:
             inputs[rows, own], energy[own, own] = left.inputs, left.energy
     m, names = len(system.contacts), list(system.bodies)
-    answers, moves, moved_by = np.zeros((K, m + -m % LANES)), np.zeros((m, 2), np.int64), np.zeros((m, 2), np.int64)
+    moves, moved_by = np.zeros((m, 2), np.int64), np.zeros((m, 2), np.int64)
     for k in range(m):
         on = [names.index(side.place.body) for side in system.sides if side.contact == k]
         moves[k] = form.starts[min(on)], form.starts[max(on) + 1]
         moved_by[k] = form.inputs[min(on)] // LANES * LANES, form.inputs[max(on) + 1]
-    staying = _staying(form, carriers)
+    staying, known = _staying(form, carriers), Friction.of(system.contacts)
+    slopes = _staying(form, carriers, 1)[[] if known is None else known.pads]
+    both = np.vstack([staying, slopes])
+    answers, half = np.zeros((K, len(both) + -len(both) % LANES)), np.full(len(both) + -len(both) % LANES, 0.5)
+    half[m:] = 1.0
     for first, last, R in zip(carriers, carriers[1:], flexibility, strict=False):
         if len(R):
-            answers[first:last, :m] = R @ staying[:, first:last].T
+            answers[first:last, : len(both)] = R @ both[:, first:last].T
     return Bodies(
         values=aligned(values),
         inputs=padded(inputs),
@@ -137,11 +149,13 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         own_inputs=np.stack([form.inputs[:-1], form.inputs[1:]], axis=1),
         compliance=system.compliance,
         moves=moves,
+        beside=_beside(system),
         moved_by=moved_by,
         staying=aligned(staying @ values),
         staying_inputs=padded(staying @ inputs),
-        staying_half=aligned(staying @ answers / 2.0),
+        staying_half=aligned(staying @ answers * half),
         staying_answers=aligned(answers),
+        staying_slopes=aligned(slopes @ values),
         rows=_polynomials(system, paths),
     )
 
@@ -157,31 +171,31 @@ def carried(form: SystemForm) -> dict[str, CarriedRows]:
     return found
 
 
-def _staying(form: SystemForm, carriers: Indices) -> Array:
-    """B of the sides that stay where they are, with their signs, (m, K)."""
+def _staying(form: SystemForm, carriers: Indices, derivative: int = 0) -> Array:
+    """B of the sides that stay where they are, with their signs, (m, K); or its derivative with respect to x."""
     system, names = form.modal, list(form.modal.bodies)
     staying = np.zeros((len(system.contacts), carriers[-1]))
     for side in system.sides:
         if side.place.path is None:
             first = carriers[names.index(side.place.body)]
-            b = side.sign * system.row(side.place).weights(side.place.at).toarray()[0]
+            b = side.sign * system.row(side.place).weights(side.place.at, derivative).toarray()[0]
             staying[side.contact, first : first + len(b)] += b
     return staying
 
 
-def side_outputs(form: SystemForm, chosen: Mapping[str, Sequence[int]]) -> SideOutputs:
-    """Constants of outputs, by the numbers chosen of each body, one body after the other."""
+def side_outputs(form: SystemForm) -> SideOutputs:
+    """Constants of all outputs, one body after the other."""
     all_carried = carried(form)
     carriers = starts([len(one.values) for one in all_carried.values()])
     of_modes, of_inputs, of_carriers = list[Array](), list[Array](), list[Array]()
     for k, (name, one) in enumerate(all_carried.items()):
-        numbers = list(chosen.get(name, ()))
-        O = np.zeros((form.starts[-1], len(numbers)))
-        W, X = np.zeros((form.inputs[-1], len(numbers))), np.zeros((carriers[-1], len(numbers)))
-        O[form.columns[name]] = form.forms[name].body.outputs[numbers].T
+        of_body = form.forms[name].body.outputs
+        O = np.zeros((form.starts[-1], len(of_body)))
+        W, X = np.zeros((form.inputs[-1], len(of_body))), np.zeros((carriers[-1], len(of_body)))
+        O[form.columns[name]] = of_body.T
         if one.flexibility is not None:
-            W[form.inputs[k] : form.inputs[k + 1]] = one.flexibility.direct[numbers].T
-            X[carriers[k] : carriers[k + 1]] = one.flexibility.outputs[numbers].T
+            W[form.inputs[k] : form.inputs[k + 1]] = one.flexibility.direct.T
+            X[carriers[k] : carriers[k + 1]] = one.flexibility.outputs.T
         of_modes, of_inputs, of_carriers = [*of_modes, O], [*of_inputs, W], [*of_carriers, X]
     X = np.hstack(of_carriers)
     of_staying = _staying(form, carriers) @ X
@@ -206,9 +220,10 @@ def sides(constants: Bodies, paths: int) -> Sides:
         room=aligned(np.zeros((width, p))),
         half=aligned(np.zeros((m, wide))),
         inputs=aligned(np.zeros((m, i))),
-        given=aligned(np.zeros(wide)),
         loads=aligned(np.zeros(i)),
         forces=aligned(np.zeros(wide)),
+        push=aligned(np.zeros(r)),
+        old_push=aligned(np.zeros(r)),
         old_rows=aligned(np.zeros((m, r))),
         old_half=aligned(np.zeros((m, wide))),
         old_inputs=aligned(np.zeros((m, i))),
@@ -220,9 +235,17 @@ def sides(constants: Bodies, paths: int) -> Sides:
     )
 
 
+def _beside(system: System) -> Indices:
+    """The first and behind the last contact on the same bodies as each (m, 2), in whole registers."""
+    on = [{side.place.body for side in system.sides if side.contact == k} for k in range(len(system.contacts))]
+    found = [[k for k, other in enumerate(on) if own & other] for own in on]
+    ends = [(min(which) // LANES * LANES, -(-(max(which) + 1) // LANES) * LANES) for which in found]
+    return np.array(ends, np.int64).reshape(-1, 2)
+
+
 def _polynomials(system: System, paths: Sequence[str]) -> Polynomials:
     sides, names = [side for side in system.sides if side.place.path is not None], list(system.bodies)
-    rows = [system.row(side.place) for side in sides]
+    rows, bodies = [system.row(side.place) for side in sides], [side.place.body for side in sides]
     powers = max((len(row.coefficients) for row in rows), default=1)
     c = []
     for row, side in zip(rows, sides, strict=True):
@@ -243,4 +266,5 @@ def _polynomials(system: System, paths: Sequence[str]) -> Polynomials:
         touched=np.concatenate([np.empty(0, np.int64), *(row.touched.ravel() for row in rows)]),
         first_touched=starts([row.touched.size for row in rows])[:-1],
         width=np.array([row.touched.shape[1] for row in rows], np.int64),
+        beside=np.array([bodies.index(body) for body in bodies], np.int64),
     )

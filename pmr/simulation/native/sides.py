@@ -17,11 +17,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.arrays import ROW, UNIT, Divided, Scheme, State
+from pmr.simulation.native.arrays import ROW, UNIT, Divided, Modes, Scheme, State
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
 from pmr.simulation.native.rows import add_to_factor, dot
 from pmr.simulation.native.side_arrays import Bodies, Polynomials, Sides
-from pmr.simulation.native.simd import LANES, load, spread, store, total
+from pmr.simulation.native.simd import LANES, entry, load, spread, store, total, totals
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def _enter(bodies: Bodies, sides: Sides, a: int) -> None:
             store(sides.of_inputs[a, p], n, value)
     if not flexible:
         return
-    for c in range(len(sides.interval)):
+    for c in range(rows.beside[a], len(sides.interval)):
         if rows.body[c] == body and (c <= a or not sides.entered[c]):
             _multiply(bodies, sides, max(a, c), min(a, c))
 
@@ -134,7 +134,7 @@ def _stay(bodies: Bodies, state: State, sides: Sides, k: int) -> None:
     """What the sides of a contact that stay contribute."""
     for n in range(bodies.moves[k, 0], bodies.moves[k, 1], LANES):
         store(state.modes[ROW + k], n, load(bodies.staying[k], n))
-    for n in range(0, sides.half.shape[1], LANES):
+    for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
         store(sides.half[k], n, load(bodies.staying_half[k], n))
     for n in range(bodies.moved_by[k, 0], bodies.moved_by[k, 1], LANES):
         store(sides.inputs[k], n, load(bodies.staying_inputs[k], n))
@@ -157,12 +157,12 @@ def _add_side(bodies: Bodies, state: State, sides: Sides, a: int) -> None:
         for p in range(powers):
             value = value + load(sides.of_inputs[a, p], n) * sides.powers[a, p]
         store(sides.inputs[k], n, value)
-    for n in range(0, sides.half.shape[1], LANES):
+    for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
         value = load(sides.half[k], n)
         for p in range(powers):
             value = value + load(sides.of_staying[a, p], n) * sides.powers[a, p]
         store(sides.half[k], n, value)
-    for c in range(a):
+    for c in range(rows.beside[a], a):
         if rows.body[c] == body:
             sides.half[k, rows.contact[c]] += _between(sides, a, c)
     sides.half[k, k] += _between(sides, a, a) / 2.0
@@ -182,30 +182,65 @@ def _between(sides: Sides, a: int, c: int) -> float:
 
 @inlined
 def _couple_contact(bodies: Bodies, divided: Divided, scheme: Scheme, state: State, sides: Sides, k: int) -> None:
-    """Row k of the contacts' matrix, up to its diagonal, and what inputs move in it by themselves."""
-    m, row, unit, weighted = len(state.multipliers), state.modes[ROW + k], state.modes[UNIT], state.weighted[k]
+    """Row k of the contacts' matrix, up to its diagonal."""
+    row, unit, weighted = state.modes[ROW + k], state.modes[UNIT], state.weighted[k]
     if len(divided.damped) > 0:
         for n in range(len(row)):
             weighted[n] = dot(divided.damped[2, n], row)
     else:
         for n in range(0, len(row), LANES):
             store(weighted, n, load(unit, n) * load(row, n))
-    for l in range(k + 1):
-        value = spread(0.0)
-        for n in range(max(bodies.moves[k, 0], bodies.moves[l, 0]), min(bodies.moves[k, 1], bodies.moves[l, 1]), LANES):
-            value = value + load(weighted, n) * load(state.modes[ROW + l], n)
-        state.couplings[k, l] = sides.half[k, l] + sides.half[l, k] + scheme.z_gain * total(value)
+    for first in range(bodies.beside[k, 0], k + 1, LANES):  # four at once, those behind the row itself without use
+        _couple_four(bodies, state, sides, k, first, scheme.z_gain)
+    for l in range(bodies.beside[k, 0], k + 1):
+        state.couplings[k, l] += sides.half[l, k]
     state.couplings[k, k] += bodies.compliance[k]
-    for l in range(divided.B.shape[0]):
-        state.couplings[k, m + l] = sides.inputs[k, l]
 
 
 @inlined
-def give(bodies: Bodies, divided: Divided, state: State, f: Array) -> None:
-    """Accelerations S^-1 B f of the modes, each body's by its own inputs."""
+def _couple_four(bodies: Bodies, state: State, sides: Sides, k: int, first: int, gain: float) -> None:
+    """Four entries of row k, but for half of the flexibility; rows beyond the last one count as that."""
+    m, row, moves = len(state.multipliers), state.weighted[k], bodies.moves
+    second, third, fourth = min(first + 1, m - 1), min(first + 2, m - 1), min(first + 3, m - 1)
+    begin = min(moves[first, 0], moves[second, 0], moves[third, 0], moves[fourth, 0])
+    end = max(moves[first, 1], moves[second, 1], moves[third, 1], moves[fourth, 1])
+    a, b, c, d = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+    for n in range(max(moves[k, 0], begin), min(moves[k, 1], end), LANES):
+        weighted = load(row, n)
+        a = a + weighted * load(state.modes[ROW + first], n)
+        b = b + weighted * load(state.modes[ROW + second], n)
+        c = c + weighted * load(state.modes[ROW + third], n)
+        d = d + weighted * load(state.modes[ROW + fourth], n)
+    store(state.couplings[k], first, load(sides.half[k], first) + totals(a, b, c, d) * gain)
+
+
+@inlined
+def give(modes: Modes, bodies: Bodies, divided: Divided, state: State, sides: Sides, f: Array) -> None:
+    """What loads do: B f, accelerations S^-1 B f of the modes, and H f."""
+    press(modes, bodies, state, sides, f)
+    if len(divided.damped) > 0:
+        for n in range(len(sides.push)):
+            state.given[n] = dot(divided.damped[2, n], sides.push)
+    else:
+        for n in range(0, len(sides.push), LANES):
+            store(state.given, n, load(state.modes[UNIT], n) * load(sides.push, n))
+
+
+@compiled_and_inlined
+def press(modes: Modes, bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
+    """Loads, each on its own body, and how far they move the contacts by themselves."""
+    r = modes.B.shape[1]
+    for l in range(len(f)):
+        sides.loads[l] = f[l]
     for body in range(len(bodies.own_inputs)):
+        first, last = bodies.own_inputs[body, 0], bodies.own_inputs[body, 1]
         for n in range(bodies.modes[body], bodies.modes[body + 1], LANES):
-            value = spread(0.0)
-            for l in range(bodies.own_inputs[body, 0], bodies.own_inputs[body, 1]):
-                value = value + load(divided.B[l], n) * f[l]
-            store(state.given, n, value)
+            push = spread(0.0)
+            for l in range(first, last):
+                push = push + load(modes.B, l * r + n) * entry(sides.loads, l)
+            store(sides.push, n, push)
+    for k in range(len(state.multipliers)):
+        pushed = spread(0.0)
+        for n in range(bodies.moved_by[k, 0], bodies.moved_by[k, 1], LANES):
+            pushed = pushed + load(sides.inputs[k], n) * load(sides.loads, n)
+        state.pushed[k] = total(pushed)

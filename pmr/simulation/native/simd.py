@@ -12,6 +12,7 @@ modes and one output, 1/4.2 with 51 outputs; with 6 modes 1/1.2 and 1/2.4 (``pyt
 from __future__ import annotations
 
 import operator
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,17 @@ def load(typing: Any, array: Any, n: Any) -> Any:
 
 
 @intrinsic
+def entry(typing: Any, array: Any, n: Any) -> Any:
+    """Entry n of a contiguous array; nothing is checked, nor is counted from the end, for which Numba has to look."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        return builder.load(builder.gep(array.data, [arguments[1]]))
+
+    return array.dtype(array, n), generate
+
+
+@intrinsic
 def store(typing: Any, array: Any, n: Any, value: Any) -> Any:
     """Write four numbers to entries n to n + 3 of a contiguous array; nothing is checked."""
 
@@ -87,6 +99,18 @@ def total(typing: Any, x: Any) -> Any:
         return builder.fadd(*(builder.extract_element(pair, ir.IntType(32)(k)) for k in range(2)))
 
     return types.float64(lanes), generate
+
+
+@intrinsic
+def totals(typing: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    """The sums of four registers as one, in half the time of four `total`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        a, b, c, d = arguments
+        pairs = [_added(builder, both, ([0, 4, 2, 6], [1, 5, 3, 7])) for both in ((a, b), (c, d))]
+        return _added(builder, pairs, ([0, 1, 4, 5], [2, 3, 6, 7]))
+
+    return lanes(a, b, c, d), generate
 
 
 _CASES = [signature(lanes, lanes, lanes), signature(lanes, lanes, types.float64)]
@@ -126,6 +150,12 @@ def _spread(builder: Any, x: Any) -> Any:
 def _shuffle(builder: Any, x: Any, chosen: list[int]) -> Any:
     mask = ir.Constant(ir.VectorType(ir.IntType(32), len(chosen)), chosen)
     return builder.shuffle_vector(x, ir.Constant(x.type, ir.Undefined), mask)
+
+
+def _added(builder: Any, two: Sequence[Any], chosen: Sequence[list[int]]) -> Any:
+    """Sum of two choices among the numbers of two registers."""
+    masks = [ir.Constant(ir.VectorType(ir.IntType(32), LANES), numbers) for numbers in chosen]
+    return builder.fadd(*(builder.shuffle_vector(*two, mask) for mask in masks))
 
 
 def padded(array: Array, multiple: int = LANES) -> Array:

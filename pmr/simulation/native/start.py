@@ -16,7 +16,7 @@ from pmr.simulation.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_F
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.part import Loop
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.sides import move_sides
+from pmr.simulation.native.sides import move_sides, press
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -86,7 +86,8 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
         if failed:
             why = reason(form.modal, C, failed)
             raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}")
-        energy.account(loop.modes, loop.bodies, state, loop.sides, onset.f)
+        press(loop.modes, loop.bodies, state, loop.sides, onset.f)
+        energy.account(loop.modes, loop.bodies, state, loop.sides)
         loop.sides.energy[1] = 0.0
 
 

@@ -51,7 +51,7 @@ from pmr.simulation.native.contact import let_go, remember, settle
 from pmr.simulation.native.quasi_static import forget
 from pmr.simulation.native.rows import dot, solve
 from pmr.simulation.native.simd import LANES, load, spread, store
-from pmr.simulation.native.terms import AGAIN, LAST, expect, finish, push, revise
+from pmr.simulation.native.terms import AGAIN, LAST, expect, finish, gap, push, revise
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def _find_multipliers(
         return _find_in_contact(contact, divided, scheme, state, terms, quasi_static, f)
     m, multipliers, first, found = len(state.multipliers), state.multipliers, 0.0, AGAIN
     while found == AGAIN or found == LAST:
-        violation = _violate(state, f)
+        violation = _violate(state.pushed, state, terms, f)
         if m == 1:  # as `solve` would do, without the way through memory
             first = violation * state.factor[0, 0]
             multipliers[0] = first
@@ -108,7 +108,7 @@ def _find_in_contact(
 ) -> tuple[int, float]:
     """The same where rows only push; as often as rows let go, each of them once at most, and as terms ask for."""
     while True:
-        _violate(state, f)
+        _violate(state.pushed, state, terms, f)
         failed = settle(contact, state.couplings, state.factor, state.multipliers)
         if failed == FINISHED:
             failed = revise(terms, divided, scheme, state)
@@ -125,13 +125,16 @@ def _find_in_contact(
 
 
 @inlined
-def _violate(state: State, f: Array) -> float:
+def _violate(pushed: Any, state: State, terms: Any, f: Array) -> float:
     """How far the free motion violates the rows, in place of their multipliers; returns the last one, or 0."""
     m, multipliers, violation = len(state.multipliers), state.multipliers, 0.0
     for k in range(m):
-        violation = dot(state.modes[ROW + k], state.modes[Z_FREE])
-        for l in range(len(f)):
-            violation += state.couplings[k, m + l] * f[l]
+        violation = dot(state.modes[ROW + k], state.modes[Z_FREE]) - gap(terms, k)
+        if pushed is not None:  # decided when compiled
+            violation += pushed[k]
+        else:
+            for l in range(len(f)):
+                violation += state.couplings[k, m + l] * f[l]
         multipliers[k] = violation
     return violation
 

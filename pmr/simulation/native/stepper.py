@@ -18,6 +18,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numba import typeof
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError, SimulationError
@@ -28,11 +29,12 @@ from pmr.scene.signals import Constant, Ramp
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import bound_step as bound_step
-from pmr.simulation.native import loop as kernel
 from pmr.simulation.native import tables
-from pmr.simulation.native.arrays import ROW, Drive, Record, V, Z
+from pmr.simulation.native.arrays import ROW, V, Z
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
+from pmr.simulation.native.part import step_observed
+from pmr.simulation.native.side_arrays import side_outputs
 from pmr.simulation.native.start import places_of, reason
 from pmr.simulation.native.systems import static_start
 from pmr.simulation.recorded import recorded
@@ -66,8 +68,8 @@ class Stepper:
         knows none.
     rho_inf : float
         Less than 1 as long as rigid rows move.  Their multipliers (index 3) grow from step to step where it is near 1,
-        the sooner the faster they move, and nothing here checks the energy as `march.simulate` does: at most 0.9, and
-        `march.simulate` on the fastest path that may come (docs/time_integration.md has what was measured).  A model
+        the sooner the faster they move, and nothing here checks the energy as `systems.simulate` does: at most 0.9, and
+        `systems.simulate` on the fastest path that may come (docs/time_integration.md has what was measured).  A model
         with residual flexibility has no such multipliers.
     outputs : sequence of int or str, optional
         What `step` returns: numbers or names of `output_names`, forces of contacts among them; by default all outputs
@@ -123,7 +125,7 @@ class Stepper:
         if initial is None and known is not None and known.static:
             initial = static_start(system, excitation)
         self._march = March(form, excitation, initial or {})
-        self._state, self._seen = self._march.loop.state, self._march.outputs
+        self._state = self._march.loop.state
         # A single load, and the place on tables, are written through these in a third of the time that NumPy takes.
         self._single: Any = memoryview(self._f) if len(self._f) == 1 else None  # type: ignore[arg-type]
         self._place: Any = None
@@ -142,10 +144,9 @@ class Stepper:
             self._memory = bound_step.store(*self.arguments, self._f, self._y)
             self._address = self._memory.ctypes.data
         else:
-            self._drive = Drive(np.stack([self._s, self._s]), np.stack([self._f, self._f]), None)
-            self._record = Record(None, None, self._state.multipliers[None].copy(), y=np.zeros((1, len(moved))))
-            none = Record(None, None, self._record.multipliers[:0], y=self._record.y[:0])
-            kernel.run(self._march.loop, self._march.scheme, self._seen, self._drive, none, 1, 0)  # compiles, or loads
+            self._seen = side_outputs(form) if on_tables is None else tables.outputs(on_tables, every)
+            self._moved = np.zeros(len(moved))
+            step_observed.compile(tuple(map(typeof, self._observed)))  # or loaded: not in the first step
 
     def step(self, s: Values, F: Values | None = None) -> Array:
         """Advance by one step.
@@ -247,12 +248,14 @@ class Stepper:
     def _on_places(self, s: Values) -> int:
         """A step of bodies on places of their own, or of which forces are asked for; what stopped it, or 0."""
         self._take_path(s)
-        self._drive.s[1], self._drive.f[1] = self._s, self._f
-        march = self._march
-        failed = kernel.run(march.loop, march.scheme, self._seen, self._drive, self._record, 1, 0)[1]
-        assert self._record.y is not None
-        self._y = np.concatenate([self._record.y[0], self.multipliers])[self._chosen]
+        failed = step_observed(*self._observed)
+        self._y = np.concatenate([self._moved, self.multipliers])[self._chosen]
         return int(failed)
+
+    @property
+    def _observed(self) -> tuple[Any, ...]:
+        """Arguments of a step with all outputs."""
+        return self._march.loop, self._march.scheme, self._seen, self._s, self._f, self._moved
 
     def _excitation(self, step: float, rho_inf: float) -> Excitation:
         """Of one step on which nothing changes."""

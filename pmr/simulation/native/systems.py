@@ -9,23 +9,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from time import perf_counter
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import evaluate
+from pmr.constraints.polynomials import applied, columns, select_rows
+from pmr.simulation.blocks import Block, Ended, Recorder, Take
 from pmr.simulation.excitation import Excitation, places
+from pmr.simulation.native.arrays import Record
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March, Steps
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
+from pmr.system.friction import Friction
 from pmr.system.statics import equilibrium
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,7 @@ class Observation:
     t: Array  # (T,) s
     y: Array  # (T, o) m
     multipliers: Array  # (T, m) N
-    seconds: float  # wall time of the solver alone
+    seconds: float  # wall time of the solver and of evaluating the outputs
 
 
 def simulate(
@@ -47,42 +52,83 @@ def simulate(
 ) -> SystemTrajectory:
     """Simulate all bodies from t = 0 on and keep each `every`-th step.
 
-    Arguments and errors as for `pmr.simulation.SystemSimulator`.
+    Arguments and errors as for `pmr.simulation.SystemSimulator`.  `seconds` is the time of the steps in modal
+    coordinates; compiling (once on a machine), diagonalising and the way back to q are not in it.
     """
-    march, T = March(SystemForm.of(system), excitation, initial or {}), excitation.stepping.steps // every + 1
-    found: dict[str, Any] = {}
+    return simulate_form(SystemForm.of(system), excitation, initial, progress, every)
+
+
+def simulate_form(
+    form: SystemForm,
+    excitation: Excitation,
+    initial: Mapping[str, InitialState] | None = None,
+    progress: Progress | None = None,
+    every: int = 1,
+) -> SystemTrajectory:
+    """The same of a system in modal form; simulations of one form share its tables."""
+    recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
+    return recorder.trajectory(follow(form, excitation, recorder, initial, progress))
+
+
+def follow(
+    form: SystemForm,
+    excitation: Excitation,
+    take: Take,
+    initial: Mapping[str, InitialState] | None = None,
+    progress: Progress | None = None,
+) -> Ended:
+    """The same, but that nothing is recorded: `take` gets some thousand steps at a time.
+
+    Where rows only push, a step may be made in parts (`pmr.simulation.contact_step`), of which `take` gets the last.
+    Errors as for `pmr.simulation.SystemSimulator`; that of a motion that grows comes at the end.
+    """
+    march, paths = March(form, excitation, initial or {}), excitation.paths.values()
+    pushing, forces_of = ~np.isnan(form.system.clearance), form.combined.forces
+    amplitudes = excitation.amplitudes(form.system.term_names) if form.system.terms else None
 
     def taken(steps: Steps) -> None:
-        arrays = steps.record._asdict() | {"stored": steps.stored, "work": steps.work}
-        before = -steps.first % every  # as many until the next one that is kept
-        for name, array in arrays.items():
-            if array is not None:
-                found.setdefault(name, np.empty((T, *array.shape[1:]), array.dtype))
-                kept, at = array[before::every], (steps.first + before) // every
-                found[name][at : at + len(kept)] = kept
+        def at(rows: Indices | slice) -> SystemTrajectory:
+            some, numbers = steps.at(rows), np.arange(steps.first, steps.first + len(steps.t))[rows]
+            record, motions, forces = some.record, {}, forces_of(some.record.multipliers)
+            assert record.z is not None and record.v is not None
+            for name, one in form.forms.items():
+                columns, x = form.columns[name], march.x[numbers][:, form.system.sides_of(name)]
+                q, v = record.z[:, columns] @ one.X.T, record.v[:, columns] @ one.X.T
+                motions[name] = Trajectory(some.t, q, v, form.system.pressed(name, forces), x, seconds=0.0)
+            return SystemTrajectory(
+                t=some.t,
+                bodies=motions,
+                forces=forces,
+                peaks=forces if record.peaks is None else np.where(pushing, forces_of(record.peaks), forces),
+                loads=some.f,
+                energy=some.stored,
+                work=some.work,
+                seconds=0.0,
+                surplus=np.nan,
+                parts=np.ones(len(some.t), np.int64) if record.parts is None else record.parts,
+                impulses=None if record.impulses is None else forces_of(record.impulses),
+                amplitudes=None if amplitudes is None else amplitudes[numbers],
+                moments=_moments(form.system, excitation, some.t, forces),
+                rates=np.column_stack([np.empty((len(some.t), 0)), *(path.rate(some.t) for path in paths)]),
+            )
 
-    ended = march.run(taken, progress)
-    kept = slice(None, None, every)
-    forces_of, pushing = march.form.combined.forces, ~np.isnan(system.clearance)
-    t, forces, motions = march.t[kept], forces_of(found["multipliers"]), {}
-    for name, form in march.form.forms.items():
-        columns, own = march.form.columns[name], march.x[kept, system.sides_of(name)]
-        q, v = found["z"][:, columns] @ form.X.T, found["v"][:, columns] @ form.X.T
-        pressed = system.pressed(name, forces)
-        motions[name] = Trajectory(t, q, v, pressed, own, ended.seconds, surplus=ended.surplus)
-    peaks = np.where(pushing, forces_of(found["peaks"]), forces) if "peaks" in found else forces
-    impulses = forces_of(found["impulses"]) if "impulses" in found else None
-    parts = found.get("parts", np.ones(T, np.int64))
-    return SystemTrajectory(
-        t, motions, forces, peaks, march.f[kept], found["stored"], found["work"], ended.seconds, ended.surplus, parts,
-        impulses, excitation.amplitudes(system.term_names)[kept] if system.terms else None,
-    )  # fmt: skip
+        take(Block(steps.first, len(steps.t), at))
+
+    return march.run(taken, progress)
 
 
 def seconds(form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState], count: int) -> list[float]:
     """The solver's wall time of the same simulation, `count` times; nothing of it is kept."""
     march = March(form, excitation, initial)
     return [march.again() for _ in range(count)]
+
+
+def _moments(system: System, excitation: Excitation, t: Array, forces: Array) -> Array | None:
+    """Of friction at the times t (T,) s, (T, m) N m; None without any."""
+    known = Friction.of(system.contacts)
+    if known is None:
+        return None
+    return known.moments(forces, np.column_stack([one.value(t) for one in excitation.sliding(known.joints)]))
 
 
 def observe(
@@ -95,14 +141,29 @@ def observe(
     rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as for
     `pmr.simulation.SystemSimulator`.
     """
-    march = March(form, excitation, start_of(form.system, excitation))
-    first = march.outputs_at(dict(zip(excitation.paths, excitation.s[0], strict=True)), march.f[0])
-    chosen = np.arange(len(first)) if outputs is None else np.asarray(outputs, np.int64)
-    count = excitation.stepping.steps // every + 1
-    y, forces = np.empty((count, len(chosen))), np.empty((count, len(march.pushing)))
-    y[0], forces[0] = first[chosen], march.loop.state.multipliers
-    seconds = march.observe(march.outputs_of(chosen), every, y[1:], forces[1:])
-    return Observation(march.t[::every], y, form.combined.forces(forces), seconds)
+    march, system = March(form, excitation, start_of(form.system, excitation)), form.system
+    count, sizes = excitation.stepping.steps // every + 1, [len(one.body.outputs) for one in form.forms.values()]
+    chosen = np.arange(sum(sizes)) if outputs is None else np.asarray(outputs, np.int64)
+    numbers = dict(zip(form.forms, np.split(chosen, np.searchsorted(chosen, np.cumsum(sizes)[:-1])), strict=True))
+    starts = dict(zip(form.forms, np.cumsum([0, *sizes]).tolist(), strict=False))
+    y, forces, evaluated = np.empty((count, len(chosen))), np.empty((count, len(system.contacts))), 0.0
+
+    def taken(first: int, rows: Record) -> None:
+        nonlocal evaluated
+        begun, at = perf_counter(), slice(first, first + len(rows.multipliers))
+        forces[at], steps, column = form.combined.forces(rows.multipliers), march.steps_of(at, every), 0
+        moments = _moments(system, excitation, march.t[steps], forces[at])
+        for k, (name, own) in enumerate(numbers.items()):
+            which, z = (own - starts[name]).tolist(), rows.z[:, form.columns[name]]
+            x, f = march.x[steps, system.sides_of(name)], march.f[steps, form.inputs[k] : form.inputs[k + 1]]
+            turned = None if moments is None else system.pressed(name, moments)
+            deformed = deformation(system, name, x, system.pressed(name, forces[at]), f, which, turned)
+            y[at, column : column + len(own)] = z @ form.forms[name].body.outputs[which].T + deformed
+            column += len(own)
+        evaluated += perf_counter() - begun
+
+    seconds = march.observe(every, taken)
+    return Observation(march.t[::every], y, forces, seconds + evaluated)
 
 
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
@@ -127,21 +188,58 @@ def start_of(
 
 
 def displacements(system: System, trajectory: SystemTrajectory) -> dict[str, Array]:
-    """Outputs O q + W f - X lambda of every body, (T, o)."""
+    """Outputs O q + W f - X lambda of every body, (T, o), and what moments of friction add."""
     found, first = {}, 0
     for name, body in system.bodies.items():
-        motion, carriers = trajectory.bodies[name], body.carriers
-        loads = trajectory.loads[:, first : first + len(body.input_names)]
-        first += len(body.input_names)
-        y, known = np.asarray((body.outputs @ motion.q.T).T), (body if carriers is None else carriers).flexibility
-        own = [side for side in system.sides if side.place.body == name]
-        if known is not None:
-            y = y + loads @ known.direct.T
-            for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
-                if carriers is None:
-                    X = evaluate(known.outputs, x)[:, :, body.row_names.index(side.place.row)]
-                else:
-                    X = system.row(side.place).weights(x) @ known.outputs.T
-                y = y - force[:, None] * X
-        found[name] = y
+        motion, last = trajectory.bodies[name], first + len(body.input_names)
+        turned = None if trajectory.moments is None else system.pressed(name, trajectory.moments)
+        loads = trajectory.loads[:, first:last]
+        deformed = deformation(system, name, motion.s, motion.multipliers, loads, moments=turned)
+        found[name], first = np.asarray((body.outputs @ motion.q.T).T) + deformed, last
     return found
+
+
+def deformation(
+    system: System,
+    name: str,
+    x: Array,
+    multipliers: Array,
+    loads: Array,
+    chosen: Sequence[int] | slice = slice(None),
+    moments: Array | None = None,
+) -> Array | float:
+    """W f - X lambda of the chosen outputs (T, o) of a body, under the loads (T, i) N on it; 0 where it has no such.
+
+    With the places x (T, sides) m of its sides, their multipliers (T, sides) N, and the `moments` (T, sides) N m of
+    their friction (`pmr.system.friction`), which do X' times as much.
+    """
+    body = system.bodies[name]
+    own = [side.place for side in system.sides if side.place.body == name]
+    if system.on_one_path:  # all rows stand where one of them moves
+        if body.flexibility is None:
+            return 0.0
+        rows, moving = [body.row_names.index(one.row) for one in own], [one.path is not None for one in own]
+        X = select_rows(columns(body.flexibility.outputs, rows), chosen)
+        s = x[:, moving.index(True)] if any(moving) else np.full(len(x), body.domain[0])
+        return np.asarray(loads @ body.flexibility.direct[chosen].T - applied(X, s, multipliers))
+    known = None if body.carriers is None else body.carriers.flexibility
+    if known is None:
+        return 0.0
+    at_once = np.asarray(loads @ known.direct[chosen].T)
+    if not own:
+        return at_once
+    pressed = [system.row(place).weights(at) for place, at in zip(own, x.T, strict=True)]
+    if moments is not None:
+        pressed += [system.row(place).weights(at, 1) for place, at in zip(own, x.T, strict=True)]
+        multipliers = np.hstack([multipliers, -moments])
+    shares = [
+        one.data.reshape(len(x), -1) * forces[:, None] for one, forces in zip(pressed, multipliers.T, strict=True)
+    ]
+    touched = [one.indices.reshape(len(x), -1) for one in pressed]
+    return at_once - _summed(np.hstack(shares), np.hstack(touched), known.outputs.T[:, chosen])
+
+
+def _summed(weights: Array, touched: Indices, X: Array) -> Array:
+    """(T, o): the rows of X (K, o) that are `touched` (T, d), times their weights (T, d)."""
+    ends = np.arange(len(weights) + 1) * weights.shape[1]
+    return np.asarray(sp.csr_matrix((weights.ravel(), touched.ravel(), ends), (len(weights), len(X))) @ X)

@@ -18,12 +18,14 @@ buckling load or where a tension raises frequencies that the step does not resol
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.simulation.native import friction
 from pmr.simulation.native.arrays import (
     DAMPING,
     OTHERS,
@@ -40,14 +42,14 @@ from pmr.simulation.native.arrays import (
     Z,
 )
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
-from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.form import SystemForm, starts
 from pmr.simulation.native.rows import dot
-from pmr.simulation.native.simd import LANES, aligned, load, spread, store
+from pmr.simulation.native.simd import LANES, aligned, entry, load, spread, store
+from pmr.system.friction import joints_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: Of what is never counted from the end, which a signed number might be.
-Numbers = NDArray[np.uint64]
+Matrices = dict[int, sp.csr_matrix]
 
 #: Change of w that counts as none, and the one that is accepted after the last time, over the largest w so far.
 CONVERGED, ACCEPTED = 1e-11, 1e-8
@@ -75,13 +77,12 @@ class Terms(NamedTuple):
     """
 
     now: Array  # (4 u,): with present amplitudes, one block of four rows after the other
-    column: Numbers  # (u,): the mode by which each makes forces
+    column: Indices  # (u,): the mode by which each makes forces
     of_rows: Indices  # (r' / 4, 3): where those of four rows begin, those of them on z', and where they end
-    parts: Array  # (4 e,): with amplitudes of 1, those of a register one after the other
-    signal: Numbers  # (e,): what a part is multiplied by
-    first_part: Indices  # (u + 1,): where the parts of a register begin, as many ones after fewer
-    to: Indices  # (u,): where in `now` this register begins
-    c: Array  # (J,): present amplitudes; NaN before the start
+    parts: Array  # (4 e,): with amplitudes of 1, those of a signal one after the other
+    first_part: Indices  # (J + 1,): where the parts of a signal begin
+    to: Indices  # (e,): where in `now` a part is added
+    c: Array  # (J,): present amplitudes, those of friction last; NaN before the start
     given: Array  # (r',): S^-1 B f where `State.given` is not; else (0,)
     force: Array  # (r',): w
     new_force: Array  # (r',): and what the displacement makes of it that it leads to
@@ -89,6 +90,32 @@ class Terms(NamedTuple):
     old_force: Array  # (4, r'): w of the steps before, the last one first
     old_z: Array  # (r',)
     numbers: Array  # (7,)
+    rubbing: Any = None  # `Rubbing`, or None
+
+
+class Signals(NamedTuple):
+    """A system's terms as sum_j d_j (V_j z' + G_j z) with few entries, d = mix c."""
+
+    numbers: Indices  # (K,): of the terms whose amplitudes c are asked for; all others are multiples of these
+    mix: Array  # (J, K)
+    matrices: list[Matrices]  # (J): G and V (r', r') by 0 and 1
+
+
+def signals(form: SystemForm, c: Array) -> Signals:
+    """Those of a system whose terms have the amplitudes c (T, K)."""
+    numbers, shares = independent(c)
+    found, amplitudes, unit = list[Matrices](), list[Array](), np.eye(len(numbers))
+    for k, own in enumerate(_matrices(form, shares)):
+        for j, other in enumerate(found):
+            if parts := _apart(other, own):
+                amplitudes += [amplitudes[j] + factor * unit[k] for factor, _ in parts]
+                found += [part for _, part in parts]
+                del amplitudes[j], found[j]
+                break
+        else:
+            amplitudes.append(unit[k])
+            found.append(own)
+    return Signals(numbers, np.array(amplitudes).reshape(len(found), len(numbers)), found)
 
 
 def independent(c: Array) -> tuple[Indices, Array]:
@@ -112,29 +139,76 @@ def independent(c: Array) -> tuple[Indices, Array]:
     return np.array(kept, np.int64), shares[kept]
 
 
-def terms(form: SystemForm, shares: Array) -> Terms | None:
-    """Those of a system, on its modes, of signals with these `shares` (J, K) in them; None where it has none."""
-    system = form.system
-    if not system.terms:
+def _matrices(form: SystemForm, shares: Array) -> list[Matrices]:
+    """Those of each signal with these `shares` (K, terms) in the terms."""
+    r, found = int(form.starts[-1]), [dict[int, sp.csr_matrix]() for _ in shares]
+    where = {name: range(own.start, own.stop) for name, own in form.columns.items()}
+    for number, term in enumerate(form.modal.terms):
+        for key, A in term.among(where, r).matrices.items():
+            A.data[np.abs(A.data) <= NOTHING * np.abs(A.data).max(initial=0.0)] = 0.0
+            for signal in np.flatnonzero(shares[:, number]).tolist():
+                own, at = found[signal], int(key == "damping")
+                own[at] = own.get(at, sp.csr_matrix((r, r))) + shares[signal, number] * A
+    for own in found:
+        for A in own.values():
+            A.eliminate_zeros()
+            A.sort_indices()
+    return found
+
+
+def _apart(one: Matrices, other: Matrices) -> list[tuple[float, Matrices]]:
+    """Parts of `one`, and the factor by which each is one of `other`, if one or two are all; else nothing.
+
+    Of cylinders that share a place all entries have one factor.  Where a frame turns, entries above and below the
+    diagonal have opposite ones: forces along one axis by motions along another one depend on one signal.
+    """
+    if one.keys() != other.keys() or not one:
+        return []
+    if any((one[at].indptr != A.indptr).any() or len(one[at].indices) != len(A.indices) for at, A in other.items()):
+        return []
+    if any((one[at].indices != A.indices).any() for at, A in other.items()):
+        return []
+    a, b = (np.concatenate([A[at].data for at in one]) for A in (one, other))
+    left, found = np.ones(len(a), np.bool_), list[tuple[float, Matrices]]()
+    while left.any() and len(found) < 2:
+        at = np.argmax(np.abs(a) * left)
+        own = left & (np.abs(b - b[at] / a[at] * a) <= NOTHING * np.abs(b).max())
+        found.append((float(b[at] / a[at]), _chosen(one, own)))
+        left &= ~own
+    return [] if left.any() else found
+
+
+def _chosen(matrices: Matrices, entries: NDArray[np.bool_]) -> Matrices:
+    """These entries alone."""
+    found, first = {}, 0
+    for at, A in matrices.items():
+        found[at] = A.copy()
+        found[at].data *= entries[first : first + A.nnz]
+        found[at].eliminate_zeros()
+        first += A.nnz
+    return found
+
+
+def terms(form: SystemForm, matrices: Sequence[Matrices]) -> Terms | None:
+    """Those of a system, on its modes, of signals with these matrices; None where it has none.
+
+    Friction is among them, whose amplitudes are the last ones.
+    """
+    rubbing = friction.rubbing(form, len(matrices))
+    if not form.system.terms and rubbing is None:
         return None
     r = int(form.starts[-1])
-    found, numbers, signal = _registers(form, shares)
+    entries, numbers, first_part = _registers(matrices, r)
     known, u = np.unique(numbers, return_inverse=True)
-    count = np.bincount(u, minlength=len(known))
-    by_count = np.argsort(count, kind="stable")  # loops as long as the one before are foreseen
-    place = np.empty(len(known), np.int64)
-    place[by_count] = np.arange(len(known))
-    order = np.lexsort((signal, place[u]))
     first = np.searchsorted(known, r * np.arange(2 * (r // LANES) + 1))
     return Terms(
         now=aligned(np.zeros(LANES * len(known))),
-        column=(known % r).astype(np.uint64),
+        column=known % r,
         of_rows=np.stack([first[:-2:2], first[1::2], first[2::2]], axis=1).astype(np.int64),
-        parts=aligned(found[order].ravel()),
-        signal=signal[order].astype(np.uint64),
-        first_part=np.cumsum([0, *count[by_count]], dtype=np.int64),
-        to=LANES * by_count.astype(np.int64),
-        c=np.full(len(shares), np.nan),
+        parts=aligned(entries.ravel()),
+        first_part=first_part,
+        to=LANES * u.astype(np.int64),
+        c=np.full(len(matrices) + len(joints_of(form.modal.contacts)), np.nan),
         given=aligned(np.zeros(0 if form.on_tables is None else r)),
         force=aligned(np.zeros(r)),
         new_force=aligned(np.zeros(r)),
@@ -142,39 +216,35 @@ def terms(form: SystemForm, shares: Array) -> Terms | None:
         old_force=aligned(np.zeros((4, r))),
         old_z=aligned(np.zeros(r)),
         numbers=np.zeros(7),
+        rubbing=rubbing,
     )
 
 
-def _registers(form: SystemForm, shares: Array) -> tuple[Array, Indices, Indices]:
-    """All registers that are not zero, of each signal: entries (e, 4), numbers (e,) by rows, rate and column; signals.
+def _registers(matrices: Sequence[Matrices], r: int) -> tuple[Array, Indices, Indices]:
+    """All registers that are not zero, of one signal after the other: entries (e, 4), numbers (e,), first (J + 1,).
 
-    Those of four rows that act on z come before those of the same rows that act on z'.
+    The numbers are by rows, rate and column: of four rows, those that act on z come before those that act on z'.
     """
-    r, columns = int(form.starts[-1]), form.columns
-    where = {name: range(own.start, own.stop) for name, own in columns.items()}
-    sums = dict[tuple[int, int], sp.csr_matrix]()
-    for number, term in enumerate(form.modal.terms):
-        for key, A in term.among(where, r).matrices.items():
-            A.data[np.abs(A.data) <= NOTHING * np.abs(A.data).max(initial=0.0)] = 0.0
-            for signal in np.flatnonzero(shares[:, number]).tolist():
-                at = int(key == "damping"), signal
-                sums[at] = sums.get(at, sp.csr_matrix((r, r))) + shares[signal, number] * A
-    entries, numbers, signals = [np.empty((0, LANES))], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
-    for (of_rates, signal), A in sums.items():
-        A.eliminate_zeros()
-        tall = A.tobsr((LANES, 1))
-        rows = np.repeat(np.arange(r // LANES), np.diff(tall.indptr))
-        entries.append(tall.data[:, :, 0])
-        numbers.append((2 * rows + of_rates) * r + tall.indices)
-        signals.append(np.full(len(rows), signal))
-    return np.concatenate(entries), np.concatenate(numbers), np.concatenate(signals)
+    entries, numbers, counts = [np.empty((0, LANES))], [np.empty(0, np.int64)], list[int]()
+    for own in matrices:
+        count = 0
+        for of_rates, A in own.items():
+            tall = A.tobsr((LANES, 1))
+            rows = np.repeat(np.arange(r // LANES), np.diff(tall.indptr))
+            entries.append(tall.data[:, :, 0])
+            numbers.append((2 * rows + of_rates) * r + tall.indices)
+            count += len(rows)
+        counts.append(count)
+    return np.concatenate(entries), np.concatenate(numbers), starts(counts)
 
 
 @compiled_and_inlined
 def begin(terms: Terms, state: State, c: Array) -> None:
     """Forces w of the present state with amplitudes c (J,), where a simulation or steps of another length begin."""
     _combine(terms, c)
-    _find_forces(terms, state.modes)
+    _find_forces(terms, state)
+    friction.take(terms.rubbing)
+    friction.work(terms.rubbing, state.multipliers)
     for n in range(0, len(terms.force), LANES):
         w = load(terms.new_force, n)
         store(terms.force, n, w)
@@ -201,6 +271,21 @@ def expect(terms: Any, divided: Divided, state: State, f: Array, c: Any) -> None
 
 
 @inlined
+def turn(terms: Any, bodies: Any, sides: Any) -> None:
+    """Take friction to where the contacts' sides stand."""
+    if terms is not None:
+        friction.turn(terms.rubbing, bodies, sides)
+
+
+@inlined
+def gap(terms: Any, k: int) -> float:
+    """What contact k gives way to friction, m."""
+    if terms is None:
+        return 0.0
+    return float(friction.gap(terms.rubbing, k))
+
+
+@inlined
 def push(terms: Any, scheme: Scheme, modes: Array) -> None:
     """Let w act on the displacement that a step leads to without multipliers and loads."""
     if terms is not None:
@@ -214,7 +299,7 @@ def revise(terms: Any, divided: Divided, scheme: Scheme, state: State) -> int:
     if terms is None:
         return SETTLED
     _reach(terms, divided, scheme, state)
-    _find_forces(terms, state.modes)
+    _find_forces(terms, state)
     change, size = 0.0, 0.0
     for n in range(len(terms.force)):
         change += (terms.new_force[n] - terms.force[n]) ** 2
@@ -228,18 +313,19 @@ def revise(terms: Any, divided: Divided, scheme: Scheme, state: State) -> int:
     if usual > 0.0 and change > DIVERGED**2 * usual:
         return UNCONVERGED
     bound = ACCEPTED if last else CONVERGED
-    if numbers[TIMES] > 1.0:
+    giving = friction.gives_way(terms.rubbing, bound)
+    if numbers[TIMES] > 1.0 and numbers[CHANGE] > 0.0:
         numbers[SHRINKS] = max(numbers[SHRINKS] / 2.0, change / numbers[CHANGE])
         numbers[TRUSTED] = 0.0
     numbers[CHANGE] = change
-    if change <= bound**2 * largest or change != change:  # what is not a number is said elsewhere
+    if (change <= bound**2 * largest and not giving) or change != change:  # what is not a number is said elsewhere
         numbers[LARGEST] = largest
         return SETTLED
     if last:
         return UNCONVERGED
     _take(terms, divided, scheme, state.modes)
     numbers[TRUSTED] += 1.0
-    known = 0.0 < numbers[SHRINKS] and numbers[TRUSTED] < MOST_TRUSTED
+    known = not giving and 0.0 < numbers[SHRINKS] and numbers[TRUSTED] < MOST_TRUSTED
     if known and change * numbers[SHRINKS] <= (FORESEEN * CONVERGED) ** 2 * largest:
         numbers[LARGEST] = largest
         return LAST
@@ -255,10 +341,10 @@ def finish(terms: Any, modes: Array) -> None:
 
 
 @inlined
-def account(terms: Any, modes: Array) -> None:
+def account(terms: Any, state: State) -> None:
     """Add the work of w in the step that has ended, and keep what the next one asks for."""
     if terms is not None:
-        work = 0.0
+        modes, work = state.modes, friction.work(terms.rubbing, state.multipliers)
         for n in range(len(terms.force)):
             work += (terms.force[n] + terms.old_force[0, n]) / 2.0 * (modes[Z, n] - terms.old_z[n])
         terms.numbers[WORK] += work
@@ -279,32 +365,35 @@ def add(terms: Any, a: Array) -> None:
 
 @inlined
 def _combine(terms: Terms, c: Array) -> None:
-    """Their sum with amplitudes c (J,), where these are others than before."""
-    same = True
+    """Their sum with amplitudes c (J,), where these are others than before; those of friction are kept."""
+    same, count = True, len(terms.first_part) - 1
     for k in range(len(c)):
-        same = same and c[k] == terms.c[k]
+        same = same and (k >= count or c[k] == terms.c[k])
         terms.c[k] = c[k]
     if same:
         return
-    for u in range(len(terms.to)):
-        value = spread(0.0)
-        for e in range(terms.first_part[u], terms.first_part[u + 1]):
-            value = value + load(terms.parts, LANES * e) * terms.c[terms.signal[e]]
-        store(terms.now, terms.to[u], value)
+    for n in range(0, len(terms.now), LANES):
+        store(terms.now, n, spread(0.0))
+    for k in range(count):
+        if c[k] != 0.0:
+            for e in range(terms.first_part[k], terms.first_part[k + 1]):
+                at = entry(terms.to, e)
+                store(terms.now, at, load(terms.now, at) + load(terms.parts, LANES * e) * c[k])
 
 
 @inlined
-def _find_forces(terms: Terms, modes: Array) -> None:
-    """W of the present displacements and their rates, as `Terms.new_force`."""
-    z, v = modes[Z], modes[V]
+def _find_forces(terms: Terms, state: State) -> None:
+    """W of the present displacements, their rates and multipliers, as `Terms.new_force`."""
+    z, v = state.modes[Z], state.modes[V]
     for k in range(len(terms.of_rows)):
         first, middle, last = terms.of_rows[k, 0], terms.of_rows[k, 1], terms.of_rows[k, 2]
         of_z, of_v = spread(0.0), spread(0.0)
         for u in range(first, middle):
-            of_z = of_z - load(terms.now, LANES * u) * z[terms.column[u]]
+            of_z = of_z - load(terms.now, LANES * u) * entry(z, entry(terms.column, u))
         for u in range(middle, last):
-            of_v = of_v - load(terms.now, LANES * u) * v[terms.column[u]]
+            of_v = of_v - load(terms.now, LANES * u) * entry(v, entry(terms.column, u))
         store(terms.new_force, LANES * k, of_z + of_v)
+    friction.rub(terms.rubbing, terms.c, state.multipliers, terms.new_force)
 
 
 @inlined
@@ -344,5 +433,6 @@ def _take(terms: Terms, divided: Divided, scheme: Scheme, modes: Array) -> None:
     for n in range(0, len(terms.force), LANES):
         store(modes[Z_FREE], n, load(modes[Z_FREE], n) - load(terms.divided, n) * scheme.z_gain)
         store(terms.force, n, load(terms.new_force, n))
+    friction.take(terms.rubbing)
     _divide(terms, divided, modes)
     push(terms, scheme, modes)

@@ -5,7 +5,7 @@ r"""Full models over time, in PETSc: the reference for bodies too large to be di
 
 of one body with C(s), or of several that contacts join (`pmr.system.contacts`), of which some may only push.
 
-Scheme, start and sign of the multipliers are those of `pmr.simulation.native.simulator` and of Exudyn, so the motions
+Scheme, start and sign of the multipliers are those of `pmr.simulation.native.systems` and of Exudyn, so the motions
 agree. Distributed over the models' communicator: every function here is collective.
 """
 

@@ -90,7 +90,10 @@ class Integrator:
         """
         self.constraint.move(step)
         pushing, ahead = self.constraint.pushing, self._predict(state)
-        w, times, free = (self._terms.forces(ahead.q, ahead.v, c) if self._terms else None), 0, None
+        w, times, free = None, 0, None
+        rubbed = self._terms.rubbed(self.constraint.rows, state.multipliers, c)
+        if self._terms:
+            w = self._terms.forces(ahead.q, ahead.v, c) + rubbed.force
         while True:
             scaled = ahead.q / self._q_gain
             if free is None:
@@ -100,12 +103,13 @@ class Integrator:
             motion, total, flag = _summed(self._system.comm, motion, float(b.sum()), flag)
             if not np.isfinite(total):
                 raise SimulationError("not finite")
-            multipliers = self.constraint.multipliers(step, motion)
+            multipliers = self.constraint.multipliers(step, motion - rubbed.gap)
             b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
             if w is not None:
                 old, times = w, times + 1
-                w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c)
-                if not self._terms.settled(old, w, times):
+                given, rubbed = rubbed, self._terms.rubbed(self.constraint.rows, multipliers, c)
+                w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + rubbed.force
+                if not (self._terms.settled(old, w, times) and given.settled(rubbed)):
                     continue
             released = None if pushing is None else pushing.released()
             if pushing is None or released is None:

@@ -27,6 +27,7 @@ from pmr.simulation.petsc.resume import Keeper, Reached, identity
 from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
+from pmr.system.friction import joints_of
 
 Array = NDArray[np.float64]
 
@@ -170,4 +171,6 @@ def sampled(system: FullSystem, excitation: Excitation) -> Sampled:
             rates[:, k] = side.place.rate * excitation.rates[:, names.index(side.place.path)]
     x = places(system, excitation)
     f, c = excitation.forces(system.input_names), excitation.amplitudes(system.term_names)
+    sliding = [one.value(excitation.times) for one in excitation.sliding(joints_of(system.contacts))]
+    c = np.column_stack([c, *sliding])
     return Sampled(excitation.times, excitation.s, x, rates, f, c)

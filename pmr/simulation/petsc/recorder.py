@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 class Sampled:
     """An excitation on a time grid: paths s (T, P) m, places x (T, q) m of the sides, their rates, loads f (T, i) N.
 
-    Amplitudes of terms are c (T, K).
+    Amplitudes of terms are c (T, K), those of friction behind them.
     """
 
     t: Array
@@ -89,7 +89,9 @@ class Recorder:
         pressed = state.multipliers[rows.course.contact]
         now = _Acting(f, self._inputs @ state.q, pressed, rows.slopes(state.q), x)
         if self._terms:
-            now = replace(now, of_terms=self._terms.forces(state.q, state.v, c), q=state.q)
+            rubbed = self._terms.rubbed(rows, state.multipliers, c)
+            forces = self._terms.forces(state.q, state.v, c) + rubbed.force
+            now = replace(now, of_terms=forces, q=state.q, multipliers=state.multipliers, gap=rubbed.gap)
         if self._now is not None:
             self._work += _work(self._now, now)
         self._now = now
@@ -188,10 +190,13 @@ class _Acting:
     # forces of terms on this rank's coordinates (n_local,), and these; none without terms
     of_terms: Array = field(default_factory=lambda: np.zeros(0))
     q: Array = field(default_factory=lambda: np.zeros(0))
+    # of contacts (m,) N, and what cylinders among them give way to friction (m,) m; none without friction
+    multipliers: Array = field(default_factory=lambda: np.zeros(0))
+    gap: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def _work(a: _Acting, b: _Acting) -> float:
     """Work in J of loads, terms and travelling contacts from one step to the next; this rank's share."""
     of_loads = (a.f + b.f) @ (b.motion - a.motion) / 2.0
-    of_terms = (a.of_terms + b.of_terms) @ (b.q - a.q) / 2.0
+    of_terms = (a.of_terms + b.of_terms) @ (b.q - a.q) / 2.0 - (a.multipliers + b.multipliers) @ (b.gap - a.gap) / 2.0
     return float(of_loads + of_terms + ((a.force + b.force) / 2.0) @ ((a.slope + b.slope) / 2.0 * (b.x - a.x)))

@@ -46,7 +46,7 @@ def identity(
     }
     start = whole_start(system, initial)
     varying = [term.value(between) for term in excitation.terms.values()]
-    of_terms = {"terms": _digest(repr(system.term_names).encode(), at.c, *varying)} if system.terms else {}
+    of_terms = {"terms": _digest(repr(system.term_names).encode(), at.c, *varying)} if at.c.size else {}
     return {
         **of_terms,
         "path": [_digest(at.x), _digest(*(path.value(between) for path in excitation.paths.values()))],

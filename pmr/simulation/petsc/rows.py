@@ -138,14 +138,22 @@ class PathRows:
 
     def slopes(self, q: Array) -> Array:
         """This rank's part (q,) of dc/dx q of each side, with its sign."""
-        exponents = self.layout.exponents
-        lowered = exponents * self.x ** np.maximum(exponents - 1, 0)
-        values = (lowered @ self.Gamma) * (self._E @ q)
+        values = (self._lowered @ self.Gamma) * (self._E @ q)
         return np.asarray(np.bincount(self.layout.side_of_entry, values, len(self.course.rows)), float)
+
+    @property
+    def _lowered(self) -> Array:
+        """Derivatives (c,) of the powers."""
+        exponents = self.layout.exponents
+        return np.asarray(exponents * self.x ** np.maximum(exponents - 1, 0))
 
     def transposed(self, multipliers: Array) -> Array:
         """This rank's rows (n_local,) of C^T lambda."""
         return np.asarray(self._E.T @ ((self.X @ self.Gamma) * multipliers[self.layout.contact_of_entry]))
+
+    def transposed_slopes(self, moments: Array) -> Array:
+        """This rank's rows (n_local,) of what moments (m,) do that turn the sides of contacts, (dC/dx)^T moments."""
+        return np.asarray(self._E.T @ ((self._lowered @ self.Gamma) * moments[self.layout.contact_of_entry]))
 
     def of_contacts(self, values: Array) -> Array:
         """Sums (m,) over the sides of each contact, of values (q,)."""

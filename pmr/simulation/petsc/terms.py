@@ -8,6 +8,7 @@ said in `pmr.simulation.native.terms`; two to four times are the rule: such a st
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,24 @@ from pmr.fem.compat import MPI
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
 from pmr.simulation.native.terms import ACCEPTED, CONVERGED, DIVERGED, LIMIT
+from pmr.simulation.petsc.rows import PathRows
+from pmr.system.friction import Friction
 from pmr.system.terms import first_few
 
 Array = NDArray[np.float64]
 Product = Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class Rubbed:
+    """What friction adds: forces on this rank's coordinates (n_local,) N, and gaps (m,) m of cylinders."""
+
+    force: Array | float
+    gap: Array
+
+    def settled(self, new: Rubbed) -> bool:
+        """Whether the gaps no longer change."""
+        return bool(np.abs(new.gap - self.gap).max(initial=0.0) <= CONVERGED * np.abs(new.gap).max(initial=0.0))
 
 
 class Terms:
@@ -37,9 +52,10 @@ class Terms:
             stiffness, damping = (_product(system, term.bodies, A) for A in (term.stiffness, term.damping))
             self._parts.append((number, np.concatenate(own), stiffness, damping))
         self._largest = self._first = 0.0
+        self._friction = Friction.of(system.contacts)
 
     def __bool__(self) -> bool:
-        return bool(self._parts)
+        return bool(self._parts) or self._friction is not None
 
     def forces(self, q: Array, v: Array, c: Array) -> Array:
         """W = -sum_k c_k (V_k v + G_k q), this rank's rows (n_local,), of q and v given likewise."""
@@ -49,6 +65,14 @@ class Terms:
                 if multiplied is not None:
                     found[at] -= c[number] * multiplied(moved[at])
         return found
+
+    def rubbed(self, rows: PathRows, multipliers: Array, c: Array) -> Rubbed:
+        """What friction does where the rows stand, under multipliers (m,) and with amplitudes c (K,)."""
+        if self._friction is None:
+            return Rubbed(0.0, np.zeros(len(multipliers)))
+        own = c[len(self._names) :]
+        moments = self._friction.moments(multipliers, own)
+        return Rubbed(rows.transposed_slopes(moments), self._friction.gaps(multipliers, own))
 
     def settled(self, old: Array, new: Array, times: int) -> bool:
         """Whether the forces no longer change; a SimulationError is raised where they diverge or never settle."""
@@ -61,7 +85,8 @@ class Terms:
         if times == 1:
             self._first = size
         if times >= LIMIT or change > DIVERGED * max(self._largest, self._first) > 0.0:
-            raise SimulationError(f"the forces of the terms {first_few(self._names)} do not converge")
+            names = first_few([*self._names, *(() if self._friction is None else ("friction",))])
+            raise SimulationError(f"the forces of the terms {names} do not converge")
         return False
 
 

@@ -25,6 +25,8 @@ from pmr.studies.limits import STABILITY, Limit
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
 
+#: Hoisting classes of EN 13001-2: phi2,min of drives HD1, and beta2 in s/m.
+CLASSES = {"HC1": (1.05, 0.17), "HC2": (1.10, 0.34), "HC3": (1.15, 0.51), "HC4": (1.20, 0.68)}
 #: Places in all, at most.
 MOST = 200_000
 
@@ -65,6 +67,24 @@ class LoadCase(_Table):
     )
 
 
+class Hoist(_Table):
+    """How a load is hoisted off the ground: the factor that this makes of its weight is computed at each point."""
+
+    speed: Annotated[float, Field(gt=0.0)] = Field(description="Of the hook, steady, m/s")
+    rope_stiffness: Annotated[float, Field(gt=0.0)] = Field(description="Of all falls of the rope together, N/m")
+    hoisting_class: Literal["HC1", "HC2", "HC3", "HC4"] | None = Field(
+        default=None, description="Of EN 13001-2, to put its factor beside: phi2,min of drives HD1, and beta2"
+    )
+
+    @property
+    def class_factor(self) -> float | None:
+        r""":math:`\phi_{2,min} + \beta_2 v`."""
+        if self.hoisting_class is None:
+            return None
+        least, slope = CLASSES[self.hoisting_class]
+        return least + slope * self.speed
+
+
 class Study(StudyBase):
     """Loads that `limits` allow at all `extensions` and angles, in all `cases`; what `stability` allows among them.
 
@@ -86,6 +106,7 @@ class Study(StudyBase):
     )
     limits: tuple[Limit, ...] = Field(default=(), description="What may not be passed, beside stability")
     cases: tuple[LoadCase, ...] = Field(default=(LoadCase(name="rest"),), min_length=1, description="What acts at once")
+    hoist: Hoist | None = Field(default=None, description="How the load is hoisted off the ground")
     error_bars: bool = Field(default=True, description="Whether the error of the reduction is estimated at each point")
 
     @model_validator(mode="after")
@@ -115,6 +136,7 @@ class Study(StudyBase):
             "limits": [limit.model_dump(mode="json") for limit in self.limits],
             "cases": [case.model_dump(mode="json") for case in self.cases],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
+            "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
         }
         runs = []
         for k, row in enumerate(rows):
@@ -134,6 +156,10 @@ class Study(StudyBase):
                 f"never.{name}": int(np.isnan(load[:, k]).sum()),
                 f"at_no_load.{name}": int((load[:, k] == 0.0).sum()),
             }
+        if self.hoist is not None:
+            factors = table["hoist"][np.isfinite(table["hoist"])]
+            found |= {"hoist.least": float(factors.min()), "hoist.most": float(factors.max())} if len(factors) else {}
+            found |= {} if self.hoist.class_factor is None else {"hoist.class": self.hoist.class_factor}
         return found
 
     @property
@@ -144,7 +170,7 @@ class Study(StudyBase):
     def table(self, results: StudyResults) -> dict[str, Any]:
         """All points: ``load``, ``error`` (P, l) kg and ``case`` (P, l) of each limit, in the order of the plan."""
         parts = [results.arrays(run.key) for run in results.runs]
-        return {name: np.concatenate([part[name] for part in parts]) for name in ("load", "error", "case", "place")}
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:
         """``chart.csv``: a row for each point."""
@@ -169,6 +195,7 @@ class Study(StudyBase):
                 "governed by",
                 "case",
                 "may govern",
+                *(["hoisting factor"] if self.hoist else []),
                 *(f"{n} [kg]" for n in names),
                 *(f"{n} error [kg]" for n in names),
             ]
@@ -180,7 +207,8 @@ class Study(StudyBase):
             said = [load[k, which], self._lower(load[k], error[k])] if known else ["", ""]
             said += [names[which], self.cases[int(table["case"][k, which])].name] if known else ["none", ""]
             may = " | ".join(name for name, one in zip(names, doubt[k], strict=True) if one)
-            cells = [*row.values(), a, b, radius, height, *said, may, *load[k].tolist(), *error[k].tolist()]
+            own = [float(table["hoist"][k])] if self.hoist else []
+            cells = [*row.values(), a, b, radius, height, *said, may, *own, *load[k].tolist(), *error[k].tolist()]
             writer.writerow([_cell(one) for one in cells])
         return {"chart.csv": text.getvalue()}
 

@@ -115,7 +115,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
         except (SimulationError, InputError):
             continue
         record[names[0]] = compare.nrms(y, case.displacement)
-        record[names[1]] = compare.nrms(run.multipliers, case.run.multipliers)
+        record[names[1]] = compare.nrms(run.forces, case.run.forces)
         if estimate.no_estimate({ALONE: one}) is None:
             record[names[2]] = estimate.estimate({ALONE: one}, System.of(one), case.excitation).of("beam")
     return TaskResult(record, seconds=seconds)

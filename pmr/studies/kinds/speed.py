@@ -8,6 +8,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -17,25 +18,26 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare.cable import simulate_cable
+from pmr.compare.runs import run_from_start
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
-from pmr.simulation.native import simulator as march
 from pmr.studies import booms, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.body import SlidingBody
 from pmr.system.projection import projected
+from pmr.system.system import System, SystemTrajectory
 
 if TYPE_CHECKING:
     from pmr.simulation.exudyn import Formulation
 
 Array = NDArray[np.float64]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
-Simulate = Callable[[SlidingBody, Excitation], Trajectory]
+Simulate = Callable[[System, Excitation], SystemTrajectory]
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Approach:
 
 
 def _in_exudyn(formulation: Formulation) -> Simulate:
-    return lambda body, excitation: exudyn.simulate(body, excitation, formulation=formulation)
+    return partial(exudyn.simulate_system, formulation=formulation)
 
 
 #: ``callbacks`` is the paper's way: dense matrices, rows and loads asked for in every iteration.  Whether it reuses a
@@ -60,11 +62,11 @@ APPROACHES: Mapping[str, Approach] = {
     "full-callbacks-modified": Approach("dense", _MODIFIED, 100.0),
     "full-callbacks": Approach("dense", _CALLBACKS, 600.0),
     "full-updates": Approach("full", _in_exudyn("springs"), 20.0),
-    "full-march": Approach("full", march.simulate, 1.0),
+    "full-march": Approach("full", run_from_start, 1.0),
     "reduced-callbacks-modified": Approach("reduced", _MODIFIED, 6.0),
     "reduced-callbacks": Approach("reduced", _CALLBACKS, 12.0),
     "reduced-updates": Approach("reduced", _in_exudyn("springs"), 3.0),
-    "reduced-march": Approach("reduced", march.simulate, 1.0),
+    "reduced-march": Approach("reduced", run_from_start, 1.0),
 }
 #: Pairs whose times the paper compares, and those that say what the other ways gain.
 RATIOS = {
@@ -129,8 +131,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common.values()))
 
     def _of_sections(self, boom: Scene, name: str) -> Iterator[Task]:
-        # Of a coarse mesh the modes of an estimate would leave too little to tell the rows of rigid overlaps apart.
-        largest, known = booms.reduced_to(boom, max(self.coordinates), estimate=False), {"repeats": self.repeats}
+        largest, known = booms.reduced_to(boom, max(self.coordinates)), {"repeats": self.repeats}
         for approach, cost in OF_SECTIONS.items():
             for modes in (0,) if approach.startswith("full") else self.coordinates:
                 called = f"{approach}-{modes}" if modes else approach
@@ -244,4 +245,4 @@ def _solver(
     else:
         full = shared.body_of(scene)
         body = full if approach.model == "full" else projected(full, np.eye(full.size))  # dense, as the paper's
-    return lambda stretch: simulate(body, during(stretch)).seconds, body.size
+    return lambda stretch: simulate(System.of(body), during(stretch)).seconds, body.size

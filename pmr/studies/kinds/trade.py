@@ -159,7 +159,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     models = bases.candidates(case, arguments["method"])
     tried = [(r, models.of(r)) for r in arguments["coordinates"] if models.smallest <= r <= models.largest]
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / scene.time.steps}
-    stored = bases.full_energy(case)
+    stored = case.run.energy
     moving = np.abs(case.excitation.path_rate) > 0.0
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
     record |= {"scene step": scene.time.step, "steps": scene.time.steps}

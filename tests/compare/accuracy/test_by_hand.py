@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 
 import numpy as np
+import one_body
 import pytest
 from alone import step_error
 from random_scenes import sliding_scene
@@ -19,7 +20,6 @@ from pmr.pipeline import reduce
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.system.body import length_outputs
 
 SEEDS = range(9100, 9120) if os.environ.get("PMR_SWEEP") == "full" else (9101, 9102, 9105)
@@ -40,7 +40,7 @@ def judged(seed: int) -> tuple[float | None, float]:
     fine = excitation.with_stepping(TimeStepping(given.end, given.step / FINER, given.rho_inf))
     own, truth = modal_form(reduced), modal_form(reduction.built[ALONE].model.gather())
     y, exact = (
-        march.observe(form, drive, np.flatnonzero(length_outputs(form.body)).tolist(), every).y
+        one_body.observe(form, drive, np.flatnonzero(length_outputs(form.body)).tolist(), every).y
         for form, drive, every in ((own, excitation, 1), (truth, fine, FINER))
     )
     return (estimated + step.beam if said else None), relative_error(y, exact)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import one_body
 import pytest
 from alone import family as family_of
 
@@ -27,7 +28,6 @@ from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.native import simulator as march
 from pmr.system.system import System
 
 SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else (0, 56)
@@ -182,7 +182,7 @@ def case(seed: int) -> Case | None:
 def _full_motion(form: ModalForm, scene: Scene, model: ReducedModel, steps: int, times: int) -> Outputs:
     given = Excitation.of(scene)
     excitation = given.with_stepping(TimeStepping(scene.time.end, scene.time.end / steps, RHO))
-    seen = march.observe(form, excitation, every=steps // times)
+    seen = one_body.observe(form, excitation, every=steps // times)
     found, rows = observed(System.of(form.body), excitation, seen.t, seen.y, seen.multipliers), len(model.row_names)
     return replace(found, force=found.force[:, -rows:])  # rigid holds are rows of the full model alone
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import one_body
 import pytest
 from alone import family as family_of
 from random_scenes import pushing_scene, sliding_scene
@@ -27,7 +28,6 @@ from pmr.reduction.bodies import reduce_with
 from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.native import simulator as march
 from pmr.system.system import System
 
 WHOLE = os.environ.get("PMR_SWEEP") == "full"
@@ -54,7 +54,7 @@ class Case:
 
 def full_motion(form: ModalForm, family: Family, steps: int, times: int) -> Outputs:
     excitation = family.with_steps(steps)
-    seen = march.observe(form, excitation, every=steps // times)
+    seen = one_body.observe(form, excitation, every=steps // times)
     found = observed(System.of(form.body), excitation, seen.t, seen.y, seen.multipliers)
     known = family.motion(family.member(family.fewest + 1), times, times).force.shape[1]
     return replace(found, force=found.force[:, -known:])  # rigid holds are rows of the full model alone

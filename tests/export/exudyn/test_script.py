@@ -10,8 +10,10 @@ from typing import Any
 
 import exudyn as exu
 import numpy as np
+import one_body
 import pytest
 from driving import driven
+from one_body import displacement
 from oracle import flexible, project
 
 from pmr.errors import InputError
@@ -19,8 +21,7 @@ from pmr.export.exudyn.script import exudyn_script, write_exudyn_script
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
-from pmr.simulation.exudyn import simulator as exudyn
-from pmr.system.body import FullBody, displacement
+from pmr.system.body import FullBody
 from pmr.system.system import System
 
 KNOTS = {"times": (0.2, 0.5, 0.6, 1.1, 1.3), "values": (1.0, 2.0, 1.5, 1.8, -0.5)}
@@ -86,7 +87,7 @@ def test_the_script_moves_as_pmr_does(model: ReducedModel, script: Path) -> None
     names = runpy.run_path(str(script))
     read = names["read_model"](script.with_name("beam.npz"))
     t, w = names["simulate"](read, names["PATHS"], names["LOADS"], names["END"], names["STEP"], names["RHO_INF"])
-    expected = exudyn.simulate(model, driven(PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8), model.input_names))
+    expected = one_body.in_exudyn(model, driven(PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8), model.input_names))
     np.testing.assert_allclose(t, expected.t, atol=1e-12)
     assert np.abs(w).max() > 1e-5
     np.testing.assert_allclose(w, expected.q @ model.outputs.T, rtol=0.0, atol=1e-9 * np.abs(w).max())
@@ -135,7 +136,7 @@ def test_a_flexible_model_moves_as_pmr_has_it(rich: FullBody, tmp_path: Path, pa
     names = runpy.run_path(str(script))
     read = names["read_model"](script.with_name("beam.npz"))
     t, w = names["simulate"](read, names["PATHS"], names["LOADS"], names["END"], names["STEP"], names["RHO_INF"])
-    expected = exudyn.simulate(model, driven(PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8), model.input_names))
+    expected = one_body.in_exudyn(model, driven(PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8), model.input_names))
     loads = np.stack([load.value(t) for load in LOADS], axis=1)
     motion = displacement(model, expected.q, expected.s, expected.multipliers, loads)
     assert np.abs(w).max() > 1e-5

@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import one_body
 import pytest
 from export.fmi.libraries import CallError, Instance, Library, library
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
+from one_body import displacement
 from oracle import flexible, project, rich_body
 
 from pmr.errors import BEYOND_ENDS
@@ -23,12 +25,10 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.recorded import recorded
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.body import displacement
 from pmr.system.compliant_rows import CompliantRows
 from pmr.system.statics import equilibrium
 from pmr.system.system import System
@@ -132,7 +132,7 @@ def co_simulated(made: Made, instance: Instance) -> tuple[Array, Array]:
 def test_co_simulation_is_march(made: Made) -> None:
     """The same equations and steps, in another order of operations: what differs is round-off, which decays."""
     found, forces = co_simulated(made, Instance(made.library))
-    expected = march.simulate(made.model, made.excitation)
+    expected = one_body.simulate(made.model, made.excitation)
     f = made.excitation.forces(made.model.input_names)
     y = displacement(made.model, expected.q, expected.s, expected.multipliers, f)
     assert np.abs(y).max() > 1e-6 and np.abs(expected.multipliers).max() > 1.0
@@ -154,7 +154,7 @@ def test_parts_of_steps_follow_straight_lines_and_communicated_ones_the_signals(
     carried = reference(arrangement(System.of(made.model)), scene)
     parts = carried.stepping.parts
     assert parts > 1
-    run = march.simulate(made.model, scene.excitation.with_stepping(carried.stepping))
+    run = one_body.simulate(made.model, scene.excitation.with_stepping(carried.stepping))
     f = scene.excitation.forces(made.model.input_names)
     followed = np.hstack([displacement(made.model, run.q, run.s, run.multipliers, f), run.multipliers])
     shown = np.round(carried.t / STEP).astype(int)

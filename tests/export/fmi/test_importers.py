@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import one_body
 import pytest
 from numpy.typing import ArrayLike, NDArray
 from processes import called
@@ -26,7 +27,6 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Ramp, SignalBase
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
 from pmr.simulation.recorded import recorded
 from pmr.simulation.stepping import TimeStepping
@@ -69,7 +69,7 @@ def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     model = reduce(scene.load(ROOT / "workflows" / f"{request.param}.toml", CASES[request.param])).reduced
     npz, files = model.save(folder / "reduced.npz"), {}
     for version in fmu.VERSIONS:
-        everywhere = request.param == "evolved_residual"
+        everywhere = request.param == "evolved_residual" and version == "3"  # either version compiles the same source
         target = folder / f"body_{version}.fmu"
         files[version] = fmu.write_fmu(npz, target, version, PLATFORMS if everywhere else PLATFORMS[:1])
     return Exported(model, files)
@@ -131,7 +131,7 @@ def test_model_exchange_under_cvode(exported: Exported, fmpy: Path, version: str
     excitation = recorded(System.of(exported.model), "model").excitation
     stepping, moved = excitation.stepping, np.flatnonzero(~force_outputs(exported.model))
     fine = excitation.with_stepping(TimeStepping(stepping.end, stepping.step / 100.0, 1.0))
-    seen = march.observe(modal_form(exported.model), fine, moved.tolist(), every=100)
+    seen = one_body.observe(modal_form(exported.model), fine, moved.tolist(), every=100)
     half = excitation.with_stepping(TimeStepping(stepping.end, stepping.step / 5.0))
     signals = [one.rate(half.times) for one in (excitation.path, *excitation.loads.values())]
     u = np.column_stack([half.times, half.s, signals[0], half.f, *signals[1:]])

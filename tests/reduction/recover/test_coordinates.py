@@ -6,9 +6,11 @@ from typing import Any
 
 import booms
 import numpy as np
+import one_body
 import petsc_alone
 import pytest
 from boxes import box
+from one_body import displacement
 
 from pmr.constraints.polynomials import evaluate
 from pmr.fem.distributed import inner, times
@@ -26,9 +28,8 @@ from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.structures import Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.native import simulator as march
 from pmr.simulation.petsc import Recording
-from pmr.system.body import Trajectory, displacement
+from pmr.system.body import Trajectory
 from pmr.system.states import BodyStates
 
 pytestmark = pytest.mark.mpi
@@ -46,8 +47,8 @@ class Case:
         return np.linspace(0, self.excitation.stepping.steps, 150).astype(int)  # more than one block
 
     def simulated(self, body: ReducedModel) -> tuple[Trajectory, BodyStates]:
-        whole = march.simulate(body, self.excitation)
-        return whole, BodyStates.along_path(body, whole.at(self.steps), self.excitation.f[self.steps])
+        whole = one_body.simulate(body, self.excitation)
+        return whole, one_body.states(body, whole.at(self.steps), self.excitation.f[self.steps])
 
 
 def planar(load_scene: Callable) -> Case:

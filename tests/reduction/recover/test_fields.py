@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import booms
 import numpy as np
+import one_body
 import petsc_alone
 import pytest
 from boxes import box
@@ -20,9 +21,7 @@ from pmr.reduction.residual.model import flexible_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, Profile, ShellBody
-from pmr.simulation.native import simulator as march
 from pmr.simulation.petsc import Recording
-from pmr.system.states import BodyStates
 
 pytestmark = pytest.mark.mpi
 TIMES = np.linspace(0.0, 1.0, 131)  # three blocks
@@ -112,9 +111,9 @@ def test_ten_coordinates_know_the_largest_stress() -> None:
     basis = modal_basis(free_modes(full, 10))
     body = flexible_model(FreeBody(full), basis, {})
     exact = petsc_alone.observe(full, boom.excitation, Recording((0,), states=tuple(t)))
-    whole = march.simulate(body, boom.excitation)
+    whole = one_body.simulate(body, boom.excitation)
     view, recovery = View.of(boom.structure), Recovery(full, np.array(basis.V.getDenseArray()), body)
-    states = BodyStates.along_path(body, whole.at(steps), boom.excitation.f[steps])
+    states = one_body.states(body, whole.at(steps), boom.excitation.f[steps])
     found = look(view, t, recovery.blocks(states)).stress
     expected = look(view, t, in_blocks(exact.states.q)).stress
     assert found is not None and expected is not None

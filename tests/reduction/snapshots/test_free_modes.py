@@ -12,9 +12,13 @@ from pmr.fem.compat import MPI
 from pmr.fem.distributed import inner, times
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Structure
+from pmr.models.beam2d import Beam2D
 from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
 from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.scene.structures import Profile
 
 #: beta L of bending modes, from the characteristic equations (Blevins 1979, Table 8-1), and rigid-body modes before.
 PINNED_FREE = (1, [3.92660231, 7.06858275, 10.21017612])
@@ -113,6 +117,32 @@ def test_a_count_out_of_range_is_refused(load_scene) -> None:
     bodies = replace(full, rows=Rows(full.rows.rows[-1:], full.size))
     with pytest.raises(InputError, match="supports leave 2 rigid-body modes free"):
         free_modes(bodies, 1)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("offsets", "left"), [("[0.0]", 1), ("[0.0,0.4,0.8]", 3)])
+def test_modes_for_an_error_estimate_leave_as_many_as_there_are_rigid_sliders(
+    load_scene, offsets: str, left: int
+) -> None:
+    few = ("mesh.elements=4", "supports=[{on=0.0,kind='roller'}]", "slider.path=2.0", f"slider.offsets={offsets}")
+    full = model(load_scene, *few)
+    assert len(free_modes(full, 4, "auto", 20).omega) == 9 - left
+    assert len(free_modes(full, 8, "auto", 20).omega) == 8  # what is asked for is not taken away
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("solver", ["dense", "slepc"])
+def test_modes_beyond_the_coordinates_bend_where_axial_forces_act(solver: str) -> None:
+    """Along a clamped beam the first vibration stands between the second and the third bending one: it is left out."""
+    stiff = Profile(length=LENGTH, bending_stiffness=EI, mass_per_length=RHO_A, axial=True, axial_stiffness=30.0 * EI)
+    beam, clamped = Beam2D(stiff, np.linspace(0.0, LENGTH, 13)), (Clamp("tail", ("x", "z", "ry")),)
+    loads = tuple(Action(direction, "tip", direction) for direction in "xz")
+    full = structural_model(Structure(beam, clamped, loads=loads, matrices=("axial uniform", "axial tip")))
+    found, stressed = (free_modes(full, 1, solver, 2, stressed=one).omega for one in (False, True))
+    bending = np.array(CLAMPED_FREE[1]) ** 2 / LENGTH**2 * np.sqrt(EI / RHO_A)
+    along = np.pi / 2.0 / LENGTH * np.sqrt(30.0 * EI / RHO_A)
+    np.testing.assert_allclose(stressed, bending, rtol=1e-3)
+    np.testing.assert_allclose(found, sorted([*bending[:2], along]), rtol=2e-3)
 
 
 @pytest.mark.mpi

@@ -6,6 +6,7 @@ from typing import Any
 
 import exudyn as exu
 import numpy as np
+import one_body
 import pytest
 from driving import driven
 from numpy.typing import NDArray
@@ -16,7 +17,6 @@ from pmr.errors import InputError, SimulationError
 from pmr.scene.signals import Constant, Ramp, SmoothRamp, Step
 from pmr.simulation import TimeStepping
 from pmr.simulation.exudyn import ancf
-from pmr.simulation.exudyn import simulator as exudyn
 from pmr.simulation.exudyn.ancf_items import add_sliding_cable
 from pmr.simulation.exudyn.cable import curvature, values
 from pmr.system.body import FullBody
@@ -104,7 +104,7 @@ def test_moves_as_the_linear_beam_does(full: FullBody, at: float) -> None:
     load = SmoothRamp(times=(0.0, 0.2), values=(0.0, 20.0))
     excitation = driven(path, load, stepping)
     motion = ancf.simulate(replace(CABLE, elements=20), {"F": at}, excitation, X)
-    beam = exudyn.simulate(replace(full, B=full.rows.rows[2].at(at).T.toarray()), excitation)
+    beam = one_body.in_exudyn(replace(full, B=full.rows.rows[2].at(at).T.toarray()), excitation)
     assert nrms_error(motion.displacement, beam.q @ full.outputs.T) < 0.005
     assert nrms_error(motion.velocity[:, :, 1], beam.v @ full.outputs.T) < 0.02
     assert nrms_error(motion.slider_force[:, None], beam.multipliers[:, 2:]) < 0.05

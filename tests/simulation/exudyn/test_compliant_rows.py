@@ -8,20 +8,22 @@ from functools import partial
 
 import exudyn as exu
 import numpy as np
+import one_body
 import pytest
 from driving import driven, named
 from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
+from one_body import Simulate, displacement
 from oracle import CASES, flexible, full_body, generalized_alpha, project
 
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Constant, Sine, Step
-from pmr.simulation import InitialState, Simulator, TimeStepping
+from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import simulator
 from pmr.simulation.exudyn.simulator import Formulation
-from pmr.system.body import FullBody, SlidingBody, displacement
+from pmr.system.body import FullBody, SlidingBody
 from pmr.system.compliant_rows import CompliantRows
 
 Array = NDArray[np.float64]
@@ -35,8 +37,8 @@ STEPPING = TimeStepping(end=0.2, step=1e-3, rho_inf=0.8)
 
 
 @pytest.fixture(params=["springs", "multipliers"])
-def simulate(request: pytest.FixtureRequest) -> Simulator:
-    return partial(simulator.simulate, formulation=request.param)
+def simulate(request: pytest.FixtureRequest) -> Simulate:
+    return partial(one_body.in_exudyn, formulation=request.param)
 
 
 def with_pads(full: FullBody, *compliances: float) -> FullBody:
@@ -57,7 +59,7 @@ BODIES: dict[str, Callable[[FullBody], SlidingBody]] = {
 
 
 @pytest.mark.parametrize("which", BODIES)
-def test_same_as_an_integrator_written_for_the_test(rich: FullBody, simulate: Simulator, which: str) -> None:
+def test_same_as_an_integrator_written_for_the_test(rich: FullBody, simulate: Simulate, which: str) -> None:
     body = BODIES[which](rich)
     random = np.random.default_rng(1).standard_normal((2, body.size)) * [[1e-3], [1e-2]]
     firm = [i for i in range(len(body.row_names)) if i not in CompliantRows(body).numbers]
@@ -86,7 +88,7 @@ def test_both_ways_agree_over_a_case_of_the_paper(full: FullBody) -> None:
     q, _, force = generalized_alpha(model, s, f, stepping, InitialState.at_rest(6))
     expected = displacement(model, q, s, force, f)
     for formulation in ("springs", "multipliers"):
-        found = simulator.simulate(model, driven(case.path, case.load, stepping), formulation=formulation)
+        found = one_body.in_exudyn(model, driven(case.path, case.load, stepping), formulation=formulation)
         assert np.abs(displacement(model, found.q, s, found.multipliers, f) - expected).max() < 1e-12
         assert np.abs(found.multipliers - force).max() < 1e-7 * np.abs(force).max()
     assert np.abs(expected).max() > 1e-2
@@ -98,7 +100,7 @@ def test_a_constant_load_acts_through_a_slider_that_moves(full: FullBody) -> Non
     f, s = np.full((201, 1), -50.0), np.asarray(PATH.value(stepping.times))
     q, _, force = generalized_alpha(model, s, f, stepping, InitialState.at_rest(6))
     for formulation in ("springs", "multipliers"):
-        found = simulator.simulate(model, driven(PATH, Constant(amount=-50.0), stepping), formulation=formulation)
+        found = one_body.in_exudyn(model, driven(PATH, Constant(amount=-50.0), stepping), formulation=formulation)
         assert np.abs(found.q - q).max() < 1e-10 * np.abs(q).max()
         assert np.abs(found.multipliers - force).max() < 1e-8 * np.abs(force).max()
 
@@ -136,8 +138,8 @@ def test_two_flexible_bodies_share_a_users_system(rich: FullBody, formulation: F
     settings.timeIntegration.newton.useModifiedNewton = False
     mbs.SolveDynamic(settings)
     q, q_other = (mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors)
-    alone = simulator.simulate(model, driven(PATH, LOADS, STEPPING)).q
-    alone_other = simulator.simulate(other, driven(Constant(amount=1.1), [Constant(amount=20.0)], STEPPING)).q
+    alone = one_body.in_exudyn(model, driven(PATH, LOADS, STEPPING)).q
+    alone_other = one_body.in_exudyn(other, driven(Constant(amount=1.1), [Constant(amount=20.0)], STEPPING)).q
     np.testing.assert_allclose(q, alone, rtol=0.0, atol=1e-7 * np.abs(alone).max())
     np.testing.assert_allclose(q_other, alone_other, rtol=0.0, atol=1e-7 * np.abs(alone_other).max())
     assert np.abs(alone_other).max() > 0.0
@@ -146,10 +148,10 @@ def test_two_flexible_bodies_share_a_users_system(rich: FullBody, formulation: F
 def test_callbacks_refuse_rows_that_give_way(rich: FullBody) -> None:
     for body in (flexible(rich, 8), with_pads(rich, 0.0, 0.0, 0.0, 3e-6)):
         with pytest.raises(InputError, match="exudyn-callback knows no rows that give way .slider 0"):
-            simulator.simulate(body, driven(PATH, LOADS, STEPPING), formulation="callbacks")
+            one_body.in_exudyn(body, driven(PATH, LOADS, STEPPING), formulation="callbacks")
 
 
-def test_a_slider_on_a_support_fails_with_its_place(simulate: Simulator, full: FullBody) -> None:
+def test_a_slider_on_a_support_fails_with_its_place(simulate: Simulate, full: FullBody) -> None:
     model: ReducedModel = flexible(full, 6)
     with pytest.raises(SimulationError, match="slider at 0 m: the rows slider 0 can't tell"):
         simulate(model, driven(Constant(amount=0.0), Constant(amount=1.0), TimeStepping(0.01, 1e-3)))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import one_body
 import pytest
+from one_body import displacement
 from oracle import TIP_LOAD, flexible, full_body
 
 from pmr.scene.signals import SmoothRamp
-from pmr.simulation import Excitation, TimeStepping, exudyn
-from pmr.simulation.native import simulator as march
-from pmr.system.body import displacement
+from pmr.simulation import Excitation, TimeStepping
 
 FULL = full_body(20)
 MODEL = flexible(FULL, 6)
@@ -41,6 +41,6 @@ def test_both_simulators_agree(model, change: dict[str, float]) -> None:
     load = SmoothRamp(times=(0.0, 0.4 * end, 0.8 * end), values=(0.0, asked["force"], 0.0))
     excitation = Excitation({"slider": path}, {TIP_LOAD: load}, TimeStepping(end, asked["step"], 0.9))
     f = excitation.forces(model.input_names)
-    runs = [march.simulate(model, excitation), exudyn.simulate(model, excitation, formulation="multipliers")]
+    runs = [one_body.simulate(model, excitation), one_body.in_exudyn(model, excitation, formulation="multipliers")]
     one, other = (displacement(model, run.q, run.s, run.multipliers, f) for run in runs)
     assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()

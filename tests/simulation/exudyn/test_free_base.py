@@ -19,7 +19,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.signals import Table
 from pmr.simulation import Excitation
-from pmr.simulation.exudyn import simulate_system
+from pmr.simulation.exudyn import NodeCoordinate, simulate_system
 from pmr.simulation.frame import Turning
 from pmr.simulation.native import systems
 
@@ -129,6 +129,25 @@ def test_free_in_space_its_energy_stays_but_for_the_step() -> None:
     assert coarse / fine == pytest.approx(4.0, rel=0.2)
 
 
+def test_free_in_space_a_spring_draws_it_out_and_energy_and_momenta_stay_but_for_the_step() -> None:
+    """The extension is a coordinate of a rod on a spring, which the boom shakes as it swings."""
+    found, moved = [], 0.0
+    for step in (4e-3, 2e-3):
+        scene = free_boom.scene("time.end=0.04", f"time.step={step}").model_copy(update={"gravity": None})
+        turret = Turret(scene, initialAngularVelocity=[0.8, -0.5, 1.1], initialVelocity=[0.4, 0.3, -0.2])
+        turret.draw(rod=50.0, s=0.6, rate=-0.8, spring=2e5)
+        turret.add()
+        turret.solve()
+        energy, p = turret.energies(), turret.momenta()
+        lost = np.abs(p - p[0]).max(axis=0) / np.abs(p[0].reshape(2, 3)).max(axis=1).repeat(3)
+        found.append([np.abs(energy - energy[0]).max() / energy[0], lost.max()])
+        moved = np.ptp(turret.z)
+    coarse, fine = np.array(found)
+    assert moved > 0.05
+    assert coarse.max() < 1e-3
+    np.testing.assert_allclose(coarse / fine, 4.0, rtol=0.2)
+
+
 def test_an_extension_is_a_function() -> None:
     """As the signal with the same values, but for its rates: their error falls with the step."""
     found = []
@@ -147,10 +166,31 @@ def test_an_extension_is_a_function() -> None:
     assert coarse / fine > 2.5  # on its way to 4
 
 
+def test_a_heavy_rod_draws_it_out_as_a_signal_does() -> None:
+    """With weight, and a load that presses it along, by which it and its cylinder lean."""
+    pressed = "sections.fly.loads.hook x.signal={kind='constant', amount=-3000.0}"
+    scene, q = free_boom.scene("time.end=0.04", pressed), []
+    for rod in (None, 1e9):
+        turret = Turret(scene, initialAngularVelocity=[0.8, -0.5, 1.1])
+        steady = Table(times=[0.0, 1.0], values=[0.6, 1.1], interpolation="linear")
+        turret.excitation = replace(turret.excitation, paths={"fly": steady})
+        if rod is not None:
+            turret.draw(rod, s=0.6, rate=0.5)
+        turret.add()
+        turret.solve()
+        q.append(turret.q)
+    np.testing.assert_allclose(q[1], q[0], rtol=0.0, atol=1e-6 * np.abs(q[0]).max())
+
+
 def test_what_is_refused() -> None:
     turret = Turret(free_boom.scene())
     turret.excitation = replace(turret.excitation, paths={"fly": 0.6})
     with pytest.raises(InputError, match="paths.fly"):
+        turret.add()
+    turret = Turret(free_boom.scene())
+    turret.draw(rod=50.0, s=0.6, rate=0.0)
+    turret.excitation = replace(turret.excitation, paths={"fly": NodeCoordinate(turret.rods[0], 1)})
+    with pytest.raises(InputError, match="from 0 to 0"):
         turret.add()
     turret = Turret(free_boom.scene())
     turret.on = replace(turret.on, body=turret.mbs.AddObject(ObjectGround()))

@@ -7,10 +7,12 @@ from typing import Any
 
 import exudyn as exu
 import numpy as np
+import one_body
 import pytest
 from driving import driven, named
 from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
+from one_body import Simulate
 from oracle import flexible, full_body, generalized_alpha, project, started
 
 from pmr.constraints.rows import Rows
@@ -18,7 +20,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.scene.asked import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
-from pmr.simulation import InitialState, Simulator, TimeStepping
+from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import Formulation, inputs, simulator
 from pmr.simulation.exudyn.solver import slider_at, stored
 from pmr.system.assembly import Assembly
@@ -38,9 +40,9 @@ STEPPING = TimeStepping(end=0.2, step=1e-3, rho_inf=0.8)
 
 
 @pytest.fixture(params=TOLERANCES)
-def simulate(request: pytest.FixtureRequest) -> Simulator:
+def simulate(request: pytest.FixtureRequest) -> Simulate:
     """Both ways of having Exudyn know rows and loads."""
-    return partial(simulator.simulate, formulation=request.param)
+    return partial(one_body.in_exudyn, formulation=request.param)
 
 
 @pytest.fixture(params=["sparse", "dense"])
@@ -59,7 +61,7 @@ def assert_same(found: Trajectory, q: Array, v: Array, multipliers: Array, toler
         np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.abs(b).max())
 
 
-def test_same_as_an_integrator_written_for_the_test(body: SlidingBody, simulate: Simulator) -> None:
+def test_same_as_an_integrator_written_for_the_test(body: SlidingBody, simulate: Simulate) -> None:
     """Two sliders, two inputs, damping, a start that must be corrected, and rows that move from the start."""
     initial = some_state(body)
     found = simulate(body, driven(PATH, LOADS, STEPPING), initial)
@@ -73,7 +75,7 @@ def test_same_as_an_integrator_written_for_the_test(body: SlidingBody, simulate:
     assert found.seconds > 0.0
 
 
-def test_a_single_load_needs_no_list(case: Any, reduced: ReducedModel, simulate: Simulator) -> None:
+def test_a_single_load_needs_no_list(case: Any, reduced: ReducedModel, simulate: Simulate) -> None:
     alone, listed = (
         simulate(reduced, driven(case.path, loads, TimeStepping(0.02, 1e-3))) for loads in (case.load, [case.load])
     )
@@ -82,7 +84,7 @@ def test_a_single_load_needs_no_list(case: Any, reduced: ReducedModel, simulate:
 
 
 def test_rows_hold_at_every_step(body: SlidingBody) -> None:
-    found = simulator.simulate(body, driven(PATH, LOADS, STEPPING))
+    found = one_body.in_exudyn(body, driven(PATH, LOADS, STEPPING))
     assert np.abs(body.apply_rows(found.s, found.q)).max() < 1e-14
     assert np.abs(found.q).max() > 1e-4
 
@@ -91,7 +93,7 @@ def test_rows_hold_at_every_step(body: SlidingBody) -> None:
 def test_callbacks_find_the_same_beam(case: Any, reduced: ReducedModel, formulation: Formulation) -> None:
     stepping, path = TimeStepping(0.3, 1e-3), Ramp(times=(0.0, 0.3), values=(1.25, 2.0))
     once, called = (
-        simulator.simulate(reduced, driven(path, [case.load], stepping), formulation=way)
+        one_body.in_exudyn(reduced, driven(path, [case.load], stepping), formulation=way)
         for way in ("springs", formulation)
     )
     w = once.q @ reduced.outputs.T
@@ -104,7 +106,7 @@ def test_second_order_from_a_moving_start(rich: FullBody) -> None:
     """Although the initial acceleration leaves out the rows' own motion."""
     body = project(rich, np.linalg.qr(np.vander(rich.output_positions.repeat(3), 8)[:, ::-1])[0])
     fine, *coarse = (
-        simulator.simulate(body, driven(PATH, LOADS[:1] * 2, TimeStepping(0.2, h)), some_state(body))
+        one_body.in_exudyn(body, driven(PATH, LOADS[:1] * 2, TimeStepping(0.2, h)), some_state(body))
         for h in (1e-5, 1e-3, 5e-4)
     )
     errors = [np.abs(c.q - fine.q[:: round(c.t[1] / 1e-5)]).max() for c in coarse]
@@ -112,7 +114,7 @@ def test_second_order_from_a_moving_start(rich: FullBody) -> None:
 
 
 def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = simulator.simulate(rich, driven(PATH, LOADS, STEPPING))
+    whole = one_body.in_exudyn(rich, driven(PATH, LOADS, STEPPING))
     blocks, along = [], Assembly.along
 
     def recorded(assembly: Assembly, x: Array) -> ContactRows:
@@ -122,18 +124,18 @@ def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatc
     free = rich.size - len(rich.held)
     monkeypatch.setattr(inputs, "ENTRIES_AHEAD", 7 * 2 * free)  # two of its four rows move
     monkeypatch.setattr(Assembly, "along", recorded)
-    np.testing.assert_array_equal(simulator.simulate(rich, driven(PATH, LOADS, STEPPING)).q, whole.q)
+    np.testing.assert_array_equal(one_body.in_exudyn(rich, driven(PATH, LOADS, STEPPING)).q, whole.q)
     assert max(blocks) == 7
 
 
 def test_progress_is_told_about_a_hundred_times_and_ends_at_one(rich: FullBody) -> None:
     told: list[float] = []
     stepping = TimeStepping(0.4, 1e-3)
-    simulator.simulate(rich, driven(PATH, LOADS, stepping), progress=told.append)
+    one_body.in_exudyn(rich, driven(PATH, LOADS, stepping), progress=told.append)
     assert told == pytest.approx(np.arange(1, 101) / 100)
 
 
-def test_wrong_input_is_refused_before_anything_runs(rich: FullBody, simulate: Simulator) -> None:
+def test_wrong_input_is_refused_before_anything_runs(rich: FullBody, simulate: Simulate) -> None:
     with pytest.raises(InputError, match="0 to 4.2 m is allowed; left at t = 0.051 s"):
         simulate(rich, driven(Ramp(times=(0.0, 0.1), values=(4.0, 4.4 + 1e-6)), LOADS, STEPPING))
     with pytest.raises(InputError, match="loads: F given, one for each input is allowed: F, T"):
@@ -151,7 +153,7 @@ def test_dependent_rows_fail_with_time_and_place(
         rows = type(body.rows)(np.concatenate([body.rows.c, body.rows.c[:, :, :1]], axis=2), body.rows.x)
         twice = replace(body, rows=rows, row_names=("slider 0", "slider 0.8", "slider again"))
     with pytest.raises(SimulationError, match=r"step 1, t = 0\.001 s, slider at 2\.00352 m: .*rows that depend"):
-        simulator.simulate(twice, driven(PATH, LOADS, STEPPING))
+        one_body.in_exudyn(twice, driven(PATH, LOADS, STEPPING))
     assert capfd.readouterr() == ("", "")
     if isinstance(body, FullBody):  # the sparse solver sees it before the first step
         assert "System Jacobian seems to be singular" in caplog.text
@@ -159,7 +161,7 @@ def test_dependent_rows_fail_with_time_and_place(
 
 def test_an_overflow_fails_with_time_and_place(rich: FullBody) -> None:
     with pytest.raises(SimulationError, match=r"step 100, t = 0\.1 s, slider at 2\.337\d* m"):
-        simulator.simulate(rich, driven(PATH, [LOADS[0], Step(time=0.1, after=1e308)], STEPPING))
+        one_body.in_exudyn(rich, driven(PATH, [LOADS[0], Step(time=0.1, after=1e308)], STEPPING))
 
 
 class StoredData:
@@ -183,7 +185,7 @@ def test_nothing_is_printed_or_written(
     rich: FullBody, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    simulator.simulate(rich, driven(PATH, LOADS, STEPPING))
+    one_body.in_exudyn(rich, driven(PATH, LOADS, STEPPING))
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr() == ("", "")
 
@@ -233,8 +235,8 @@ def test_several_bodies_share_a_users_system(body: SlidingBody, formulation: For
     q, q_other = own.solve(first, second)
     np.testing.assert_allclose(before, STEPPING.times[1:])
     assert after == before
-    alone = simulator.simulate(body, driven(PATH, LOADS, STEPPING)).q
-    alone_other = simulator.simulate(other, driven(other_path, [other_load], STEPPING)).q
+    alone = one_body.in_exudyn(body, driven(PATH, LOADS, STEPPING)).q
+    alone_other = one_body.in_exudyn(other, driven(other_path, [other_load], STEPPING)).q
     free = np.setdiff1d(np.arange(body.size), list(body.held.values()))
     np.testing.assert_allclose(q, alone[:, free], rtol=0.0, atol=1e-7 * np.abs(alone).max())
     np.testing.assert_allclose(q_other, alone_other, rtol=0.0, atol=1e-7 * np.abs(alone_other).max())
@@ -311,12 +313,12 @@ def test_newtons_method_takes_exudyns_own_settings(rich: FullBody) -> None:
     excitation = driven(PATH, LOADS, TimeStepping(end=0.02, step=1e-3))
     few = {"maxIterations": 1, "relativeTolerance": 1e-300, "absoluteTolerance": 1e-300}
     with pytest.raises(SimulationError, match="Newton's method does not converge"):
-        simulator.simulate(rich, replace(excitation, options=Simulation(newton=few)))
-    found = simulator.simulate(
+        one_body.in_exudyn(rich, replace(excitation, options=Simulation(newton=few)))
+    found = one_body.in_exudyn(
         rich, replace(excitation, options=Simulation(newton={"relativeTolerance": 1.0, "absoluteTolerance": 1.0}))
     )
     assert found.t[-1] == 0.02
     for wrong, said in (({"tolerance": 1e-9}, "one of .*relativeTolerance"), ({"maxIterations": 0.5}, "maxIterations")):
         with pytest.raises(InputError, match=said) as refused:
-            simulator.simulate(rich, replace(excitation, options=Simulation(newton=wrong)))
+            one_body.in_exudyn(rich, replace(excitation, options=Simulation(newton=wrong)))
         assert refused.value.key == f"simulation.newton.{next(iter(wrong))}" and "\n" not in str(refused.value)

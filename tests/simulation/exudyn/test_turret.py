@@ -12,7 +12,7 @@ from turret import Turret
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.booms import respond
+from pmr.compare.evaluation import respond
 from pmr.compare.simulated import excitation_in
 from pmr.report.space import axes
 from pmr.results import Response

@@ -6,8 +6,10 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import one_body
 import pytest
 from on_pads import beam_on_pads, driven, modes_on_pads
+from one_body import displacement
 from oracle import free_modes as modes_of
 
 import pmr
@@ -19,8 +21,7 @@ from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.signals import Constant, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, contact_step
-from pmr.simulation.native import simulator, systems
-from pmr.system.body import displacement
+from pmr.simulation.native import systems
 from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.system import System
 
@@ -59,8 +60,8 @@ def test_a_body_alone_makes_a_step_in_as_many_parts_as_its_pads_ask_for() -> Non
     """Fewer than resolve the contact throughout, with the same largest force; the schedule makes them again."""
     model = modes_on_pads(beam_on_pads(5e-3, 3e8, 20), 4)
     given = partial(driven, Constant(amount=3.0), (Constant(amount=9.81), Constant(amount=0.0)))
-    found = simulator.simulate(model, given(TimeStepping(0.2, 1e-3, 0.9)))
-    finest = simulator.simulate(model, given(TimeStepping(0.2, 1e-3, 0.9, parts=128)))
+    found = one_body.simulate(model, given(TimeStepping(0.2, 1e-3, 0.9)))
+    finest = one_body.simulate(model, given(TimeStepping(0.2, 1e-3, 0.9, parts=128)))
     assert found.parts is not None and found.peaks is not None and finest.peaks is not None
     most = (
         contact_step.contact_frequency(System.of(model), given(TimeStepping(0.2, 1e-3))) * 1e-3 / contact_step.RESOLVED
@@ -68,7 +69,7 @@ def test_a_body_alone_makes_a_step_in_as_many_parts_as_its_pads_ask_for() -> Non
     assert found.parts.mean() < 0.5 * most <= found.parts.max()
     assert np.abs(found.peaks.max(axis=0) - finest.peaks.max(axis=0)).max() < 1e-3 * finest.peaks.max()
     schedule = tuple(found.parts[1:].tolist())
-    again = simulator.simulate(model, given(TimeStepping(0.2, 1e-3, 0.9, schedule=schedule)))
+    again = one_body.simulate(model, given(TimeStepping(0.2, 1e-3, 0.9, schedule=schedule)))
     assert np.abs(again.peaks - found.peaks).max() < 1e-9 * found.peaks.max()
 
 
@@ -78,7 +79,7 @@ def test_a_body_alone_moves_as_in_tables() -> None:
     model = section_model(body, modal_basis(free_modes(body.model, 8, "auto", 0, body)), {}, 8)
     excitation, system = Excitation.of(scene), System.of(model)
     assert (system.paths, system.input_names, system.contact_names) == ((SLIDER,), model.input_names, model.row_names)
-    found, by_tables = systems.simulate(system, excitation), simulator.simulate(model, excitation)
+    found, by_tables = systems.simulate(system, excitation), one_body.simulate(model, excitation)
     assert np.array_equal(found.bodies[ALONE].q, by_tables.q)
     y = systems.displacements(system, found)[ALONE]
     expected = displacement(

@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from numba.core import caching
 
@@ -46,12 +45,6 @@ def test_where_no_folder_can_be_written_to_it_is_compiled_each_time(tmp_path: Pa
     (tmp_path / "some_kernel.py").write_text(SOURCE)
     monkeypatch.setattr(caching.FunctionCache._impl_class, "_locator_classes", [])
     assert load(tmp_path)(1.5) == 3.0
-    values, place = np.arange(3.0).reshape(1, 1, 1, 3), importlib.util.find_spec("pmr.constraints.applied")
-    applied = importlib.util.module_from_spec(place)
-    place.loader.exec_module(applied)
-    found = np.empty((2, 1))
-    applied.apply(values, np.array([0.0, 1.0]), np.zeros(2), np.ones((2, 3)), found)
-    assert found.tolist() == [[3.0], [3.0]]
 
 
 def test_what_another_version_left_is_compiled_again(tmp_path: Path) -> None:

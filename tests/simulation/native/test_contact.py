@@ -7,27 +7,26 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+import one_body
 import pytest
 from numpy.typing import NDArray
 from on_pads import LENGTH, NAMES, TAIL, WEIGHT, beam_on_pads, driven, flexible_on_pads, modes_on_pads
+from one_body import displacement, energy, respond
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
-from pmr.compare.evaluation import respond
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
-from pmr.simulation.balance import energy
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import contact as contact_rows
 from pmr.simulation.native import march as marching
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native.march import without_pull
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.start import reason
 from pmr.simulation.native.stepper import Stepper
-from pmr.system.body import Trajectory, displacement, pushing_rows
+from pmr.system.body import Trajectory, pushing_rows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -113,7 +112,7 @@ def test_only_the_pads_below_carry_and_as_statics_says(body: ReducedModel) -> No
     gravity = SmoothRamp(times=(0.0, 1.0, 10.0, 11.0), values=(0.0, 9.81, 9.81, -9.81))
     loads, s = (gravity, REST[1]), 3.5
     body = replace(body, D=10.0 * body.M)
-    found = march.simulate(body, driven(Constant(amount=s), loads, TimeStepping(20.0, 1e-2, rho_inf=0.0)))
+    found = one_body.simulate(body, driven(Constant(amount=s), loads, TimeStepping(20.0, 1e-2, rho_inf=0.0)))
     mouth = 9.81 * WEIGHT * (LENGTH / 2.0 - TAIL) / (s - TAIL)
     below, above = found.multipliers[1000], found.multipliers[-1]
     assert below == pytest.approx([9.81 * WEIGHT - mouth, 0.0, mouth, 0.0], rel=1e-6)
@@ -134,7 +133,7 @@ def gaps(body: ReducedModel, found: Trajectory, loads: tuple[SignalBase, ...]) -
 
 
 def test_gap_and_force_are_complementary_at_every_step(body: ReducedModel) -> None:
-    found = march.simulate(body, driven(PATH, LOADS, STEPPING))
+    found = one_body.simulate(body, driven(PATH, LOADS, STEPPING))
     gap, force = gaps(body, found, LOADS), found.multipliers
     assert np.abs(np.minimum(gap / CLEARANCE, force / force.max())).max() < 1e-12
     assert np.all(force[gap > 1e-12] == 0.0) and np.all((force > 0.0).any(axis=0)) and np.all((gap > 1e-6).any(axis=0))
@@ -170,7 +169,7 @@ def on_the_lower_pads(bilateral: bool) -> tuple[ReducedModel, InitialState]:
 def test_pads_that_stay_closed_are_bilateral_ones() -> None:
     (pushing, start), (holding, _) = on_the_lower_pads(bilateral=False), on_the_lower_pads(bilateral=True)
     loads = (Constant(amount=9.81), Sine(amplitude=200.0, frequency=5.0))
-    found, expected = (march.simulate(body, driven(PATH, loads, STEPPING), start) for body in (pushing, holding))
+    found, expected = (one_body.simulate(body, driven(PATH, loads, STEPPING), start) for body in (pushing, holding))
     assert found.multipliers.min() > 100.0 and np.ptp(found.multipliers[:, 1]) > 500.0
     for name in ("q", "v", "multipliers"):
         a, b = getattr(found, name), getattr(expected, name)
@@ -180,7 +179,7 @@ def test_pads_that_stay_closed_are_bilateral_ones() -> None:
 def test_pads_that_are_never_reached_are_none(few: ReducedModel) -> None:
     far = replace(few, clearance=np.full(4, 1e3))
     none = replace(few, rows=type(few.rows)(few.rows.c[:, :, :0], few.rows.x), row_names=(), pads=None, clearance=None)
-    found, expected = (march.simulate(body, driven(PATH, LOADS, STEPPING)) for body in (far, none))
+    found, expected = (one_body.simulate(body, driven(PATH, LOADS, STEPPING)) for body in (far, none))
     assert not found.multipliers.any()
     np.testing.assert_allclose(found.q, expected.q, rtol=0.0, atol=1e-13 * np.abs(expected.q).max())
 
@@ -210,7 +209,7 @@ def test_impacts_converge_with_second_order_to_an_independent_integrator(few: Re
     assert np.sum(np.diff((expected[2] > 0.0).astype(int), axis=0) > 0) == 10
     errors = []
     for halvings in (1, 3, 5):
-        found = march.simulate(few, driven(PATH, LOADS, TimeStepping(0.5, 2e-3 / 2**halvings, 0.9, parts=1)))
+        found = one_body.simulate(few, driven(PATH, LOADS, TimeStepping(0.5, 2e-3 / 2**halvings, 0.9, parts=1)))
         of_each = zip((found.q, found.v, found.multipliers), expected, strict=True)
         errors.append([np.abs(a[:: 2**halvings] - b).max() / np.abs(b).max() for a, b in of_each])
     orders = np.log2(np.array(errors[:-1]) / errors[1:]) / 2.0
@@ -230,7 +229,7 @@ def test_energy_never_grows_over_many_impacts(kind: str, stiffness: float, rho_i
     v[:4] = np.random.default_rng(0).standard_normal(4) * [0.6, 0.6, 1.0, 0.6]
     for h in (1e-4, 1e-3, 1e-2):
         start = InitialState(np.zeros(6), v)
-        found = march.simulate(
+        found = one_body.simulate(
             body, driven(Constant(amount=3.5), REST, TimeStepping(10000 * h, h, rho_inf, parts=1)), start
         )
         total = energy(body, found, np.zeros((10001, 2))).total
@@ -249,7 +248,7 @@ def test_an_impact_keeps_what_the_step_resolves_and_never_adds(rate: float, leas
     for phase in np.linspace(0.0, 1.0, 20, endpoint=False):
         body = replace(mass, pads=np.array([rate**-2.0]), clearance=np.array([5.0 + phase]))
         stepping = TimeStepping(np.ceil(20.0 + np.pi / rate), 1.0, 0.9, parts=1)
-        found = march.simulate(body, driven(Constant(amount=0.5), REST[0], stepping), start)
+        found = one_body.simulate(body, driven(Constant(amount=0.5), REST[0], stepping), start)
         assert found.multipliers.max() > 0.0 == found.multipliers[-1, 0] and found.v[-1, 0] < 0.0
         kept.append(float(found.v[-1, 0] ** 2))
     assert least < min(kept) and mean < np.mean(kept) and max(kept) <= 1.0 + 1e-12
@@ -261,7 +260,7 @@ def test_the_start_tells_which_pads_are_closed(body: ReducedModel) -> None:
     down = body.outputs.T @ np.linalg.solve(
         body.outputs @ body.outputs.T + 1e-12 * np.eye(len(body.outputs)), -3e-3 * np.ones(11)
     )
-    found = march.simulate(
+    found = one_body.simulate(
         body, driven(Constant(amount=3.5), loads, TimeStepping(1e-5, 1e-6, parts=1)), InitialState(down, np.zeros(6))
     )
     first = found.multipliers[0]
@@ -277,7 +276,7 @@ def test_a_damping_that_couples_the_modes_changes_nothing_else(few: ReducedModel
     coupled[2, 3] = coupled[3, 2] = 1e-8
     plain, other = replace(few, D=D), replace(few, D=coupled)
     assert modal_form(plain).classically_damped and not modal_form(other).classically_damped
-    found, expected = (march.simulate(body, driven(PATH, LOADS, STEPPING)) for body in (other, plain))
+    found, expected = (one_body.simulate(body, driven(PATH, LOADS, STEPPING)) for body in (other, plain))
     assert np.sum(np.diff((found.multipliers > 0.0).astype(int), axis=0) < 0) >= 8
     np.testing.assert_allclose(found.q, expected.q, rtol=0.0, atol=1e-7 * np.abs(expected.q).max())
 
@@ -287,7 +286,7 @@ def test_a_full_body_is_marched_likewise() -> None:
     modes = modes_on_pads(full, full.size - 1)
     assert np.isnan(full.row_clearance).tolist() == [True] + [False] * 4
     found, expected = (
-        march.simulate(body, driven(PATH, LOADS, TimeStepping(0.1, 1e-4, parts=1))) for body in (full, modes)
+        one_body.simulate(body, driven(PATH, LOADS, TimeStepping(0.1, 1e-4, parts=1))) for body in (full, modes)
     )
     scale = np.abs(expected.multipliers).max()
     assert np.all(expected.multipliers.min(axis=0) == 0.0) and scale > 0.0
@@ -295,8 +294,8 @@ def test_a_full_body_is_marched_likewise() -> None:
 
 
 def test_steps_and_observations_are_those_of_the_simulation(body: ReducedModel) -> None:
-    found = march.simulate(body, driven(PATH, LOADS, STEPPING))
-    seen = march.observe(modal_form(body), driven(PATH, LOADS, STEPPING), outputs=[6, 3], every=5)
+    found = one_body.simulate(body, driven(PATH, LOADS, STEPPING))
+    seen = one_body.observe(modal_form(body), driven(PATH, LOADS, STEPPING), outputs=[6, 3], every=5)
     np.testing.assert_allclose(seen.multipliers, found.multipliers[::5], rtol=0.0, atol=1e-9)
     s, f = PATH.value(found.t), np.stack([f.value(found.t) for f in LOADS], axis=1)
     stepper = Stepper(body, step=1e-3, s=float(s[0]), F=f[0], outputs=[6, 3])
@@ -328,13 +327,13 @@ def test_what_is_not_settled_is_named_with_time_and_place(few: ReducedModel, mon
     taken = iter([(0, 0), (2, contact_rows.UNSETTLED)])
     monkeypatch.setattr(marching.kernel, "run", lambda *arguments: next(taken))
     with pytest.raises(SimulationError, match=rf"step 3, t = 0\.003 s, slider at 3 m: which of the rows {names}"):
-        march.simulate(few, driven(PATH, LOADS, STEPPING))
+        one_body.simulate(few, driven(PATH, LOADS, STEPPING))
 
 
 def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel) -> None:
     """Which of them hold is decided to round-off of the largest force; what they report is decided at zero."""
-    found = march.simulate(few, driven(PATH, LOADS, STEPPING))
-    seen = march.observe(modal_form(few), driven(PATH, LOADS, STEPPING))
+    found = one_body.simulate(few, driven(PATH, LOADS, STEPPING))
+    seen = one_body.observe(modal_form(few), driven(PATH, LOADS, STEPPING))
     pushing = pushing_rows(few)
     assert found.multipliers[:, pushing].min() == 0.0 == seen.multipliers[:, pushing].min()
     forces = np.array([[-1e-10, -2.0, 3.0]])
@@ -344,7 +343,7 @@ def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel)
 
 def test_what_does_not_fit_is_refused(few: ReducedModel) -> None:
     with pytest.raises(InputError, match=r"reduction\.flexibility = False: mouth top only push and are rigid"):
-        march.simulate(replace(few, pads=np.array([1e-6, 1e-6, 1e-6, 0.0])), driven(PATH, LOADS, STEPPING))
+        one_body.simulate(replace(few, pads=np.array([1e-6, 1e-6, 1e-6, 0.0])), driven(PATH, LOADS, STEPPING))
 
 
 def test_moving_pads_do_work_and_no_more(few: ReducedModel) -> None:
@@ -352,6 +351,6 @@ def test_moving_pads_do_work_and_no_more(few: ReducedModel) -> None:
     loads, path = (LOADS[0], REST[1]), Ramp(times=(0.5, 2.0), values=(3.0, 4.0))
     damped = replace(few, D=20.0 * few.M)
     coarse, fine = (
-        march.simulate(damped, driven(path, loads, TimeStepping(2.0, h, 0.7, parts=1))) for h in (1e-3, 1e-4)
+        one_body.simulate(damped, driven(path, loads, TimeStepping(2.0, h, 0.7, parts=1))) for h in (1e-3, 1e-4)
     )
     np.testing.assert_allclose(coarse.multipliers[-1], fine.multipliers[-1], atol=1e-3 * fine.multipliers.max())

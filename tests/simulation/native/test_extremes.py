@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import on_pads
+import one_body
 import pytest
 import scipy.linalg
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
+from one_body import displacement, energy
 from oracle import LENGTH, TIP_LOAD, flexible, full_body, nrms_error
 
 from pmr.compare.errors import relative_error
@@ -20,12 +22,10 @@ from pmr.pipeline import reduce
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, SignalBase, SmoothRamp, Table
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.balance import energy
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.start import InitialState
-from pmr.system.body import FullBody, SlidingBody, Trajectory, displacement
+from pmr.system.body import FullBody, SlidingBody, Trajectory
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def moved(body: SlidingBody, excitation: Excitation, run: Trajectory) -> Array:
 
 
 def motion(body: SlidingBody, excitation: Excitation) -> Array:
-    return moved(body, excitation, march.simulate(body, excitation))
+    return moved(body, excitation, one_body.simulate(body, excitation))
 
 
 BODIES = {"index 1": MODEL, "index 3": FULL}
@@ -81,7 +81,7 @@ def test_numerical_dissipation(rho_inf: float, theta: float) -> None:
     omega, mode = constrained_mode(MODEL, 2.5)
     step, period = theta / omega, 2.0 * np.pi / theta
     excitation = driven(Constant(amount=2.5), NOTHING, round(20 * period) * step, step, rho_inf)
-    run = march.simulate(MODEL, excitation, InitialState(0.01 * mode, np.zeros(6)))
+    run = one_body.simulate(MODEL, excitation, InitialState(0.01 * mode, np.zeros(6)))
     p, v = run.q @ MODEL.M @ mode, run.v @ MODEL.M @ mode
     stored = v**2 + omega**2 * p**2
     first, last = round(5 * period), round(15 * period)
@@ -109,7 +109,7 @@ def test_a_slow_slide_keeps_energy_over_frequency() -> None:
         excitation, grown = driven(path, NOTHING, 6.0, h, 1.0), []
         for phase in (0.0, np.pi / 2.0, np.pi / 4.0):
             start = InitialState(0.01 * np.cos(phase) * mode, 0.01 * np.sin(phase) * omega * mode)
-            run = march.simulate(MODEL, excitation, start)
+            run = one_body.simulate(MODEL, excitation, start)
             stored = energy(MODEL, run, excitation.forces(MODEL.input_names)).total
             grown.append(stored[-2000:].mean() / stored[:2000].mean() / 2.9600321)
         mean = (grown[0] + grown[1]) / 2.0
@@ -154,7 +154,7 @@ def test_what_the_body_gains_while_it_slides_is_work() -> None:
     rests = []
     for step in (1e-3, 5e-4):
         excitation = driven(ACROSS, LOAD, 1.0, step, 1.0)
-        run, f = march.simulate(MODEL, excitation), excitation.forces(MODEL.input_names)
+        run, f = one_body.simulate(MODEL, excitation), excitation.forces(MODEL.input_names)
         tables = MODEL.flexibility
         assert tables is not None
         stored = energy(MODEL, run, f)
@@ -197,7 +197,7 @@ def test_stiff_pads_tend_to_the_rigid_one() -> None:
 def test_pads_farther_away_than_the_motion_are_not_there(make: Callable[[FullBody], SlidingBody]) -> None:
     body = make(beam_on_pads(clearance=10.0))
     excitation = on_pads.driven(ACROSS, (Constant(amount=9.81), NOTHING), TimeStepping(1.0, 1e-3))
-    run = march.simulate(body, excitation)
+    run = one_body.simulate(body, excitation)
     fallen = 9.81 * run.t[:, None] ** 2 / 2.0
     assert np.abs(moved(body, excitation, run) + fallen).max() < 1e-9 * fallen.max()
     assert np.abs(run.multipliers).max() < 1e-12 * on_pads.WEIGHT * 9.81
@@ -206,7 +206,7 @@ def test_pads_farther_away_than_the_motion_are_not_there(make: Callable[[FullBod
 @pytest.mark.parametrize("r", [1, 2, 3, 6, 20, 40])
 def test_any_number_of_modes_keeps_the_rows(r: int) -> None:
     model, excitation = flexible(FULL, r), driven(ACROSS, LOAD, 1.0, 1e-3)
-    run = march.simulate(model, excitation)
+    run = one_body.simulate(model, excitation)
     assert model.flexibility is not None
     f = excitation.forces(model.input_names)
     gap = model.apply_rows(run.s, run.q) + model.flexibility.row_motion(run.s, run.multipliers, f)

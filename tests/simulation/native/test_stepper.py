@@ -6,6 +6,7 @@ import tracemalloc
 from dataclasses import replace
 
 import numpy as np
+import one_body
 import pytest
 from driving import driven
 from oracle import Case, full_body, paper_basis, project
@@ -13,7 +14,6 @@ from oracle import Case, full_body, paper_basis, project
 from pmr.errors import BEYOND_ENDS, InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.simulation import TimeStepping
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.start import InitialState
 
@@ -27,7 +27,7 @@ def small() -> ReducedModel:
 
 
 def test_steps_are_those_of_the_simulation(reduced: ReducedModel, case: Case) -> None:
-    expected = march.simulate(reduced, driven(case.path, case.load, STEPPING))
+    expected = one_body.simulate(reduced, driven(case.path, case.load, STEPPING))
     s, f = case.path.value(STEPPING.times), case.load.value(STEPPING.times)
     stepper = Stepper(reduced, step=1e-3, s=float(s[0]), F=f[0], rho_inf=0.7)
     y = np.array([stepper.step(*now).copy() for now in zip(s[1:], f[1:], strict=True)])

@@ -6,23 +6,25 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import one_body
 import pytest
 import scipy.sparse as sp
 from impulses import impulses
 from nested import LENGTH, Nested, full, full_section, plain, reduced, section
+from one_body import displacement
 from oracle import carried_rows, flexible, full_body, rich_body
 
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, SmoothRamp
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.simulation.native.side_arrays import bodies
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.body import displacement
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import System, SystemTrajectory
 
@@ -106,6 +108,17 @@ def test_reduced_sections_against_a_sparse_saddle_point_each_step(count: int) ->
     assert_integrated(system, quickly(system), 1e-8)
 
 
+def test_contacts_of_a_chain_are_coupled_to_their_neighbours_alone() -> None:
+    """All that they share lies in the band that the step goes through, and the band is not the whole matrix."""
+    system = reduced(Nested(4, elements=8), 1)
+    ranges, a = bodies(SystemForm.of(system), system.paths).beside, Assembly(system)
+    rows = a.at(system.coordinates({path: 1.0 for path in system.paths}))
+    shared = np.abs(rows.C) @ np.abs(rows.C).T + np.abs(rows.F)
+    inside = np.array([(first <= np.arange(len(shared))) & (np.arange(len(shared)) < last) for first, last in ranges])
+    assert np.all(shared[~inside] == 0.0)
+    assert np.any(~inside)
+
+
 @pytest.mark.slow
 @pytest.mark.numerical
 def test_full_sections_against_a_sparse_saddle_point_each_step() -> None:
@@ -150,7 +163,7 @@ def test_one_body_on_the_ground_is_the_simulator_of_one_body() -> None:
     loads = {"F": Chirp(amplitude=50.0, times=(0.0, 0.6), frequencies=(1.0, 20.0)), "T": Constant(amount=3.0)}
     contacts = [Contact(name, Place("beam", name, path="s"), compliance=1e-6) for name in body.row_names]
     system = System({"beam": body}, tuple(contacts))
-    one = march.simulate(body, Excitation({"slider": path}, loads, stepping))
+    one = one_body.simulate(body, Excitation({"slider": path}, loads, stepping))
     several = Excitation({"s": path}, {f"beam.{name}": load for name, load in loads.items()}, stepping)
     found = systems.simulate(system, several)
     motion = found.bodies["beam"]

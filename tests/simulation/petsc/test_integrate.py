@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import one_body
 import pytest
 import scipy.sparse as sp
 from distributed import distributed
 from driving import driven, loads_at
 from numpy.typing import NDArray
+from one_body import respond as responded
 from oracle import CASES, full_body, generalized_alpha, rich_body, started
 from petsc_alone import observe
 from processes import resident
 
-from pmr.compare.evaluation import respond as responded
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
@@ -22,7 +23,6 @@ from pmr.reduced.damping import Rayleigh
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
-from pmr.simulation.native import simulator as march
 from pmr.simulation.petsc import Recording, constraint
 from pmr.system.body import FullBody
 from pmr.system.system import System
@@ -118,7 +118,7 @@ def test_the_response_is_that_of_the_whole_trajectory(rich: FullBody, pads: str)
     body, t = with_pads(rich, *PADS[pads]), STEPPING.times
     model = distributed(body)
     found = observe(model, driven(PATH, LOADS, STEPPING), EVERYTHING, some_state(body))
-    trajectory = march.simulate(body, driven(PATH, LOADS, STEPPING), some_state(body))
+    trajectory = one_body.simulate(body, driven(PATH, LOADS, STEPPING), some_state(body))
     expected = responded(body, trajectory, PATH.rate(t), loads_at(LOADS, t))
     for name in ("kinetic", "strain", "external"):
         assert_close(getattr(found.energy, name), getattr(expected.energy, name), 1e-9)
@@ -154,7 +154,7 @@ def test_steps_of_a_body_alone_in_the_parts_that_march_took(rich: FullBody) -> N
     rows = tuple(replace(row, compliance=1e-6, clearance=1e-4) if row.held is None else row for row in rich.rows.rows)
     body = replace(rich, rows=Rows(rows, rich.size))
     excitation = driven(PATH, LOADS, replace(STEPPING, end=0.15))
-    expected = march.simulate(body, excitation)
+    expected = one_body.simulate(body, excitation)
     assert expected.parts is not None and len(set(expected.parts[1:])) > 2
     stepping = replace(excitation.stepping, schedule=tuple(expected.parts[1:].tolist()))
     found = observe(distributed(body), excitation.with_stepping(stepping), EVERYTHING)
@@ -174,7 +174,7 @@ def test_rows_that_only_push_as_march_has_them(rich: FullBody, parts: int) -> No
     omega = contact_frequency(System.of(body), excitation)
     same = replace(excitation.stepping, parts=contact_step.parts(omega, excitation.stepping))
     found = observe(distributed(body), excitation, EVERYTHING)
-    expected = march.simulate(body, excitation.with_stepping(same))
+    expected = one_body.simulate(body, excitation.with_stepping(same))
     assert_close(found.y, expected.q @ body.outputs.T, 1e-9)
     forces = expected.multipliers[:, 2:]
     assert_close(found.multipliers[:, 2:], forces, 1e-8)
@@ -191,7 +191,7 @@ def test_rows_that_only_push_as_march_has_them(rich: FullBody, parts: int) -> No
 def test_the_papers_evolved_case_as_march_has_it() -> None:
     body, case, stepping = full_body(50), CASES["evolved"], TimeStepping(15.0, 1e-3, 0.9)
     found = observe(distributed(body, MPI.COMM_SELF), driven(case.path, case.load, stepping))
-    expected = march.simulate(body, driven(case.path, case.load, stepping))
+    expected = one_body.simulate(body, driven(case.path, case.load, stepping))
     assert np.abs(found.y - expected.q @ body.outputs.T).max() < 1e-9 < 4e-2 < np.abs(found.y).max()
     assert_close(found.multipliers, expected.multipliers, 1e-6)
 
@@ -208,7 +208,7 @@ def test_only_what_is_watched_is_kept(rich: FullBody) -> None:
     np.testing.assert_allclose(few.states.t, [0.0, 0.012])
     np.testing.assert_array_equal(few.states.s[:, 0], PATH.value(few.states.t))
     assert_close(rich.outputs @ few.states.q[1], everything.y[12], 1e-14)
-    trajectory = march.simulate(rich, driven(PATH, LOADS, STEPPING))
+    trajectory = one_body.simulate(rich, driven(PATH, LOADS, STEPPING))
     assert_close(few.states.v, trajectory.v[[0, 12]], 1e-10)
 
 
@@ -219,7 +219,7 @@ def test_second_order_in_positions_and_multipliers(rich: FullBody, pads: str, rh
     """When h is halved; against march with h / 20."""
     body, end, h = with_pads(rich, *PADS[pads]), 0.2, 4e-4
     path, loads = SmoothRamp(times=(0.0, end), values=(1.7, 2.3)), [Sine(amplitude=100.0, frequency=2.0)] * 2
-    exact = march.simulate(body, driven(path, loads, TimeStepping(end, h / 20, rho_inf)))
+    exact = one_body.simulate(body, driven(path, loads, TimeStepping(end, h / 20, rho_inf)))
     model = distributed(body, MPI.COMM_SELF)
     errors = []
     for step, every in ((h, 20), (h / 2, 10)):

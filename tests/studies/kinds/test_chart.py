@@ -71,6 +71,7 @@ scene = "scene.toml"
 up_to = 5000.0
 extensions = { least = 1.0, most = 4.0, count = 3 }
 luffing = { least = 0.0, most = 70.0, count = 4 }
+hoist = { speed = 0.4, rope_stiffness = 8e5, hoisting_class = "HC1" }
 
 [[limits]]
 name = "pads"
@@ -138,6 +139,17 @@ def test_the_table_has_the_least_load_and_the_limit_that_governs(small: StudyRes
     assert (np.diff(out, axis=0) < 0.0).all()  # level, the further out the less
     assert np.hypot(float(found[-1]["radius [m]"]), float(found[-1]["height [m]"])) == pytest.approx(14.0)
     assert float(found[0]["radius [m]"]) == pytest.approx(8.0) and float(found[0]["height [m]"]) == 0.0
+
+
+def test_a_hoisted_load_pulls_with_more_than_its_weight(small: StudyResults, folder: Path) -> None:
+    """On any boom with less than on a tip that does not move; nothing is hoisted where nothing is carried."""
+    figures, found = json.loads((folder / "summary.json").read_text())["figures"], rows(folder)
+    factors = [float(row["hoisting factor"]) for row in found if row["hoisting factor"]]
+    loads = [float(row["load [kg]"]) for row in found if row["hoisting factor"]]
+    assert len(factors) == sum(float(row["load [kg]"]) > 0.0 for row in found) == 9
+    assert all(1.0 < f < 1.0 + 0.4 * np.sqrt(8e5 / m) / 9.80665 for f, m in zip(factors, loads, strict=True))
+    assert figures["hoist.most"] == pytest.approx(max(factors)) and figures["hoist.class"] == pytest.approx(1.118)
+    assert "Hoisted off the ground at 0.4" in page(folder)
 
 
 def test_what_is_met_at_no_load_or_never_is_told(small: StudyResults, folder: Path) -> None:

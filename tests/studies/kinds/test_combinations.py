@@ -62,10 +62,10 @@ def test_errors_are_those_of_the_motions(small: StudyResults) -> None:
     full = marching.full(shared.scene_arguments(marching.driven(short)), {})
     model = records.record(nested.NestedModels, small.arrays("9x1"), "dropped.").of(7)
     assert model is not None
-    from pmr.simulation.native import simulator as march
+    import one_body
 
     drive = Excitation.of(short)
-    trajectory = march.simulate(model, drive)
+    trajectory = one_body.simulate(model, drive)
     strain = np.einsum("tr,rk,tk->", trajectory.q, model.K, trajectory.q) / 2.0
     y = trajectory.q @ model.outputs.T
     found = next(run.figures for run in small.runs if run.key == "9x1-7")

@@ -14,7 +14,7 @@ from oracle import nrms_error
 from scipy.linalg import eigh, null_space
 
 from pmr import scene as scenes
-from pmr.compare.booms import respond
+from pmr.compare.evaluation import respond
 from pmr.compare.runs import run_from_start
 from pmr.errors import InputError
 from pmr.pipeline import run
@@ -99,6 +99,21 @@ def test_sizes_and_steps_of_sections_are_traded(tmp_path: Path) -> None:
     assert number(flexible["total.3.1"]) < number(flexible["total.3.2"])
     assert number(flexible["reduction.3"]) < number(flexible["reduction.1"]) < number(modes["reduction.1"])
     reported("trade", tmp_path, found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "figure"), [("residual", "beam.4"), ("trade", "reduction.3")])
+def test_a_coarse_mesh_leaves_enough_to_tell_rigid_overlaps_apart(tmp_path: Path, kind: str, figure: str) -> None:
+    """The base has twelve modes, of which ten are coordinates and two are left for its two rigid rows."""
+    study, scene = text(kind, tmp_path), (tmp_path / "two.toml").read_text()
+    changes = {"elements = 8": "elements = 6", "rho_inf = 1.0": "rho_inf = 0.8"}
+    changes["tail = [{"] = "rigid_overlap = true\ntail = [{"
+    for old, new in changes.items():
+        assert old in scene
+        scene = scene.replace(old, new)
+    (tmp_path / "two.toml").write_text(scene)
+    modes, flexible = (run.figures for run in finished(tmp_path, study).runs)
+    assert number(flexible[figure]) < 0.01 * number(modes[figure])
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import one_body
 import pytest
 from finished import finished, short_scene
 
@@ -13,7 +14,6 @@ from pmr.report.studies.sections.trade import NAMES, content, front
 from pmr.scene import load
 from pmr.simulation import Excitation
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.studies import bases, files, shared, tolerances
 from pmr.studies.engine.task import number
 from pmr.studies.kinds import trade
@@ -55,7 +55,7 @@ def test_the_reference_is_the_full_model_with_a_far_shorter_step(small: StudyRes
     body = shared.model_of(scene).gather()
     assert body is not None
     runs = [
-        march.observe(modal_form(body), bases.stepped(Excitation.of(scene), h), every=round(2.0 / h)).y
+        one_body.observe(modal_form(body), bases.stepped(Excitation.of(scene), h), every=round(2.0 / h)).y
         for h in (0.125, 1 / 32)
     ]
     assert number(figures(small)["pod"]["reference"]) == pytest.approx(nrms(*runs), rel=0.5)

@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 #: Reaches and angles in the table, at most.
 ROWS, COLUMNS = 14, 7
 #: Units of what is limited; others have none.
-UNITS = {"stress": "Pa", "pad": "N", "cylinder": "N", "support": "N", "deflection": "m", "frequency": "Hz"}
+UNITS = dict.fromkeys(("pad", "cylinder", "support", "luffing"), "N")
+UNITS |= {"stress": "Pa", "deflection": "m", "frequency": "Hz"}
 #: Error bars in kg from which on they are shown beside a load.
 SHOWN = 0.5
 
@@ -126,7 +127,23 @@ def _paragraphs(study: FinishedStudy) -> list[str]:
         "Equilibrium to second order with the contacts that are closed: axial forces of weight and load bend what is "
         "bent. All factors are those of the study. Overturning is that of the undeformed boom.",
         bars,
+        *_hoisting(study),
     ]
+
+
+def _hoisting(study: FinishedStudy) -> list[str]:
+    """By how much more than its weight a load pulls that is lifted off the ground; nothing where that is not asked."""
+    asked, found = study.asked.get("hoist"), study.figures
+    if not asked or "hoist.most" not in found:
+        return []
+    rope = f"{asked['speed']:g}{SPACE}m/s on a rope of {asked['rope_stiffness']:.3g}{SPACE}N/m"
+    said = (
+        f"Hoisted off the ground at {rope}, the load that is allowed pulls with {found['hoist.least']:.3g} to "
+        f"{found['hoist.most']:.3g} times its weight, computed at each point without damping"
+    )
+    if "hoist.class" in found:
+        said += f"; class {asked['hoisting_class']} of EN 13001-2 has {found['hoist.class']:.3g}"
+    return [f"{said}. No load in the chart has this factor unless a case says so."]
 
 
 def _limits(study: FinishedStudy, names: list[str]) -> Grid:

@@ -1,0 +1,34 @@
+"""Damage by load cycles at the probes of a run, on the S-N line and with the spectrum that a scene gives."""
+
+from __future__ import annotations
+
+from pmr.compare.summary import Part
+from pmr.results import Response
+from pmr.results.extremes import cycles
+from pmr.results.fatigue import SNLine
+from pmr.scene import Scene
+
+
+def part(scene: Scene, response: Response) -> Part:
+    r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; nothing unless it is asked for.
+
+    .. math:: D = \sum_l n_l \sum_i D_i(f_l\, \Delta\sigma_i)
+
+    over the lines of the spectrum, which come n_l times with the share f_l of the stresses, and the run's rainflow
+    cycles (`pmr.results.fatigue`), of each component by itself.  ``life`` is how often the whole spectrum may
+    come until D is 1; None for ever.
+    """
+    asked = scene.fatigue
+    if asked is None:
+        return Part()
+    line = SNLine(asked.slope, asked.reference, asked.cut_off or 0.0)
+    found = dict[str, float]()
+    for one in response.outputs:
+        if one.kind == "probe" and one.unit == "Pa":
+            counted = cycles(response.t, response.other(one.name))
+            done = [step.cycles * line.damage(step.factor * counted[:, 0], counted[:, 2]) for step in asked.lines]
+            found[one.name] = sum(done)
+    worst_first = sorted(found, key=lambda name: -found[name])
+    rows = [{"name": n, "damage": found[n], "life": 1.0 / found[n] if found[n] > 0.0 else None} for n in worst_first]
+    warnings = [f"{n} fails by fatigue: its damage is {found[n]:.3g}, of which 1 is allowed" for n in worst_first[:1]]
+    return Part({"fatigue": rows}, warnings if max(found.values(), default=0.0) > 1.0 else [])

@@ -1,0 +1,67 @@
+r"""Ropes and chains that move sections with others: their forces, and that of the cylinder that pulls all of them.
+
+A section k with :math:`s_k = r_k s_j + c_k` hangs on a rope that the joint j drives.  By virtual work, with
+:math:`F_k` what the section needs along the boom from the next outer one if each had a cylinder of its own,
+
+.. math::
+    T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k
+
+is what the rope or cylinder of the joint j pushes with, all of its strands together, and :math:`T_j \dot s_j` of a
+cylinder the power for all that it moves.  Friction of the joints' pads is in it, that of sheaves is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.summary import Part
+from pmr.results import Response
+from pmr.results.extremes import Extremes
+from pmr.scene import Scene
+from pmr.scene.built import force_of
+from pmr.scene.names import cylinder_of
+
+Array = NDArray[np.float64]
+
+
+def forces(scene: Scene, response: Response) -> dict[str, Array]:
+    """Of each section that follows another one or is followed, by its name, (T,) N, positive where it is pushed out.
+
+    Empty where nothing follows, or forces along the boom are not known.
+    """
+    names = scene.names[1:]
+    follows = {name: scene.joint(k).follows for k, name in enumerate(names, 1)}
+    joined = [name for name in names if follows[name] is not None or name in follows.values()]
+    if any(force_of(cylinder_of(name)) not in response.force_names for name in joined):
+        return {}
+
+    def of(name: str) -> Array:
+        found = response.force(force_of(cylinder_of(name)), 0)
+        for other in joined:
+            if follows[other] == name:
+                found = found + scene.joint(scene.names.index(other)).ratio * of(other)
+        return found
+
+    return {name: of(name) for name in joined}
+
+
+def part(scene: Scene, response: Response) -> Part:
+    """``ropes``: ``name``, what it ``follows`` or None, and of its ``force`` in N the extremes, when and where.
+
+    Of what follows nothing also the ``power`` in W that moves it and all that follow.
+    """
+    if len(scene.sections) < 2:
+        return Part()
+    along, said = scene.along(response.t), list[Mapping[str, Any]]()
+    for name, force in forces(scene, response).items():
+        follows = scene.joint(scene.names.index(name)).follows
+        one = {"name": name, "follows": follows, "force": Extremes.of(force, response.t, along).summary()}
+        if follows is None:
+            power = force * scene.paths[name].rate(response.t)
+            one["power"] = Extremes.of(power, response.t, along).summary()
+        said.append(one)
+    return Part({"ropes": said} if said else {})

@@ -1,0 +1,85 @@
+"""The cylinder that raises a boom, beside statics and the power that a rise takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pmr
+from pmr.compare.luffing_cylinder import FORCE
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.checks import check
+from pmr.scene.frame import LuffingCylinder
+
+G, LENGTH, MASS = 9.80665, 6.0, 250.0
+FOOT, LUG = [0.5, -1.0], [1.5, -0.2]
+
+
+def raised(luffing: dict[str, object], foot: list[float] = FOOT, lug: list[float] = LUG) -> Scene:
+    """A stiff planar box that hardly weighs anything itself, with a mass at its tip."""
+    return Scene.model_validate(
+        {
+            "title": "raised",
+            "gravity": {},
+            "start": "equilibrium",
+            "frame": {"pivot": [0.0, 0.0, 0.0], "luffing": luffing, "cylinder": {"foot": foot, "lug": lug}},
+            "sections": [
+                {
+                    "name": "boom",
+                    "body": {
+                        "model": "beam2d",
+                        "box": {"length": LENGTH, "width": 0.3, "height": 0.4, "wall": 0.008},
+                        "material": {"young": 2.1e15, "density": 1e-3},
+                    },
+                    "mesh": {"elements": 8},
+                    "supports": [{"on": "tail", "kind": "clamped"}],
+                    "pads": [{"name": "none", "moving": True, "faces": {"top": [0.0]}, "stiffness": 1e-3}],
+                    "masses": [{"name": "hook", "on": "tip", "mass": MASS}],
+                    "slider": {"path": {"kind": "constant", "amount": 3.0}},
+                    "reduction": {"coordinates": 4},
+                }
+            ],
+            "time": {"end": 2.0, "step": 2e-3},
+            "compare": {"against": []},
+        }
+    )
+
+
+def simulated(scene: Scene) -> tuple[pmr.Response, np.ndarray]:
+    found = pmr.simulate(scene, pmr.reduce(scene).reduced)
+    return found, found.other(FORCE)
+
+
+@pytest.mark.parametrize("angle", [-0.2, 0.3, 1.2])
+def test_it_carries_the_moment_with_its_arm_about_the_pivot(angle: float) -> None:
+    """The arm is the height of the triangle of pivot, foot and lug over the cylinder."""
+    scene = raised({"kind": "constant", "amount": angle})
+    lug = np.hypot(*LUG) * np.array([np.cos(beta := angle + np.arctan2(LUG[1], LUG[0])), np.sin(beta)])
+    twice_the_area = FOOT[0] * lug[1] - FOOT[1] * lug[0]
+    arm = twice_the_area / np.linalg.norm(lug - FOOT)
+    _, force = simulated(scene)
+    # the boom weighs 1e-5 of the mass, and deflects by less
+    assert force == pytest.approx(MASS * G * LENGTH * np.cos(angle) / arm, rel=1e-4)
+
+
+def test_its_work_raises_the_mass() -> None:
+    scene = raised({"kind": "smooth_ramp", "times": [0.2, 1.8], "values": [0.1, 1.0]})
+    found, force = simulated(scene)
+    length, arm = scene.frame.cylinder.length(scene.frame.angles[0].value(found.t))
+    power = force * arm * scene.frame.angles[0].rate(found.t)
+    work = np.sum(power[1:] + power[:-1]) * scene.time.step / 2.0
+    assert work == pytest.approx(MASS * G * LENGTH * (np.sin(1.0) - np.sin(0.1)), rel=1e-4)
+    assert work == pytest.approx(np.sum((force[1:] + force[:-1]) / 2.0 * np.diff(length)), rel=1e-5)
+
+
+def test_its_arm_is_what_the_length_grows_by() -> None:
+    one, angle, h = LuffingCylinder(foot=(0.5, -1.0), lug=(1.5, -0.2)), np.linspace(-0.5, 1.4, 7), 1e-4
+    grown = (one.length(angle + h)[0] - one.length(angle - h)[0]) / (2.0 * h)
+    assert one.length(angle)[1] == pytest.approx(grown, rel=1e-7)
+
+
+@pytest.mark.parametrize(("foot", "lug"), [([-1.0, 0.0], [1.0, 0.0]), ([0.5, -1.0], [0.0, 0.0])])
+def test_a_cylinder_in_line_with_the_pivot_is_refused(foot: list[float], lug: list[float]) -> None:
+    with pytest.raises(InputError, match=r"frame\.cylinder.*an arm about the pivot"):
+        check(raised({"kind": "constant", "amount": 0.0}, foot, lug))

@@ -1,0 +1,92 @@
+"""Sections that ropes move with others, beside statics and the work that telescoping takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pmr
+from pmr.compare import ropes
+from pmr.report import forces as reported
+from pmr.results.extremes import Extremes
+from pmr.scene import Scene
+from pmr.scene.checks import check
+
+G, TIP, SECOND = 9.80665, 250.0, 0.7
+PADS = [{"at": 0.15, "faces": {"bottom": [0.0], "top": [0.0]}, "unilateral": False}]
+OUT = {"kind": "smooth_ramp", "times": [0.5, 2.5], "values": [0.8, 3.0]}
+
+
+def section(name: str, height: float, **rest: object) -> dict[str, object]:
+    box = {"length": 6.0, "width": height - 0.1, "height": height, "wall": 0.006}
+    body = {"model": "beam2d", "box": box, "material": {"young": 2.1e14}}
+    return {"name": name, "body": body, "mesh": {"elements": 8}, "reduction": {"coordinates": 5}, **rest}
+
+
+def boom() -> Scene:
+    """Stiff sections at 30 degrees; a rope pulls the second 0.7 times as far as the first, another the fly."""
+    joint = {"tail": PADS, "mouth": PADS}
+    found = Scene.model_validate(
+        {
+            "title": "ropes",
+            "sections": [
+                section("base", 0.5, supports=[{"name": "clamp", "kind": "clamped"}]),
+                section("first", 0.45, joint={**joint, "extension": OUT}),
+                section("second", 0.4, joint={**joint, "follows": "first", "ratio": SECOND, "offset": 0.1}),
+                section("fly", 0.35, joint={**joint, "follows": "second"})
+                | {"masses": [{"name": "load", "on": "tip", "mass": TIP}]},
+            ],
+            "gravity": {"inclination": 30.0},
+            "time": {"end": 3.0, "step": 1e-3},
+            "compare": {"against": []},
+        }
+    )
+    check(found)
+    return found
+
+
+@pytest.fixture(scope="module")
+def simulated() -> tuple[Scene, pmr.Response, np.ndarray]:
+    scene = boom()
+    system = pmr.reduce(scene).system
+    masses = np.array([7850.0 * part.body.box.length * 0.006 * 2 * (2 * height - 0.1)
+                       for part, height in zip(scene.sections[1:], (0.45, 0.4, 0.35), strict=True)])  # fmt: skip
+    masses[-1] += TIP
+    return scene, pmr.simulate(scene, system), masses
+
+
+def test_a_rope_bears_what_follows_it_and_the_cylinder_bears_all(simulated) -> None:
+    """At rest, by statics: a weight counts by how far it moves where the cylinder moves by one."""
+    scene, response, masses = simulated
+    found, along = ropes.forces(scene, response), masses * G / 2.0
+    fly, second = along[2], along[1] + 2.0 * along[2]
+    first = along.sum() + SECOND * second
+    at_rest = [found[name][0] for name in ("first", "second", "fly")]
+    assert at_rest == pytest.approx([first, second, fly], rel=1e-6)
+
+
+def test_the_cylinder_gives_the_work_that_raises_all_sections(simulated) -> None:
+    scene, response, masses = simulated
+    drive, t = ropes.forces(scene, response)["first"], response.t
+    power = drive * scene.paths["first"].rate(t)
+    work = float((power[1:] + power[:-1]) @ np.diff(t) / 2.0)
+    tails = np.cumsum([np.ptp(scene.paths[name].value(t)) for name in scene.names[1:]])
+    assert work == pytest.approx(float(masses @ tails) * G / 2.0, rel=2e-4)
+
+
+def test_the_summary_and_the_report_have_them(simulated) -> None:
+    scene, response, _ = simulated
+    said = ropes.part(scene, response).figures["ropes"]
+    assert [(one["name"], one["follows"]) for one in said] == [("first", None), ("second", "first"), ("fly", "second")]
+    assert "power" in said[0] and "power" not in said[1]
+    assert Extremes.from_summary(said[0]["force"]).summary() == said[0]["force"]
+
+    class Result:
+        summary, coordinate = {"ropes": said}, "s"
+
+    (grid,) = reported._ropes(Result())
+    assert [row[0] for row in grid.rows] == ["cylinder of first", "rope of second", "rope of fly"]
+
+
+def test_where_nothing_follows_there_are_none(simulated) -> None:
+    assert ropes.forces(pmr.load_scene("boom_four"), simulated[1]) == {}

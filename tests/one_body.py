@@ -1,0 +1,138 @@
+"""A body alone, simulated and evaluated as the system of one, with its path coordinate and all of its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare import evaluation
+from pmr.results import Energy, Response
+from pmr.scene.names import ALONE
+from pmr.simulation import Excitation, InitialState, Progress, balance, exudyn
+from pmr.simulation.modal import ModalForm, support_forces
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.systems import Observation
+from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.states import BodyStates
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+Simulate = Callable[..., "Motion"]
+
+
+@dataclass(frozen=True)
+class Motion(Trajectory):
+    """With the path coordinate (T,) and multipliers of all rows, those of held coordinates among them."""
+
+    peaks: Array | None = None
+    parts: NDArray[np.int64] | None = None
+
+    def at(self, steps: Any) -> Motion:
+        arrays = {name: value[steps] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return replace(self, **arrays)
+
+
+def simulate(
+    body: SlidingBody,
+    excitation: Excitation,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+    by: Callable[..., SystemTrajectory] = systems.simulate,
+    **more: Any,
+) -> Motion:
+    system, excitation = System.of(body), excitation.on_slider
+    start = systems.start_of(system, excitation, None if initial is None else {ALONE: initial})
+    return motion(body, by(system, excitation, start, progress, **more), excitation)
+
+
+def in_exudyn(
+    body: SlidingBody,
+    excitation: Excitation,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+    formulation: str = "springs",
+) -> Motion:
+    return simulate(body, excitation, initial, progress, exudyn.simulate_system, formulation=formulation)
+
+
+def simulate_modal(
+    form: ModalForm, excitation: Excitation, initial: InitialState | None = None, progress: Progress | None = None
+) -> Motion:
+    """In modal coordinates."""
+    alone, excitation = SystemForm.alone(form), excitation.on_slider
+    start = systems.start_of(alone.system, excitation, None if initial is None else {ALONE: initial})
+    return motion(form.body, systems.simulate_form(alone, excitation, start, progress), excitation)
+
+
+def observe(
+    form: ModalForm, excitation: Excitation, outputs: Sequence[int] | None = None, every: int = 1
+) -> Observation:
+    form.body.ensure_whole("model")
+    return systems.observe(SystemForm.alone(form), excitation.on_slider, outputs, every)
+
+
+def motion(body: SlidingBody, found: SystemTrajectory, excitation: Excitation) -> Motion:
+    alone, contacts = found.bodies[ALONE], _contacts(body)
+    multipliers, s = np.zeros((len(found.t), len(body.row_names))), excitation.along(body.domain)
+    multipliers[:, contacts] = found.forces
+    if body.held:
+        assert body.reactions is not None
+        held = Trajectory(found.t, alone.q, alone.v, multipliers, s, found.seconds)
+        of_rows = [body.reactions.names.index(body.row_names[k]) for k in body.held]
+        multipliers[:, list(body.held)] = support_forces(body, held, found.loads)[:, of_rows]
+    peaks = None
+    if not np.isnan(body.row_clearance).all():
+        peaks = multipliers.copy()
+        peaks[:, contacts] = found.peaks
+    parts = None if peaks is None else found.parts
+    return Motion(found.t, alone.q, alone.v, multipliers, s, found.seconds, found.surplus, peaks, parts)
+
+
+def respond(body: SlidingBody, found: Trajectory, path_rate: Array, loads: Array) -> Response:
+    system, contacts = System.of(body), _contacts(body)
+    forces, peaks = found.multipliers[:, contacts], getattr(found, "peaks", None)
+    places = [found.s if one.inner.path else np.full_like(found.s, one.inner.at) for one in system.contacts]
+    x = np.column_stack([np.empty((len(found.t), 0)), *places])
+    account = balance.Account(body, len(found.t) - 1)
+    account.add(0, found, loads)
+    whole = SystemTrajectory(
+        t=found.t,
+        bodies={ALONE: Trajectory(found.t, found.q, found.v, system.pressed(ALONE, forces), x, found.seconds)},
+        forces=forces,
+        peaks=forces if peaks is None else peaks[:, contacts],
+        loads=loads,
+        energy=account.stored,
+        work=account.work,
+        seconds=found.seconds,
+        surplus=found.surplus,
+        rates=np.asarray(path_rate)[:, None],
+    )
+    return evaluation.respond(system, whole)
+
+
+def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:
+    """Outputs O q + W f - X(s) lambda, (T, o)."""
+    result = np.asarray((body.outputs @ q.T).T)
+    return result if body.flexibility is None else result + body.flexibility.displacement(s, multipliers, loads)
+
+
+def energy(body: SlidingBody, found: Trajectory, loads: Array) -> Energy:
+    account = balance.Account(body, len(found.t) - 1)
+    account.add(0, found, loads)
+    kinetic = balance.half_form(body.M, found.v)
+    return Energy(kinetic, account.stored - kinetic, balance.potential(body, found, loads))
+
+
+def states(body: SlidingBody, found: Trajectory, loads: Array) -> BodyStates:
+    """All rows are at the same place of the path."""
+    s = np.repeat(found.s[:, None], len(body.row_names), axis=1)
+    return BodyStates(found.t, s, found.q, found.v, found.multipliers, loads, body.row_names)
+
+
+def _contacts(body: SlidingBody) -> list[int]:
+    return [number for number in range(len(body.row_names)) if number not in body.held]
