@@ -188,6 +188,11 @@ def test_every_example_is_checked_and_short() -> None:
     assert max(map(len, scripts.values())) < 100
 
 
+def test_every_example_has_its_place_in_the_gallery() -> None:
+    places = runpy.run_path(str(EXAMPLES.parent / "_ext" / "gallery.py"))["EXAMPLES"]
+    assert sorted(places) == sorted(file.stem for file in EXAMPLES.glob("*.py"))
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", CHECKS)
