@@ -15,7 +15,7 @@ from pmr.constraints.polynomials import product, total
 from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import free_dropped, freed, inner, sparse, times
+from pmr.fem.distributed import free_dropped, inner, times
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.attachment import RICHER
@@ -25,7 +25,7 @@ from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncated
 from pmr.reduction.basis import Basis
 from pmr.reduction.galerkin import RANK_CHECKS, galerkin, without_rows
-from pmr.reduction.residual.operator import ResidualFlexibility
+from pmr.reduction.residual.operator import ResidualFlexibility, terms
 from pmr.reduction.residual.tables import LoadFlexibility, carrier_loads, load_flexibility, load_powers, meeting, tables
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.scene.members import TAIL
@@ -252,10 +252,7 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
     model, rigid, bound = residual.model, residual.rigid, ROUND_OFF * np.finfo(float).eps
 
     def size(whole: PETSc.Mat) -> Array:
-        of_entries = sparse(abs(local_csr(whole)), whole, columns=whole.getLocalSize()[1])
-        found = inner(np.abs(V), times(of_entries, np.abs(V)), model.comm)
-        freed(of_entries)
-        return found
+        return inner(np.abs(V), terms(whole, V), model.comm)
 
     def cleaned(A: Array, terms: Array) -> Array:
         lost = np.abs(A) <= bound * terms
