@@ -167,6 +167,17 @@ def crane_on_turret(found: Found) -> None:
 
 
 @figures_of
+def load_chart(found: Found) -> None:
+    lighter, heavier = (
+        [(row["governed by"], float(row["load [kg]"])) for row in rows] for rows in found["charts"].values()
+    )
+    assert {name for name, _ in lighter} == {"luffing cylinder", "tip", "tipping"}
+    for (limit, load), (other, more) in zip(lighter, heavier, strict=True):
+        assert more > load if limit == "tipping" else (other, more) == (limit, load)
+    assert "What the crane carries" in found["report"] and "<svg" in found["report"]
+
+
+@figures_of
 def tip_damping(found: Found) -> None:
     alone, controlled = found["swings"].values()
     assert controlled < 0.5 * alone > 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import shlex
@@ -92,6 +93,34 @@ def test_a_crane_from_an_empty_folder(
     buckling = second["buckling"]
     assert f"{buckling['t']:.1f} s, all axial" in page and f"grow {buckling['factor']:.0f} times" in page
     assert (folder / "fields" / "fields.pvd").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
+def test_a_load_chart_from_an_empty_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page, (study,) = (PAGES / "load_chart.md").read_text(), blocks("load_chart.md", "toml")
+    (tmp_path / "chart.toml").write_text(study)
+    monkeypatch.chdir(tmp_path)
+    for command in blocks("load_chart.md"):
+        done = called(monkeypatch, capsys, *shlex.split(command)[1:])
+        assert done.returncode == 0, done.stderr
+    stable, found = (
+        json.loads((tmp_path / "reports" / name / "summary.json").read_text()) for name in ("chart_mine", "chart")
+    )
+    assert stable["figures"]["never.stability"] == stable["figures"]["points"] == 120
+    figures = found["figures"]
+    assert f"at {figures['governs.luffing cylinder']} of {figures['points']} points" in page
+    assert f"tipping at {figures['governs.tipping']}, the deflection of the tip at {figures['governs.tip']}." in page
+    assert figures["governs.pads"] == 0
+    with (tmp_path / "reports" / "chart" / "chart.csv").open() as file:
+        loads = {row["radius [m]"]: round(float(row["load [kg]"])) for row in csv.DictReader(file)}
+    assert f"carries {min(loads.values()):,.0f} kg to {max(loads.values()):,.0f} kg" in page
+    assert loads["15"] == min(loads.values())
+    (code,), (shown,) = blocks("load_chart.md", "python"), blocks("load_chart.md", "text")
+    by_hand = python("-c", code, cwd=tmp_path)
+    assert by_hand.stdout == shown and f"{loads['15']:.0f} kg\n" == shown
 
 
 @pytest.mark.slow

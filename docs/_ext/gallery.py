@@ -11,8 +11,8 @@ from typing import Any
 #: In which order examples are shown.
 EXAMPLES = (
     "sliding_beam", "own_beam", "residual_flexibility", "saved_model", "study", "accuracy", "pushing_pads", "crane",
-    "crane_on_turret", "shell_boom", "weld", "sections", "own_mesh", "matrices", "real_time", "velocity_feedback",
-    "tip_damping", "driven_extension", "fmu", "own_basis",
+    "crane_on_turret", "load_chart", "shell_boom", "weld", "sections", "own_mesh", "matrices", "real_time",
+    "velocity_feedback", "tip_damping", "driven_extension", "fmu", "own_basis",
 )  # fmt: skip
 FRAME = """
 .. raw:: html

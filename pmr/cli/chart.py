@@ -54,7 +54,7 @@ def chart(
     from pmr.scene import load_any
 
     file = scene_file(scene)
-    folder = out_dir or Path("reports", f"chart_{file.stem}")
+    folder = out_dir or Path("reports", f"chart_{scene.resolve().name if scene.is_dir() else file.stem}")
     ensure_writable(folder)
     written = folder / STUDY
     if not written.exists():

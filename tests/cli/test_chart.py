@@ -36,3 +36,11 @@ def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
         {"middle": 0.6, "fly": 0.6}, {"middle": 4.5, "fly": 4.5},
     )  # fmt: skip
     assert (asked.luffing.least, asked.luffing.most) == (10.0, 60.0)
+
+
+def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setattr("pmr.cli.chart.study", lambda *_, **__: None)  # written, not computed
+    monkeypatch.chdir(tmp_path)
+    called(monkeypatch, capsys, "new", "crane", "mine")
+    called(monkeypatch, capsys, "chart", "mine", "--up-to", "20000")
+    assert (tmp_path / "reports" / "chart_mine" / "chart.toml").is_file()
