@@ -1,4 +1,4 @@
-"""What other installed packages add: signals and export formats, by entry points of their distributions."""
+"""What other installed packages add: signals, export formats and limits, by entry points of their distributions."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pmr.errors import InputError
 GROUPS = {
     "pmr.signals": "a subclass of pmr.scene.signals.SignalBase whose `kind` is the entry point's name",
     "pmr.exports": "a pmr.export.formats.Format",
+    "pmr.limits": "a function of a pmr.studies.limits.AtRest that returns a number",
 }
 
 

@@ -9,20 +9,22 @@ frequency                                 :math:`\gamma f_{least} / f`, the load
 overturning                               :math:`\gamma M_{load} / M_{rest}` about each edge of the polygon
 luffing                                   :math:`\gamma |M / a| / F_{most}`, moment about the pivot over the arm of
                                           `frame.cylinder`, the load at the deflected tip
+function                                  :math:`\gamma |r| / r_{most}` of what a user's function makes of `AtRest`
 ========================================  ==================================================================
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from pmr.errors import InputError
+from pmr.errors import InputError, plugins
 from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.simulation.postures import HOOK, WEIGHT, Postures
@@ -49,6 +51,17 @@ MISES = {
 }
 
 
+@dataclass(frozen=True)
+class AtRest:
+    """The boom in equilibrium under a load: what a function of the entry points `pmr.limits` is given."""
+
+    load: float  # kg
+    luffing: float  # rad
+    slewing: float  # rad
+    outputs: Mapping[str, float]  # m or Pa by name: the tip along the boom's axes, stresses at probes
+    forces: Mapping[str, float]  # N or N m of pads and cylinders by name, positive where they push
+
+
 class Mass(BaseModel):
     """A part of the machine below the boom."""
 
@@ -69,10 +82,23 @@ class Limit(BaseModel):
 
     name: str = Field(min_length=1, description="What its column is called")
     of: Literal[
-        "stress", "pad", "cylinder", "support", "luffing", "deflection", "buckling", "frequency", "overturning"
+        "stress",
+        "pad",
+        "cylinder",
+        "support",
+        "luffing",
+        "deflection",
+        "buckling",
+        "frequency",
+        "overturning",
+        "function",
     ] = Field(description="What is limited")
+    function: str | None = Field(
+        default=None, description="Name of a function that an installed package offers as an entry point `pmr.limits`"
+    )
     most: Positive | None = Field(
-        default=None, description="Largest amount: von Mises stress in Pa, force in N, deflection in m"
+        default=None,
+        description="Largest amount: von Mises stress in Pa, force in N, deflection in m, or what the function returns",
     )
     least: Positive | None = Field(default=None, description="Smallest amount: buckling factor, frequency in Hz")
     factor: Positive = Field(default=1.0, description="Of safety, of the user's own choice")
@@ -100,6 +126,8 @@ class Limit(BaseModel):
             raise ValueError("overturning needs a polygon with an area, and masses of the machine")
         if self.area is not None and self.of != "pad":
             raise ValueError("area belongs to a limit of pads")
+        if (self.function is not None) != (self.of == "function"):
+            raise ValueError("function belongs to a limit of 'function', which needs one")
         return self
 
     def share(self, at: Postures, k: int, amounts: Sequence[float], gravity: float) -> Callable[[State], float]:
@@ -123,6 +151,9 @@ class Limit(BaseModel):
         if self.of == "luffing":
             pressed = self._luffing(at, k, np.asarray(amounts))
             return lambda state: abs(pressed(state)) / allowed
+        if self.of == "function":
+            amount = self._own(at, k)
+            return lambda state: abs(amount(state)) / allowed
         outputs, contacts = self._looked_at(at)
         if self.of == "deflection":
             return lambda state: float(np.linalg.norm(state.outputs[outputs])) / allowed
@@ -141,6 +172,8 @@ class Limit(BaseModel):
         if self.of == "luffing" and (scene.frame is None or scene.frame.cylinder is None):
             allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"
             raise InputError("study", f"limits.{self.name}.of", self.of, allowed)
+        if self.of == "function":
+            self._function()
         if self.of not in NAMED:
             return
         known = [
@@ -152,6 +185,35 @@ class Limit(BaseModel):
         known = known if self.of == "stress" else list(force_names(scene)[self.of])
         if not all(any(fnmatchcase(name, pattern) for name in known) for pattern in self.which):
             raise self._nothing(known)
+
+    def _function(self) -> Callable[[AtRest], float]:
+        offered = plugins.offered("pmr.limits", frozenset())
+        found: Any = offered.get(self.function or "")
+        if found is None:
+            known = f"one of {', '.join(sorted(offered))}" if offered else "none: no package offers any"
+            raise InputError("study", f"limits.{self.name}.function", self.function, f"{known} is allowed")
+        if not callable(found):
+            raise plugins.refused("pmr.limits", self.function or "")
+        return cast(Callable[[AtRest], float], found)
+
+    def _own(self, at: Postures, k: int) -> Callable[[State], float]:
+        """What the user's function makes of states; anything but a number is refused."""
+        function, luffing, slewing = self._function(), float(at.luffing[k]), float(at.slewing[k])
+
+        def amount(state: State) -> float:
+            outputs = dict(zip(at.output_names, state.outputs.tolist(), strict=True))
+            forces = dict(zip(at.force_names, state.forces.tolist(), strict=True))
+            try:
+                found = float(function(AtRest(state.load, luffing, slewing, outputs, forces)))
+            except (ArithmeticError, KeyError, TypeError, ValueError) as error:
+                raise InputError(
+                    "study", f"limits.{self.name}.function", self.function, f"it failed: {error!r}"
+                ) from None
+            if np.isnan(found):
+                raise InputError("study", f"limits.{self.name}.function", self.function, "it returned no number")
+            return found
+
+        return amount
 
     def _looked_at(self, at: Postures) -> tuple[list[int], list[int]]:
         """Numbers of outputs and of contacts."""

@@ -12,6 +12,7 @@ import pytest
 from finished import finished
 
 from pmr.errors import InputError
+from pmr.errors.plugins import offered
 from pmr.report.studies.document import page
 from pmr.scene import load_any
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
@@ -170,6 +171,47 @@ def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyRes
     text = page(folder)
     assert text.count("<title>radius") == 12
     assert "Limits, the number of points" in text and "It carries " in text
+
+
+OWN = """
+def largest_pad(at):
+    return max(abs(force) for name, force in at.forces.items() if "ring" not in name and "cylinder" not in name)
+
+def nothing(at):
+    return at.forces["none such"]
+"""
+ASKED = """
+[[limits]]
+name = "own"
+of = "function"
+function = "largest pad"
+most = 60e3
+factor = 1.5
+"""
+
+
+def test_a_limit_of_the_users_own_is_what_its_function_says(
+    small: StudyResults, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A function that does what a limit of pads does allows the same; one that is not there or fails is named."""
+    (tmp_path / "own_limits.py").write_text(OWN)
+    info = tmp_path / "own_limits-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own-limits\nVersion: 1.0\n")
+    points = "[pmr.limits]\nlargest pad = own_limits:largest_pad\nnothing = own_limits:nothing\n"
+    (info / "entry_points.txt").write_text(points)
+    monkeypatch.syspath_prepend(tmp_path)
+    offered.cache_clear()
+    (tmp_path / "scene.toml").write_text(SCENE)
+    try:
+        finished(tmp_path, STUDY.replace("[[cases]]", f"{ASKED}\n[[cases]]", 1))
+        assert [row["own [kg]"] for row in rows(tmp_path)] == [row["pads [kg]"] for row in rows(folder)]
+        assert any(row["own [kg]"] for row in rows(tmp_path)) and "function" in page(tmp_path)
+        limit = Limit(name="own", of="function", function="nowhere", most=1.0)
+        with pytest.raises(InputError, match="own.function = 'nowhere': one of largest pad, nothing is allowed"):
+            limit.check(load_any(tmp_path / "scene.toml"))
+    finally:
+        offered.cache_clear()
 
 
 def test_full_order_agrees_within_the_error_bars(tmp_path: Path) -> None:
