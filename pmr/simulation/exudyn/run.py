@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.scene.simulators import refuse
 from pmr.simulation import balance
-from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.contact_step import as_made, contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, followed
 from pmr.simulation.exudyn.equations import Equations
@@ -21,12 +21,28 @@ from pmr.simulation.exudyn.quasi_static import rates, with_quasi_static
 from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, solve, solver_settings, stored
 from pmr.simulation.exudyn.terms import with_terms
 from pmr.simulation.lengths import Lengths
+from pmr.simulation.modal import LARGEST
+from pmr.simulation.native import systems
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.body import Trajectory
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
+
+
+def lengths(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> Lengths:
+    """The parts of each step: one; with contacts that only push those asked for, or those that `march` chooses.
+
+    Of bodies too large for `march` all are as many as resolve the contacts.
+    """
+    if np.isnan(system.clearance).all():
+        return Lengths.of(excitation.stepping, 0.0)
+    omega, stepping = contact_frequency(system, excitation), excitation.stepping
+    chosen = stepping.parts or stepping.schedule
+    if omega and not chosen and max(body.size for body in system.bodies.values()) <= LARGEST:
+        stepping = as_made(stepping, systems.simulate(system, excitation, initial).parts, omega)
+    return Lengths.of(stepping, omega)
 
 
 class Run:
@@ -37,12 +53,11 @@ class Run:
     ) -> None:
         self.system, self._excitation, self._formulation = system, excitation, formulation
         self._equations = Equations(system)
-        pushes = not np.isnan(system.clearance).all()
-        self._lengths = Lengths.of(excitation.stepping, contact_frequency(system, excitation) if pushes else 0.0)
-        self._inputs = TabulatedInputs(self._equations, excitation, self._lengths)
         name, add = FORMULATIONS[formulation]
-        self._needs = self._equations.needs(self._inputs.x, excitation.stepping.rho_inf)
+        self._needs = self._equations.needs(self._equations.visited(excitation), excitation.stepping.rho_inf)
         refuse(name, self._needs)
+        self._lengths = lengths(system, excitation, initial)
+        self._inputs = TabulatedInputs(self._equations, excitation, self._lengths)
         s, rates = (dict(zip(excitation.paths, at[0].tolist(), strict=True)) for at in (excitation.s, excitation.rates))
         start = self._equations.start(s, rates, initial)
         self._container = exu.SystemContainer()  # owns the mbs: must stay alive

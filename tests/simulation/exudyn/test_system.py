@@ -77,6 +77,19 @@ def test_pads_that_only_push() -> None:
     assert off[1] < 0.5 * off[0] and off[1] < 1e-3
 
 
+@pytest.mark.slow
+def test_by_itself_it_makes_each_step_in_the_parts_that_march_does() -> None:
+    """So that the two meet within what a part may err."""
+    system = reduced(Nested(2, elements=12, clearance=2e-4, compliance=1e-6), 3)
+    given = driven(system, lift=4e4)
+    start = systems.static_start(system, given)
+    found, expected = simulate_system(system, given, start), systems.simulate(system, given, start)
+    np.testing.assert_array_equal(found.parts, expected.parts)
+    assert len(set(expected.parts)) > 2
+    y, line = (systems.displacements(system, one)["1"] for one in (found, expected))
+    assert np.abs(y - line).max() < 1e-3 * np.abs(line).max()
+
+
 def test_what_is_refused() -> None:
     rigid = full(Nested(2, elements=6, compliance=0.0, clearance=0.0))
     with pytest.raises(InputError, match="only push and are rigid"):
