@@ -14,9 +14,8 @@ of `pmr.scene.frame`.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Iterable
+from functools import lru_cache
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -25,95 +24,20 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import inertia_fields, parts_of
-from pmr.scene.frame import INERTIA, Frame, rotation
+from pmr.scene.frame import INERTIA, Frame
 from pmr.scene.frame_terms import FrameTerm, frame_terms
-from pmr.scene.joints import Linear
 from pmr.scene.members import Member, member_at
+from pmr.scene.names import input_of
 from pmr.scene.section import Direction
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Floats
 from pmr.simulation.acceleration import Acceleration
+from pmr.simulation.products import Product, Products, Quantity, evaluated, of_field, of_rotation
+from pmr.simulation.turning import Turning
 
 Array = NDArray[np.float64]
 #: In which the least and the largest amplitude are looked for.
 SAMPLES = 10_001
-
-
-@dataclass(frozen=True)
-class Turning:
-    """Angular velocity (T, 3) in rad/s and acceleration (T, 3) of the frame in its axes, and its rotation (T, 3, 3)."""
-
-    velocity: Array
-    acceleration: Array
-    rotation: Array  # from its axes into those of the ground
-
-    @classmethod
-    def of(cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()) -> Turning:
-        """At the times t (T,) s, on a base that rolls, pitches and yaws by `rocking`, or keeps its direction."""
-        own = cls._on_base(luffing, slewing, t)
-        if not rocking:
-            return own
-        base = _rocked(rocking, t)
-        velocity, acceleration = (
-            np.einsum("tji,tj->ti", own.rotation, one) for one in (base.velocity, base.acceleration)
-        )
-        return cls(
-            velocity + own.velocity,
-            acceleration + np.cross(velocity, own.velocity) + own.acceleration,
-            base.rotation @ own.rotation,
-        )
-
-    @classmethod
-    def _on_base(cls, luffing: SignalBase, slewing: SignalBase, t: Array) -> Turning:
-        phi, rise, second = luffing.value(t), luffing.rate(t), luffing.second_rate(t)
-        turn, faster = slewing.rate(t), slewing.second_rate(t)
-        sine, cosine = np.sin(phi), np.cos(phi)
-        return cls(
-            np.stack([turn * sine, -rise, turn * cosine], axis=-1),
-            np.stack(
-                [faster * sine + turn * rise * cosine, -second, faster * cosine - turn * rise * sine],
-                axis=-1,
-            ),
-            rotation(phi, slewing.value(t)),
-        )
-
-    @property
-    def up(self) -> Array:
-        """The vertical (T, 3), in its axes."""
-        return self.rotation[:, 2]
-
-    @cached_property
-    def gradient(self) -> Array:
-        """A (T, 3, 3) in 1/s^2."""
-        spin = _crossing(self.velocity)
-        return _crossing(self.acceleration) + spin @ spin
-
-
-def _rocked(rocking: Sequence[SignalBase], t: Array) -> Turning:
-    """A base that rolls by a, pitches by b and yaws by c, :math:`R_Z(c) R_Y(b) R_X(a)`, in its own axes."""
-    (a, b, c), (a1, b1, c1), (a2, b2, c2) = (
-        [getattr(angle, what)(t) for angle in rocking] for what in ("value", "rate", "second_rate")
-    )
-    (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
-    velocity = np.stack([a1 - c1 * sb, b1 * ca + c1 * sa * cb, c1 * ca * cb - b1 * sa], axis=-1)
-    acceleration = np.stack(
-        [
-            a2 - c2 * sb - c1 * b1 * cb,
-            b2 * ca - b1 * a1 * sa + c2 * sa * cb + c1 * a1 * ca * cb - c1 * b1 * sa * sb,
-            c2 * ca * cb - c1 * a1 * sa * cb - c1 * b1 * ca * sb - b2 * sa - b1 * a1 * ca,
-        ],
-        axis=-1,
-    )
-    one, none = np.ones_like(a), np.zeros_like(a)
-    roll = np.moveaxis(np.array([[one, none, none], [none, ca, -sa], [none, sa, ca]]), -1, 0)
-    return Turning(velocity, acceleration, rotation(-b, c) @ roll)
-
-
-def _crossing(vectors: Array) -> Array:
-    """Matrices (T, 3, 3) whose product with r is v x r."""
-    x, y, z = vectors.T
-    none = np.zeros_like(x)
-    return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(-1, 3, 3)
 
 
 @lru_cache(maxsize=2)
@@ -154,7 +78,25 @@ class OfFrame(SignalBase):
         return float(values.min()), float(values.max())
 
 
-class OfAngles(OfFrame):
+class Amplitude(OfFrame):
+    """A sum of products of what drives the frame (`pmr.simulation.products`)."""
+
+    @property
+    @abstractmethod
+    def products(self) -> Products:
+        """What it is the sum of."""
+
+    @abstractmethod
+    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
+        """Those that its products have, by themselves, at the times t (T,) s."""
+
+    def value(self, t: ArrayLike) -> Array:
+        at = np.asarray(t, float)
+        times = at.ravel()
+        return evaluated(self.products, self.quantities(times), times).reshape(at.shape)
+
+
+class OfAngles(Amplitude):
     """What follows from the frame's angles, those of its base among them."""
 
     luffing: SignalBase
@@ -168,6 +110,21 @@ class OfAngles(OfFrame):
     def turning(self, t: Array) -> Turning:
         """At the times t (T,) s."""
         return _turning(self.luffing, self.slewing, t.tobytes(), self.rocking)
+
+    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
+        turning = self.turning(t)
+        of = {
+            "turned": turning.rotation,
+            "velocity": turning.velocity,
+            "turning": turning.acceleration,
+            "gradient": turning.gradient,
+        }
+
+        def found(one: Quantity) -> Array:
+            at: Any = (slice(None), *one[1:])
+            return np.asarray(of[str(one[0])][at])
+
+        return found
 
 
 class Shaken(OfFrame):
@@ -198,25 +155,21 @@ class Motion(OfAngles):
     def signals(self) -> tuple[SignalBase, ...]:
         return (*super().signals, self.gravity, *self.paths, *self.base)
 
-    def value(self, t: ArrayLike) -> Array:
-        at = np.asarray(t, float)
-        return (self.factor * self._component(at.ravel())).reshape(at.shape)
+    @property
+    def products(self) -> Products:
+        return of_field(self.field, len(self.paths), self.pivot, bool(self.base), self.factor)
 
-    def _component(self, t: Array) -> Array:
-        turning, along = self.turning(t), "xyz".index(self.field[0])
-        if len(self.field) == 2:
-            return np.asarray(turning.gradient[:, along, "xyz".index(self.field[1])])
-        place = np.array(self.pivot) + self._sum(t, "value")[:, None] * np.eye(3)[0]
-        speed = self._sum(t, "rate")
-        _, y, z = turning.velocity.T
-        across = (np.zeros_like(y), z, -y)[along]  # of the angular velocity x e_x
-        found = self.gravity.value(t) * turning.up[:, along] + 2.0 * across * speed
-        found += np.einsum("tk,tk->t", turning.gradient[:, along], place)
-        for axis, acceleration in enumerate(self.base):
-            found += turning.rotation[:, axis, along] * acceleration.value(t)
-        if along == 0 and self.paths:
-            found += Acceleration(paths=self.paths, step=self.step).value(t)
-        return np.asarray(found)
+    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
+        of_angles = super().quantities(t)
+
+        def found(one: Quantity) -> Array:
+            if one[0] == "gravity":
+                return np.asarray(self.gravity.value(t))
+            if one[0] == "shaken":
+                return np.asarray(self.base[int(one[1])].value(t))
+            return self._reach(t, int(one[2])) if one[0] == "reach" else of_angles(one)
+
+        return found
 
     def highest_frequency(self, start: float, end: float) -> float:
         """Of angles and paths twice theirs; what shakes the base is turned with the frame."""
@@ -227,8 +180,10 @@ class Motion(OfAngles):
         )
         return max(2.0 * slow, shaken + slow if shaken else 0.0)
 
-    def _sum(self, t: Array, what: str) -> Array:
-        return np.sum([np.zeros_like(t), *(getattr(path, what)(t) for path in self.paths)], axis=0)
+    def _reach(self, t: Array, order: int) -> Array:
+        if order == 2:
+            return Acceleration(paths=self.paths, step=self.step).value(t)
+        return np.asarray(np.sum([getattr(path, ("value", "rate")[order])(t) for path in self.paths], axis=0))
 
 
 class Rotation(OfAngles):
@@ -237,40 +192,41 @@ class Rotation(OfAngles):
     of: str  # `rotation`, `turning` or `carried`, as `pmr.scene.frame_terms` says
     component: str
 
-    def value(self, t: ArrayLike) -> Array:
-        at = np.asarray(t, float)
-        turning = self.turning(at.ravel())
-        along = ["xyz".index(k) for k in self.component]
-        if self.of == "carried":
-            same = along[0] == along[1]
-            product = np.prod(turning.velocity[:, along], axis=1)
-            found = product - np.sum(turning.velocity**2, axis=1) if same else 2.0 * product
-        else:
-            found = {"rotation": 2.0 * turning.velocity, "turning": turning.acceleration}[self.of][:, along[0]]
-        return np.asarray(found).reshape(at.shape)
+    @property
+    def products(self) -> Products:
+        return of_rotation(self.of, self.component)
 
 
-class Pushed(OfFrame):
-    """What a cylinder pushes with, over its length: minus an acceleration, or a load against it, over an extension."""
+class Pushed(Amplitude):
+    """What a cylinder pushes with, over its length: an acceleration or a load, times a factor, over it."""
 
-    acceleration: SignalBase
+    factor: float
+    of: SignalBase
     length: SignalBase
+    number: int  # of the section that it drives
+    name: str = ""  # of the load's input
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
-        return (self.acceleration, self.length)
+        return (self.of, self.length)
 
     def on_steps(self, step: float) -> Self:
-        return self.model_copy(update={"step": step, "acceleration": self.acceleration.on_steps(step)})
+        return self.model_copy(update={"step": step, "of": self.of.on_steps(step)})
 
-    def value(self, t: ArrayLike) -> Array:
-        return np.asarray(-self.acceleration.value(t) / self.length.value(t))
+    @property
+    def products(self) -> Products:
+        return tuple(one.times(self.factor, ("over", self.number)) for one in products_of(self.of, self.name))
+
+    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
+        known = self.of.quantities(t) if isinstance(self.of, Amplitude) else lambda one: np.asarray(self.of.value(t))
+        return lambda one: np.asarray(1.0 / self.length.value(t)) if one[0] == "over" else known(one)
 
 
 class AlongGround(OfAngles):
     """The part along an axis of the body of a force along an axis of the ground."""
 
     force: SignalBase
+    name: str  # of the load
     along: Literal["x", "y", "z"]  # the axis of the ground
     part: Literal["x", "y", "z"]  # that of the body
 
@@ -278,15 +234,23 @@ class AlongGround(OfAngles):
     def signals(self) -> tuple[SignalBase, ...]:
         return (*super().signals, self.force)
 
-    def value(self, t: ArrayLike) -> Array:
-        at = np.asarray(t, float)
-        turned = self.turning(at.ravel()).rotation
-        part = turned[:, "xyz".index(self.along), "xyz".index(self.part)].reshape(at.shape)
-        return np.asarray(part * self.force.value(at))
+    @property
+    def products(self) -> Products:
+        turned = ("turned", "xyz".index(self.along), "xyz".index(self.part))
+        return (Product(1.0, (turned, ("load", self.name))),)
+
+    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
+        of_angles = super().quantities(t)
+        return lambda one: np.asarray(self.force.value(t)) if one[0] == "load" else of_angles(one)
 
     def highest_frequency(self, start: float, end: float) -> float:
         """That of the force and of what turns it."""
         return sum(signal.highest_frequency(start, end) for signal in self.signals)
+
+
+def products_of(signal: SignalBase, name: str) -> Products:
+    """Of what drives an input or a term; the load of that name where it is a load as it is given."""
+    return signal.products if isinstance(signal, Amplitude) else (Product(1.0, (("load", name),)),)
 
 
 def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
@@ -294,13 +258,14 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
     found = dict[str, SignalBase]()
     for load in member.part.loads:
         for name, part in parts_of(member, load).items():
-            found[name] = load.signal if load.axes == "body" else _along_ground(scene, load, part)
+            found[name] = load.signal if load.axes == "body" else _along_ground(scene, member, load, part)
     return found
 
 
-def _along_ground(scene: Scene, load: Load, part: Direction) -> AlongGround:
+def _along_ground(scene: Scene, member: Member, load: Load, part: Direction) -> AlongGround:
     assert scene.frame is not None  # as the checks say
-    about = {"along": load.direction, "part": part, "step": scene.time.step}
+    name = input_of(scene.names[member.number], load.name)
+    about = {"name": name, "along": load.direction, "part": part, "step": scene.time.step}
     return AlongGround(force=load.signal, **_angles(scene.frame), **about)
 
 
@@ -354,12 +319,12 @@ def _signal(scene: Scene, term: FrameTerm) -> SignalBase:
         return motion_of(scene, term.number, term.component)
     if term.of == "load":
         return load_signals(scene, member_at(scene, term.number))[term.component]
-    if term.of == "cylinder":
-        carried = motion_of(scene, scene.names.index(term.carried), term.component)
-        return Pushed(acceleration=carried, length=scene.extension(term.number), step=scene.time.step)
-    if term.of == "cylinder load":
-        load = load_signals(scene, member_at(scene, scene.names.index(term.carried)))[term.component]
-        against = Linear(signal=load, ratio=-1.0, offset=0.0)
-        return Pushed(acceleration=against, length=scene.extension(term.number), step=scene.time.step)
+    if term.of in ("cylinder", "cylinder load"):
+        carried = scene.names.index(term.carried)
+        length = {"length": scene.extension(term.number), "number": term.number, "step": scene.time.step}
+        if term.of == "cylinder":
+            return Pushed(factor=-1.0, of=motion_of(scene, carried, term.component), **length)
+        load = load_signals(scene, member_at(scene, carried))[term.component]
+        return Pushed(factor=1.0, of=load, name=input_of(term.carried, term.component), **length)
     about = {"of": term.of, "component": term.component, "step": scene.time.step}
     return Rotation(**_angles(scene.frame), **about)

@@ -33,6 +33,7 @@ class Recorded:
     excitation: Excitation
     #: (i,) array: loads that a system starts with step by step, those at t = 0, and weight in full, however it rises
     first_loads: Array
+    scene: Scene | None = None  #: Where more is known than what moves a body alone
 
     @property
     def static(self) -> bool:
@@ -95,7 +96,7 @@ def of_boom(boom: Scene, system: System) -> Recorded:
     excitation = Excitation.of(boom)
     gravity = boom.gravity and boom.gravity.model_copy(update={"rise": 0.0})
     in_full = Excitation.of(boom.model_copy(update={"gravity": gravity}))
-    return Recorded(boom.title, excitation, in_full.forces(system.input_names)[0].copy())
+    return Recorded(boom.title, excitation, in_full.forces(system.input_names)[0].copy(), boom)
 
 
 def visited(system: System) -> dict[str, tuple[float, float]]:

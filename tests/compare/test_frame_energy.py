@@ -16,8 +16,8 @@ from pmr.compare.pivot import at_pivot
 from pmr.compare.simulated import excitation_in
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.simulation.frame import Turning
 from pmr.simulation.native import systems
+from pmr.simulation.turning import Turning
 from pmr.system.system import System
 
 pytestmark = pytest.mark.slow  # seconds each

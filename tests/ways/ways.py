@@ -30,6 +30,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native import systems
 from pmr.simulation.recorded import recorded
 from pmr.studies.files import kind_names
@@ -146,23 +147,40 @@ def stepper(subject: Subject) -> None:
     system, scene = subject.system, subject.scene
     rho = min(scene.time.rho_inf, 0.9)
     excitation = Excitation.of(scene).with_stepping(TimeStepping(scene.time.end, scene.time.step, rho, parts=1))
-    s, f = excitation.s, excitation.forces(system.input_names)
+    (start, *given), y = stepper_inputs(system, excitation), simulated_outputs(system, excitation)
     with refusals():
-        one = pmr.Stepper(system, scene.time.step, s[0] if len(s[0]) > 1 else s[0, 0], f[0], rho)
-    y = simulated_outputs(system, excitation)
-    found = [one.step(at if len(at) > 1 else at[0], loads).copy() for at, loads in zip(s[1:], f[1:], strict=True)]
+        one = pmr.Stepper(system, scene.time.step, *start[:2], rho, frame=start[2] if len(start) > 2 else None)
+    found = [one.step(*inputs).copy() for inputs in given]
     moved = np.concatenate([length_outputs(body) for body in system.bodies.values()])
     size = np.abs(y[:, moved]).max()
     np.testing.assert_allclose(np.array(found)[:, moved], y[1:, moved], rtol=0.0, atol=1e-9 * size)
 
 
+def stepper_inputs(system: System, excitation: Excitation) -> list[tuple[Any, ...]]:
+    """Paths and loads at all steps; in a frame how paths and angles move."""
+    if (frame := MovingFrame.of(system)) is None:
+        s, f = excitation.s, excitation.forces(system.input_names)
+        return [(at if len(at) > 1 else at[0], loads) for at, loads in zip(s, f, strict=True)]
+    found = []
+    for t in excitation.times:
+        motions = dict(zip(frame.drivers, frame.motions(excitation, t).T, strict=True))
+        found.append(
+            (
+                {name: motions[name] for name in frame.paths},
+                {name: motions[name][0] for name in frame.loads},
+                {name: motions[name] for name in (*frame.angles, *frame.axes)},
+            )
+        )
+    return found
+
+
 def simulated_outputs(system: System, excitation: Excitation) -> Array:
     """Of the compiled simulator, (T, o): a body alone from rest, sections from equilibrium."""
-    if "" in system.bodies:
+    if "" in system.bodies and not system.terms:
         model = system.reduced[""]
         found, f = one_body.simulate(model, excitation), excitation.forces(model.input_names)
         return displacement(model, found.q, found.s, found.multipliers, f)
-    start = systems.static_start(system, excitation)
+    start = {} if "" in system.bodies else systems.static_start(system, excitation)
     return np.hstack(list(systems.displacements(system, systems.simulate(system, excitation, start)).values()))
 
 

@@ -59,9 +59,18 @@ class Steps:
 
 
 class March:
-    """One simulation; arguments and errors as for `pmr.simulation.SystemSimulator`."""
+    """One simulation; arguments and errors as for `pmr.simulation.SystemSimulator`.
 
-    def __init__(self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState]) -> None:
+    Amplitudes of terms (., K) that others are multiples of are found by those of the excitation, or by `amplitudes`.
+    """
+
+    def __init__(
+        self,
+        form: SystemForm,
+        excitation: Excitation,
+        initial: Mapping[str, InitialState],
+        amplitudes: Array | None = None,
+    ) -> None:
         system, stepping = form.system, excitation.stepping
         self.form, self.system, self.t, self.body = form, system, excitation.times, form.on_tables
         if self.body is not None and excitation.paths:
@@ -75,9 +84,10 @@ class March:
             parts = contact_step.levels(omega, stepping)
         given = np.searchsorted(parts, stepping.schedule) if stepping.schedule else np.full(stepping.steps, -1)
         self.finest, self._given, self._sampling = parts[-1], None if parts == (1,) else given, 0.0
-        numbers, self._mix, matrices = signals(form, excitation.amplitudes(system.term_names))
+        told = excitation.amplitudes(system.term_names) if amplitudes is None else amplitudes
+        self._numbers, self._mix, matrices = signals(form, told)
         self._path, self._loads = tuple(excitation.paths.values()), in_order(excitation.loads, system.input_names)
-        self._terms = [in_order(excitation.terms, system.term_names, "term")[k] for k in numbers]
+        self._terms = [in_order(excitation.terms, system.term_names, "term")[k] for k in self._numbers]
         self._sliding = excitation.sliding(joints_of(form.modal.contacts))
         self._fine_step = stepping.divided(self.finest).step
         self._drive = s, f, c = self._sampled(0, stepping.steps, 1)
@@ -110,6 +120,10 @@ class March:
     def s(self) -> Array:
         """Path coordinates (T, P) in m at the steps."""
         return self._drive[0]
+
+    def mixed(self, c: Array) -> Array:
+        """Amplitudes (J,) as the loop takes them, from those of all terms (K,), without friction."""
+        return np.asarray(self._mix @ c[self._numbers])
 
     def outputs_at(self, s: Mapping[str, float], f: Array) -> Array:
         """Theirs (o,) of the present state where the paths lead to s m: O q + W f - X lambda."""

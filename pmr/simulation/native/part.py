@@ -92,9 +92,9 @@ def step_on_tables(
 
 
 @compiled
-def step_observed(loop: Loop, scheme: Scheme, outputs: Any, s: Array, f: Array, y: Array) -> int:
-    """One step to s (P,) under f (i,), and all outputs y (o,) of the bodies; as `advance` returns."""
-    failed = make_part(loop, scheme, s, f, None)
+def step_observed(loop: Loop, scheme: Scheme, outputs: Any, s: Array, f: Array, c: Any, y: Array) -> int:
+    """One step to s (P,) under f (i,) and c (K,) or None, and all outputs y (o,); as `advance` returns."""
+    failed = make_part(loop, scheme, s, f, c)
     if failed == 0:
         _observe_tables(loop.tables, outputs, loop.state, f, y)
         _observe_sides(loop.sides, outputs, loop, f, y)

@@ -9,6 +9,10 @@
     stepper = Stepper(System.load("system.npz"), step=1e-3, s={"fly": 1.5}, outputs=["fly: w(6)"])
     while running:
         y = stepper.step({"fly": s}, {"fly.tip force": F})
+
+    stepper = Stepper(System.load("crane.npz"), step=1e-3, s={"mid": 0.6, "fly": 0.6})
+    while running:  # value, rate and second rate of what moves
+        y = stepper.step({"fly": (s, ds, dds)}, frame={"luffing": (phi, dphi, ddphi)})
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ from pmr.scene.names import SLIDER
 from pmr.scene.signals import Constant, Ramp
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
+from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native import bound_step as bound_step
 from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import ROW, V, Z
@@ -44,7 +49,9 @@ from pmr.system.body import SlidingBody
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-Values = Mapping[str, float] | ArrayLike
+#: Of a motion: its value, or that with its rate, or with its rate and its second rate.
+Motion = float | Sequence[float]
+Values = Mapping[str, float] | Mapping[str, Motion] | ArrayLike
 
 
 class Stepper:
@@ -61,11 +68,13 @@ class Stepper:
     step : float, s
         One step is one step, also where contacts only push: `contact` says whether it resolves them.
     s : float where there is one path, mapping of str to float, or sequence of float, m
-        Path coordinates at the start; a sequence is in the order of `System.paths`.
+        Path coordinates at the start; a sequence is in the order of `System.paths`.  Where the scene has a frame
+        also with rates and second rates, {"fly": (s, s', s'')}: they are zero where they are left out.
     F : float where there is one load, (i,) array, or mapping of str to float, N (gravity m/s^2)
         Loads at the start; an array is in the order of `System.input_names`.  What a mapping leaves out, and all by
         default, is that of the scene of the system at t = 0, its weight in full even where it rises, or zero where it
-        knows none.
+        knows none.  Where the scene has a frame, loads are as the scene names them, gravity among them, and what the
+        frame's motion makes of them is found from it (`pmr.simulation.moving`).
     rho_inf : float
         Less than 1 as long as rigid rows move.  Their multipliers (index 3) grow from step to step where it is near 1,
         the sooner the faster they move, and nothing here checks the energy as `systems.simulate` does: at most 0.9, and
@@ -77,6 +86,10 @@ class Stepper:
     initial : InitialState, or mapping of str to InitialState, optional
         Of the body, or of each body; those that are missing start at rest, undeformed.  By default all start as the
         scene of the system says, in equilibrium with F or at rest; at rest where it knows no scene.
+    frame : mapping of str to float, or to (value, rate, second rate), optional
+        How the frame moves at the start: ``luffing``, ``slewing``, ``base.rx`` ... in rad; of ``base.x`` ... the
+        pivot's acceleration in m/s^2 alone.  A rate or second rate that is left out is zero; what the mapping leaves
+        out, all by default, is as in the scene at t = 0.
 
     Raises
     ------
@@ -96,40 +109,48 @@ class Stepper:
         rho_inf: float = 0.9,
         outputs: Sequence[int | str] | None = None,
         initial: InitialState | Mapping[str, InitialState] | None = None,
+        frame: Mapping[str, Motion] | None = None,
     ) -> None:
         if not step > 0.0:
             raise InputError("stepper", "step", step, "more than 0 s is allowed")
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
-        system = (body if isinstance(body, System) else System.of(body)).ensure_constant("stepper")
+        system = (body if isinstance(body, System) else System.of(body)).ensure_frictionless("stepper")
+        self._frame = MovingFrame.of(system)
+        if self._frame is None:
+            system.ensure_constant("stepper")
         form, moved = SystemForm.of(system), system.output_names
         on_tables = form.on_tables
         self._system, self._step, self._steps = system, step, 0
-        self._inputs, self._ranges = list(system.input_names), system.ranges
+        self._inputs, self._ranges = list(self._frame.loads if self._frame else system.input_names), system.ranges
         if on_tables is not None:  # a body that nothing moves has a place all the same
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), on_tables.domain)
         #: Names of all that `outputs` chooses from: outputs of the bodies, then forces of the contacts.
         self.output_names = (*moved, *map(force_of, system.contact_names))
         names, every = list(self.output_names), range(len(moved))
         self._chosen = np.array([_number(k, names, "outputs") for k in (every if outputs is None else outputs)], int)
-        self._s, self._f = np.full(len(self._ranges), np.nan), np.zeros(len(self._inputs))
+        self._s, self._f = np.full(len(self._ranges), np.nan), np.zeros(len(system.input_names))
+        self._c: Array | None = np.zeros(len(system.terms)) if system.terms else None
+        self._drivers = np.zeros((3, 0)) if self._frame is None else self._frame.start
         self._take_path(s)
         known = recorded(system, "stepper") if "scene" in system.provenance else None
-        if known is not None:
+        if known is not None and self._frame is None:
             self._f[:] = known.first_loads
         if F is not None:
             self._take_loads(F)
+        self._take_frame(frame or {})
         excitation = self._excitation(step, rho_inf)
         if isinstance(initial, InitialState):
             initial = dict.fromkeys(system.bodies, initial)
         if initial is None and known is not None and known.static:
             initial = static_start(system, excitation)
-        self._march = March(form, excitation, initial or {})
+        self._march = March(form, excitation, initial or {}, None if self._frame is None else self._frame.examples)
         self._state = self._march.loop.state
         # A single load, and the place on tables, are written through these in a third of the time that NumPy takes.
-        self._single: Any = memoryview(self._f) if len(self._f) == 1 else None  # type: ignore[arg-type]
+        alone = len(self._f) == 1 and self._frame is None
+        self._single: Any = memoryview(self._f) if alone else None  # type: ignore[arg-type]
         self._place: Any = None
-        if on_tables is not None and np.all(self._chosen < len(moved)):
+        if on_tables is not None and self._frame is None and np.all(self._chosen < len(moved)):
             self._y = np.zeros(len(self._chosen))
             observed = tables.outputs(on_tables, self._chosen.tolist())
             #: What `step_on_tables` takes before s (float), the loads f (i,) and the outputs y (o,).
@@ -148,7 +169,7 @@ class Stepper:
             self._moved = np.zeros(len(moved))
             step_observed.compile(tuple(map(typeof, self._observed)))  # or loaded: not in the first step
 
-    def step(self, s: Values, F: Values | None = None) -> Array:
+    def step(self, s: Values, F: Values | None = None, frame: Mapping[str, Motion] | None = None) -> Array:
         """Advance by one step.
 
         Parameters
@@ -159,6 +180,8 @@ class Stepper:
         F : as for the start, N (gravity m/s^2)
             Loads at the end of the step; quickest as a Python float.  What a mapping leaves out, and all by default,
             stays.
+        frame : as for the start
+            How the frame moves at the end of the step; what it leaves out stays, with its rates.
 
         Returns
         -------
@@ -176,6 +199,8 @@ class Stepper:
             self._single[0] = F
         elif F is not None:
             self._take_loads(F)
+        if frame is not None:
+            self._take_frame(frame)
         if self._place is None:
             failed = self._on_places(s)
         else:
@@ -248,6 +273,7 @@ class Stepper:
     def _on_places(self, s: Values) -> int:
         """A step of bodies on places of their own, or of which forces are asked for; what stopped it, or 0."""
         self._take_path(s)
+        self._find_amplitudes()
         failed = step_observed(*self._observed)
         self._y = np.concatenate([self._moved, self.multipliers])[self._chosen]
         return int(failed)
@@ -255,46 +281,88 @@ class Stepper:
     @property
     def _observed(self) -> tuple[Any, ...]:
         """Arguments of a step with all outputs."""
-        return self._march.loop, self._march.scheme, self._seen, self._s, self._f, self._moved
+        c = None if self._c is None else self._march.mixed(self._c)
+        return self._march.loop, self._march.scheme, self._seen, self._s, self._f, c, self._moved
 
     def _excitation(self, step: float, rho_inf: float) -> Excitation:
         """Of one step on which nothing changes."""
         paths = {path: Constant(amount=float(s)) for path, s in zip(self._ranges, self._s, strict=True)}
-        loads = zip(self._inputs, self._f.tolist(), strict=True)
-        stepping = TimeStepping(step, step, rho_inf, parts=1)
-        return Excitation(paths, {name: Constant(amount=load) for name, load in loads}, stepping)
+        self._find_amplitudes()
+        loads, terms = (
+            {name: Constant(amount=one) for name, one in zip(names, values.tolist(), strict=True)}
+            for names, values in (
+                (self._system.input_names, self._f),
+                (self._system.term_names, np.zeros(0) if self._c is None else self._c),
+            )
+        )
+        return Excitation(paths, loads, TimeStepping(step, step, rho_inf, parts=1), terms=terms)
 
     def _take_path(self, s: Values) -> None:
-        names, taken = list(self._ranges), self._s.copy()
-        for number, value in _given(s, names, "s", "one path coordinate for each path"):
+        names, taken, moved = list(self._ranges), self._s.copy(), self._drivers.copy()
+        given = _given(s, names, "s", "one path coordinate for each path", self._frame is not None)
+        for number, motion in given:
             low, high = self._ranges[names[number]]
             beyond = BEYOND_ENDS * (high - low)
-            if not low - beyond <= value <= high + beyond:
-                raise InputError("stepper", f"s.{names[number]}", value, f"{low:g} to {high:g} m is allowed")
-            taken[number] = min(max(value, low), high)
+            if not low - beyond <= motion[0] <= high + beyond:
+                raise InputError("stepper", f"s.{names[number]}", motion[0], f"{low:g} to {high:g} m is allowed")
+            taken[number] = motion[0] = min(max(motion[0], low), high)
+            if self._frame is not None and names[number] in self._frame.paths:
+                moved[:, self._frame.drivers.index(names[number])] = motion
         if np.isnan(taken).any():
             raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(names)}")
-        self._s[:] = taken
+        self._s[:], self._drivers = taken, moved
 
     def _take_loads(self, F: Values) -> None:
-        for number, value in _given(F, self._inputs, "F", "one load for each input"):
-            self._f[number] = value
+        """As they are, or of a frame that moves among its drivers."""
+        for number, motion in _given(F, self._inputs, "F", "one load for each input", False):
+            if self._frame is None:
+                self._f[number] = motion[0]
+            else:
+                self._drivers[0, len(self._frame.paths) + number] = motion[0]
+
+    def _take_frame(self, frame: Mapping[str, Motion]) -> None:
+        names = [] if self._frame is None else [*self._frame.angles, *self._frame.axes]
+        taken = self._drivers.copy()
+        for number, motion in _given(frame, names, "frame", "", True):
+            if not np.all(np.isfinite(motion)):
+                raise InputError("stepper", f"frame.{names[number]}", list(motion), "finite numbers are allowed")
+            taken[:, self._drivers.shape[1] - len(names) + number] = motion
+        self._drivers = taken
+
+    def _find_amplitudes(self) -> None:
+        """Of the frame's motion, for inputs and terms."""
+        if self._frame is not None:
+            f, c = self._frame.find(self._drivers)
+            self._f[:] = f
+            if self._c is not None:
+                self._c[:] = c
 
     @property
     def _where(self) -> str:
         return f"march failed at step {self._steps + 1}, t = {self.time + self._step:g} s"
 
 
-def _given(values: Values, names: list[str], key: str, what: str) -> Iterator[tuple[int, float]]:
-    """Numbers and values of what was given by name, or of all in their order."""
+def _given(values: Values, names: list[str], key: str, what: str, rates: bool) -> Iterator[tuple[int, Array]]:
+    """Numbers and motions (3,) of what was given by name, with or without `rates`, or of all in their order."""
     if isinstance(values, Mapping):
-        yield from ((_number(name, names, key), float(value)) for name, value in values.items())
+        yield from (
+            (_number(name, names, key), _motion(value, f"{key}.{name}", rates)) for name, value in values.items()
+        )
         return
     array = np.asarray(values, dtype=float)
     if array.shape != (len(names),) and not (array.ndim == 0 and len(names) == 1):
         allowed = f"{what} is allowed, in this order: {', '.join(names) or 'none'}; or some by their names"
         raise InputError("stepper", key, array.tolist(), allowed)
-    yield from enumerate(array.ravel().tolist())
+    yield from ((k, np.array([value, 0.0, 0.0])) for k, value in enumerate(array.ravel().tolist()))
+
+
+def _motion(value: Motion, key: str, rates: bool) -> Array:
+    """Value, rate and second rate."""
+    given = np.atleast_1d(np.asarray(value, float))
+    if given.ndim != 1 or not 1 <= len(given) <= (3 if rates else 1):
+        allowed = "a value, or that with its rate and its second rate, is allowed" if rates else "a number is allowed"
+        raise InputError("stepper", key, given.tolist(), allowed)
+    return np.pad(given, (0, 3 - len(given)))
 
 
 def _number(name: str | int, names: list[str], key: str) -> int:

@@ -20,8 +20,8 @@ from pmr.scene.frame_terms import frame_terms
 from pmr.scene.signals import Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import NodeCoordinate, simulate_system
-from pmr.simulation.frame import Turning
 from pmr.simulation.native import systems
+from pmr.simulation.turning import Turning
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced

@@ -1,0 +1,202 @@
+"""A frame that moves as it is told instant by instant: amplitudes of inputs and terms, for loops of one's own.
+
+What drives a system whose frame moves are its *drivers*, each with its rate and its second rate: paths in m; loads as
+the scene names them, in N, and the gravity behind them; angles of the frame and of its base in rad; and, of which the
+value alone counts, accelerations of its base in m/s^2, along axes of the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.frame_terms import frame_terms
+from pmr.scene.names import input_of
+from pmr.scene.signals import SignalBase
+from pmr.simulation.acceleration import Acceleration
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.frame import base_accelerations, products_of
+from pmr.simulation.products import Product, Products, Quantity
+from pmr.simulation.recorded import recorded
+from pmr.simulation.turning import Angle, Turning
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+GRAVITY = "gravity"
+#: Angles that a frame and its base may have, and along what the base may be accelerated.
+OF_FRAME, OF_BASE, AXES = ("luffing", "slewing"), ("base.rx", "base.ry", "base.rz"), ("base.x", "base.y", "base.z")
+#: The quantity that is 1: products of fewer than so many factors have it in place of those that they lack.
+ONE, FACTORS = ("one",), 3
+#: Random instants that tell which amplitudes are multiples of others.
+EXAMPLES = 16
+
+
+@dataclass(frozen=True)
+class MovingFrame:
+    """Amplitudes of inputs and terms as sums of products of quantities, and these from the drivers."""
+
+    scene: Scene
+    paths: tuple[str, ...]
+    loads: tuple[str, ...]  # the gravity, if there is one, is the last of them
+    angles: tuple[str, ...]  # of `OF_FRAME` and `OF_BASE`, those that the scene has
+    axes: tuple[str, ...]  # `AXES`, or none
+    inputs: tuple[Products, ...]  # of the system's i inputs
+    terms: tuple[Products, ...]  # of its K terms
+
+    @classmethod
+    def of(cls, system: System) -> MovingFrame | None:
+        """That of the scene in a system's provenance; None where it has no frame that moves, or the system no scene.
+
+        An InputError is raised as for `recorded`, and where an input or a term of the system is none of the scene's.
+        """
+        scene = recorded(system, "system").scene if "scene" in system.provenance else None
+        if scene is None or (frame := scene.frame) is None:
+            return None
+        excitation = Excitation.of(scene)
+        of_terms = {one.name: input_of(scene.names[one.number], one.component) for one in frame_terms(scene)}
+        given = {"luffing": frame.luffing, "slewing": frame.slewing}
+        return cls(
+            scene=scene,
+            paths=tuple(scene.paths),
+            loads=tuple(_loads(scene)),
+            angles=(*(name for name in OF_FRAME if given[name] is not None), *(OF_BASE if frame.rocking else ())),
+            axes=AXES if base_accelerations(scene) else (),
+            inputs=_products(system.input_names, excitation.loads, {name: name for name in excitation.loads}),
+            terms=_products(system.term_names, excitation.terms, of_terms),
+        )
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Names of the n drivers, in their order."""
+        return (*self.paths, *self.loads, *self.angles, *self.axes)
+
+    @cached_property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """All that the products have (q,), the first of which is `ONE`."""
+        of = (quantity for products in (*self.inputs, *self.terms) for one in products for quantity in one.of)
+        return tuple(dict.fromkeys([ONE, *of]))
+
+    @cached_property
+    def factors(self) -> Array:
+        """Of all p products, those of inputs first."""
+        return np.array([one.factor for products in (*self.inputs, *self.terms) for one in products])
+
+    @cached_property
+    def numbers(self) -> Indices:
+        """Of the quantities in each product, (p, 3)."""
+        number, found = {one: k for k, one in enumerate(self.quantities)}, list[list[int]]()
+        for products in (*self.inputs, *self.terms):
+            found += [[number[k] for k in (*one.of, *[ONE] * (FACTORS - len(one.of)))] for one in products]
+        return np.array(found, np.int64).reshape(-1, FACTORS)
+
+    @cached_property
+    def first(self) -> Indices:
+        """Where the products of each input and term begin, and where the last ones end, (i + K + 1,)."""
+        return np.cumsum([0, *map(len, (*self.inputs, *self.terms))])
+
+    def find(self, drivers: Array) -> tuple[Array, Array]:
+        """Amplitudes of the inputs (i,) and of the terms (K,), from the drivers (3, n): values, rates, second rates."""
+        return self.amplitudes(self._valued(drivers))
+
+    def amplitudes(self, quantities: Array) -> tuple[Array, Array]:
+        """The same from the quantities (q,)."""
+        products = self.factors * quantities[self.numbers].prod(axis=1)
+        found = np.add.reduceat(products, self.first[:-1])
+        return found[: len(self.inputs)], found[len(self.inputs) :]
+
+    @property
+    def examples(self) -> Array:
+        """Amplitudes of the terms (., K) at random quantities: what is proportional there always is."""
+        quantities = np.random.default_rng(1).uniform(0.5, 1.5, (len(self.quantities), EXAMPLES))
+        quantities[0] = 1.0
+        return np.array([self.amplitudes(one)[1] for one in quantities.T])
+
+    def motions(self, excitation: Excitation, t: float) -> Array:
+        """The drivers (3, n) of the scene at a time in s, kinks of paths spread as in its `excitation`.
+
+        Of loads and accelerations the value alone.
+        """
+        found, frame, step = np.zeros((3, len(self.drivers))), self.scene.frame, excitation.stepping.step
+        assert frame is not None
+        angles = dict(zip((*OF_FRAME, *OF_BASE), (*frame.angles, *frame.rocking), strict=False))
+        values = _loads(self.scene) | dict(zip(AXES, base_accelerations(self.scene), strict=False))
+        for k, name in enumerate(self.drivers):
+            if name in self.paths:
+                one = self.scene.paths[name]
+                found[:, k] = one.value(t), one.rate(t), Acceleration(paths=(one,), step=step).value(t)
+            elif name in self.angles:
+                one = angles[name]
+                found[:, k] = one.value(t), one.rate(t), one.second_rate(t)
+            else:
+                found[0, k] = values[name].value(t)
+        return found
+
+    @property
+    def start(self) -> Array:
+        """The drivers (3, n) of the scene at t = 0, its weight in full."""
+        found = self.motions(Excitation.of(self.scene), 0.0)
+        if self.scene.gravity is not None:
+            found[0, self.drivers.index(GRAVITY)] = self.scene.gravity.acceleration
+        return found
+
+    def _valued(self, drivers: Array) -> Array:
+        """Quantities (q,)."""
+        at, none = dict(zip(self.drivers, drivers.T, strict=True)), np.zeros(3)
+        angles = [_angle(at.get(name, none)) for name in (*OF_FRAME, *OF_BASE)]
+        turning = Turning.by(angles[0], angles[1], angles[2:] if OF_BASE[0] in self.angles else ())
+        tables = {
+            "turned": turning.rotation[0],
+            "velocity": turning.velocity[0],
+            "turning": turning.acceleration[0],
+            "gradient": turning.gradient[0],
+            "shaken": np.array([at.get(axis, none)[0] for axis in AXES]),
+        }
+        reach = np.cumsum([none, *(at[path] for path in self.paths)], axis=0)
+        found = np.empty(len(self.quantities))
+        for k, (kind, *of) in enumerate(self.quantities):
+            if kind == "one":
+                found[k] = 1.0
+            elif kind == "gravity":
+                found[k] = at.get(GRAVITY, none)[0]
+            elif kind == "load":
+                found[k] = at[str(of[0])][0]
+            elif kind == "over":
+                found[k] = 1.0 / at[self.paths[int(of[0]) - 1]][0]
+            else:
+                found[k] = reach[tuple(of)] if kind == "reach" else tables[str(kind)][tuple(of)]
+        return found
+
+
+def _products(
+    names: tuple[str, ...], signals: Mapping[str, SignalBase], loads: Mapping[str, str]
+) -> tuple[Products, ...]:
+    """Of what has these names, by their signals; `loads` says which load a signal is that is none of the frame's."""
+    found = list[Products]()
+    for name in names:
+        if name not in signals:
+            raise InputError(
+                "system", "provenance.scene", name, f"what the scene drives is allowed: {', '.join(signals)}"
+            )
+        found.append(products_of(signals[name], loads[name]) or (Product(0.0, ()),))
+    return tuple(found)
+
+
+def _loads(scene: Scene) -> dict[str, SignalBase]:
+    """Signals of the loads as the scene has them, by the names of their inputs, and of the gravity."""
+    sections = zip(scene.names, scene.sections, strict=True)
+    found: dict[str, SignalBase] = {
+        input_of(name, one.name): one.signal for name, part in sections for one in part.loads
+    }
+    return found if scene.gravity is None else found | {GRAVITY: scene.gravity.signal}
+
+
+def _angle(motion: Array) -> Angle:
+    return motion[:1], motion[1:2], motion[2:]

@@ -1,0 +1,107 @@
+"""One step at a time in a frame that is raised and slewed from outside, with second order: what a run finds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import pmr
+from pmr.errors import InputError
+from pmr.simulation import TimeStepping
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.moving import MovingFrame
+from pmr.simulation.native import systems
+from pmr.simulation.native.stepper import Stepper
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+STEP, RHO = 2e-3, 0.9
+#: Raised, slewed and telescoped by some metres within a tenth of the time that the workflow takes, on a truck.
+FAST = (
+    "compare.against=[]",
+    "section.mesh.elements=6",
+    "frame.second_order=true",
+    "frame.luffing.times=[0.0,1.4]",
+    "frame.slewing.times=[-0.2,1.6]",
+    "frame.base.x={kind='sine',amplitude=0.02,frequency=2.0}",
+    "frame.base.rx={kind='sine',amplitude=2.0,frequency=1.5}",
+    "section.joint.extension={kind='smooth_ramp',times=[0.0,0.9],values=[0.6,2.5]}",
+    "time.end=0.1",
+    f"time.step={STEP}",
+)
+
+
+@pytest.fixture(scope="module")
+def system() -> System:
+    return pmr.reduce(pmr.load_scene("crane", [*FAST])).system
+
+
+@pytest.fixture(scope="module")
+def frame(system: System) -> MovingFrame:
+    found = MovingFrame.of(system)
+    assert found is not None
+    return found
+
+
+def given(frame: MovingFrame, excitation: Excitation, t: float) -> dict[str, Any]:
+    """Arguments of a step."""
+    motions = dict(zip(frame.drivers, frame.motions(excitation, t).T, strict=True))
+    return {
+        "s": {name: motions[name] for name in frame.paths},
+        "F": {name: motions[name][0] for name in frame.loads},
+        "frame": {name: motions[name] for name in (*frame.angles, *frame.axes)},
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_steps_are_those_of_a_run(system: System, frame: MovingFrame) -> None:
+    """Where gravity and inertia turn, and terms couple bodies: displacements and forces to round-off."""
+    excitation = Excitation.of(frame.scene).with_stepping(TimeStepping(frame.scene.time.end, STEP, RHO, parts=1))
+    expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
+    moved, force = np.hstack(list(systems.displacements(system, expected).values())), np.abs(expected.forces).max()
+    stepper = Stepper(system, STEP, **given(frame, excitation, 0.0), rho_inf=RHO)
+    for k, t in enumerate(excitation.times):
+        if k:
+            stepper.step(**given(frame, excitation, float(t)))
+        size = np.abs(moved).max()
+        np.testing.assert_allclose(stepper.outputs[: moved.shape[1]], moved[k], rtol=0.0, atol=1e-9 * size)
+        np.testing.assert_allclose(list(stepper.forces.values()), expected.forces[k], rtol=0.0, atol=1e-7 * force)
+    assert np.ptp(moved, axis=0).max() > 1e-3
+
+
+@pytest.mark.slow
+def test_what_is_left_out_stays(system: System) -> None:
+    """In equilibrium at an angle: no rates, no motion."""
+    at = {"middle": 1.0, "fly": 1.2}
+    still = {"luffing": 0.5, "slewing": 0.0, "base.rx": 0.0, "base.x": 0.0}
+    stepper = Stepper(system, STEP, at, frame=still | {"base.ry": 0.0, "base.rz": 0.0, "base.y": 0.0, "base.z": 0.0})
+    start = stepper.outputs
+    for _ in range(5):
+        stepper.step({})
+    np.testing.assert_allclose(stepper.outputs, start, rtol=0.0, atol=1e-8 * np.abs(start).max())
+    raised = Stepper(system, STEP, at, frame=still | {"luffing": 1.2})
+    assert np.abs(raised.outputs - start).max() > 1e-2 * np.abs(start).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"frame": {"lufing": 0.3}}, "frame = 'lufing': did you mean 'luffing'"),
+        (
+            {"frame": {"luffing": (0.3, 0.1, 0.0, 0.0)}},
+            r"frame.luffing = \[0.3, 0.1, 0.0, 0.0\]: a value, or that with",
+        ),
+        ({"frame": {"luffing": float("nan")}}, r"frame.luffing = \[nan, 0.0, 0.0\]: finite numbers are allowed"),
+        ({"s": {"middle": 1.0, "fly": (99.0, 0.0)}}, "s.fly = 99.0: .* m is allowed"),
+        ({"F": {"fly.inertia x": 1.0}}, "F = 'fly.inertia x': .*gravity are allowed"),
+    ],
+)
+def test_bad_motions_are_refused(system: System, change: dict[str, Any], says: str) -> None:
+    arguments: dict[str, Any] = {"s": {"middle": 1.0, "fly": 1.2}} | change
+    with pytest.raises(InputError, match=says):
+        Stepper(system, STEP, **arguments)
