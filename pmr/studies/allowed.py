@@ -48,7 +48,10 @@ def allowed_loads(
             state = loaded.state(load)
             return share(state) if state.stands else np.inf
 
-        load = first_load(used, top, grows=limit.grows, near=known) if first.stands else 0.0
+        load: float | None = 0.0
+        if first.stands:
+            own = limit.directly(first.form) if loaded.both_ways else None
+            load = first_load(used, top, grows=limit.grows, near=known) if own is None else own if own <= top else None
         if load is not None and load > 0.0 and not loaded.state(load * (1.0 - BELOW)).stands:
             load = None  # it falls over before
         found.append(np.nan if load is None else load)
@@ -57,12 +60,15 @@ def allowed_loads(
 
 def _stable(loaded: Loaded, up_to: float) -> float:
     """The load in kg that nothing carries any more; NaN above `up_to`."""
+    if loaded.both_ways:
+        critical = loaded.state(0.0).form.critical
+        return critical if critical <= up_to else np.nan
 
     def used(load: float) -> float:
         state = loaded.state(load)
         return load / state.form.critical if state.stands else np.inf
 
-    found = first_load(used, up_to, grows=loaded.both_ways)
+    found = first_load(used, up_to)
     return np.nan if found is None else found
 
 

@@ -29,7 +29,7 @@ from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.simulation.postures import HOOK, WEIGHT, Postures
 from pmr.system.from_scene import force_names
-from pmr.system.loaded import State
+from pmr.system.loaded import Form, State
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0)]
@@ -161,6 +161,14 @@ class Limit(BaseModel):
             float(max(np.abs(state.outputs[outputs]).max(initial=0.0), np.abs(state.forces[contacts]).max(initial=0.0)))
             / allowed
         )
+
+    def directly(self, form: Form) -> float | None:
+        """The load in kg that it allows as long as no contact opens; None for a limit that is no eigenvalue."""
+        if self.of == "buckling":
+            return form.load_of_factor(self.factor * float(self.least or 0.0))
+        if self.of == "frequency":
+            return form.load_of_frequency(self.factor * float(self.least or 0.0))
+        return None
 
     @property
     def grows(self) -> bool:

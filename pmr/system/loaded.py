@@ -138,6 +138,14 @@ class Form:
         N0, N1, *_ = self._unstressed
         return max(0.0, -float(np.linalg.eigvalsh(N0 + load * N1)[0]))
 
+    def load_of_factor(self, factor: float) -> float:
+        """The load in kg at which all axial forces may grow by no more than a factor; infinite where none is.
+
+        :math:`(I + \\Lambda N_0 + P \\Lambda N_1) y = 0`, N on the root of the unstressed flexibility.
+        """
+        N0, N1, L, _ = self._unstressed
+        return _first_singular(np.eye(L.shape[1]) + factor * N0, factor * N1)
+
     def buckled(self, load: float, count: int = 1) -> Array:
         """Contact forces (count, m) of the shapes in which it buckles first, the largest of each 1."""
         N0, N1, L, on_contacts = self._unstressed
@@ -189,6 +197,24 @@ class Form:
         except np.linalg.LinAlgError:
             return 0.0
         return float(1.0 / np.sqrt(largest[0]) / (2.0 * np.pi)) if largest[0] > 0.0 else np.inf
+
+    def load_of_frequency(self, frequency: float) -> float:
+        """The load in kg, as a mass, at which the lowest frequency falls to one in Hz; infinite where none does.
+
+        :math:`(K - \\omega^2 M + P (G - \\omega^2 c^T c)) q = 0`, c how its place moves.
+        """
+        M, K, G, place = self.condensed
+        square = (2.0 * np.pi * frequency) ** 2
+        return _first_singular(K - square * M, G - square * place.T @ place)
+
+
+def _first_singular(A: Array, B: Array) -> float:
+    """The least P > 0 at which A + P B is not positive definite any more; 0 where A is not."""
+    try:
+        least = float(scipy.linalg.eigh((B + B.T) / 2.0, (A + A.T) / 2.0, eigvals_only=True, subset_by_index=(0, 0))[0])
+    except np.linalg.LinAlgError:
+        return 0.0
+    return -1.0 / least if least < 0.0 else np.inf
 
 
 def _root(size: Array, Q: Array) -> Array:

@@ -1,0 +1,85 @@
+"""Loads that limits allow at random places by a reduced boom with its error bars, and by the same boom of full order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.scene import Scene, load_any
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
+from pmr.studies import shared
+from pmr.studies.allowed import allowed_loads
+from pmr.studies.charting import allowed, postures, stands_of
+from pmr.studies.figures import boom_arguments
+from pmr.studies.limits import Limit
+
+Array = NDArray[np.float64]
+GRAVITY = 9.80665
+#: The crane of the workflows as a chart takes it: without its payload, with probes on all sections.
+CRANE = [
+    "sections.fly.masses=[]",
+    "frame.second_order=true",
+    "compare.against=[]",
+    "sections.base.probes=[{name='top',at=[3.0,0.0,0.2],measures=['stress']}]",
+    "sections.middle.probes=[{name='top',at=[2.0,0.0,0.18],measures=['stress']}]",
+    "sections.fly.probes=[{name='corner',at=[2.0,0.11,0.16],measures=['stress']}]",
+]
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Loads and error bars (P, l) kg of a reduced model, and loads of full order; the names of all limits."""
+
+    load: Array
+    error: Array
+    exact: Array
+    names: Sequence[str]
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Where both models meet the limit under a load."""
+        return np.isfinite(self.load) & np.isfinite(self.exact)
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Where full order lies within the bar."""
+        return np.abs(self.exact - self.load) <= self.error + 1e-6 * self.load
+
+    @property
+    def agreed(self) -> NDArray[np.bool_]:
+        """The same of the load that all limits allow (P,)."""
+        at = np.arange(len(self.load)), np.nanargmin(self.load, axis=1)
+        return np.asarray(np.abs(np.nanmin(self.exact, axis=1) - self.load[at]) <= self.error[at] + 1e-6 * self.load[at])
+
+
+def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -> Beside:
+    """At places (P, sections): extensions in m, and the luffing angle in rad."""
+    scene = with_hook(scene)
+    extensions, (count, _) = dict(zip(scene.names[1:], places.T[:-1].tolist(), strict=True)), places.shape
+    at = {"extensions": extensions, "luffing": places[:, -1].tolist(), "slewing": [0.0] * count}
+    asked: dict[str, Any] = {"up_to": up_to, "error": True}
+    made = postures(boom_arguments(scene) | asked | {"at": at}, {})
+    asked |= {"limits": [one.model_dump(mode="json") for one in limits], "gravity": GRAVITY, "rows": [0, count]}
+    cases = [{"weight": 1.0, "load": 1.0, "loads": {}}]
+    found = allowed(asked | {"cases": cases}, {"postures": made}).arrays
+    full = shared.full_system(scene)
+    whole = Postures.of(scene, full, stands_of({"at": at}), weights_of(full))
+    amounts = [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in whole.parts]
+    near = found["load"]
+    exact = np.array([allowed_loads(limits, whole, k, amounts, up_to, GRAVITY, near[k]) for k in range(count)])
+    return Beside(found["load"], found["error"], exact, [*(one.name for one in limits), "stability"])
+
+
+def random_places(seed: int, count: int = 20, least: float = 0.7, most: float = 4.5, raised: float = 1.3) -> Array:
+    """Of a boom of three sections, independent in all three."""
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(least, most, (count, 2)), rng.uniform(0.0, raised, count)])
+
+
+def crane(*more: str) -> Scene:
+    """That of the workflows, for a chart."""
+    return load_any("crane", [*CRANE, *more])
