@@ -1,4 +1,4 @@
-"""Loads that limits allow at random places by a reduced boom with its error bars, and by the same boom of full order."""
+"""Loads that limits allow at random places by a reduced boom with its error bars, and by the boom of full order."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ class Beside:
     def agreed(self) -> NDArray[np.bool_]:
         """The same of the load that all limits allow (P,)."""
         at = np.arange(len(self.load)), np.nanargmin(self.load, axis=1)
-        return np.asarray(np.abs(np.nanmin(self.exact, axis=1) - self.load[at]) <= self.error[at] + 1e-6 * self.load[at])
+        return np.asarray(
+            np.abs(np.nanmin(self.exact, axis=1) - self.load[at]) <= self.error[at] + 1e-6 * self.load[at]
+        )
 
 
 def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -> Beside:

@@ -24,6 +24,7 @@ from pmr.results.extremes import Extremes
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.names import cylinder_of
+from pmr.scene.ropes import borne
 
 Array = NDArray[np.float64]
 
@@ -33,20 +34,11 @@ def forces(scene: Scene, response: Response) -> dict[str, Array]:
 
     Empty where nothing follows, or forces along the boom are not known.
     """
-    names = scene.names[1:]
-    follows = {name: scene.joint(k).follows for k, name in enumerate(names, 1)}
-    joined = [name for name in names if follows[name] is not None or name in follows.values()]
-    if any(force_of(cylinder_of(name)) not in response.force_names for name in joined):
+    shares = borne(scene)
+    if any(force_of(cylinder_of(name)) not in response.force_names for name in shares):
         return {}
-
-    def of(name: str) -> Array:
-        found = response.force(force_of(cylinder_of(name)), 0)
-        for other in joined:
-            if follows[other] == name:
-                found = found + scene.joint(scene.names.index(other)).ratio * of(other)
-        return found
-
-    return {name: of(name) for name in joined}
+    own = {name: response.force(force_of(cylinder_of(name)), 0) for name in shares}
+    return {name: np.sum([r * own[one] for one, r in of.items()], axis=0) for name, of in shares.items()}
 
 
 def part(scene: Scene, response: Response) -> Part:

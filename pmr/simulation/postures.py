@@ -13,7 +13,8 @@ from pmr.scene.built import Load
 from pmr.scene.choice import directions
 from pmr.scene.frame import INERTIA, rotation
 from pmr.scene.members import members
-from pmr.scene.names import ALONE
+from pmr.scene.names import ALONE, cylinder_of
+from pmr.scene.ropes import borne
 from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import resting
 from pmr.simulation.excitation import Excitation, in_order
@@ -108,6 +109,8 @@ class Postures:
     slewing: Array  # (P,) rad
     luffing: Array  # (P,) rad
     arm: Array  # (P,) m: about the pivot, of the cylinder that raises the boom; NaN where the scene has none
+    ropes: Array  # (r, m): shares of the contacts' forces that ropes and cylinders of sections bear that others follow
+    rope_names: tuple[str, ...]  # (r,): the sections that they move
     parts: tuple[str, ...]  # (w,)
     output_names: tuple[str, ...]
     output_kinds: tuple[str, ...]
@@ -146,6 +149,8 @@ class Postures:
             slewing=at.slewing,
             luffing=at.luffing,
             arm=_arms(scene, at),
+            ropes=_ropes(scene, system),
+            rope_names=tuple(borne(scene)),
             parts=parts,
             output_names=names,
             output_kinds=kinds,
@@ -232,6 +237,18 @@ def _arms(scene: Scene, at: Stands) -> Array:
     assert scene.frame is not None
     cylinder = scene.frame.cylinder
     return np.full(at.count, np.nan) if cylinder is None else cylinder.length(at.luffing)[1]
+
+
+def _ropes(scene: Scene, system: System) -> Array:
+    """Shares (r, m) of the cylinders' forces; where none holds a section along the boom, not a number."""
+    found = np.zeros((len(borne(scene)), len(system.contact_names)))
+    for row, shares in zip(found, borne(scene).values(), strict=True):
+        for name, share in shares.items():
+            if (known := cylinder_of(name)) in system.contact_names:
+                row[system.contact_names.index(known)] = share
+            else:
+                row[:] = np.nan
+    return found
 
 
 def _shown(system: System) -> tuple[list[int], tuple[str, ...], tuple[str, ...]]:

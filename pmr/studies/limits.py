@@ -6,28 +6,32 @@ The share is 1 where the limit is reached, with the limit's own factor :math:`\g
 stress, pad, cylinder, support, deflection :math:`\gamma |r| / r_{most}` of the largest of what it looks at
 buckling                                  :math:`\gamma \Lambda_{least} / \Lambda`, all axial forces growing
 frequency                                 :math:`\gamma f_{least} / f`, the load as a mass that hangs at the tip
-overturning                               :math:`\gamma M_{load} / M_{rest}` about each edge of the polygon
+overturning                               :math:`\gamma M_{load} / M_{rest}` about each edge of the polygon, the
+                                          load at the deflected tip
 luffing                                   :math:`\gamma |M / a| / F_{most}`, moment about the pivot over the arm of
                                           `frame.cylinder`, the load at the deflected tip
-function                                  :math:`\gamma |r| / r_{most}` of what a user's function makes of `AtRest`
+rope                                      :math:`\gamma |T| / T_{most}` of what moves sections that others follow
+function, expression                      :math:`\gamma |r| / r_{most}` of what a user makes of `AtRest`
 ========================================  ==================================================================
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from pmr.errors import InputError, plugins
+from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.names import named
-from pmr.simulation.postures import HOOK, WEIGHT, Postures
+from pmr.scene.ropes import borne
+from pmr.simulation.postures import HOOK, Postures
+from pmr.studies.own_limits import Own, amount_of, expression_of, function_of
+from pmr.studies.tipping import Mass, Tipping, area
 from pmr.system.from_scene import force_names
 from pmr.system.loaded import Form, State
 
@@ -36,7 +40,9 @@ Positive = Annotated[float, Field(gt=0.0)]
 #: What outputs and which contacts a limit of each kind looks at.
 OUTPUTS = {"stress": "probe", "deflection": "tip", "support": "support"}
 CONTACTS = {"pad": "pad", "cylinder": "cylinder", "support": "support"}
-NAMED = ("stress", *CONTACTS)
+NAMED = ("stress", "rope", *CONTACTS)
+#: Keys of what the user makes of a state.
+OWN = ("function", "expression")
 LEAST = ("buckling", "frequency")
 #: The limit that every chart has: beyond it nothing stands.
 STABILITY = "stability"
@@ -49,30 +55,6 @@ MISES = {
         [[1.5 * np.eye(3) - 0.5, np.zeros((3, 3))], [np.zeros((3, 3)), 3.0 * np.eye(3)]]
     ),
 }
-
-
-@dataclass(frozen=True)
-class AtRest:
-    """The boom in equilibrium under a load: what a function of the entry points `pmr.limits` is given."""
-
-    load: float  # kg
-    luffing: float  # rad
-    slewing: float  # rad
-    outputs: Mapping[str, float]  # m or Pa by name: the tip along the boom's axes, stresses at probes
-    forces: Mapping[str, float]  # N or N m of pads and cylinders by name, positive where they push
-
-
-class Mass(BaseModel):
-    """A part of the machine below the boom."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    name: str = Field(description="For people")
-    mass: Positive = Field(description="kg")
-    at: tuple[float, float, float] = Field(
-        description="Its centre from the pivot, m: X where the boom points unslewed, Y to its left, Z up"
-    )
-    slews: bool = Field(default=False, description="Whether it turns with the boom, as a counterweight does")
 
 
 class Limit(BaseModel):
@@ -91,19 +73,26 @@ class Limit(BaseModel):
         "buckling",
         "frequency",
         "overturning",
+        "rope",
         "function",
+        "expression",
     ] = Field(description="What is limited")
     function: str | None = Field(
         default=None, description="Name of a function that an installed package offers as an entry point `pmr.limits`"
     )
+    expression: str | None = Field(
+        default=None,
+        description='Arithmetic over load (kg), luffing, slewing (rad), output["name"] (m, Pa) and force["name"] (N)',
+    )
     most: Positive | None = Field(
         default=None,
-        description="Largest amount: von Mises stress in Pa, force in N, deflection in m, or what the function returns",
+        description="Largest amount: von Mises stress in Pa, force in N, deflection in m, or what is made of them",
     )
     least: Positive | None = Field(default=None, description="Smallest amount: buckling factor, frequency in Hz")
     factor: Positive = Field(default=1.0, description="Of safety, of the user's own choice")
     which: tuple[str, ...] = Field(
-        default=("*",), description="Names of probes, pads, cylinders or supports, with * for any text; by default all"
+        default=("*",),
+        description="Names of probes, pads, cylinders, supports or moved sections, with * for any text; by default all",
     )
     area: tuple[Positive, Positive] | None = Field(
         default=None, description="Length and width of a pad, m: then `most` is a pressure in Pa"
@@ -122,12 +111,15 @@ class Limit(BaseModel):
                 raise ValueError(f"a limit of {self.of} {f'takes {needed}' if needed else 'takes no amount'}: {key}")
         if (self.of == "overturning") != bool(self.polygon or self.machine):
             raise ValueError("polygon and machine belong to a limit of overturning, which needs both")
-        if self.of == "overturning" and (len(self.polygon) < 3 or not self.machine or not _area(self.polygon)):
+        if self.of == "overturning" and (len(self.polygon) < 3 or not self.machine or not area(self.polygon)):
             raise ValueError("overturning needs a polygon with an area, and masses of the machine")
         if self.area is not None and self.of != "pad":
             raise ValueError("area belongs to a limit of pads")
-        if (self.function is not None) != (self.of == "function"):
-            raise ValueError("function belongs to a limit of 'function', which needs one")
+        for key in OWN:
+            if (getattr(self, key) is not None) != (self.of == key):
+                raise ValueError(f"{key} belongs to a limit of {key!r}, which needs one")
+        if self.expression is not None:
+            expression_of(self.expression)
         return self
 
     def share(self, at: Postures, k: int, amounts: Sequence[float], gravity: float) -> Callable[[State], float]:
@@ -140,10 +132,8 @@ class Limit(BaseModel):
         if self.of == "frequency":
             return lambda state: _ratio(self.factor * float(self.least or 0.0), state.form.frequency(state.load))
         if self.of == "overturning":
-            held, tips = self._moments(at, k, np.asarray(amounts), gravity)
-            return lambda state: max(
-                _ratio(self.factor * state.load * b, a) for a, b in zip(held.tolist(), tips.tolist(), strict=True)
-            )
+            tipping = self.tipping(at, k, amounts, gravity)
+            return lambda state: tipping.share(state, self.factor)
         allowed = float(self.most or 0.0) * float(np.prod(self.area or (1.0,))) / self.factor
         if self.of == "stress":
             groups = self._stresses(at)
@@ -151,9 +141,12 @@ class Limit(BaseModel):
         if self.of == "luffing":
             pressed = self._luffing(at, k, np.asarray(amounts))
             return lambda state: abs(pressed(state)) / allowed
-        if self.of == "function":
-            amount = self._own(at, k)
+        if self.of in OWN:
+            amount = amount_of(self._own(), f"limits.{self.name}.{self.of}", getattr(self, self.of), at, k)
             return lambda state: abs(amount(state)) / allowed
+        if self.of == "rope":
+            shares = at.ropes[[n for n, name in enumerate(at.rope_names) if self._means(name)]]
+            return lambda state: float(np.abs(shares @ state.forces).max()) / allowed
         outputs, contacts = self._looked_at(at)
         if self.of == "deflection":
             return lambda state: float(np.linalg.norm(state.outputs[outputs])) / allowed
@@ -170,6 +163,10 @@ class Limit(BaseModel):
             return form.load_of_frequency(self.factor * float(self.least or 0.0))
         return None
 
+    def tipping(self, at: Postures, k: int, amounts: Sequence[float], gravity: float) -> Tipping:
+        """Moments about the edges of a limit of overturning."""
+        return Tipping.of(self.polygon, self.height, self.machine, at, k, np.asarray(amounts), gravity)
+
     @property
     def grows(self) -> bool:
         """Whether what it uses grows with the load alone."""
@@ -181,7 +178,7 @@ class Limit(BaseModel):
             allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"
             raise InputError("study", f"limits.{self.name}.of", self.of, allowed)
         if self.of == "function":
-            self._function()
+            function_of(self.name, self.function)
         if self.of not in NAMED:
             return
         known = [
@@ -190,38 +187,16 @@ class Limit(BaseModel):
             for probe in part.probes
             if "stress" in probe.measures
         ]
-        known = known if self.of == "stress" else list(force_names(scene)[self.of])
+        if self.of == "rope":
+            known = list(borne(scene))
+        elif self.of != "stress":
+            known = list(force_names(scene)[self.of])
         if not all(any(fnmatchcase(name, pattern) for name in known) for pattern in self.which):
             raise self._nothing(known)
 
-    def _function(self) -> Callable[[AtRest], float]:
-        offered = plugins.offered("pmr.limits", frozenset())
-        found: Any = offered.get(self.function or "")
-        if found is None:
-            known = f"one of {', '.join(sorted(offered))}" if offered else "none: no package offers any"
-            raise InputError("study", f"limits.{self.name}.function", self.function, f"{known} is allowed")
-        if not callable(found):
-            raise plugins.refused("pmr.limits", self.function or "")
-        return cast(Callable[[AtRest], float], found)
-
-    def _own(self, at: Postures, k: int) -> Callable[[State], float]:
-        """What the user's function makes of states; anything but a number is refused."""
-        function, luffing, slewing = self._function(), float(at.luffing[k]), float(at.slewing[k])
-
-        def amount(state: State) -> float:
-            outputs = dict(zip(at.output_names, state.outputs.tolist(), strict=True))
-            forces = dict(zip(at.force_names, state.forces.tolist(), strict=True))
-            try:
-                found = float(function(AtRest(state.load, luffing, slewing, outputs, forces)))
-            except (ArithmeticError, KeyError, TypeError, ValueError) as error:
-                raise InputError(
-                    "study", f"limits.{self.name}.function", self.function, f"it failed: {error!r}"
-                ) from None
-            if np.isnan(found):
-                raise InputError("study", f"limits.{self.name}.function", self.function, "it returned no number")
-            return found
-
-        return amount
+    def _own(self) -> Own:
+        """What the user makes of a state, by a function or an expression."""
+        return function_of(self.name, self.function) if self.of == "function" else expression_of(self.expression or "")
 
     def _looked_at(self, at: Postures) -> tuple[list[int], list[int]]:
         """Numbers of outputs and of contacts."""
@@ -278,33 +253,6 @@ class Limit(BaseModel):
             return float((rest + state.load * (hook + weight * outwards)) / at.arm[k])
 
         return pressed
-
-    def _moments(self, at: Postures, k: int, amounts: Array, gravity: float) -> tuple[Array, Array]:
-        """What keeps the machine from tipping over each edge, N m, and what a kg of the load adds to tipping, N m."""
-        corners = np.array([(*one, -self.height) for one in self.polygon], float)
-        if _area(self.polygon) < 0.0:
-            corners = corners[::-1]
-        edges = np.roll(corners, -1, axis=0) - corners
-        edges /= np.linalg.norm(edges, axis=1)[:, None]
-        force, moment = at.wrenches[:, k, :3], at.wrenches[:, k, 3:]
-        load = np.array([name == HOOK for name in at.parts])
-        resting, hook = ((share * amounts) @ np.hstack([force, moment]) for share in (~load, load))
-        weight = np.zeros(6)
-        for one in self.machine:
-            c, s = (np.cos(at.slewing[k]), np.sin(at.slewing[k])) if one.slews else (1.0, 0.0)
-            x, y = c * one.at[0] - s * one.at[1], s * one.at[0] + c * one.at[1]
-            pull = -one.mass * amounts[at.parts.index(WEIGHT)] * gravity
-            weight += np.array([0.0, 0.0, pull, y * pull, -x * pull, 0.0])
-        wrenches = np.stack([resting + weight, hook])[:, None]
-        moments = wrenches[..., 3:] - np.cross(corners, wrenches[..., :3])
-        held, tips = np.einsum("ei,wei->we", edges, moments)
-        return -held, tips
-
-
-def _area(polygon: Sequence[tuple[float, float]]) -> float:
-    """Twice the signed area, positive where the corners go round anticlockwise."""
-    x, y = np.array(polygon, float).T
-    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 def _mises(components: Array, form: Array) -> float:

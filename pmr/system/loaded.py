@@ -139,9 +139,9 @@ class Form:
         return max(0.0, -float(np.linalg.eigvalsh(N0 + load * N1)[0]))
 
     def load_of_factor(self, factor: float) -> float:
-        """The load in kg at which all axial forces may grow by no more than a factor; infinite where none is.
+        r"""The load in kg at which all axial forces may grow by no more than a factor; infinite where none is.
 
-        :math:`(I + \\Lambda N_0 + P \\Lambda N_1) y = 0`, N on the root of the unstressed flexibility.
+        :math:`(I + \Lambda N_0 + P \Lambda N_1) y = 0`, N on the root of the unstressed flexibility.
         """
         N0, N1, L, _ = self._unstressed
         return _first_singular(np.eye(L.shape[1]) + factor * N0, factor * N1)
@@ -199,9 +199,9 @@ class Form:
         return float(1.0 / np.sqrt(largest[0]) / (2.0 * np.pi)) if largest[0] > 0.0 else np.inf
 
     def load_of_frequency(self, frequency: float) -> float:
-        """The load in kg, as a mass, at which the lowest frequency falls to one in Hz; infinite where none does.
+        r"""The load in kg, as a mass, at which the lowest frequency falls to one in Hz; infinite where none does.
 
-        :math:`(K - \\omega^2 M + P (G - \\omega^2 c^T c)) q = 0`, c how its place moves.
+        :math:`(K - \omega^2 M + P (G - \omega^2 c^T c)) q = 0`, c how its place moves.
         """
         M, K, G, place = self.condensed
         square = (2.0 * np.pi * frequency) ** 2

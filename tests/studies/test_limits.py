@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from chart_beside_full import crane
 
+from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, with_hook
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
+from pmr.studies import shared
 from pmr.studies.allowed import allowed_loads
 from pmr.studies.charting import governing, in_doubt, postures
 from pmr.studies.figures import boom_arguments
-from pmr.studies.limits import Limit, Mass
+from pmr.studies.limits import Limit
+from pmr.studies.tipping import Mass
 
 pytestmark = pytest.mark.slow
 
@@ -168,6 +172,51 @@ def test_a_machine_tips_about_its_edge(raised: Postures, level: Postures) -> Non
         held = 3000.0 * 2.5 + 500.0 * 4.0 - 7850.0 * A * L * (L / 2.0 - 2.0)
         assert loads(limits, level)[0] == pytest.approx(held / (L - 2.0) / 1.25, rel=1e-9)
         assert np.isnan(loads(limits, raised, 2)[0])
+
+
+def test_the_load_at_the_deflected_tip_tips_a_machine_sooner(raised: Postures) -> None:
+    """Berry's deflection moves it outwards by its part along the ground; a massless boom."""
+    limit = Limit(name="a", of="overturning", factor=1.25, polygon=POLYGON, machine=MACHINE, height=1.0)
+    load, out = loads([limit], raised)[0], L * np.cos(0.3)
+    moved = berry(load, 0.3)[0] * np.sin(0.3)
+    assert moved > 0.01
+    assert load * (out + moved - 2.0) == pytest.approx((3000.0 * 2.5 + 500.0 * 4.0) / 1.25, rel=1e-5)
+
+
+def test_an_expression_that_says_what_a_limit_does_allows_the_same(raised: Postures) -> None:
+    tip = ", ".join(f'output["{name}"]' for name in raised.output_names if "tip" in name)
+    limits = [Limit(name="a", of="deflection", most=0.5, factor=1.2)]
+    limits.append(Limit(name="b", of="expression", expression=f"hypot({tip})", most=0.5, factor=1.2))
+    limits.append(Limit(name="c", of="expression", expression="2 * load * cos(luffing)", most=5e3))
+    deflection, same, level, _ = loads(limits, raised)
+    assert same == deflection > 0.0
+    assert level == pytest.approx(2500.0 / np.cos(0.3))
+    for wrong, said in (('output["tip w"]', "did you mean"), ("1 / (load - load)", "it failed: ZeroDivisionError")):
+        with pytest.raises(InputError, match=said) as refused:
+            loads([Limit(name="a", of="expression", expression=wrong, most=1.0)], raised)
+        assert "limits.a.expression" in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_ropes_bear_by_statics_what_follows() -> None:
+    """A weight counts by how far along the boom it moves where what moves it moves by one."""
+    scene = crane("section.mesh.elements=8")
+    fly = scene.sections[-1]
+    assert fly.joint is not None
+    joint = fly.joint.model_copy(update={"extension": None, "follows": "middle", "ratio": 0.5})
+    scene = scene.model_copy(update={"sections": (*scene.sections[:-1], fly.model_copy(update={"joint": joint}))})
+    angle = 0.9
+    at = at_rest(scene, [angle], {"middle": [3.0], "fly": [2.0]})
+    named = [Limit(name=name, of="rope", which=(name,), most=20e3) for name in ("middle", "fly")]
+    cylinder, rope, _ = loads(named, at)
+    masses = weights_of(shared.full_system(with_hook(scene)))
+    own = [masses[name][0] for name in ("middle", "fly")]
+    most = 20e3 / (G * np.sin(angle))
+    assert rope == pytest.approx(most - own[1], rel=1e-6)
+    assert cylinder == pytest.approx((most - own[0] - 1.5 * own[1]) / 1.5, rel=1e-6)
+    with pytest.raises(InputError, match="limits.a.which = 'base': names among middle, fly are allowed"):
+        Limit(name="a", of="rope", which=("base",), most=1.0).check(scene)
+    with pytest.raises(InputError, match="the scene has no rope to look at"):
+        Limit(name="a", of="rope", most=1.0).check(crane())
 
 
 def telescope(stiff: float, unilateral: bool = False) -> Scene:

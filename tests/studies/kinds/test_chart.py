@@ -314,6 +314,13 @@ def test_full_order_of_a_boom_with_a_shell_agrees_within_the_error_bars() -> Non
     [
         ("least = 3.0", "most = 3.0", "buckling takes least"),
         ('of = "pad"', 'of = "pads"', "limits[0].of"),
+        ('of = "pad"', 'of = "expression"', "expression belongs to a limit of 'expression', which needs one"),
+        (
+            'of = "pad"',
+            'of = "expression"\nexpression = "__import__(\'os\')"',
+            "is not allowed: numbers, + - * / **, load",
+        ),
+        ('of = "pad"', 'of = "rope"', "the scene has no rope to look at"),
         ('name = "tip"', 'name = "pads"', "names of limits must differ"),
         ('name = "tip"', 'name = "stability"', "names of limits must differ"),
         ("up_to = 5000.0", "up_to = 0.0", "up_to"),

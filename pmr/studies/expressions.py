@@ -1,0 +1,89 @@
+"""Expressions in a study file: arithmetic over named amounts, and nothing else that Python can do."""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+Amounts = Mapping[str, float | Mapping[str, float]]
+Value = Callable[[Amounts], float]
+
+#: Longest expression, in characters: what is nested deeper than Python follows has no place in a file.
+LONGEST = 1000
+OPERATORS: dict[type[ast.AST], Callable[..., float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+}
+FUNCTIONS: dict[str, Callable[..., float]] = {
+    "abs": abs,
+    "max": max,
+    "min": min,
+    "sqrt": lambda x: float(np.sqrt(x)),
+    "sin": lambda x: float(np.sin(x)),
+    "cos": lambda x: float(np.cos(x)),
+    "hypot": lambda *x: float(np.linalg.norm(x)),
+}
+
+
+def value_of(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
+    """What computes an expression: numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"].
+
+    A ValueError says in one line what is not allowed; what is computed may raise a KeyError of a name that a table does
+    not have, a ValueError or an ArithmeticError.
+    """
+    if len(text) > LONGEST:
+        raise ValueError(f"at most {LONGEST} characters are allowed")
+    try:
+        tree = ast.parse(text, mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ValueError("it is no arithmetic expression") from None
+    try:
+        return _value(tree, names, tables)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
+        constant = float(node.value)  # of floats a power overflows where one of integers would fill the memory
+        return lambda at: constant
+    if isinstance(node, ast.Name) and node.id in names:
+        return _entry(node.id)
+    if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id in tables:
+        if isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, str):
+            return _entry(node.value.id, node.slice.value)
+    elif isinstance(node, (ast.BinOp, ast.UnaryOp)) and type(node.op) in OPERATORS:
+        parts = [node.left, node.right] if isinstance(node, ast.BinOp) else [node.operand]
+        return _applied(OPERATORS[type(node.op)], [_value(one, names, tables) for one in parts])
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS:
+        if node.args and not node.keywords:
+            return _applied(FUNCTIONS[node.func.id], [_value(one, names, tables) for one in node.args])
+    listed = ", ".join([*names, *(f'{one}["name"]' for one in tables), *(f"{one}()" for one in FUNCTIONS)])
+    raise ValueError(f"{ast.unparse(node)!r} is not allowed: numbers, + - * / **, {listed} are")
+
+
+def _entry(name: str, entry: str | None = None) -> Value:
+    def found(at: Amounts) -> float:
+        amount: Any = at[name]
+        return float(amount if entry is None else amount[entry])
+
+    return found
+
+
+def _applied(function: Callable[..., float], parts: list[Value]) -> Value:
+    def found(at: Amounts) -> float:
+        value = function(*(part(at) for part in parts))
+        if isinstance(value, complex):
+            raise ValueError("a power of a negative number is no real one")
+        return value
+
+    return found

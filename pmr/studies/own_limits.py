@@ -1,0 +1,77 @@
+"""Limits of the user's own: what a function of an installed package, or an expression in the file, makes of a state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from pmr.errors import InputError, plugins
+from pmr.errors.text import hint
+from pmr.simulation.postures import Postures
+from pmr.studies.expressions import Value, value_of
+from pmr.system.loaded import State
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """The boom in equilibrium under a load: what a function of the entry points `pmr.limits` is given."""
+
+    load: float  # kg
+    luffing: float  # rad
+    slewing: float  # rad
+    outputs: Mapping[str, float]  # m or Pa by name: the tip along the boom's axes, stresses at probes
+    forces: Mapping[str, float]  # N or N m of pads and cylinders by name, positive where they push
+
+
+Own = Callable[[AtRest], float]
+
+
+def function_of(limit: str, name: str | None) -> Own:
+    """That of an entry point; an InputError is raised where no package offers it."""
+    offered = plugins.offered("pmr.limits", frozenset())
+    found: Any = offered.get(name or "")
+    if found is None:
+        known = f"one of {', '.join(sorted(offered))}" if offered else "none: no package offers any"
+        raise InputError("study", f"limits.{limit}.function", name, f"{known} is allowed")
+    if not callable(found):
+        raise plugins.refused("pmr.limits", name or "")
+    return cast(Own, found)
+
+
+def expression_of(text: str) -> Own:
+    """That of an expression over ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
+
+    A ValueError says what is not allowed in it.
+    """
+    value: Value = value_of(text, ("load", "luffing", "slewing"), ("output", "force"))
+
+    def own(at: AtRest) -> float:
+        known = {"load": at.load, "luffing": at.luffing, "slewing": at.slewing}
+        return value(known | {"output": at.outputs, "force": at.forces})
+
+    return own
+
+
+def amount_of(own: Own, key: str, said: str | None, at: Postures, k: int) -> Callable[[State], float]:
+    """What it makes of states at the k-th place; an InputError with the `key` is raised for anything but a number."""
+    luffing, slewing = float(at.luffing[k]), float(at.slewing[k])
+
+    def amount(state: State) -> float:
+        outputs = dict(zip(at.output_names, state.outputs.tolist(), strict=True))
+        forces = dict(zip(at.force_names, state.forces.tolist(), strict=True))
+        try:
+            found = float(own(AtRest(state.load, luffing, slewing, outputs, forces)))
+        except KeyError as error:
+            name, known = str(error.args[0]), [*outputs, *forces]
+            allowed = f"it asks for {name!r}: {hint(name, known)}{', '.join(known)} are allowed"
+            raise InputError("study", key, said, allowed) from None
+        except (ArithmeticError, TypeError, ValueError) as error:
+            raise InputError("study", key, said, f"it failed: {error!r}") from None
+        if np.isnan(found):
+            raise InputError("study", key, said, "it returned no number")
+        return found
+
+    return amount
