@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.scene import Scene, load_any
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
 from pmr.studies import shared
-from pmr.studies.allowed import allowed_loads
+from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.charting import allowed, postures, stands_of
 from pmr.studies.figures import boom_arguments
 from pmr.studies.limits import Limit
@@ -32,7 +32,7 @@ CRANE = [
 
 @dataclass(frozen=True)
 class Beside:
-    """Loads and error bars (P, l) kg of a reduced model, and loads of full order; the names of all limits."""
+    """Loads and the reduction's part of error bars (P, l) kg, and loads of full order; the names of all limits."""
 
     load: Array
     error: Array
@@ -67,13 +67,13 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     made = postures(boom_arguments(scene) | asked | {"at": at}, {})
     asked |= {"limits": [one.model_dump(mode="json") for one in limits], "gravity": GRAVITY, "rows": [0, count]}
     cases = [{"weight": 1.0, "load": 1.0, "loads": {}}]
-    found = allowed(asked | {"cases": cases}, {"postures": made}).arrays
+    found = allowed(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     full = shared.full_system(scene)
     whole = Postures.of(scene, full, stands_of({"at": at}), weights_of(full))
     amounts = [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in whole.parts]
     near = found["load"]
-    exact = np.array([allowed_loads(limits, whole, k, amounts, up_to, GRAVITY, near[k]) for k in range(count)])
-    return Beside(found["load"], found["error"], exact, [*(one.name for one in limits), "stability"])
+    exact = np.array([allowed_loads(limits, Place(whole, k, amounts, GRAVITY), up_to, near[k]) for k in range(count)])
+    return Beside(found["load"], found["error.reduction"], exact, [*(one.name for one in limits), "stability"])
 
 
 def random_places(seed: int, count: int = 20, least: float = 0.7, most: float = 4.5, raised: float = 1.3) -> Array:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,31 +20,46 @@ Array = NDArray[np.float64]
 NODES = 9
 #: How far beside a load that is known nearly, as a share of it.
 BESIDE = 1e-2
+#: Half the square of a cantilever's slope over that of its deflection by the length: (3 / 2)^2 / 2.
+PROJECTED = 1.125
+#: Share of a limit that is used without the load, at most, where a bar is made of what is left.
+MOST_AT_REST = 0.99
 #: Share of a load by which less of it has to stand.
 BELOW = 1e-6
 
 
-def allowed_loads(
-    limits: Sequence[Limit],
-    at: Postures,
-    k: int,
-    amounts: Sequence[float],
-    up_to: float,
-    gravity: float,
-    near: Array | None = None,
-) -> Array:
-    """The load in kg that each limit allows at the k-th place, that of stability last; NaN where none up to `up_to`.
+@dataclass(frozen=True)
+class Place:
+    """The k-th place of a boom, where each of the parts acts by its amount, and the load by a factor among these."""
 
-    `amounts` say how far each of the parts acts, and by which factor the load; `near` is what another model says.
+    at: Postures
+    k: int
+    amounts: Sequence[float]
+    gravity: float  # m/s^2
+
+    @cached_property
+    def loaded(self) -> Loaded:
+        """What stands there."""
+        named = dict(zip(self.at.parts, self.amounts, strict=True))
+        return Loaded(self.at.at(self.k, named, named[HOOK]))
+
+    def share(self, limit: Limit) -> Callable[[State], float]:
+        """Of a limit that a state uses."""
+        return limit.share(self.at, self.k, self.amounts, self.gravity)
+
+
+def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, near: Array | None = None) -> Array:
+    """The load in kg that each limit allows at a place, that of stability last; NaN where none up to `up_to`.
+
+    `near` is what another model says.
     """
-    named = dict(zip(at.parts, amounts, strict=True))
-    loaded = Loaded(at.at(k, named, named[HOOK]))
+    loaded = place.loaded
     first = loaded.state(0.0)
     top = up_to if not loaded.both_ways else min(up_to, first.form.critical * (1.0 - 1e-9))
     found = []
     beside = np.full(len(limits) + 1, np.nan) if near is None else near
     for limit, known in zip(limits, beside.tolist(), strict=False):
-        share = limit.share(at, k, amounts, gravity)
+        share = place.share(limit)
 
         def used(load: float, share: Callable[[State], float] = share) -> float:
             state = loaded.state(load)
@@ -56,6 +73,29 @@ def allowed_loads(
             load = None  # it falls over before
         found.append(np.nan if load is None else load)
     return np.array([*found, _stable(loaded, up_to)])
+
+
+def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: float) -> Array:
+    r"""What large rotations may change of allowed loads (l,) kg, that of stability last: none is known of that.
+
+    A tip that is w to the side of a boom of length l stands by :math:`\theta \approx 3 w / 2 l` aside, and projections
+    that second order takes as 1 are :math:`1 - \theta^2 / 2`.  Of a limit of which the rest uses :math:`u_0` these are
+    :math:`\tfrac98 (w / l)^2 P / (1 - u_0)`; of overturning what the boom's own weight adds that moves as the tip does.
+    """
+    loaded, found = place.loaded, np.zeros(len(loads))
+    tip = [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
+    for n, (limit, load) in enumerate(zip(limits, loads.tolist(), strict=False)):
+        if not load > 0.0 or not (state := loaded.state(load)).stands:
+            continue
+        share = PROJECTED * float(np.sum(state.outputs[tip] ** 2)) / reach**2
+        if limit.of == "overturning":
+            tipping = limit.tipping(place.at, place.k, place.amounts, place.gravity)
+            used, more = tipping.share(state, limit.factor), tipping.bent(state, limit.factor)
+            found[n] = load * (share + 1.0 - used / more)
+        else:
+            rest = place.share(limit)(loaded.state(0.0))
+            found[n] = load * share / (1.0 - min(rest, MOST_AT_REST))
+    return found
 
 
 def _stable(loaded: Loaded, up_to: float) -> float:

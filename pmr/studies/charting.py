@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.accuracy.mesh import BEAM, ORDER, finer_beams
+from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, weights_of
-from pmr.studies.allowed import allowed_loads
+from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
 from pmr.studies.limits import Limit
 from pmr.system.assembly import Assembly
 from pmr.system.buckling import buckling_factors
 from pmr.system.lift_off import Rope, lift_off
-from pmr.system.loaded import Equations, Loaded
+from pmr.system.loaded import Loaded
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -38,7 +41,9 @@ def stands_of(arguments: Mapping[str, Any]) -> Stands:
 
 
 def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: `Postures` of the reduced system, arrays ``reduced.``, and with ``error`` of a richer one, ``richer.``.
+    """Task: `Postures` of the reduced system, ``reduced.``, and with ``error`` of a richer one, ``richer.``.
+
+    Those of a finer mesh, ``finer.``, are there where all bodies are beams.
 
     Arrays ``reach`` (P,) m along the boom and ``tip`` (P, 3) m on the ground, undeformed, as well.
     """
@@ -56,8 +61,22 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     if arguments["error"]:
         better = richer_system(scene, system, at, weights, arguments["up_to"])
         arrays |= records.arrays(Postures.of(scene, better, at, weights), "richer.")
+        if (finer := on_finer_mesh(scene)) is not None:
+            arrays |= records.arrays(Postures.of(scene, finer, at, weights), "finer.")
         arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
     return TaskResult(arrays=arrays)
+
+
+def on_finer_mesh(scene: Scene) -> System | None:
+    """Reduced in the same way on elements half as long, of beams, whose reduction takes little time; else none."""
+    from pmr.reduction.bodies import joined, reduce_bodies
+    from pmr.studies import shared
+
+    try:
+        finer = finer_beams(scene)
+    except InputError:
+        return None
+    return joined(finer, reduce_bodies(finer, shared.bodies_of(finer)))
 
 
 def richer_system(scene: Scene, system: System, at: Stands, weights: Any, up_to: float) -> System:
@@ -110,64 +129,136 @@ def _answered(at: Stands) -> NDArray[np.int64]:
     return np.array(sorted(found))
 
 
+@dataclass(frozen=True)
+class Models:
+    """Where the boom stands, by the reduced model, a richer one and one on a finer mesh, as far as they are there."""
+
+    own: Postures
+    better: Postures | None
+    finer: Postures | None
+    above: float  # share by which the richer model's buckling factor is above that of full order
+    reach: Array  # (P,) m
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, NDArray[Any]]) -> Models:
+        """From the results of the task `postures`."""
+        found = {name: _behind(arrays, f"{name}.") for name in ("reduced", "richer", "finer")}
+        own, better, finer = (records.record(Postures, one) if one else None for one in found.values())
+        assert own is not None
+        return cls(own, better, finer, float(arrays.get("too_stiff", 0.0)), arrays["reach"])
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What limits allow in which cases."""
+
+    limits: Sequence[Limit]
+    amounts: Sequence[Sequence[float]]  # by case: of all parts
+    up_to: float  # kg
+    gravity: float  # m/s^2
+
+    def places(self, at: Postures, k: int) -> list[Place]:
+        """The k-th one in all cases."""
+        return [Place(at, k, one, self.gravity) for one in self.amounts]
+
+    def loads(self, places: Sequence[Place], near: Array | None = None, more: Sequence[Limit] = ()) -> Array:
+        """What all limits allow in each case (c, l), those `more` before stability."""
+        beside = [None] * len(places) if near is None else list(near)
+        limits = [*self.limits, *more]
+        return np.array([allowed_loads(limits, one, self.up_to, c) for one, c in zip(places, beside, strict=True)])
+
+    def passed(self, at: Postures, k: int) -> NDArray[np.bool_]:
+        """Which limits are passed without a load in each case (c, l), stability last where nothing stands."""
+        found = np.zeros((len(self.amounts), len(self.limits) + 1), dtype=bool)
+        for row, place in zip(found, self.places(at, k), strict=True):
+            state = place.loaded.state(0.0)
+            row[-1] = not state.stands
+            row[:-1] = [state.stands and place.share(one)(state) > 1.0 for one in self.limits]
+        return found
+
+    def known(self, loads: Array) -> Array:
+        """The least of all cases (l,), the largest that is looked for where none is met."""
+        return np.asarray(np.nan_to_num(_least(loads)[1], nan=self.up_to))
+
+    def of_reduction(self, models: Models, k: int, found: Array) -> Array:
+        """Error (l,) kg of the loads `found` (c, l) that the reduced model allows, by the richer one."""
+        assert models.better is not None
+        count, above = len(self.limits), models.above
+        buckling = [number for number, one in enumerate(self.limits) if one.of == "buckling"]
+        sooner = [self.limits[i].model_copy(update={"factor": self.limits[i].factor * (1.0 + above)}) for i in buckling]
+        close = np.concatenate([found[:, :count], found[:, buckling], found[:, count:]], axis=1)
+        known, own = self.known(self.loads(self.places(models.better, k), close, sooner)), self.known(found)
+        other = np.append(known[:count], known[-1])
+        before = other.copy()
+        before[buckling] = np.minimum(known[count:-1], other[buckling])
+        before[-1] /= 1.0 + above * (before[-1] < self.up_to)  # of one that is not met nothing is known
+        margins = [MARGIN_OF_BUCKLING if one.of == "buckling" else MARGIN for one in self.limits] + [MARGIN_OF_BUCKLING]
+        return np.asarray(np.array(margins) * np.maximum(np.abs(other - own), np.abs(before - own)))
+
+    def of_mesh(self, models: Models, k: int, found: Array) -> Array:
+        """The same by a mesh with elements half as long; not a number where there is none."""
+        if models.finer is None:
+            return np.full(found.shape[1], np.nan)
+        apart = np.abs(self.known(self.loads(self.places(models.finer, k), found)) - self.known(found))
+        return np.asarray(apart / (1.0 - BEAM**-ORDER))
+
+    def of_rotation(self, places: Sequence[Place], found: Array, reach: float) -> Array:
+        """What second order neglects (l,) kg, in the case that allows least."""
+        case, load = _least(found)
+        by_case = {n: MARGIN * bent_further(self.limits, places[n], load, reach) for n in set(case.tolist())}
+        return np.array([by_case[n][number] for number, n in enumerate(case.tolist())])
+
+
 def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: what limits allow at some of the places; ``place`` (p, 2) m, radius and height of the undeformed tip.
 
     Arrays: ``load`` (p, l) kg, the least of all cases, with ``case`` (p, l), its number, and ``error`` (p, l) kg; NaN
-    where a limit is not met up to the largest load.  With ``hoist`` also ``hoist`` (p,), by which factor of its weight
-    the least load of all pulls as it is lifted off, in the first case's amounts.  Figures are the extremes of the loads
-    that all limits allow.
+    where a limit is not met up to the largest load.  ``error`` is the sum of ``error.reduction``, ``error.mesh``, not a
+    number where it is not known, and ``error.rotation``.  With ``hoist`` also ``hoist`` (p,), by which factor of its
+    weight the least load of all pulls as it is lifted off, in the first case's amounts.  ``passed`` (p, c, l) says
+    which limits are passed in the cases out of service, `left`.  Figures are the extremes of the loads that all limits
+    allow.
     """
-    limits = [Limit.model_validate(one) for one in arguments["limits"]]
-    arrays = needs["postures"].arrays
-    at = records.record(Postures, _behind(arrays, "reduced."))
-    better = records.record(Postures, _behind(arrays, "richer.")) if arguments["error"] else None
-    cases, up_to, gravity = arguments["cases"], arguments["up_to"], arguments["gravity"]
+    models = Models.of(needs["postures"].arrays)
+    at, cases, gravity = models.own, arguments["cases"], arguments["gravity"]
     amounts = [[_amount(case, part) for part in at.parts] for case in cases]
-    margins = np.array(
-        [MARGIN_OF_BUCKLING if one.of == "buckling" else MARGIN for one in limits] + [MARGIN_OF_BUCKLING]
-    )
-    above = float(arrays["too_stiff"]) if arguments["error"] else 0.0
-    buckling = [number for number, one in enumerate(limits) if one.of == "buckling"]
-    sooner = [limits[i].model_copy(update={"factor": limits[i].factor * (1.0 + above)}) for i in buckling]
+    asked = Asked([Limit.model_validate(one) for one in arguments["limits"]], amounts, arguments["up_to"], gravity)
+    rope = None if arguments.get("hoist") is None else Rope(*arguments["hoist"])
     first, last = arguments["rows"]
-    load, error = np.full((2, last - first, len(limits) + 1), np.nan)
-    case = np.zeros((last - first, len(limits) + 1), np.int64)
-    for k in range(first, last):
-        found = np.array([allowed_loads(limits, at, k, one, up_to, gravity) for one in amounts])
-        case[k - first], load[k - first] = _least(found)
-        if better is not None:
-            close = np.concatenate([found[:, :-1], found[:, buckling], found[:, -1:]], axis=1)
-            others = [
-                allowed_loads([*limits, *sooner], better, k, one, up_to, gravity, near)
-                for one, near in zip(amounts, close, strict=True)
-            ]
-            known, own = (np.nan_to_num(one, nan=up_to) for one in (_least(np.array(others))[1], load[k - first]))
-            other = np.append(known[: len(limits)], known[-1])
-            before = other.copy()
-            before[buckling] = np.minimum(known[len(limits) : -1], other[buckling])
-            before[-1] /= 1.0 + above * (before[-1] < up_to)  # of one that is not met nothing is known
-            error[k - first] = margins * np.maximum(np.abs(other - own), np.abs(before - own))
-    governing = np.min(np.nan_to_num(load, nan=np.inf), axis=1)
-    hoisted = {}
-    if arguments.get("hoist") is not None:
-        rope, named = Rope(*arguments["hoist"]), dict(zip(at.parts, amounts[0], strict=True))
-        hoisted["hoist"] = np.array(
-            [_hoisted(at.at(k, named), float(m), rope, gravity) for k, m in enumerate(governing, first)]
-        )
+    left = replace(asked, amounts=[[_amount(case, part) for part in at.parts] for case in arguments["left"]])
+    rows = [_at_place(asked, models, k, rope) | {"passed": left.passed(at, k)} for k in range(first, last)]
+    arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    governing = np.min(np.nan_to_num(arrays["load"], nan=np.inf), axis=1)
     finite = governing[np.isfinite(governing)]
     record = {"load.least": float(finite.min()), "load.most": float(finite.max())} if len(finite) else {}
     tip, slewing = needs["postures"].arrays["tip"][first:last], at.slewing[first:last]
     radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
-    place = np.column_stack([radius, tip[:, 2]])
-    return TaskResult(record, {"load": load, "case": case, "error": error, "place": place, **hoisted})
+    return TaskResult(record, {**arrays, "place": np.column_stack([radius, tip[:, 2]])})
 
 
-def _hoisted(equations: Equations, load: float, rope: Rope, gravity: float) -> float:
+def _at_place(asked: Asked, models: Models, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:
+    """The arrays of `allowed` at the k-th place."""
+    places = asked.places(models.own, k)
+    found = asked.loads(places)
+    case, load = _least(found)
+    told: dict[str, NDArray[Any]] = {"load": load, "case": case}
+    parts = dict.fromkeys(("error.reduction", "error.mesh", "error.rotation"), np.full(len(load), np.nan))
+    if models.better is not None:
+        parts["error.reduction"] = asked.of_reduction(models, k, found)
+        parts["error.mesh"] = asked.of_mesh(models, k, found)
+        parts["error.rotation"] = asked.of_rotation(places, found, float(models.reach[k]))
+    told |= parts | {"error": parts["error.reduction"] + np.nan_to_num(parts["error.mesh"]) + parts["error.rotation"]}
+    if rope is not None:
+        least = float(np.nanmin(np.append(load, np.inf)))
+        told["hoist"] = np.array(_hoisted(places[0].loaded, least, rope, asked.gravity))
+    return told
+
+
+def _hoisted(loaded: Loaded, load: float, rope: Rope, gravity: float) -> float:
     """The factor by which a load pulls that is hoisted off the ground; NaN for none and where no limit is met."""
     if not 0.0 < load < np.inf:
         return np.nan
-    return lift_off(Loaded(equations).state(load).form, load, rope, gravity)
+    return lift_off(loaded.state(load).form, load, rope, gravity)
 
 
 def _least(found: Array) -> tuple[NDArray[np.int64], Array]:

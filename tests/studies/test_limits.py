@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from chart_beside_full import crane
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
 
 from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
 from pmr.studies import shared
-from pmr.studies.allowed import allowed_loads
-from pmr.studies.charting import governing, in_doubt, postures
+from pmr.studies.allowed import Place, allowed_loads, bent_further
+from pmr.studies.charting import MARGIN, governing, in_doubt, postures
 from pmr.studies.figures import boom_arguments
 from pmr.studies.limits import Limit
 from pmr.studies.tipping import Mass
@@ -81,7 +83,7 @@ def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float
 def loads(limits: list[Limit], at: Postures, k: int = 0, up_to: float = 1e6, **amounts: float) -> np.ndarray:
     """Allowed loads, in kg."""
     acting = {WEIGHT: 1.0, HOOK: 1.0} | amounts
-    return allowed_loads(limits, at, k, [acting.get(part, 0.0) for part in at.parts], up_to, G)
+    return allowed_loads(limits, Place(at, k, [acting.get(part, 0.0) for part in at.parts], G), up_to)
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +124,34 @@ def test_deflection_and_stress_to_second_order_are_those_of_a_beam_column(raised
         assert berry(deflection, angle)[0] == pytest.approx(0.5, rel=1e-3)
         pressed = stress * G * np.sin(angle) / A
         assert berry(stress, angle)[1] * (HEIGHT + WALL) / 2.0 / I - pressed == pytest.approx(400e6, rel=1e-3)
+
+
+def elastica(bent: float) -> float:
+    """P L^2 / E I of an end load that keeps its direction and bends a cantilever by a share of its length."""
+
+    def tip(load: float) -> float:
+        def rates(_: float, y: np.ndarray) -> np.ndarray:
+            return np.array([y[1], -load * np.cos(y[0])])
+
+        def at_end(curvature: float) -> np.ndarray:
+            return np.asarray(solve_ivp(rates, (0.0, 1.0), [0.0, curvature], rtol=1e-10, atol=1e-12).y[:, -1])
+
+        root = brentq(lambda curvature: at_end(curvature)[1], 0.0, 2.0 * load)
+        found = solve_ivp(rates, (0.0, 1.0), [0.0, root], rtol=1e-10, atol=1e-12, dense_output=True)
+        return float(quad(lambda s: np.sin(found.sol(s)[0]), 0.0, 1.0)[0])
+
+    return float(brentq(lambda load: tip(load) - bent, 0.5 * bent, 6.0 * bent))
+
+
+@pytest.mark.parametrize("share", [0.05, 0.15, 0.3])
+def test_large_rotations_are_within_their_part_of_the_error_bar(share: float) -> None:
+    """Euler's elastica beside what is linear, of which the bar is not twice what it has to be; at no angle."""
+    at = at_rest(cantilever(1e-6, 10), [0.0])
+    place, limits = Place(at, 0, [1.0] * len(at.parts), G), [Limit(name="b", of="deflection", most=share * L)]
+    found = allowed_loads(limits, place, 1e9)
+    exact = elastica(share) * E * I / L**2 / G
+    bar, _ = MARGIN * bent_further(limits, place, found, L)
+    assert found[0] < exact <= found[0] + bar <= found[0] + 2.0 * (exact - found[0])
 
 
 def test_a_luffing_cylinder_carries_the_moment_to_second_order(raised: Postures) -> None:

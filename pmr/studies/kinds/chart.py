@@ -18,6 +18,7 @@ from pmr.scene import Scene
 from pmr.scene.refusals import of_key
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.postures import HOOK, with_hook
+from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
 from pmr.studies.charting import allowed, governing, in_doubt, postures, sequence
 from pmr.studies.engine.task import Plan, Scalar, Task, number
 from pmr.studies.figures import boom_arguments
@@ -25,8 +26,6 @@ from pmr.studies.limits import STABILITY, Limit
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
 
-#: Hoisting classes of EN 13001-2: phi2,min of drives HD1, and beta2 in s/m.
-CLASSES = {"HC1": (1.05, 0.17), "HC2": (1.10, 0.34), "HC3": (1.15, 0.51), "HC4": (1.20, 0.68)}
 #: Places in all, at most.
 MOST = 200_000
 
@@ -56,33 +55,12 @@ class Range(_Table):
         return tuple(np.linspace(self.least, self.most, self.count).tolist())
 
 
-class LoadCase(_Table):
-    """What acts at once, and by which factor; every factor is the user's own."""
-
-    name: str = Field(description="What it is called")
-    weight: Annotated[float, Field(ge=0.0)] = Field(default=1.0, description="Factor of all weights")
-    load: Annotated[float, Field(gt=0.0)] = Field(default=1.0, description="Factor of the load that is looked for")
-    loads: dict[str, float] = Field(
-        default={}, description="Loads of the scene by name, in N or N m; those that are not named do not act"
-    )
-
-
 class Hoist(_Table):
     """How a load is hoisted off the ground: the factor that this makes of its weight is computed at each point."""
 
     speed: Annotated[float, Field(gt=0.0)] = Field(description="Of the hook, steady, m/s")
     rope_stiffness: Annotated[float, Field(gt=0.0)] = Field(description="Of all falls of the rope together, N/m")
-    hoisting_class: Literal["HC1", "HC2", "HC3", "HC4"] | None = Field(
-        default=None, description="Of EN 13001-2, to put its factor beside: phi2,min of drives HD1, and beta2"
-    )
-
-    @property
-    def class_factor(self) -> float | None:
-        r""":math:`\phi_{2,min} + \beta_2 v`."""
-        if self.hoisting_class is None:
-            return None
-        least, slope = CLASSES[self.hoisting_class]
-        return least + slope * self.speed
+    hoisting_class: str | None = Field(default=None, description="One of `classes`, to put its factor beside")
 
 
 class Study(StudyBase):
@@ -90,7 +68,8 @@ class Study(StudyBase):
 
     `change` holds keys of the scene: what it carries there as a payload has to go, as ``sections.fly.masses = []``.
     Figures: ``points``, ``limits``; by limit ``governs.<name>``, points at which it allows least, ``never.<name>`` and
-    ``at_no_load.<name>``; ``in_doubt``, points at which the error bar changes which limit governs.
+    ``at_no_load.<name>``; ``in_doubt``, points at which the error bar changes which limit governs; of a case out of
+    service ``stands.<name>``, points at which no limit is passed.
     """
 
     kind: Literal["chart"] = Field(description="What is varied, and how")
@@ -106,6 +85,9 @@ class Study(StudyBase):
     )
     limits: tuple[Limit, ...] = Field(default=(), description="What may not be passed, beside stability")
     cases: tuple[LoadCase, ...] = Field(default=(LoadCase(name="rest"),), min_length=1, description="What acts at once")
+    classes: dict[str, tuple[float, float]] = Field(
+        default=CLASSES, description="Hoisting classes: phi2,min and beta2 in s/m; by default of EN 13001-2, drives HD1"
+    )
     hoist: Hoist | None = Field(default=None, description="How the load is hoisted off the ground")
     error_bars: bool = Field(default=True, description="Whether the error of the reduction is estimated at each point")
 
@@ -114,6 +96,8 @@ class Study(StudyBase):
         for what, names in (("limits", [one.name for one in self.limits]), ("cases", [one.name for one in self.cases])):
             if len(set(names)) < len(names) or (what == "limits" and STABILITY in names):
                 raise ValueError(f"names of {what} must differ, and {STABILITY!r} is there without being asked for")
+        if not any(case.in_service for case in self.cases):
+            raise ValueError("a case with a load is needed: those with load = 0 are out of service")
         return self
 
     def plan(self) -> Plan:
@@ -134,7 +118,8 @@ class Study(StudyBase):
         shared = Task("postures", postures, boom_arguments(with_hook(scene)) | common | {"at": at}, cost=10.0)
         asked = common | {
             "limits": [limit.model_dump(mode="json") for limit in self.limits],
-            "cases": [case.model_dump(mode="json") for case in self.cases],
+            "cases": [case.acting(self.classes) for case in self._in_service],
+            "left": [case.acting(self.classes) for case in self._left],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
             "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
         }
@@ -159,8 +144,25 @@ class Study(StudyBase):
         if self.hoist is not None:
             factors = table["hoist"][np.isfinite(table["hoist"])]
             found |= {"hoist.least": float(factors.min()), "hoist.most": float(factors.max())} if len(factors) else {}
-            found |= {} if self.hoist.class_factor is None else {"hoist.class": self.hoist.class_factor}
+            found |= {} if (factor := self._class_factor) is None else {"hoist.class": factor}
+        for k, case in enumerate(self._left):
+            found[f"stands.{case.name}"] = int((~table["passed"][:, k].any(axis=1)).sum())
         return found
+
+    @property
+    def _in_service(self) -> list[LoadCase]:
+        return [case for case in self.cases if case.in_service]
+
+    @property
+    def _left(self) -> list[LoadCase]:
+        """Out of service."""
+        return [case for case in self.cases if not case.in_service]
+
+    @property
+    def _class_factor(self) -> float | None:
+        if self.hoist is None or self.hoist.hoisting_class is None:
+            return None
+        return hoisting_factor("hoist.hoisting_class", self.classes, self.hoist.hoisting_class, self.hoist.speed)
 
     @property
     def names(self) -> list[str]:
@@ -196,6 +198,7 @@ class Study(StudyBase):
                 "case",
                 "may govern",
                 *(["hoisting factor"] if self.hoist else []),
+                *(f"{case.name}, passed" for case in self._left),
                 *(f"{n} [kg]" for n in names),
                 *(f"{n} error [kg]" for n in names),
             ]
@@ -205,9 +208,10 @@ class Study(StudyBase):
             which = int(least[k])
             known = which >= 0
             said = [load[k, which], self._lower(load[k], error[k])] if known else ["", ""]
-            said += [names[which], self.cases[int(table["case"][k, which])].name] if known else ["none", ""]
+            said += [names[which], self._in_service[int(table["case"][k, which])].name] if known else ["none", ""]
             may = " | ".join(name for name, one in zip(names, doubt[k], strict=True) if one)
-            own = [float(table["hoist"][k])] if self.hoist else []
+            own: list[Any] = [float(table["hoist"][k])] if self.hoist else []
+            own += [" | ".join(np.array(names)[passed]) or "none" for passed in table["passed"][k]]
             cells = [*row.values(), a, b, radius, height, *said, may, *own, *load[k].tolist(), *error[k].tolist()]
             writer.writerow([_cell(one) for one in cells])
         return {"chart.csv": text.getvalue()}
@@ -234,10 +238,8 @@ class Study(StudyBase):
             found = found.model_copy(update={"frame": frame})
         known = {load.name for part in found.sections for load in part.loads} - {HOOK}
         for k, case in enumerate(self.cases):
-            for name in case.loads:
-                if name not in known:
-                    allowed_ = f"{', '.join(sorted(known)) or 'no loads'} of the scene are allowed"
-                    raise InputError("study", f"cases[{k}].loads.{name}", case.loads[name], allowed_)
+            case.checked(f"cases[{k}]", known, self.classes)
+        self._class_factor  # noqa: B018  (refuses a class that is not there)
         return found
 
     @cached_property

@@ -13,6 +13,7 @@ from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNu
 from pmr.report.figures.load_chart import Chart, load_chart, pointed
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
+from pmr.studies.cases import LoadCase
 from pmr.studies.charting import governing
 from pmr.studies.limits import STABILITY
 
@@ -21,8 +22,10 @@ Array = NDArray[np.float64]
 #: Reaches and angles in the table, at most.
 ROWS, COLUMNS = 14, 7
 #: Units of what is limited; others have none.
-UNITS = dict.fromkeys(("pad", "cylinder", "support", "luffing"), "N")
+UNITS = dict.fromkeys(("pad", "cylinder", "support", "luffing", "rope"), "N")
 UNITS |= {"stress": "Pa", "deflection": "m", "frequency": "Hz"}
+#: Arrays of error bars: the sum and its parts.
+PARTS = ("", ".reduction", ".mesh", ".rotation")
 #: Error bars in kg from which on they are shown beside a load.
 SHOWN = 0.5
 
@@ -53,7 +56,8 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         paragraphs=_paragraphs(study),
         blocks=[
             Block("Load chart", ((picture,),)),
-            Block("Limits", grids=(_limits(study, names),)),
+            Block("Limits", grids=(_limits(study, names), *_bars(study, names))),
+            Block("Load cases", grids=(_cases(study),)),
             Block("Loads", grids=(_loads(chart, error, table["luffing"]),)),
         ],
     )
@@ -111,21 +115,22 @@ def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNu
         found.append(KeyNumber(_kg(np.nanmin(least)), "least"))
     if np.isfinite(error).any():
         largest, doubt = f"{np.nanmax(error):.2g}{SPACE}kg", str(study.figures["in_doubt"])
-        found.append(KeyNumber(largest, "error bar, at most", "of the reduction"))
+        found.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, rotations"))
         found.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
     return found
 
 
 def _paragraphs(study: FinishedStudy) -> list[str]:
     bars = (
-        "Error bars are those of the reduction alone, from a richer reduced model: neither the mesh's part nor what "
-        "second order neglects is in them."
+        "Error bars are the sum of three parts: the reduction, from a richer reduced model; the mesh, from elements "
+        "half as long, where all sections are beams; and what second order neglects where the boom bends far. The "
+        "lower bound in chart.csv is what all limits allow at least."
         if study.asked["error_bars"]
         else "Error bars were not asked for."
     )
     return [
         "Equilibrium to second order with the contacts that are closed: axial forces of weight and load bend what is "
-        "bent. All factors are those of the study. Overturning is that of the undeformed boom.",
+        "bent. All factors are those of the study. A machine tips with the load at the deflected tip.",
         bars,
         *_hoisting(study),
     ]
@@ -158,6 +163,51 @@ def _limits(study: FinishedStudy, names: list[str]) -> Grid:
     return Grid(
         "Limits, the number of points at which they govern, are not met, or are met at no load.", heads, tuple(rows)
     )
+
+
+def _bars(study: FinishedStudy, names: list[str]) -> list[Grid]:
+    """What error bars are made of; nothing where there are none."""
+    if not study.asked["error_bars"]:
+        return []
+    parts = [study.results.arrays(run.key) for run in study.results.runs]
+    load = np.concatenate([part["load"] for part in parts])
+    rows = []
+    for k, name in enumerate(names):
+        some = load[:, k] > 0.0
+        shares = [np.concatenate([p[f"error{of}"][:, k] for p in parts])[some] / load[some, k] for of in PARTS]
+        rows.append((name, *(_per_cent(np.median(one)) for one in shares if len(one)), *_most(shares[0])))
+    said = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
+    return [Grid(said, ("limit", "in all", "reduction", "mesh", "large rotations", "largest"), tuple(rows))]
+
+
+def _most(shares: Array) -> tuple[str, ...]:
+    return (_per_cent(shares.max()),) if len(shares) else ("not met",) * (len(PARTS) + 1)
+
+
+def _per_cent(share: Any) -> str:
+    return "not known" if np.isnan(share) else f"{100.0 * share:.2g}{SPACE}%" if share >= 1e-5 else "0"
+
+
+def _cases(study: FinishedStudy) -> Grid:
+    rows = []
+    for one in study.asked["cases"]:
+        case = LoadCase.model_validate(one)
+        hoisted = case.hoisting(study.asked["classes"])
+        load = (
+            f"{case.load:g}"
+            if case.hoisting_class is None
+            else f"{case.load:g} × {hoisted:.4g} ({case.hoisting_class})"
+        )
+        wind = "–" if case.wind is None else f"{case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
+        forces = case.loads | (case.wind.forces if case.wind else {})
+        acting = ", ".join(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items()) or "–"
+        stands = study.figures.get(f"stands.{case.name}")
+        found = "in service" if case.in_service else f"stands at {stands} points"
+        rows.append(
+            (case.name, f"{case.weight:g}", load if case.in_service else "0", wind, acting, found, case.standard or "–")
+        )
+    heads = ("case", "weight", "load", "wind", "loads of the scene", "found", "factors from")
+    return Grid("What acts at once: factors of weight and load, pressure of the wind, and loads.", heads, tuple(rows))
 
 
 def _amount(limit: Mapping[str, Any], amount: float | None) -> str:

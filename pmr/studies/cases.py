@@ -1,0 +1,114 @@
+"""Load cases of a chart: what acts at once, every factor the user's own, and which standard it is from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from pmr.errors import InputError
+
+#: Hoisting classes of EN 13001-2: phi2,min of drives HD1, and beta2 in s/m.
+CLASSES = {"HC1": (1.05, 0.17), "HC2": (1.10, 0.34), "HC3": (1.15, 0.51), "HC4": (1.20, 0.68)}
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Exposed(_Table):
+    """What wind blows on."""
+
+    load: str = Field(description="Load of the scene that acts where the wind does, and along it")
+    area: Annotated[float, Field(gt=0.0)] = Field(description="m^2, across the wind")
+    shape: float = Field(description="Shape factor; negative where the load of the scene points against the wind")
+
+
+class Wind(_Table):
+    r"""A wind that blows steadily: :math:`F = q A c`, :math:`q = \rho v^2 / 2`."""
+
+    speed: Annotated[float, Field(gt=0.0)] = Field(description="m/s")
+    density: Annotated[float, Field(gt=0.0)] = Field(default=1.25, description="Of the air, kg/m^3")
+    on: Annotated[tuple[Exposed, ...], Field(min_length=1)] = Field(description="What it blows on")
+
+    @property
+    def pressure(self) -> float:
+        """Q in Pa."""
+        return self.density * self.speed**2 / 2.0
+
+    @property
+    def forces(self) -> dict[str, float]:
+        """In N, by the scene's loads."""
+        found = dict[str, float]()
+        for one in self.on:
+            found[one.load] = found.get(one.load, 0.0) + self.pressure * one.area * one.shape
+        return found
+
+
+class LoadCase(_Table):
+    """What acts at once, and by which factor; every factor is the user's own."""
+
+    name: str = Field(description="What it is called")
+    standard: str = Field(default="", description="Where its factors are from, as the report says it")
+    weight: Annotated[float, Field(ge=0.0)] = Field(default=1.0, description="Factor of all weights")
+    load: Annotated[float, Field(ge=0.0)] = Field(
+        default=1.0, description="Factor of the load that is looked for; 0 out of service, where nothing hangs"
+    )
+    hoisting_class: str | None = Field(
+        default=None, description="One of `classes`, whose factor multiplies that of the load"
+    )
+    hoisting_speed: Annotated[float, Field(gt=0.0)] | None = Field(default=None, description="Of the hook, m/s")
+    loads: dict[str, float] = Field(
+        default={}, description="Loads of the scene by name, in N or N m; those that are not named do not act"
+    )
+    wind: Wind | None = Field(default=None, description="Forces by speed, areas and shape factors, beside `loads`")
+
+    @model_validator(mode="after")
+    def _hoisted_at_a_speed(self) -> Self:
+        if (self.hoisting_class is None) != (self.hoisting_speed is None):
+            raise ValueError("hoisting_class and hoisting_speed go together")
+        twice = set(self.loads) & set(self.wind.forces if self.wind else ())
+        if twice:
+            raise ValueError(f"loads and wind.on name the same load: {', '.join(sorted(twice))}")
+        return self
+
+    @property
+    def in_service(self) -> bool:
+        """Whether a load hangs."""
+        return self.load > 0.0
+
+    def checked(self, key: str, known: set[str], classes: Mapping[str, tuple[float, float]]) -> None:
+        """An InputError with the `key` is raised for a load or a class that is not known."""
+        if self.hoisting_class is not None:
+            hoisting_factor(f"{key}.hoisting_class", classes, self.hoisting_class, 0.0)
+        named: list[tuple[str, str, Any]] = [(f"loads.{name}", name, amount) for name, amount in self.loads.items()]
+        named += [(f"wind.on[{k}].load", one.load, one.load) for k, one in enumerate(self.wind.on if self.wind else ())]
+        for of, name, value in named:
+            if name not in known:
+                allowed = f"{', '.join(sorted(known)) or 'no loads'} of the scene are allowed"
+                raise InputError("study", f"{key}.{of}", value, allowed)
+
+    def hoisting(self, classes: Mapping[str, tuple[float, float]]) -> float:
+        """The class's factor of the load; 1 without a class."""
+        if self.hoisting_class is None:
+            return 1.0
+        return hoisting_factor("hoisting_class", classes, self.hoisting_class, self.hoisting_speed or 0.0)
+
+    def acting(self, classes: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+        """``name``, ``weight``, ``load`` with the class's factor, and ``loads`` with those of the wind."""
+        loads = self.loads | (self.wind.forces if self.wind else {})
+        return {
+            "name": self.name,
+            "weight": self.weight,
+            "load": self.load * self.hoisting(classes),
+            "loads": loads,
+        }
+
+
+def hoisting_factor(key: str, classes: Mapping[str, tuple[float, float]], name: str, speed: float) -> float:
+    r""":math:`\phi_2 = \phi_{2,min} + \beta_2 v` of a class; an InputError with the `key` is raised for others."""
+    if name not in classes:
+        raise InputError("study", key, name, f"one of {', '.join(classes)} is allowed")
+    least, slope = classes[name]
+    return least + slope * speed

@@ -1,0 +1,76 @@
+"""Load charts beside full order at places that were drawn beforehand: the reduction's part of the error bars."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chart_beside_full import beside, crane, random_places
+
+from pmr.scene import load_any
+from pmr.studies.limits import Limit
+from pmr.studies.tipping import Mass
+
+pytestmark = pytest.mark.slow
+
+TELESCOPE = Path(__file__).with_name("telescope.toml")
+POLYGON = ((2.5, 2.5), (-2.5, 2.5), (-2.5, -2.5), (2.5, -2.5))
+MACHINE = (Mass(name="carrier", mass=14000.0, at=(-0.5, 0.0, -1.0)),)
+LIMITS = [
+    Limit(name="stress", of="stress", most=120e6),
+    Limit(name="pads", of="pad", most=40e3),
+    Limit(name="cylinders", of="cylinder", most=15e3),
+    Limit(name="support", of="support", most=100e3, which=("*luffing*",)),
+    Limit(name="luffing", of="luffing", most=300e3),
+    Limit(name="tip", of="deflection", most=0.3),
+    Limit(name="expression", of="expression", expression='abs(force["cylinder of fly"]) + 0.1 * load', most=16e3),
+    Limit(name="buckling", of="buckling", least=3.0),
+    Limit(name="frequency", of="frequency", least=0.5),
+    Limit(name="tipping", of="overturning", factor=1.33, polygon=POLYGON, machine=MACHINE, height=1.5),
+]
+
+
+def test_a_planar_telescope_of_soft_sections() -> None:
+    """At 20 places in at least 19, of what all limits allow; the bars are no more than 2 % of the loads."""
+    limits = [
+        Limit(name="pads", of="pad", most=40e3),
+        Limit(name="tip", of="deflection", most=0.6),
+        Limit(name="buckling", of="buckling", least=3.0),
+        Limit(name="frequency", of="frequency", least=0.3),
+    ]
+    rng = np.random.default_rng(20)
+    along = [rng.uniform(0.7, 4.5, 20) for _ in range(2)]
+    scene = load_any(TELESCOPE, ["frame.second_order=true"])
+    found = beside(scene, np.column_stack([*along, rng.uniform(0.0, 1.3, 20)]), limits, 1e5)
+    governs = np.nanargmin(found.load, axis=1)
+    least, bars = (one[np.arange(20), governs] for one in (found.load, found.error))
+    assert found.agreed.sum() >= 19 and (bars <= 0.02 * least).all() and len(set(governs.tolist())) > 1
+    assert found.inside[found.known].mean() >= 0.95
+
+
+def test_the_crane_in_space_by_all_limits() -> None:
+    """At 20 places in at least 19 by each limit; it buckles sideways, where errors of two models cancel."""
+    found = beside(crane(), random_places(261), LIMITS, 1e5)
+    known, inside = found.known, found.inside & found.known
+    assert found.agreed.sum() >= 19
+    assert (known.sum(axis=0) >= [20] * 7 + [15, 20, 20, 8]).all()
+    assert (inside.sum(axis=0) >= 0.95 * known.sum(axis=0)).all()
+    assert (found.error <= 0.05 * found.load)[known].all()
+
+
+def test_a_boom_with_a_shell() -> None:
+    """Pads, deflection and stress where the last section is a shell of 1,900 coordinates, at two random places."""
+    changes = ["sections.fly.masses=[]", "frame.second_order=true", "section.mesh.elements=6"]
+    changes += ["sections.fly.mesh={size=0.32,along=1.0}"]
+    changes += ["sections.fly.probes=[{name='top',at=[2.0,0.0,0.163],measures=['stress']}]"]
+    limits = [
+        Limit(name="pads", of="pad", most=40e3),
+        Limit(name="tip", of="deflection", most=0.15),
+        Limit(name="top", of="stress", most=60e6),
+    ]
+    rng = np.random.default_rng(7)
+    along = [rng.uniform(0.7, 4.5, 2) for _ in range(2)]
+    found = beside(load_any("crane_shell", changes), np.column_stack([*along, rng.uniform(0.0, 1.3, 2)]), limits, 3e4)
+    assert found.known[:, :3].all() and found.inside[:, :3].all()
+    assert (found.error[:, :2] <= 1e-3 * found.load[:, :2]).all()  # stress is local: its bar is 4 % at one of them
