@@ -147,8 +147,46 @@ class FiniteElementModel(StructuralModel, Protocol):
     def stresses(self) -> StressRows | None:
         """Stresses of the grid's cells, from the strains of `forms`; None for a beam without a profile."""
 
-    def section_forces(self) -> ForceRows | None:
-        """Forces and moments of a beam's sections at both ends of its elements; None of bodies that are no lines."""
+    def cut(self, parts: int) -> Cut | None:
+        """A beam in so many pieces an element; None of bodies that are no lines."""
+
+
+class Line(FiniteElementModel, Protocol):
+    """A beam."""
+
+    @property
+    def node_stations(self) -> Array: ...
+
+    def station(self, place: str | float) -> float:
+        """Distance of a place from the beam's first end in m; raises an `InputError` if it is not on the beam."""
+
+    def section_forces(self) -> ForceRows:
+        """Of both ends of each element, from their strains: exact where nothing acts between nodes."""
+
+    def end_forces(self) -> sp.csr_matrix:
+        """The section forces, in the order of `section_forces`, of forces on coordinates that pull at elements, (P, n).
+
+        On the face that looks along x: what pulls at an element's second end, with the other sign at its first.
+        """
+
+    def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
+        """Stresses in the corners of the profile of section forces, whose places are in these elements (P,).
+
+        Their rows are on what the rows of `forces` are on; None where no profile is known.
+        """
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A beam that is cut at its nodes and, in equal parts, between them: each piece has its ends for itself.
+
+    Coordinates of the pieces are those of `beam`, whose nodes stand at every inner cut twice.
+    """
+
+    beam: Line
+    coordinates: sp.csr_matrix  # (c, n): of the pieces, from the whole beam's
+    joined: sp.csr_matrix  # (c, m): of the pieces, from those of the cuts between nodes alone
+    element: Indices  # (2 p,): the whole beam's, of both ends of each of the pieces
 
 
 def bilinear(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:

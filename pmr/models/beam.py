@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cellwise, constant, create_mesh
+from pmr.fields.envelope import ForceRows
 from pmr.fields.series import Grid
-from pmr.models import DIRECTIONS, UnitState, rigid_motions
+from pmr.fields.stress import StressRows
+from pmr.models import DIRECTIONS, Cut, Line, UnitState, rigid_motions
 from pmr.scene.structures import Beam3DBody, Profile
 
 Array = NDArray[np.float64]
@@ -47,6 +49,49 @@ class Beam(ABC):
     @abstractmethod
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix: ...
 
+    @abstractmethod
+    def on_nodes(self, stations: Array) -> Line:
+        """The same beam with nodes (N,) m; between two at one place it is cut."""
+
+    @abstractmethod
+    def interpolated(self, places: Array) -> sp.csr_matrix:
+        """What coordinates on nodes at the places (k,) m along the axis would be, (k d, n)."""
+
+    @property
+    @abstractmethod
+    def resultants(self) -> Array:
+        """The section's forces, in the order of `FORCES`, of unit forces on the coordinates of a node, (k, d)."""
+
+    @abstractmethod
+    def section_forces(self) -> ForceRows: ...
+
+    @abstractmethod
+    def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None: ...
+
+    def stresses(self) -> StressRows | None:
+        """As `corner_stresses`, of the `section_forces`."""
+        return self.corner_stresses(self.section_forces(), np.repeat(np.arange(len(self.grid.cells)), 2))
+
+    def cut(self, parts: int) -> Cut:
+        """The beam in so many pieces an element."""
+        x, shares, d = self.node_stations, np.arange(parts) / parts, len(self.directions)
+        places = np.append((x[:-1, None] + np.diff(x)[:, None] * shares).ravel(), x[-1])
+        beam, number = self.on_nodes(np.repeat(places, 2)[1:-1]), np.repeat(np.arange(len(places)), 2)[1:-1]
+        between = np.flatnonzero(np.arange(len(places)) % parts)
+        column = np.full(len(places), -1)
+        column[between] = np.arange(len(between))
+        inner = np.flatnonzero(column[number] >= 0)
+        shape = (len(number), len(between))
+        picked = sp.csr_matrix((np.ones(len(inner)), (inner, column[number[inner]])), shape=shape)
+        joined = sp.csr_matrix(sp.kron(picked, sp.eye(d)))
+        pieces = parts * (len(x) - 1)
+        return Cut(beam, self.interpolated(beam.node_stations), joined, np.repeat(np.arange(pieces), 2) // parts)
+
+    def end_forces(self) -> sp.csr_matrix:
+        ends = self.grid.cells.ravel()
+        signs = sp.csr_matrix((np.tile([-1.0, 1.0], len(ends) // 2), (np.arange(len(ends)), ends)))
+        return sp.csr_matrix(sp.vstack([sp.kron(signs, row[None]) for row in self.resultants]))
+
     @property
     def size(self) -> int:
         return len(self.directions) * len(self.node_stations)
@@ -55,7 +100,7 @@ class Beam(ABC):
         return create_mesh(comm, "interval", self.node_stations[:, None], self.grid.cells)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        nodes = cells[:, None] + np.arange(2)
+        nodes = self.grid.cells[cells]
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 
     def axial_force(self, mesh: Any, state: UnitState) -> Any:
@@ -79,7 +124,7 @@ class Beam(ABC):
 
     def _beyond(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
         """Sums of forces and of forces times their places beyond each element."""
-        middle = (self.node_stations[:-1] + self.node_stations[1:]) / 2.0
+        middle = self.node_stations[self.grid.cells].mean(axis=1)
         sums = np.zeros((2, len(middle)))
         for place, force in state.forces:
             at = self.station(place)
@@ -118,7 +163,7 @@ class Beam(ABC):
     @property
     def grid(self) -> Grid:
         """The axis as lines."""
-        first = np.arange(len(self.node_stations) - 1)
+        first = np.flatnonzero(np.diff(self.node_stations))  # not where it is cut
         return Grid("line", self.node_stations[:, None] * np.eye(3)[0], first[:, None] + np.arange(2))
 
     def point_displacements(self) -> sp.csr_matrix:

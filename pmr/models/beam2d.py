@@ -14,7 +14,7 @@ rotation about y is -w'.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,17 +24,17 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import constant, hermite_space
-from pmr.fields.envelope import ForceRows, force_rows
+from pmr.fields.envelope import FORCES, ForceRows, force_rows
 from pmr.fields.stress import StressRows
 from pmr.mesh.strip import Extent, Strip, Window, line_points
 from pmr.models import Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
-from pmr.models.profile_section import section_of
-from pmr.models.tabulation import as_rows
+from pmr.models.profile_section import section_of, stress_rows
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Profile
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 SLOPES = np.array([np.polyder(shape) for shape in HERMITE])
 FACES = {"bottom": -1.0, "top": 1.0}  # outward normals along z
@@ -114,13 +114,13 @@ class Beam2D(Beam):
 
         The same row applies a point force (or moment) there and measures a point displacement.
         """
-        e = min(max(int(np.searchsorted(self.nodes, x, side="right")) - 1, 0), len(self.nodes) - 2)
-        h = self.nodes[e + 1] - self.nodes[e]
-        xi = (x - self.nodes[e]) / h
+        first = min(max(int(np.searchsorted(self.nodes, x, side="right")) - 1, 0), len(self.nodes) - 2)
+        h = self.nodes[first + 1] - self.nodes[first]
+        xi = (x - self.nodes[first]) / h
         if direction == "x":
-            dofs, values = [self._dof(e, "x"), self._dof(e + 1, "x")], np.array([1.0 - xi, xi])
+            dofs, values = [self._dof(first, "x"), self._dof(first + 1, "x")], np.array([1.0 - xi, xi])
         else:
-            dofs = self.bending_dofs(e)
+            dofs = self._bending_dofs(first)
             slope = direction == "ry"
             values = (SLOPES if slope else HERMITE) @ xi ** np.arange(2.0 if slope else 3.0, -1.0, -1.0)
             values[[1, 3]] *= h
@@ -157,38 +157,39 @@ class Beam2D(Beam):
         motions[self.directions.index("ry") :: len(self.directions)] *= -1.0
         return motions
 
-    def stresses(self) -> StressRows | None:
-        """Axial stress below and above, E (u' -+ z w''); None where no more than stiffnesses are known."""
+    def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
+        """Axial stress below and above; None where no more than stiffnesses are known."""
         if self.box is None:
             return None
-        section, (strains, coordinates) = section_of(self.box, 0.0), self._strains()
-        young, outside = self.body.bending_stiffness / section.second_moment_y, [one.at[1] for one in self.box.corners]
-        elements, along = np.repeat(np.arange(len(coordinates)), 2), self.grid.points[self.grid.cells.ravel()]
-        stretch, curvature = strains.reshape(len(elements), 2, -1).transpose(1, 0, 2)
-        both = {"bottom": min(outside), "top": max(outside)}
-        arms = [z - section.centroid[1] for z in both.values()]
-        entries = np.concatenate([young * (stretch - arm * curvature) for arm in arms])
-        return StressRows(
-            rows=as_rows(entries[:, None], np.tile(coordinates[elements], (2, 1)), self.size),
-            mises=np.ones((1, 1)),
-            components=("axial",),
-            points=np.concatenate([along + [0.0, 0.0, z] for z in both.values()]),
-            cell=np.tile(elements, 2),
-            faces=tuple(both),
-            face=np.repeat(np.arange(2), len(elements)),
-        )
+        section, heights = section_of(self.box, 0.0), [corner.at[1] for corner in self.box.corners]
+        corners = {"bottom": (0.0, min(heights)), "top": (0.0, max(heights))}
+        of = np.zeros((2, 1, len(FORCES)))
+        of[:, 0, 0] = 1.0 / section.area
+        of[:, 0, 4] = [(z - section.centroid[1]) / section.second_moment_y for _, z in corners.values()]
+        return stress_rows(forces, element, corners, of)
+
+    def on_nodes(self, stations: Array) -> Beam2D:
+        return replace(self, nodes=stations)
+
+    def interpolated(self, places: Array) -> sp.csr_matrix:
+        rows = self._rows([(x, direction) for x in places.tolist() for direction in self.directions])
+        turned = [-1.0 if direction == "ry" else 1.0 for direction in self.directions]
+        return sp.csr_matrix(sp.diags(np.tile(turned, len(places))) @ rows)
+
+    @property
+    def resultants(self) -> Array:
+        return np.diag([1.0, 1.0, -1.0][-len(self.directions) :])
 
     def section_forces(self) -> ForceRows:
         strains, coordinates = self._strains()
         stiffness = {"bending moment y": np.array([0.0, -self.body.bending_stiffness])}
         if self.body.axial and self.body.axial_stiffness is not None:
             stiffness["normal force"] = np.array([self.body.axial_stiffness, 0.0])
-        ends = np.column_stack([self.nodes[:-1], self.nodes[1:]])
-        return force_rows(ends, strains, stiffness, coordinates, self.size)
+        return force_rows(self.nodes[self.grid.cells], strains, stiffness, coordinates, self.size)
 
     def _strains(self) -> tuple[Array, NDArray[np.int64]]:
         """The strains u' and w'' at both ends of the E elements, (E, 2, 2, d), and coordinates (E, d) they are of."""
-        h, own = np.diff(self.nodes), len(self.directions)
+        h, own = self.lengths, len(self.directions)
         strains = np.zeros((len(h), 2, 2, 2 * own))
         bent = [k for node in (0, own) for k in range(node + own - 2, node + own)]
         for end, xi in enumerate((0.0, 1.0)):
@@ -196,7 +197,12 @@ class Beam2D(Beam):
             strains[:, end, 1, bent] = second / h[:, None] ** np.array([2.0, 1.0, 2.0, 1.0])
             if self.body.axial:
                 strains[:, end, 0, [0, own]] = np.array([-1.0, 1.0]) / h[:, None]
-        return strains, own * np.arange(len(h))[:, None] + np.arange(2 * own)
+        return strains, own * self.grid.cells[:, :1] + np.arange(2 * own)
+
+    @property
+    def lengths(self) -> Array:
+        """Of the elements, m."""
+        return np.diff(self.nodes[self.grid.cells])[:, 0]
 
     @property
     def deflection(self) -> Array:
@@ -204,7 +210,7 @@ class Beam2D(Beam):
 
         The highest power is first; the last axis counts the coordinates, which `bending_dofs` numbers.
         """
-        h = np.diff(self.nodes)
+        h = self.lengths
         powers = h ** -np.arange(3.0, -1.0, -1.0)[:, None]  # (x / h)^p
         c = np.asarray(HERMITE.T[:, None, :] * powers[:, :, None])
         c[:, :, [1, 3]] *= h[:, None]
@@ -215,7 +221,10 @@ class Beam2D(Beam):
 
     def bending_dofs(self, e: int) -> list[int]:
         """Numbers of w and w' at both nodes of an element."""
-        return [self._dof(n, d) for n in (e, e + 1) for d in ("z", "ry")]
+        return self._bending_dofs(int(self.grid.cells[e, 0]))
+
+    def _bending_dofs(self, first: int) -> list[int]:
+        return [self._dof(n, d) for n in (first, first + 1) for d in ("z", "ry")]
 
 
 def _trial_and_test(space: Any) -> tuple[Any, Any]:

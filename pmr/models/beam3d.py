@@ -47,7 +47,7 @@ from pmr.fields.stress import StressRows
 from pmr.mesh.strip import FACES, Extent, Plane, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
-from pmr.models.profile_section import MidLine, Strained, section_of, stress_rows
+from pmr.models.profile_section import MidLine, corner_stresses, section_of, stress_rows
 from pmr.models.tabulation import CellValues, cell_values
 from pmr.scene.structures import Beam3DBody, BeamSection
 
@@ -90,9 +90,12 @@ class Beam3D(Beam):
     """The model of a scene's beam in space."""
 
     body: Beam3DBody
+    stations: Array | None = None  # (N,) m: of its nodes, by default as far apart as each other
 
     @cached_property
     def node_stations(self) -> Array:
+        if self.stations is not None:
+            return self.stations
         return self.body.length * (np.arange(self.body.elements + 1) / self.body.elements)
 
     @cached_property
@@ -250,7 +253,7 @@ class Beam3D(Beam):
     def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
         """Of a field (u, phi, w_A and theta_B of both planes), in both planes."""
         h = ufl.JacobianDeterminant(mesh)
-        middle = cellwise(mesh, (self.node_stations[:-1] + self.node_stations[1:]) / 2.0)
+        middle = cellwise(mesh, self.node_stations[self.grid.cells].mean(axis=1))
         X = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5
         bulge = h * (X - 3 * X**2 + 2 * X**3)
         found = []
@@ -332,14 +335,30 @@ class Beam3D(Beam):
 
     def _elements(self, places: Array) -> Indices:
         """Numbers of the elements that hold places along the axis."""
-        return np.clip(np.searchsorted(self.node_stations, places, side="right") - 1, 0, self.body.elements - 1)
+        x = self.node_stations
+        return np.clip(np.searchsorted(x, places, side="right") - 1, 0, len(x) - 2)
 
-    def stresses(self) -> StressRows | None:
+    def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
         profile = self.body.profile
         if profile is None:
             return None
-        section = Strained(profile, self.body.material, np.array(self.section.centroid), self.principal)
-        return stress_rows(self.grid, self.transformation, section, self._strains)
+        corners = {corner.name: corner.at for corner in profile.corners}
+        return stress_rows(forces, element, corners, corner_stresses(profile, self.section))
+
+    def on_nodes(self, stations: Array) -> Beam3D:
+        return replace(self, stations=stations)
+
+    def interpolated(self, places: Array) -> sp.csr_matrix:
+        return self._motions(places)
+
+    @property
+    def resultants(self) -> Array:
+        """N and bending moments about the centroid, the torque about the shear centre."""
+        (y_c, z_c), (y_s, z_s) = self.section.centroid, self.section.shear_centre
+        own = np.eye(6)
+        own[0, 4:] = z_c, -y_c
+        own[1, 3], own[2, 3] = -z_s, y_s
+        return np.linalg.inv(own).T
 
     def section_forces(self) -> ForceRows:
         E, section, strains = self.body.material.young, self.section, self._strains
@@ -350,11 +369,9 @@ class Beam3D(Beam):
             "bending moment y": np.array([0.0, *-bent[1], 0.0]),
             "bending moment z": np.array([0.0, *bent[0], 0.0]),
         }
-        T, x = self.transformation, self.node_stations
-        found = force_rows(
-            np.column_stack([x[:-1], x[1:]]), strains.entries, stiffness, strains.coordinates, len(x) * 6
-        )
-        return replace(found, rows=sp.csr_matrix(found.rows @ T))
+        ends = self.node_stations[self.grid.cells]
+        found = force_rows(ends, strains.entries, stiffness, strains.coordinates, self.size)
+        return replace(found, rows=sp.csr_matrix(found.rows @ self.transformation))
 
     @cached_property
     def _strains(self) -> CellValues:

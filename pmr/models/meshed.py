@@ -57,7 +57,7 @@ class MeshedModel(Traced):
     mesh: NamedMesh
     transformation: None = None  # the space's coordinates are the model's
 
-    def section_forces(self) -> None:
+    def cut(self, parts: int) -> None:
         """None: it is no line."""
 
     @property

@@ -21,20 +21,15 @@ which for :math:`\nu = 0` is the energy's.  Cowper: The shear coefficient in Tim
 Applied Mechanics 33, 1966, 335-340, table 1.  It is exact within 2 % for a circular tube.  Left out: warping, which is
 free, and the shear that a force along one principal axis makes along the other.
 
-Stresses in space, at both ends of each element, follow from stretching, bending and torsion:
-
-.. math::
-    \sigma = E\, (u' - y\, \psi_v' - z\, \psi_w'), \qquad \tau = \frac{G J \phi'}{2 A_m t}
-
-with the section's rotations psi (slopes without shear), y and z of the outer corners along the principal axes, and
-Bredt's shear flow around the cell, in the thinner of both plates that meet.  Moments are linear in an element, so its
-ends hold the largest ones.  Left out: shear stresses of transverse forces, largest in the middle of a wall; warping;
-and all that a beam does not know of, as walls that bend under pads.  Outer corners that are rounded have the stresses
-of sharp ones, which are larger.
+Stresses in the outer corners follow from section forces: Navier's of the normal force and of bending, and Bredt's of
+the torque, in the thinner of both plates that meet.  Left out: shear stresses of transverse forces, largest in the
+middle of a wall; warping; and all that a beam does not know of, as walls that bend under pads.  Outer corners that are
+rounded have the stresses of sharp ones, which are larger.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -42,14 +37,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.fields.series import Grid
+from pmr.fields.envelope import FORCES, ForceRows
 from pmr.fields.stress import FIBRE, StressRows
-from pmr.models.tabulation import CellValues, as_rows
 from pmr.scene.plates import Side
 from pmr.scene.profile import BoxProfile
-from pmr.scene.structures import BeamSection, Material
+from pmr.scene.structures import BeamSection
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 #: Gauss' points and weights on (0, 1): exact for straight plates, and to round-off for arcs.
 _X, _W = np.polynomial.legendre.leggauss(16)
@@ -255,41 +250,40 @@ def _shear_coefficient(m: float, nu: float) -> float:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Strained:
-    """A beam's section in its principal axes, as its stresses need it."""
+def corner_stresses(profile: BoxProfile, section: BeamSection) -> Array:
+    r"""Axial stress and that of torsion in each corner of unit section forces, in the order of `FORCES`, (k, 2, 6).
 
-    profile: BoxProfile
-    material: Material
-    centroid: Array  # (2,) m
-    turned: Array  # (2, 2): principal axes as rows
-
-
-def stress_rows(axis: Grid, T: sp.csr_matrix, section: Strained, strains: CellValues) -> StressRows:
-    """Axial stress and that of torsion of a body with a profile, on coordinates that T (n', n) takes to the space's.
-
-    `strains` are u', psi_v', psi_w' and phi' at both ends of each element.
+    .. math:: \sigma = \frac{N}{A} + \begin{pmatrix} -M_z & M_y \end{pmatrix} I^{-1} (p - c), \qquad
+        \tau = \frac{T}{2 A_m t}
     """
-    profile, material, elements = section.profile, section.material, np.repeat(np.arange(len(axis.cells)), 2)
-    stretch, along_y, along_z, twist = strains.entries.reshape(len(elements), 4, -1).transpose(1, 0, 2)
-    line, corners = MidLine(profile), profile.corners
-    flow = material.shear_modulus * line.torsion_constant / (2.0 * line.enclosed) * twist
-    at = np.array([corner.at for corner in corners])
-    axial = [
-        material.young * (stretch - y * along_y - z * along_z) for y, z in (at - section.centroid) @ section.turned.T
-    ]
-    entries = np.concatenate(
-        [np.stack([a, flow / corner.thickness], axis=1) for a, corner in zip(axial, corners, strict=True)]
-    )
-    coordinates = np.tile(strains.coordinates[elements], (len(corners), 1))
-    local = as_rows(entries, coordinates, T.shape[0])
-    places = [axis.points[axis.cells.ravel()] + [0.0, y, z] for y, z in at]
+    I = np.array([[section.second_moment_z, section.product_of_inertia],
+                  [section.product_of_inertia, section.second_moment_y]])  # fmt: skip
+    found, enclosed = np.zeros((len(profile.corners), 2, len(FORCES))), MidLine(profile).enclosed
+    for stresses, corner in zip(found, profile.corners, strict=True):
+        of_z, of_y = np.linalg.solve(I, np.subtract(corner.at, section.centroid))
+        stresses[0, [0, 4, 5]] = 1.0 / section.area, of_y, -of_z
+        stresses[1, 3] = 1.0 / (2.0 * enclosed * corner.thickness)
+    return found
+
+
+def stress_rows(
+    forces: ForceRows, element: Indices, corners: Mapping[str, tuple[float, float]], of: Array
+) -> StressRows:
+    """Stresses in corners (y, z) m of unit forces `of` (k, c, 6), at each place of section forces; c is 2, or axial, 1.
+
+    `element` (P,) says where the places of each force are.
+    """
+    count, components = len(element), of.shape[1]
+    names = forces.names[::count]
+    order = [list(FORCES).index(name) for name in names]
+    local = [sp.hstack([sp.kron(sp.eye(count), one[:, [k]]) for k in order]) for one in of]
+    x = forces.x[:count, None] * np.eye(3)[0]
     return StressRows(
-        rows=sp.csr_matrix(local @ T),
-        mises=FIBRE,
-        components=("axial", "torsion"),
-        points=np.concatenate(places),
-        cell=np.tile(elements, len(corners)),
-        faces=tuple(corner.name for corner in corners),
-        face=np.repeat(np.arange(len(corners)), len(elements)),
+        rows=sp.csr_matrix(sp.vstack(local) @ forces.rows),
+        mises=FIBRE[:components, :components],
+        components=("axial", "torsion")[:components],
+        points=np.concatenate([x + [0.0, y, z] for y, z in corners.values()]),
+        cell=np.tile(element, len(corners)),
+        faces=tuple(corners),
+        face=np.repeat(np.arange(len(corners)), count),
     )

@@ -38,6 +38,7 @@ from pmr.system.assembly import Assembly
 from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import contacts_of
 from pmr.system.oscillations import oscillations
+from pmr.system.states import BodyStates
 from pmr.system.system import System
 from pmr.system.terms import added
 
@@ -54,8 +55,8 @@ class References:
     """What a reduced system is compared with; other ranks than the first may have no responses."""
 
     responses: Mapping[str, Response]  # ``full`` and ``ancf`` as the scene asks for them
-    # of every full body (S, n_local) at the steps that were asked for: this rank's rows
-    states: Mapping[str, Array]
+    # of every full body at the steps that were asked for, with this rank's rows of its coordinates
+    states: Mapping[str, BodyStates]
     missing: Mapping[str, str]  # why one is none, by name; ``ancf`` on rank 0 alone
 
 
@@ -106,7 +107,7 @@ class FullOrder:
         Steps are `made` as the reduced system's were, where contacts only push.  With a `checkpoint` a simulation that
         was cut off goes on.
         """
-        found, missing, states = dict[str, Response](), dict[str, str](), dict[str, Array]()
+        found, missing, states = dict[str, Response](), dict[str, str](), dict[str, BodyStates]()
         for name in [one for one in ("full", "ancf") if one in self.scene.compare.against]:
             try:
                 if name == "full":
@@ -136,7 +137,7 @@ class FullOrder:
 
     def _full(
         self, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None, made: TimeStepping | None
-    ) -> tuple[Response | None, dict[str, Array]]:
+    ) -> tuple[Response | None, dict[str, BodyStates]]:
         """The response, and this rank's rows of the states at the steps."""
         whole, comm, excitation = self.whole, self.whole.comm, Excitation.of(self.scene)
         excitation = excitation.with_stepping(made or excitation.stepping)
@@ -155,15 +156,15 @@ class FullOrder:
                 _ = self.gathered  # collective
                 found = on_first(comm, make)
                 response = None if found is None else found.response
-                of_all = comm.bcast({name: one.p for name, one in found.states.items()} if found else None)
-                states = {name: q[:, whole.bodies[name].share] for name, q in of_all.items()}
+                of_all = comm.bcast(None if found is None else found.states)
+                states = {name: one.share(whole.bodies[name].share) for name, one in of_all.items()}
         if reason := comm.bcast(None if response is None else distrust(response)):
             raise SimulationError(reason)
         return response, states
 
     def _distributed(
         self, excitation: Excitation, steps: Sequence[int], done: Progress, checkpoint: Checkpoint | None
-    ) -> tuple[Response, dict[str, Array]]:
+    ) -> tuple[Response, dict[str, BodyStates]]:
         whole = self._with_terms()
         recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
         start = static_start(whole, excitation) if excitation.start == "equilibrium" else {}
@@ -177,7 +178,8 @@ class FullOrder:
             seconds=history.preparation + history.seconds,
             surplus=history.surplus,
         )
-        return completed(self.scene, whole, found), {name: one.q for name, one in history.states.items()}
+        x, f = places(whole, excitation), excitation.forces(whole.input_names)
+        return completed(self.scene, whole, found), _states(whole, history, list(steps), x, f)
 
     def _with_terms(self) -> FullSystem:
         """The distributed system with its terms, whose sparse matrices every rank has whole."""
@@ -185,6 +187,18 @@ class FullOrder:
             return self.whole
         found = self.gathered
         return replace(self.whole, terms=self.whole.comm.bcast(None if found is None else found.terms))
+
+
+def _states(whole: FullSystem, history: History, steps: list[int], x: Array, f: Array) -> dict[str, BodyStates]:
+    """Of all bodies at the steps, whose sides are at x (T, sides) m under loads f (T, i) N."""
+    found, first, forces = dict[str, BodyStates](), 0, history.forces[steps]
+    for name, model in whole.bodies.items():
+        own, last, states = whole.sides_of(name), first + len(model.input_names), history.states[name]
+        rows = tuple(whole.sides[number].place.row for number in own)
+        loads, pressed = f[steps, first:last], whole.pressed(name, forces)
+        found[name] = BodyStates(states.t, x[steps][:, own], states.q, states.v, pressed, loads, rows)
+        first = last
+    return found
 
 
 def _reactions(whole: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:

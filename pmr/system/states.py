@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,10 @@ class BodyStates:
         """Some of the states."""
         t, s, p, v = self.t[which], self.s[which], self.p[which], self.v[which]
         return BodyStates(t, s, p, v, self.multipliers[which], self.loads[which], self.rows)
+
+    def share(self, own: slice) -> BodyStates:
+        """The same with some of its coordinates."""
+        return replace(self, p=self.p[:, own], v=self.v[:, own])
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:

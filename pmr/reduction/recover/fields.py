@@ -16,8 +16,10 @@ from pmr.fields.series import Fields
 from pmr.fields.stress import StressHistory, StressPeak, peaks_by_region, stress_history
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.structure import Structure, couple
-from pmr.models import FiniteElementModel, is_assembled
+from pmr.models import is_assembled
 from pmr.reduction.recover.coordinates import BLOCK
+from pmr.reduction.recover.section_forces import PIECES, SectionForces
+from pmr.system.states import BodyStates
 
 Array = NDArray[np.float64]
 
@@ -30,78 +32,72 @@ class View:
 
     Parameters
     ----------
-    model : FiniteElementModel
+    structure : Structure
+        Whose clamps and rigid masses leave out coordinates of its model.
     comm : MPI communicator
-    T : (n, n') sparse matrix, optional
-        The model's coordinates are T z; by default they are z.
     stresses : bool
         Whether stresses are looked at, where the model has any.
+
+    Raises
+    ------
+    InputError
+        If its matrices were given: nothing is known of cells then.
     """
 
-    def __init__(
-        self,
-        model: FiniteElementModel,
-        comm: MPI.Comm = MPI.COMM_WORLD,
-        T: sp.csr_matrix | None = None,
-        stresses: bool = True,
-    ) -> None:
-        self.comm, self.grid, self.stress_rows = comm, model.grid, model.stresses() if stresses else None
-        T = sp.eye(model.size, format="csr") if T is None else T
+    def __init__(self, structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD, stresses: bool = True) -> None:
+        model = structure.model
+        if not is_assembled(model):
+            raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
+        self.comm, self.grid, T = comm, model.grid, couple(structure).T
         mine = T.tocsc()[:, slice(*share(T.shape[1], comm))]
         self._points = sp.csr_matrix(model.point_displacements() @ mine)
+        cut = model.cut(PIECES) if stresses else None
+        self.forces = None if cut is None else SectionForces(structure, cut)
+        self.stress_rows = model.stresses() if stresses and self.forces is None else None
         self._stresses = None if self.stress_rows is None else sp.csr_matrix(self.stress_rows.rows @ mine)
-        self.force_rows = model.section_forces() if stresses else None
-        self._forces = None if self.force_rows is None else sp.csr_matrix(self.force_rows.rows @ mine)
-
-    @classmethod
-    def of(cls, structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD, stresses: bool = True) -> View:
-        """The view of a structure, whose clamps and rigid masses leave out coordinates of its model.
-
-        Raises
-        ------
-        InputError
-            If its matrices were given: nothing is known of cells then.
-        """
-        if not is_assembled(structure.model):
-            raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
-        return cls(structure.model, comm, couple(structure).T, stresses)
+        if self.forces is not None:
+            self.stress_rows = self.forces.stresses
 
     def displacements(self, q: Array) -> Array:
         """(S, N, 3) in m of the grid's points, from this rank's rows (S, n_local) of the states."""
         values = self._summed(self._points, q)
         return values.reshape(len(values), len(self.grid.points), 3)
 
-    def stresses(self, q: Array) -> Array:
-        """(S, P, c) in Pa at the points of `stress_rows`, likewise.
-
-        Raises
-        ------
-        ValueError
-            If the model has no stresses.
-        """
-        if self.stress_rows is None or self._stresses is None:
-            raise ValueError("a beam without a profile has no stresses")
-        return self.stress_rows.shaped(self._summed(self._stresses, q))
+    def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
+        """Likewise; those of a beam under what acts on it at these times."""
+        along = None if self.forces is None else self.forces.of(np.hstack(self.comm.allgather(q)), acting)
+        if self.stress_rows is None:
+            return Stresses(along, None)
+        known = self._summed(self._stresses, q) if along is None else along @ self.stress_rows.rows.T
+        return Stresses(along, self.stress_rows.shaped(known))
 
     def along(self) -> Running | None:
-        """The envelope of what `section_forces` gives, to be filled; None without."""
-        if self.force_rows is None:
+        """The envelope of `Stresses.along_beam`, to be filled; None of bodies that are no lines."""
+        if self.forces is None:
             return None
-        names, x, rows = self.force_rows.names, self.force_rows.x, self.stress_rows
+        names, x, rows = self.forces.names, self.forces.x, self.stress_rows
         if rows is None:
             return Running(names, x)
         return Running((*names, *[AXIAL_STRESS] * len(rows.points)), np.concatenate([x, rows.points[:, 0]]))
-
-    def section_forces(self, q: Array, stresses: Array | None) -> Array:
-        """(S, P) in N and N m at the places of `force_rows`, with the axial of the `stresses` (S, p, c) behind."""
-        assert self._forces is not None
-        forces = self._summed(self._forces, q)
-        return forces if stresses is None else np.hstack([forces, stresses[:, :, 0]])
 
     def _summed(self, rows: sp.csr_matrix, q: Array) -> Array:
         values = np.ascontiguousarray((rows @ q.T).T)
         self.comm.Allreduce(MPI.IN_PLACE, values)
         return values
+
+
+@dataclass(frozen=True)
+class Stresses:
+    """At S times; None of what a body does not have."""
+
+    forces: Array | None  # (S, P) in N and N m: of a beam, where `SectionForces` has them
+    values: Array | None  # (S, p, c) in Pa: at the points of `View.stress_rows`
+
+    @property
+    def along_beam(self) -> Array:
+        """The section forces with axial stresses behind, (S, P + p)."""
+        assert self.forces is not None
+        return self.forces if self.values is None else np.hstack([self.forces, self.values[:, :, 0]])
 
 
 @dataclass(frozen=True)
@@ -118,7 +114,14 @@ class Seen:
     envelope: Envelope | None = None
 
 
-def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] = (), components: bool = False) -> Seen:
+def look(
+    view: View,
+    t: Array,
+    blocks: Iterable[Array],
+    pictures: Sequence[int] = (),
+    components: bool = False,
+    acting: BodyStates | None = None,
+) -> Seen:
     """Go through states once; collective.
 
     Parameters
@@ -132,6 +135,8 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
         Numbers of the states whose fields are stored.
     components : bool
         Whether their signed stresses are stored too.
+    acting : BodyStates, optional
+        Loads and forces of contacts in these states, which beams' section forces take; by default nothing acts.
     """
     rows, cells, chosen = view.stress_rows, len(view.grid.cells), np.unique(np.asarray(pictures, np.int64))
     largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
@@ -144,9 +149,10 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
         last = first + len(q)
         found = np.flatnonzero((chosen >= first) & (chosen < last))
         displacement[found] = view.displacements(q[chosen[found] - first])
-        stresses = None if rows is None else view.stresses(q)
+        stressed = view.stresses(q, None if acting is None else acting[first:last])
+        stresses = stressed.values
         if along is not None:
-            along.add(np.asarray(t)[first:last], view.section_forces(q, stresses))
+            along.add(np.asarray(t)[first:last], stressed.along_beam)
         if rows is not None and stresses is not None:
             values = rows.von_mises(stresses)
             largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)

@@ -68,7 +68,7 @@ def recover(
     built: Mapping[str, Built],
     bodies: Mapping[str, ReducedBody],
     states: Mapping[str, BodyStates],
-    full: Mapping[str, Array],
+    full: Mapping[str, BodyStates],
 ) -> dict[str, Recovered]:
     """What the scene asks for, body by body; collective.
 
@@ -76,17 +76,19 @@ def recover(
     ----------
     states : mapping
         Of the reduced bodies at the `recovered_steps`, the same on every rank.
-    full : mapping of str to (S, n_local) array
-        This rank's rows of the full bodies' coordinates at the same steps; empty without a full model.
+    full : mapping
+        Of the full bodies at the same steps, with this rank's rows of their coordinates; empty without a full model.
     """
     wanted, found = scene.recovery, {}
     assert wanted is not None
     for part in scene.sections:
         name, structure, at = part.name, built[part.name].structure, states[part.name]
         recovery = Recovery(built[name].model, bodies[name].V, bodies[name].model, part.reduction.solver)
-        view = View.of(structure, recovery.comm, stresses=wanted.stress)
+        view = View(structure, recovery.comm, stresses=wanted.stress)
         frames = min(wanted.frames, len(at.t))
         pictures = np.unique(np.rint(np.linspace(0, len(at.t) - 1, frames)).astype(np.int64))
-        seen = look(view, at.t, recovery.blocks(at), pictures.tolist(), wanted.components)
-        found[name] = Recovered(seen, look(view, at.t, in_blocks(full[name])) if name in full else None)
+        seen = look(view, at.t, recovery.blocks(at), pictures.tolist(), wanted.components, at)
+        whole = full.get(name)
+        compared = None if whole is None else look(view, at.t, in_blocks(whole.p), acting=whole)
+        found[name] = Recovered(seen, compared)
     return found
