@@ -6,7 +6,7 @@ On the face of a section that looks along x, with its principal axes y and z,
     N = \int \sigma\, dA, \quad M_y = \int z\, \sigma\, dA, \quad M_z = -\int y\, \sigma\, dA, \quad
     V_z = M_y', \quad V_y = -M_z'
 
-A load that is spread over elements of length h acts at their nodes: moments between are off by q h^2 / 12.
+From strains alone they are those of loads on nodes; `pmr.reduction.recover.section_forces` adds what acts between.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ def test_a_view_takes_the_coordinates_that_clamps_and_masses_leave() -> None:
     assert len(held) and not expected[:, held].any()
     rows = model.stresses()
     sizes = rows.von_mises(rows.of(q))
-    found = view.stresses(mine(z))
+    found = view.stresses(mine(z)).values
     assert rows.von_mises(found) == pytest.approx(sizes, rel=1e-9, abs=1e-9 * sizes.max())
 
 
@@ -97,8 +97,7 @@ def test_a_planar_beam_has_pictures_but_no_stresses() -> None:
     expected = np.zeros((4, 3))
     expected[:, 2] = q[7, ::2]
     assert seen.fields.displacement[0] == pytest.approx(expected, rel=1e-6)
-    with pytest.raises(ValueError, match="no stresses"):
-        view.stresses(mine(q))
+    assert view.stresses(mine(q)).values is None
 
 
 @pytest.mark.slow
