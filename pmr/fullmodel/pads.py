@@ -260,12 +260,12 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     near, ends = which.indices, which.indptr
     offsets = np.stack([strip.along[near] - np.repeat(places, np.diff(ends)), strip.across[near] - pad.across])
     weights = beside[near] * value_or_zero(bump(1, step), offsets[0])
-    for x, a, b in zip(places, ends[:-1], ends[1:], strict=True):
-        w, off = weights[a:b], offsets[:, a:b]
-        aside = np.abs(off @ w) > MISSING * np.array([step, knot]) * w.sum()
-        if w.sum() < (1.0 - MISSING) * whole or aside.any():
-            raise _off(pad, f"around {x:.4g} m", strip.extent)
-        weights[a:b] = _corrected(w, off, step)
+    of_station = sp.csr_matrix((np.ones(len(near)), np.arange(len(near)), ends), (len(places), len(near)))
+    sums, aside = of_station @ weights, np.abs(of_station @ (offsets * weights).T)
+    off = (sums < (1.0 - MISSING) * whole) | np.any(aside > MISSING * np.array([step, knot]) * sums[:, None], axis=1)
+    if off.any():
+        raise _off(pad, f"around {places[off][0]:.4g} m", strip.extent)
+    weights = _corrected(weights, offsets / step, of_station)
     means = sp.csr_matrix((weights, near, ends), (len(places), len(strip.along)))
     return sp.csr_matrix(means @ strip.normal)
 
@@ -295,13 +295,15 @@ def _off(pad: Pad, where: str, extent: Extent) -> InputError:
     return InputError("scene", f"pads.{pad.name}", None, allowed)
 
 
-def _corrected(weights: Array, offsets: Array, step: float) -> Array:
-    """Weights (q,), changed by a parabola in the offsets (2, q), with the moments of what they stand for.
+def _corrected(weights: Array, offsets: Array, of_station: sp.csr_matrix) -> Array:
+    """Weights (q,), changed by a parabola in the offsets (2, q) in Delta, with the moments of what they stand for.
 
-    They add up to one, their centroid is zero and their spread along the axis that of the hat, step^2 / 6.  What
-    changes is the error of quadrature only, but left in, a motion without a ripple would seem to have one.
+    Those of each station (K, q) add up to one, their centroid is zero and their spread along the axis that of the hat,
+    1 / 6.  What changes is the error of quadrature only, but left in, a motion without a ripple would seem to have one.
     """
-    x, y = offsets / step
-    moments = np.stack([np.ones(len(x)), x, y, x**2])
+    x, y = offsets
+    moments = np.stack([np.ones(len(x)), x, y, x**2], axis=1)
+    products = of_station @ (weights[:, None, None] * moments[:, :, None] * moments[:, None, :]).reshape(-1, 16)
     targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
-    return np.asarray(weights * (np.linalg.lstsq((moments * weights) @ moments.T, targets, rcond=1e-12)[0] @ moments))
+    parabolas = np.linalg.pinv(products.reshape(-1, 4, 4), rcond=1e-12, hermitian=True) @ targets
+    return np.asarray(weights * np.sum((of_station.T @ parabolas) * moments, axis=1))

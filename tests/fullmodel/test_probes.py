@@ -12,9 +12,12 @@ from pmr.errors import InputError
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Structure
+from pmr.models.profile_section import section_of
 from pmr.pipeline import run
+from pmr.results import RunResult
 from pmr.scene import Scene
 from pmr.scene.members import member_at
+from pmr.scene.structures import BoxProfile
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 COARSE = ("mesh.size=0.2", "mesh.along=0.5")
@@ -75,7 +78,10 @@ def test_the_nearest_point_of_the_face_counts_and_of_a_group_the_mean() -> None:
 
 @pytest.mark.slow
 def test_a_simulated_probe_is_the_recovered_stress() -> None:
-    """The reduced model's own outputs beside the stresses of the states recovered from it, and the full model's."""
+    """The reduced model's own outputs beside the stresses of the states recovered from it, and the full model's.
+
+    A probe of a beam does not know what loads do within its element, if its nodes stood still.
+    """
     changes = ("time.end=0.5", "recovery.every=0.5", "mesh.elements=12", "slider.path=2.0")
     probes = "probes=[{name='p',at=[2.0,0.15,0.2],measures=['stress','displacement']}]"
     outcome = run(scenes.load(WORKFLOWS / "boom_beam.toml", [*changes, probes, "reduction.coordinates=8"]))
@@ -88,11 +94,20 @@ def test_a_simulated_probe_is_the_recovered_stress() -> None:
     assert moved == pytest.approx(1e3 * fields.displacement[-1, near], rel=1e-5, abs=1e-9)  # fields are single
     stress, shear = (reduced.other(f"p stress {c}")[-1] for c in ("axial", "torsion"))
     cells = np.flatnonzero(np.any(fields.cells == near, axis=1))
-    mises = np.hypot(stress, np.sqrt(3.0) * shear)
-    assert mises <= fields.von_mises[place["face"]][-1, cells].max() * (1.0 + 1e-6)
-    assert np.min(np.abs(fields.von_mises[place["face"]][-1, cells] - mises)) < 1e-5 * mises
+    mises, beside = np.hypot(stress, np.sqrt(3.0) * shear), fields.von_mises[place["face"]][-1, cells]
+    assert mises == pytest.approx(beside.max(), abs=within_an_element(result, h=0.5))
     errors = result.summary["errors"]["reduced_vs_full"]
     assert errors["p stress axial"] < 1e-3 and errors["p displacement z"] < 1e-3
+
+
+def within_an_element(result: RunResult, h: float) -> float:
+    """Stress in Pa of q h^2 / 12, and of P h / 8 of the largest pads at top, bottom and sides, in the corners."""
+    section = section_of(BoxProfile(width=0.3, height=0.4, wall=0.008), 0.3)
+    q, most = 7850.0 * section.area * 9.81, max(max(abs(one["min"]), abs(one["max"])) for one in result.summary["pads"])
+    return float(
+        (q * h**2 / 12.0 + most * h / 8.0) * 0.204 / section.second_moment_y
+        + most * h / 8.0 * 0.154 / section.second_moment_z
+    )
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from pmr.fields.envelope import FORCES, Envelope, Running
 from pmr.fields.series import Fields
 from pmr.fields.stress import StressHistory, StressPeak, peaks_by_region, stress_history
 from pmr.fullmodel.assembly import share
-from pmr.fullmodel.structure import Structure, couple
+from pmr.fullmodel.build import Built
+from pmr.fullmodel.structure import couple
 from pmr.models import is_assembled
 from pmr.reduction.recover.coordinates import BLOCK
 from pmr.reduction.recover.section_forces import PIECES, SectionForces
@@ -32,9 +33,8 @@ class View:
 
     Parameters
     ----------
-    structure : Structure
-        Whose clamps and rigid masses leave out coordinates of its model.
-    comm : MPI communicator
+    built : Built
+        Whose clamps and rigid masses leave out coordinates of its structural model.
     stresses : bool
         Whether stresses are looked at, where the model has any.
 
@@ -44,15 +44,15 @@ class View:
         If its matrices were given: nothing is known of cells then.
     """
 
-    def __init__(self, structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD, stresses: bool = True) -> None:
-        model = structure.model
+    def __init__(self, built: Built, stresses: bool = True) -> None:
+        model, comm = built.structure.model, built.model.comm
         if not is_assembled(model):
             raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
-        self.comm, self.grid, T = comm, model.grid, couple(structure).T
+        self.comm, self.grid, T = comm, model.grid, couple(built.structure).T
         mine = T.tocsc()[:, slice(*share(T.shape[1], comm))]
         self._points = sp.csr_matrix(model.point_displacements() @ mine)
         cut = model.cut(PIECES) if stresses else None
-        self.forces = None if cut is None else SectionForces(structure, cut)
+        self.forces = None if cut is None else SectionForces(built, cut)
         self.stress_rows = model.stresses() if stresses and self.forces is None else None
         self._stresses = None if self.stress_rows is None else sp.csr_matrix(self.stress_rows.rows @ mine)
         if self.forces is not None:

@@ -82,9 +82,9 @@ def recover(
     wanted, found = scene.recovery, {}
     assert wanted is not None
     for part in scene.sections:
-        name, structure, at = part.name, built[part.name].structure, states[part.name]
+        name, at = part.name, states[part.name]
         recovery = Recovery(built[name].model, bodies[name].V, bodies[name].model, part.reduction.solver)
-        view = View(structure, recovery.comm, stresses=wanted.stress)
+        view = View(built[name], wanted.stress)
         frames = min(wanted.frames, len(at.t))
         pictures = np.unique(np.rint(np.linspace(0, len(at.t) - 1, frames)).astype(np.int64))
         seen = look(view, at.t, recovery.blocks(at), pictures.tolist(), wanted.components, at)

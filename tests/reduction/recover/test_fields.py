@@ -9,6 +9,7 @@ from boxes import box
 
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import share
+from pmr.fullmodel.build import Built
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.models.beam2d import Beam2D
@@ -36,6 +37,10 @@ def clamped() -> Structure:
     return Structure(shell(), (Clamp("tail"),), (payload,))
 
 
+def alone(structure: Structure) -> Built:
+    return Built(structural_model(structure), structure)
+
+
 def states(size: int) -> np.ndarray:
     """The same whole states (S, n) on every rank."""
     return np.random.default_rng(5).normal(size=(len(TIMES), size)) * np.sin(3.0 * TIMES)[:, None]
@@ -47,7 +52,7 @@ def mine(z: np.ndarray) -> np.ndarray:
 
 def test_a_view_takes_the_coordinates_that_clamps_and_masses_leave() -> None:
     structure = clamped()
-    T, model, view = couple(structure).T, structure.model, View(structure)
+    T, model, view = couple(structure).T, structure.model, View(alone(structure))
     z = states(T.shape[1])
     q = (T @ z.T).T
     expected = (model.point_displacements() @ q.T).T.reshape(len(q), -1, 3)
@@ -61,7 +66,7 @@ def test_a_view_takes_the_coordinates_that_clamps_and_masses_leave() -> None:
 
 
 def test_one_look_finds_the_largest_stress_and_keeps_pictures() -> None:
-    view, q = View(Structure(shell())), states(shell().size)
+    view, q = View(alone(Structure(shell()))), states(shell().size)
     seen = look(view, TIMES, in_blocks(mine(q)), pictures=[130, 0, 67])
     rows = shell().stresses()
     sizes = rows.von_mises(rows.of(q))
@@ -84,14 +89,14 @@ def test_one_look_finds_the_largest_stress_and_keeps_pictures() -> None:
 def test_a_beam_shows_its_corners() -> None:
     profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
     beam = Beam3D(Beam3DBody(length=2, profile=profile, elements=5))
-    seen = look(View(Structure(beam)), TIMES, in_blocks(mine(states(beam.size))), pictures=[3])
+    seen = look(View(alone(Structure(beam))), TIMES, in_blocks(mine(states(beam.size))), pictures=[3])
     assert sorted(seen.fields.von_mises) == ["bottom left", "bottom right", "top left", "top right"]
     assert seen.fields.von_mises["top left"].shape == (1, 5) and seen.fields.grid.cell == "line"
 
 
 def test_a_planar_beam_has_pictures_but_no_stresses() -> None:
     beam = Beam2D(Profile(length=2.0, bending_stiffness=1.0, mass_per_length=1.0), np.linspace(0.0, 2.0, 4))
-    view, q = View(Structure(beam)), states(beam.size)
+    view, q = View(alone(Structure(beam))), states(beam.size)
     seen = look(view, TIMES, in_blocks(mine(q)), pictures=[7])
     assert seen.stress is None and not seen.fields.von_mises
     expected = np.zeros((4, 3))
@@ -111,7 +116,7 @@ def test_ten_coordinates_know_the_largest_stress() -> None:
     body = flexible_model(FreeBody(full), basis, {})
     exact = petsc_alone.observe(full, boom.excitation, Recording((0,), states=tuple(t)))
     whole = one_body.simulate(body, boom.excitation)
-    view, recovery = View(boom.structure), Recovery(full, np.array(basis.V.getDenseArray()), body)
+    view, recovery = View(Built(full, boom.structure)), Recovery(full, np.array(basis.V.getDenseArray()), body)
     states = one_body.states(body, whole.at(steps), boom.excitation.f[steps])
     found = look(view, t, recovery.blocks(states)).stress
     expected = look(view, t, in_blocks(exact.states.q)).stress
