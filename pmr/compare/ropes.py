@@ -24,7 +24,7 @@ from pmr.results.extremes import Extremes
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.names import cylinder_of
-from pmr.scene.ropes import borne
+from pmr.scene.ropes import borne, drive_stiffness, rope_length
 
 Array = NDArray[np.float64]
 
@@ -44,16 +44,24 @@ def forces(scene: Scene, response: Response) -> dict[str, Array]:
 def part(scene: Scene, response: Response) -> Part:
     """``ropes``: ``name``, what it ``follows`` or None, and of its ``force`` in N the extremes, when and where.
 
-    Of what follows nothing also the ``power`` in W that moves it and all that follow.
+    Of what follows nothing also the ``power`` in W that moves it and all that follow; of a rope whose EA is known its
+    ``length`` in m and its ``stiffness`` in N/m, of all strands together.
     """
     if len(scene.sections) < 2:
         return Part()
     along, said = scene.along(response.t), list[Mapping[str, Any]]()
     for name, force in forces(scene, response).items():
-        follows = scene.joint(scene.names.index(name)).follows
-        one = {"name": name, "follows": follows, "force": Extremes.of(force, response.t, along).summary()}
+        number = scene.names.index(name)
+        follows = scene.joint(number).follows
+        one: dict[str, Any] = {
+            "name": name,
+            "follows": follows,
+            "force": Extremes.of(force, response.t, along).summary(),
+        }
         if follows is None:
             power = force * scene.paths[name].rate(response.t)
             one["power"] = Extremes.of(power, response.t, along).summary()
+        if (length := rope_length(scene, number)) is not None:
+            one |= {"length": length, "stiffness": drive_stiffness(scene, number)}
         said.append(one)
     return Part({"ropes": said} if said else {})

@@ -43,7 +43,15 @@ def _ropes(result: RunResult) -> Iterator[Grid]:
             "Forces of ropes or chains, all strands of each together, and of the cylinder that moves all of them: by "
         )
         caption += "virtual work, without friction of sheaves."
-        yield _grid(found, "N", max(map(size, found.values())), caption, result.coordinate)
+        grid = _grid(found, "N", max(map(size, found.values())), caption, result.coordinate)
+        elastic = [
+            (quantity(one["length"], "m"), quantity(one["stiffness"], "N/m")) if "length" in one else ("", "")
+            for one in result.summary["ropes"]
+        ]
+        if any(any(one) for one in elastic):
+            rows = tuple((*row, *one) for row, one in zip(grid.rows, elastic, strict=True))
+            grid = Grid(caption, (*grid.head, "length", "EA/l"), rows)
+        yield grid
 
 
 def supports(result: RunResult, prefix: str) -> Block | None:

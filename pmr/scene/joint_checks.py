@@ -12,6 +12,7 @@ from pmr.scene.fit import check_fit
 from pmr.scene.joints import Linear
 from pmr.scene.magnitudes import check_loads, check_proportions, jump_of
 from pmr.scene.members import EXTENSION, footprint, member_at, members, seats
+from pmr.scene.ropes import rope_length
 from pmr.scene.scene import Scene
 from pmr.scene.simulators import Needs, refuse
 from pmr.scene.structure_checks import check_names, check_reserved, check_structure, refusal
@@ -84,6 +85,12 @@ def _driven(scene: Scene, number: int) -> None:
             allowed = f"{', '.join(others)} are allowed, which do not follow it" if others else "a signal is needed"
             raise refusal(f"{key}.follows", joint.follows, allowed)
         seen.append(follows)
+    if joint.rope is not None and rope_length(scene, number) is None:
+        allowed = (
+            "a length is needed: by itself it is known of a rope from the head of the section before the one that "
+            f"{scene.names[number]} slides in, over the head of that one, which it follows with a ratio of 1"
+        )
+        raise refusal(f"{key}.rope.length", None, allowed)
     path = scene.extension(number)
     jump = jump_of(path, 1e-9 * max(1.0, *map(abs, path.bounds(0.0, scene.time.end))))
     if jump is not None:

@@ -9,8 +9,11 @@ from pydantic import Field, model_validator
 
 from pmr.scene.built import Face, clearance_on
 from pmr.scene.section import (
+    AxialStiffness,
+    Count,
     Distance,
     Friction,
+    Length,
     NameOrNone,
     Place,
     Quantity,
@@ -71,6 +74,22 @@ class Cylinder(Section):
     stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Along the axis")
 
 
+class Rope(Section):
+    """A rope or chain that moves a section that follows another one: it gives way by EA/l, in all of its strands.
+
+    From the head of the section before the one that this section slides in, over a sheave at the head of that one, to
+    the tail of this section.
+    """
+
+    EA: AxialStiffness = Field(
+        description="Stiffness of one strand: Young's modulus of the rope times its metallic area"
+    )
+    strands: Count = Field(default=1, description="Ropes or chains side by side")
+    length: Length | None = Field(
+        default=None, description="Of a strand under tension, by default from the heads and the tail"
+    )
+
+
 class Joint(Section):
     """How a section slides in the next outer one: by a signal of its extension or overlap, or as another one does."""
 
@@ -86,6 +105,7 @@ class Joint(Section):
     tail: tuple[JointPads, ...] = Field(min_length=1, description="Pads that travel with this section's tail")
     mouth: tuple[JointPads, ...] = Field(min_length=1, description="Pads at the mouth of the next outer section")
     cylinder: Cylinder = Field(default=Cylinder(), description="What drives it along the boom")
+    rope: Rope | None = Field(default=None, description="The rope or chain of a section that follows: its stiffness")
     friction_speed: Speed = Field(default=1e-3, description="Sliding speed at which friction is at 76 %")
     rigid_overlap: Switch = Field(
         default=False, description="Whether neither section bends from the first pads at the tail to those at the mouth"
@@ -95,6 +115,12 @@ class Joint(Section):
     def _driven_once(self) -> Joint:
         if sum(given is not None for given in (self.extension, self.overlap, self.follows)) != 1:
             raise ValueError("give extension, overlap or follows, one of them")
+        if self.rope is not None and self.follows is None:
+            raise ValueError("a rope goes with follows: a cylinder moves a section that has an extension of its own")
+        if self.rope is not None and self.cylinder.stiffness != "rigid":
+            raise ValueError(
+                "give rope or cylinder.stiffness, one of them: what moves a section that follows is its rope"
+            )
         return self
 
     @property

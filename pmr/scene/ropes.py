@@ -1,6 +1,16 @@
-"""Which sections hang on ropes or chains that other ones drive, and what these bear of them."""
+r"""Sections that hang on ropes or chains that other ones drive: what these bear of them, how long and stiff they are.
+
+A rope from the head of section k - 2 over a sheave at the head of section k - 1 to the tail of section k has
+
+.. math:: l = (s_{k-1} + L_{k-1} - L_{k-2}) + (L_{k-1} - s_k), \\qquad k = z\\, EA / l
+
+with the extensions s, the sections' lengths L and z strands.  Section k goes as far as section k - 1 does,
+:math:`s_k = s_{k-1} + c`, so that l and its stiffness are the same all along the way.
+"""
 
 from __future__ import annotations
+
+import numpy as np
 
 from pmr.scene.scene import Scene
 
@@ -24,3 +34,24 @@ def borne(scene: Scene) -> dict[str, dict[str, float]]:
         return found
 
     return {name: of(name) for name in joined}
+
+
+def rope_length(scene: Scene, number: int) -> float | None:
+    """Of the rope of a section, 1 or more, in m; None without one, or where it goes another way and none is given."""
+    joint = scene.joint(number)
+    if joint.rope is None or joint.rope.length is not None:
+        return None if joint.rope is None else joint.rope.length
+    if number < 2 or joint.follows != scene.names[number - 1] or joint.ratio != 1.0:
+        return None
+    length = 2.0 * scene.sections[number - 1].length - scene.sections[number - 2].length - joint.offset
+    return length if length > 0.0 else None
+
+
+def drive_stiffness(scene: Scene, number: int) -> float:
+    """Of what holds a section, 1 or more, along the boom, in N/m; infinite where it is rigid."""
+    joint = scene.joint(number)
+    if joint.rope is not None:
+        length = rope_length(scene, number)
+        assert length is not None  # as the scene's checks say
+        return joint.rope.strands * joint.rope.EA / length
+    return np.inf if joint.cylinder.stiffness == "rigid" else float(joint.cylinder.stiffness)

@@ -218,9 +218,14 @@ def _at_the_top(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _extended(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
-    """A section laid over what all have in common; of the ways to drive a joint it takes over none but its own."""
+    """A section laid over what all have in common; of the ways to drive a joint it takes over none but its own.
+
+    What does not follow has no rope.
+    """
     joint = part.get("joint")
     ways = {"extension", "overlap", "follows"}
-    if isinstance(joint, Mapping) and ways & set(joint) and isinstance(common.get("joint"), Mapping):
+    if isinstance(joint, Mapping) and ways & set(joint) - {"follows"}:
+        ways |= {"rope"}
+    if isinstance(joint, Mapping) and ways & {*joint} - {"rope"} and isinstance(common.get("joint"), Mapping):
         common = {**common, "joint": {key: value for key, value in common["joint"].items() if key not in ways}}
     return laid_over(common, part)

@@ -47,6 +47,7 @@ Place = Annotated[float, _Strict, Quantity("m", -1e6, 1e6)]
 Area = Annotated[float, _Positive, Quantity("m^2", 1e-14, 1e10)]
 SecondMoment = Annotated[float, _Positive, Quantity("m^4", 1e-26, 1e20)]
 Stiffness = Annotated[float, _Positive, Quantity("N/m", 1e-6, 1e15)]  # what is stiffer is "rigid"
+AxialStiffness = Annotated[float, _Positive, Quantity("N", 1e-3, 1e15)]
 Pressure = Annotated[float, _Positive, Quantity("Pa", 1e-3, 1e18)]
 Density = Annotated[float, _Positive, Quantity("kg/m^3", 1e-9, 1e9)]
 Mass = Annotated[float, _NotNegative, Quantity("kg", 0.0, 1e12)]

@@ -104,7 +104,10 @@ def _of_joint(scene: Scene, number: int) -> Iterator[Unused]:
     if not any(ring.friction for ring in joint.rings):
         yield Unused("joint.friction_speed", "", "no pad of this joint has friction")
     if not is_axial(member_at(scene, number)):
-        yield Unused("joint.cylinder", "", f"{name} has no coordinates along the boom, and so no cylinder")
+        yield from (
+            Unused(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")
+            for key in ("cylinder", "rope")
+        )
 
 
 def _of_simulation(scene: Scene) -> Iterator[Unused]:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 import pmr
 from pmr.compare import ropes
+from pmr.errors import InputError
 from pmr.report import forces as reported
 from pmr.results.extremes import Extremes
 from pmr.scene import Scene
 from pmr.scene.checks import check
+from pmr.scene.joints import Rope
+from pmr.system.assembly import Assembly
 
 G, TIP, SECOND = 9.80665, 250.0, 0.7
 PADS = [{"at": 0.15, "faces": {"bottom": [0.0], "top": [0.0]}, "unilateral": False}]
@@ -86,6 +90,69 @@ def test_the_summary_and_the_report_have_them(simulated) -> None:
 
     (grid,) = reported._ropes(Result())
     assert [row[0] for row in grid.rows] == ["cylinder of first", "rope of second", "rope of fly"]
+
+
+def elastic(lengths: tuple[float, float, float], offset: float, **rope: object) -> Scene:
+    """Two stiff sections in a base; two strands of 1e6 N pull the last one as the first goes."""
+    joint = {"tail": PADS, "mouth": PADS}
+    base, first, fly = (
+        section(name, height) | {"name": name} for name, height in (("base", 0.5), ("first", 0.45), ("fly", 0.4))
+    )
+    base["supports"] = [{"name": "clamp", "kind": "clamped"}]
+    first["joint"], fly["masses"] = joint | {"extension": OUT}, [{"name": "load", "on": "tip", "mass": TIP}]
+    fly["joint"] = joint | {"follows": "first", "offset": offset, "rope": {"EA": 1e6, "strands": 2} | rope}
+    for one, length in zip((base, first, fly), lengths, strict=True):
+        one["body"]["box"]["length"] = length
+    rest = {"time": {"end": 3.0, "step": 1e-3}, "compare": {"against": []}}
+    found = Scene.model_validate({"title": "rope", "sections": [base, first, fly], **rest})
+    check(found)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("lengths", "offset", "rope", "l"),
+    [((6.0, 6.0, 6.0), 0.0, {}, 6.0), ((6.0, 5.5, 5.0), 0.3, {}, 4.7), ((6.0, 6.0, 6.0), 1.0, {"length": 9.0}, 9.0)],
+)
+def test_a_section_swings_on_its_rope_by_the_stiffness_of_all_strands(lengths, offset, rope, l) -> None:
+    """f = sqrt(2 EA / (l m)) / 2 pi wherever the sections are, as l does not change: s_1 + L_1 - L_0 + L_1 - s_2."""
+    scene = elastic(lengths, offset, **rope)
+    system = pmr.reduce(scene).system
+    at = np.array([0.8, 1.7, 3.0])
+    x = system.coordinates({name: at + k * offset for k, name in enumerate(("first", "fly"))})
+    mass = TIP + 7850.0 * lengths[2] * 0.006 * 2 * 0.7
+    found = Assembly(system).frequencies(x, 1, np.zeros((3, 0)))[:, 0]
+    assert found == pytest.approx(np.full(3, np.sqrt(2e6 / (l * mass)) / (2.0 * np.pi)), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("joint", "said"),
+    [
+        ({"follows": "first", "ratio": 2.0, "rope": {"EA": 1e6}}, "a length is needed"),
+        ({"follows": "first", "cylinder": {"stiffness": 1e6}, "rope": {"EA": 1e6}}, "one of them"),
+        ({"extension": OUT, "rope": {"EA": 1e6}}, "goes with follows"),
+    ],
+)
+def test_a_rope_that_is_not_known_is_refused_in_one_line(joint, said) -> None:
+    content = elastic((6.0, 6.0, 6.0), 0.0).model_dump(exclude_unset=True)
+    content["sections"][2]["joint"] = {"tail": PADS, "mouth": PADS} | joint
+    with pytest.raises((ValidationError, InputError)) as caught:
+        check(Scene.model_validate(content))
+    assert said in str(caught.value)
+
+
+def test_the_summary_says_how_long_and_stiff_a_rope_is(simulated) -> None:
+    scene, response, _ = simulated
+    joint = scene.joint(3).model_copy(update={"rope": Rope(EA=6e6, strands=2)})
+    fly = scene.sections[3].model_copy(update={"joint": joint})
+    said = ropes.part(scene.model_copy(update={"sections": (*scene.sections[:3], fly)}), response).figures["ropes"]
+    assert said[2]["length"] == 6.0 and said[2]["stiffness"] == 2e6 and "length" not in said[1]
+
+    class Result:
+        summary, coordinate = {"ropes": said}, "s"
+
+    (grid,) = reported._ropes(Result())
+    assert grid.head[-2:] == ("length", "EA/l") and [row[-1] for row in grid.rows][:2] == ["", ""]
+    assert grid.rows[2][-1] == "2.00\u00a0\u00b7\u00a010\u2076\u00a0N/m"
 
 
 def test_where_nothing_follows_there_are_none(simulated) -> None:
