@@ -2,7 +2,7 @@ r"""Sections that hang on ropes or chains that other ones drive: what these bear
 
 A rope from the head of section k - 2 over a sheave at the head of section k - 1 to the tail of section k has
 
-.. math:: l = (s_{k-1} + L_{k-1} - L_{k-2}) + (L_{k-1} - s_k), \\qquad k = z\\, EA / l
+.. math:: l = (s_{k-1} + L_{k-1} - L_{k-2}) + (L_{k-1} - s_k), \qquad k = z\, EA / l
 
 with the extensions s, the sections' lengths L and z strands.  Section k goes as far as section k - 1 does,
 :math:`s_k = s_{k-1} + c`, so that l and its stiffness are the same all along the way.
