@@ -1,9 +1,8 @@
-"""What simulators say of a boom of several sections, in the quantities of any run, and the friction along it."""
+"""What simulators say of a boom of several sections, in the quantities of any run."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,8 +12,7 @@ from numpy.typing import NDArray
 from pmr.compare.errors import RELATIVE_FLOOR, Quantity
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.built import force_of
-from pmr.scene.names import ALONE, cylinder_of
+from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.columns import called
 from pmr.system.contacts import Contact, named
@@ -27,55 +25,6 @@ Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
 STRAIGHT = "straight"
 #: Steps beside a kink whose forces are left out.
 BESIDE_KINK = 2.0
-
-
-def friction(contacts: Sequence[Contact], excitation: Excitation, t: Array, forces: Array) -> dict[str, Array]:
-    r"""What a section's pads resist sliding with, (T,) N by section, positive while it slides out.
-
-    .. math:: \tanh(\dot s / v) \sum_k \mu_k |N_k|
-
-    Coulomb's law with the `forces` N (T, m) of the contacts at times t (T,) s; v is the joint's `friction_speed`.  What
-    it does beside adding to the force of a cylinder is in the equations (`pmr.system.friction`).
-    """
-    found = {}
-    for name, speed in excitation.friction_speeds.items():
-        own = [k for k, one in enumerate(contacts) if one.inner.body == name and one.friction]
-        if own:
-            resisting = np.abs(forces[:, own]) @ [contacts[k].friction for k in own]
-            found[name] = np.tanh(excitation.paths[name].rate(t) / speed) * resisting
-    return found
-
-
-def rubbing(contacts: Sequence[Contact], excitation: Excitation, t: Array, forces: Array, more: Array) -> Array:
-    """More forces (T, m) of the contacts, with those of cylinders that overcome the friction beside the `forces`.
-
-    Sections hardly give way along the boom, and a joint's friction acts between the two sections that its cylinder
-    joins: it adds to that cylinder's force, and to no other one's.
-    """
-    found, names = more.copy(), [one.name for one in contacts]
-    for name, resisting in friction(contacts, excitation, t, forces).items():
-        found[:, names.index(cylinder_of(name))] += resisting
-    return found
-
-
-def with_friction(excitation: Excitation, contacts: Sequence[Contact], response: Response) -> Response:
-    """With the forces of cylinders that overcome the friction of the pads, too."""
-    own, columns = in_response(contacts, response)
-    forces = response.slider_force[:, columns]
-
-    def rubbed(of_all: Array) -> Array:
-        found = of_all.copy()
-        found[:, columns] = rubbing(own, excitation, response.t, forces, of_all[:, columns])
-        return found
-
-    peaks = None if response.force_peaks is None else rubbed(response.force_peaks)
-    return replace(response, slider_force=rubbed(response.slider_force), force_peaks=peaks)
-
-
-def in_response(contacts: Sequence[Contact], response: Response) -> tuple[list[Contact], list[int]]:
-    """The contacts whose forces a response holds, and their columns."""
-    own = [one for one in contacts if force_of(one.name) in response.force_names]
-    return own, [response.force_names.index(force_of(one.name)) for one in own]
 
 
 def quantities(excitation: Excitation, response: Response) -> Mapping[str, Quantity]:

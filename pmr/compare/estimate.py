@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from pmr.compare import coverage
 from pmr.compare import errors as compare
 from pmr.compare.attached import SETTLED, UnsettledError, lifting, loads_carried, scatter, settled
-from pmr.compare.booms import quantities, with_friction
+from pmr.compare.booms import quantities
 from pmr.compare.evaluation import respond
 from pmr.compare.indicators import chi
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, probe_differences
@@ -125,8 +125,9 @@ class _Simulated:
         run = run or run_from_start(system, excitation)
         return cls(system, run, outputs(system, run, excitation))
 
-    def response(self, excitation: Excitation) -> Response:
-        return with_friction(excitation, self.system.contacts, respond(self.system, self.run))
+    @property
+    def response(self) -> Response:
+        return respond(self.system, self.run)
 
 
 @dataclass(frozen=True)
@@ -210,7 +211,7 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
 
     better, pushing = richer(extended), ~np.isnan(first.system.clearance)
     missing = better.outputs.minus(first.outputs)
-    named = _named(first.response(excitation), better.response(excitation), excitation)
+    named = _named(first.response, better.response, excitation)
     if not lifting(first.run.forces[:, pushing]):
         return _Difference(missing, better, named=named)
     other = richer(lambda model: model)

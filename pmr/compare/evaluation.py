@@ -13,7 +13,7 @@ from pmr.compare.booms import bearing, is_reaction
 from pmr.compare.errors import force_round_off, refuse_infinite, round_off
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
-from pmr.scene.built import force_of, reaction_of
+from pmr.scene.built import force_of, friction_of, reaction_of
 from pmr.scene.names import ALONE
 from pmr.simulation.balance import blocks, potential
 from pmr.simulation.blocks import Ended
@@ -22,6 +22,7 @@ from pmr.simulation.modal import inertia_share, support_forces, unpressed
 from pmr.simulation.native import systems
 from pmr.system.body import FullBody, SlidingBody, Trajectory, force_outputs, length_outputs, with_inertia
 from pmr.system.contacts import named
+from pmr.system.friction import Friction
 from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -103,7 +104,8 @@ def _of(system: System, part: SystemTrajectory) -> Response:
     peaks = part.peaks if ALONE not in system.bodies or not np.isnan(system.clearance).all() else None
     found = response_of(system, part.t, Motion(outputs, part.forces, peaks, energy))
     position, velocity = (np.abs(one).max(axis=1, initial=0.0) for one in (violation, drift))
-    return _with_reactions(replace(found, residual_position=position, residual_velocity=velocity), system, part)
+    found = replace(found, residual_position=position, residual_velocity=velocity)
+    return with_friction(_with_reactions(found, system, part), system, part.friction)
 
 
 def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> tuple[Array, Array]:
@@ -202,6 +204,21 @@ def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces
         other_units=(*response.other_units, *(unit for *_, unit in supports)),
         kinds=(*response.kinds, *("reaction" for _ in supports)),
         bodies=(*response.bodies, *(body for body, *_ in supports)),
+    )
+
+
+def with_friction(response: Response, system: Joined[Any], friction: Array | None) -> Response:
+    """With what all pads of each joint resist sliding with, from that of each (T, n) N, after all other outputs."""
+    known = Friction.of(system.contacts)
+    if known is None or friction is None:
+        return response
+    return replace(
+        response,
+        others=np.hstack([*([] if response.others is None else [response.others]), known.totals(friction)]),
+        other_names=(*response.other_names, *map(friction_of, known.joints)),
+        other_units=(*response.other_units, *("N" for _ in known.joints)),
+        kinds=(*response.kinds, *("friction" for _ in known.joints)),
+        bodies=(*response.bodies, *known.joints),
     )
 
 

@@ -17,7 +17,7 @@ from pmr.scene.section import Section
 #: What may differ from the scene that the model was made from: signals, and how reductions are computed or judged.
 FREE = frozenset({
     *("signal", "acceleration", "rise", "path", "travel", "frequency_response", "solver", "estimate"),
-    *("extension", "overlap", "follows", "ratio", "offset", "friction_speed"),
+    *("extension", "overlap", "follows", "ratio", "offset"),
 })  # fmt: skip
 
 

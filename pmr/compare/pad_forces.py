@@ -8,20 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import friction, in_response
 from pmr.compare.summary import Part
 from pmr.results import Response
 from pmr.results.extremes import Extremes
 from pmr.results.tables import reaction_extremes
 from pmr.scene import Scene
-from pmr.scene.built import PadRing, force_of, reaction_of
+from pmr.scene.built import PadRing, force_of, friction_of, reaction_of
 from pmr.scene.choice import is_axial
 from pmr.scene.frame import INERTIA
 from pmr.scene.members import EXTENSION, members
 from pmr.scene.names import cylinder_of
-from pmr.simulation import Excitation
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, named
+from pmr.system.friction import Friction
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -67,17 +66,30 @@ def _rings(scene: Scene) -> tuple[PadRing, ...]:
 
 def _cylinders(scene: Scene, system: System, response: Response) -> Iterator[dict[str, Any]]:
     at_kinks, along = impulses(scene, system), scene.along(response.t)
-    own, columns = in_response(system.contacts, response)
-    resisting = friction(own, Excitation.of(scene), response.t, response.slider_force[:, columns])
     driven = {force_of(cylinder_of(name)): name for name in scene.names[1:]}
     for force in response.force_names:
         if (body := driven.get(force)) is not None:
             found = {"name": cylinder_of(body), **Extremes.of(response.force(force, 0), response.t, along).summary()}
-            if body in resisting:
-                lost = resisting[body] * scene.paths[body].rate(response.t)
-                found |= {"friction": float(np.abs(resisting[body]).max())}
-                found |= {"dissipated": float((lost[1:] + lost[:-1]) @ np.diff(response.t) / 2.0)}
+            if friction_of(body) in response.other_names:
+                found |= _rubbed(scene, system, response, body)
             yield found | ({"kinks": kinks} if (kinks := at_kinks[cylinder_of(body)]) else {})
+
+
+def _rubbed(scene: Scene, system: System, response: Response, body: str) -> dict[str, float]:
+    r"""The largest ``friction`` in N along a section's joint, and what it has ``dissipated`` in J.
+
+    .. math:: \int f\, dy - f^2 / 2 \textstyle\sum \kappa, \qquad y = s - \Lambda / k
+
+    as if all of its pads stuck alike (`pmr.system.friction`).
+    """
+    known = Friction.of(system.contacts)
+    assert known is not None  # as the response has its friction
+    joint = known.joints.index(body)
+    f, drive = response.other(friction_of(body)), response.force(force_of(cylinder_of(body)), 0)
+    y = scene.paths[body].value(response.t) - known.gives[joint] * drive
+    grip = known.stiffness[known.first[joint] : known.first[joint + 1]].sum()
+    dissipated = (f[1:] + f[:-1]) @ np.diff(y) / 2.0 - (f[-1] ** 2 - f[0] ** 2) / (2.0 * grip)
+    return {"friction": float(np.abs(f).max()), "dissipated": max(0.0, float(dissipated))}
 
 
 def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object]:

@@ -102,9 +102,8 @@ def repeated(
 
 
 def completed(scene: Scene, system: Joined[Any], response: Response) -> Response:
-    """With what follows from the motion: the friction that cylinders overcome, and what the machine below bears."""
-    rubbed = booms.with_friction(Excitation.of(scene), system.contacts, response)
-    return luffing_cylinder.with_force(scene, at_pivot(scene, rubbed))
+    """With what the machine below bears, which follows from the motion."""
+    return luffing_cylinder.with_force(scene, at_pivot(scene, response))
 
 
 def agreement(found: Mapping[str, Response]) -> dict[str, float]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import bearing, force_kinds_of, rubbing, tip_columns
+from pmr.compare.booms import bearing, force_kinds_of, tip_columns
 from pmr.compare.outputs import Outputs
 from pmr.compare.velocities import velocity
 from pmr.reduced.model import ReducedModel
@@ -43,13 +43,13 @@ def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | Non
 def outputs(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
     """Of each `every`-th step of a run; the excitation has all of them."""
     kept = slice(None, None, every)
-    return replace(without_rates(system, run.at(kept), excitation), velocity=velocities(system, run, excitation)[kept])
+    return replace(without_rates(system, run.at(kept)), velocity=velocities(system, run, excitation)[kept])
 
 
-def without_rates(system: System, run: SystemTrajectory, excitation: Excitation) -> Outputs:
+def without_rates(system: System, run: SystemTrajectory) -> Outputs:
     """The same of all steps of a run without velocities, which cost more than all the rest."""
     y = np.hstack(list(systems.displacements(system, run).values()))
-    return observed(system, excitation, run.t, y, run.forces)
+    return observed(system, y, run.forces)
 
 
 def at_intervals(system: System, excitation: Excitation, every: int, rates: bool) -> Outputs:
@@ -62,21 +62,21 @@ def at_intervals(system: System, excitation: Excitation, every: int, rates: bool
     seen = excitation.with_stepping(TimeStepping(given.end, every * given.step, given.rho_inf))
     if system.on_one_path and not rates:
         told = systems.observe(SystemForm.of(system), excitation, every=every)
-        return observed(system, seen, told.t, told.y, told.multipliers)
+        return observed(system, told.y, told.multipliers)
     if system.on_one_path:
         return outputs(system, run_from_start(system, excitation, every), seen)
     run = run_from_start(system, excitation, 1 if rates else every)
-    found = outputs(system, run, excitation, every) if rates else without_rates(system, run, excitation)
+    found = outputs(system, run, excitation, every) if rates else without_rates(system, run)
     kinks = [kink for path in excitation.paths.values() for kink in path.kinks(given.end)]
     beside = BESIDE_KINK * seen.stepping.step
     away = np.all([np.ones(len(found.force), bool), *(np.abs(seen.times - t) > beside for t in kinks)], axis=0)
     return replace(found, force=np.where(away[:, None], found.force, 0.0))
 
 
-def observed(system: System, excitation: Excitation, t: Array, y: Array, forces: Array) -> Outputs:
-    """Of all outputs y (T, o) of the bodies and contact forces (T, m) at times t (T,) s, without velocities.
+def observed(system: System, y: Array, forces: Array) -> Outputs:
+    """Of all outputs y (T, o) of the bodies and contact forces (T, m), without velocities.
 
-    Forces are those of pads, sliders and springs, and of cylinders with the friction that they overcome.
+    Forces are those of pads, sliders, springs and cylinders.
     """
     bodies = list(system.bodies.values())
     moved, springs, probes = (
@@ -85,7 +85,7 @@ def observed(system: System, excitation: Excitation, t: Array, y: Array, forces:
     return Outputs(
         displacement=y[:, moved],
         velocity=np.empty((len(y), 0)),
-        force=np.hstack([y[:, springs], rubbing(system.contacts, excitation, t, forces, forces)[:, bearing(system)]]),
+        force=np.hstack([y[:, springs], forces[:, bearing(system)]]),
         probe=y[:, probes],
         units=tuple(unit for unit, counts in zip(system.output_units, probes, strict=True) if counts),
         tips=tuple(tip_columns(system)),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.compare import cable
 from pmr.compare.booms import bearing
-from pmr.compare.evaluation import Motion, Supports, response_of, with_reactions
+from pmr.compare.evaluation import Motion, Supports, response_of, with_friction, with_reactions
 from pmr.compare.responses import Simulated, completed, full_simulator, repeated
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError, on_first
@@ -172,7 +172,7 @@ class FullOrder:
         assert history.energy is not None
         found = response_of(whole, history.t, Motion(history.y, history.forces, history.peaks, history.energy))
         found = replace(
-            with_reactions(found, *_reactions(whole, history)),
+            with_friction(with_reactions(found, *_reactions(whole, history)), whole, history.friction),
             residual_position=history.residual_position,
             residual_velocity=history.residual_velocity,
             seconds=history.preparation + history.seconds,

@@ -80,7 +80,7 @@ def _unnamed_forces(scene: Scene) -> list[str]:
 
 def _others(scene: Scene, response: Response) -> Iterator[Output]:
     for name, unit in zip(response.other_names, response.other_units, strict=True):
-        kind = "reaction" if name.startswith(reaction_of("")) else "probe"
+        kind = next((kind for kind in ("reaction", "friction") if name.startswith(f"{kind} of ")), "probe")
         said = name.removeprefix(reaction_of(""))
         body = next((body for body in scene.bodies if body and said.startswith(named(body, ""))), "")
         yield Output(name, kind, body, unit=unit)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 #: Kinds of outputs: displacements of places along a body and of its tip, forces of pads (sliders are pads without
-#: faces), of cylinders and of supports that give way, what probes measure, reactions of rigid supports.
-KINDS = ("beam", "tip", "pad", "cylinder", "support", "probe", "reaction")
+#: faces), of cylinders and of supports that give way, what probes measure, reactions of rigid supports, friction of all
+#: pads of a joint along the boom.
+KINDS = ("beam", "tip", "pad", "cylinder", "support", "probe", "reaction", "friction")
 FORCES = ("pad", "cylinder", "support")
 
 

@@ -223,6 +223,11 @@ def reaction_of(name: str) -> str:
     return f"reaction of {name}"
 
 
+def friction_of(section: str) -> str:
+    """What the friction along a section's joint is called, of all its pads together."""
+    return f"friction of {section}"
+
+
 class Load(Section):
     """A force in N (moment in N m) along a direction, spread over a named group or at a place along the axis."""
 

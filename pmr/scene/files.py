@@ -30,6 +30,9 @@ MOVED = {
 GONE = dict.fromkeys(
     ("reduction.residual_inertia", "sections.reduction.residual_inertia"),
     "no such key is allowed any more: more of reduction.coordinates do its work",
+) | dict.fromkeys(
+    ("section.joint.friction_speed", "sections.joint.friction_speed"),
+    "no such key is allowed any more: pads stick until they slide, by the shear_stiffness of each ring",
 )
 #: Published figures are those of one scene, not of the ones that extend it.
 DIALECT = Dialect(

@@ -19,12 +19,14 @@ from pmr.scene.section import (
     Quantity,
     Section,
     Size,
-    Speed,
     Stiffness,
     Switch,
 )
 from pmr.scene.signals import Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats
+
+#: N/m: of a pad along the boom.
+SHEAR_STIFFNESS = 1e8
 
 
 class JointPads(Section):
@@ -48,6 +50,9 @@ class JointPads(Section):
     friction: Friction = Field(
         default=0.0,
         description="Coulomb's coefficient along the boom: part of cylinder forces, moment on both sections",
+    )
+    shear_stiffness: Stiffness = Field(
+        default=SHEAR_STIFFNESS, description="Of each pad along the boom, by which friction sticks until it slides"
     )
 
     @model_validator(mode="after")
@@ -106,7 +111,6 @@ class Joint(Section):
     mouth: tuple[JointPads, ...] = Field(min_length=1, description="Pads at the mouth of the next outer section")
     cylinder: Cylinder = Field(default=Cylinder(), description="What drives it along the boom")
     rope: Rope | None = Field(default=None, description="The rope or chain of a section that follows: its stiffness")
-    friction_speed: Speed = Field(default=1e-3, description="Sliding speed at which friction is at 76 %")
     rigid_overlap: Switch = Field(
         default=False, description="Whether neither section bends from the first pads at the tail to those at the mouth"
     )

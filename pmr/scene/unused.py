@@ -70,6 +70,8 @@ def _refuse_any(file: TomlFile, prefix: str, own: Mapping[str, Any], found: Iter
 
 def _stands(data: Any, key: str) -> bool:
     for word in filter(None, key.split(".")):
+        if isinstance(data, list):
+            data = dict(zip(map(str, range(len(data))), data, strict=True))
         if not (isinstance(data, Mapping) and word in data):
             return False
         data = data[word]
@@ -101,8 +103,10 @@ def _of_joint(scene: Scene, number: int) -> Iterator[Unused]:
     joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
         yield from (Unused(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))
-    if not any(ring.friction for ring in joint.rings):
-        yield Unused("joint.friction_speed", "", "no pad of this joint has friction")
+    for end in ("tail", "mouth"):
+        for k, ring in enumerate(getattr(joint, end)):
+            if not ring.friction:
+                yield Unused(f"joint.{end}.{k}.shear_stiffness", "", "without friction nothing sticks")
     if not is_axial(member_at(scene, number)):
         yield from (
             Unused(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")

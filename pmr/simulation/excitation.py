@@ -17,10 +17,9 @@ from pmr.scene.choice import is_accelerated
 from pmr.scene.members import EXTENSION, members
 from pmr.scene.names import SLIDER as SLIDER
 from pmr.scene.names import input_of
-from pmr.scene.signals import Constant, SignalBase
+from pmr.scene.signals import SignalBase
 from pmr.simulation.acceleration import Acceleration
 from pmr.simulation.frame import inertia_loads, load_signals, term_signals
-from pmr.simulation.sliding import Sliding
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, Joined
 
@@ -40,8 +39,6 @@ class Excitation:
     start: Literal["rest", "equilibrium"] = "rest"  # how motions begin, where no initial state is given
     # c_k(t) by the names of the terms that they scale (`pmr.system.terms`)
     terms: Mapping[str, SignalBase] = field(default_factory=dict)
-    # m/s, by the path on which pads rub: where their friction is at 76 % (`pmr.system.friction`); others have none
-    friction_speeds: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: Scene) -> Excitation:
@@ -58,9 +55,8 @@ class Excitation:
             if is_accelerated(member):
                 known[EXTENSION] = Acceleration(paths=paths[: member.number], step=stepping.step)
             loads |= {input_of(name, one): signal for one, signal in known.items()}
-        speeds = {part.name: part.joint.friction_speed for part in scene.sections if part.joint is not None}
         terms = term_signals(scene)
-        return cls(scene.paths, loads, stepping, scene.simulation, scene.start, terms=terms, friction_speeds=speeds)
+        return cls(scene.paths, loads, stepping, scene.simulation, scene.start, terms=terms)
 
     @property
     def path(self) -> SignalBase:
@@ -120,15 +116,6 @@ class Excitation:
         at = self.times if t is None else t
         values = [one.value(at) for one in in_order(self.terms, names, "term")]
         return np.column_stack([np.empty((len(at), 0)), *values])
-
-    def sliding(self, joints: Sequence[str]) -> tuple[SignalBase, ...]:
-        """Amplitudes of the friction in joints, by the names of the sections that slide (`pmr.system.friction`)."""
-        return tuple(
-            Sliding(path=self.paths[name], speed=self.friction_speeds[name])
-            if name in self.friction_speeds
-            else Constant(amount=0.0)
-            for name in joints
-        )
 
     @property
     def signals(self) -> list[tuple[str, SignalBase]]:

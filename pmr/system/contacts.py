@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
+from pmr.scene.joints import SHEAR_STIFFNESS
 from pmr.scene.names import ALONE as ALONE
 from pmr.scene.names import SLIDER as SLIDER
 from pmr.scene.names import input_of as input_of
@@ -49,6 +50,7 @@ class Contact:
     friction: float = 0.0  # Coulomb's coefficient along the path (`pmr.system.friction`)
     kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.outputs`)
     arm: float = 0.0  # m: of friction, from the axis to the face that the contact presses on
+    shear_stiffness: float = SHEAR_STIFFNESS  # N/m: along the path, while it sticks
 
     def __post_init__(self) -> None:
         for place in (self.inner, *filter(None, (self.outer,))):
@@ -60,6 +62,8 @@ class Contact:
             raise refused(self.name, "compliance", self.compliance, "0 or more, in m/N, is allowed")
         if self.clearance is not None and not 0.0 <= self.clearance < np.inf:
             raise refused(self.name, "clearance", self.clearance, "a length from 0 on is allowed")
+        if not 0.0 < self.shear_stiffness < np.inf:
+            raise refused(self.name, "shear_stiffness", self.shear_stiffness, "more than 0 N/m is allowed")
         if self.outer is not None and self.outer.body == self.inner.body:
             raise refused(self.name, "outer", self.outer.body, "another body than the inner one, or none, is allowed")
 
@@ -71,7 +75,7 @@ def refused(contact: str, key: str, value: object, allowed: str) -> InputError:
 
 @dataclass(frozen=True)
 class JointPad:
-    """A pad of a joint; `direction`, `compliance`, `clearance`, `friction` and `arm` as of a `Contact`."""
+    """A pad of a joint; from `direction` on as of a `Contact`."""
 
     name: str
     row: str  # what it measures, on both sections
@@ -81,6 +85,7 @@ class JointPad:
     clearance: float | None = None
     friction: float = 0.0
     arm: float = 0.0
+    shear_stiffness: float = SHEAR_STIFFNESS
 
 
 @dataclass(frozen=True)
@@ -123,7 +128,17 @@ class Joint:
             (pad, Place(self.inner, pad.row, x, self.path, -1.0), Place(self.outer, pad.row, x)) for pad, x in places
         ]
         return tuple(
-            Contact(pad.name, inner, outer, pad.direction, pad.compliance, pad.clearance, pad.friction, arm=pad.arm)
+            Contact(
+                pad.name,
+                inner,
+                outer,
+                pad.direction,
+                pad.compliance,
+                pad.clearance,
+                pad.friction,
+                arm=pad.arm,
+                shear_stiffness=pad.shear_stiffness,
+            )
             for pad, inner, outer in (*at_tail, *at_mouth)
         )
 

@@ -1,19 +1,23 @@
 r"""Friction of pads along the boom, in the equations of motion.
 
-A pad that presses with N on a section which slides out at :math:`\dot s` pulls it back with F, and the outer one on,
+A pad that presses with N, while its section slides out by :math:`\Delta y` in a step, pulls that back with f, and the
+outer one on:
 
-.. math:: F = \mu |N| \tanh(\dot s / v)
+.. math:: f_{n+1} = \max(-\mu |N|, \min(\mu |N|, f_n + \kappa\, \Delta y))
 
-on the face that it touches, a distance e from the axis.  With the pad's row c(x), and all along the boom as stiff as
-sections are, these are
+It sticks, as a spring of the pad's stiffness :math:`\kappa` along the boom, until that would take more than Coulomb's
+:math:`\mu |N|`, and slides at that: an elastic, perfectly plastic element with one state a pad, f itself, and no
+speed in it (Jenkins' element; W. D. Iwan, A distributed-element model for hysteresis, Journal of Applied Mechanics 33,
+1966, 893-900).  What it turns into heat is f times what it slides, :math:`\Delta y - \Delta f / \kappa`.
 
-- a moment e F on both sections, the work of which is :math:`e F\, c'(x) q`: a pad pushes as one that sits
-  :math:`e \mu \tanh(\dot s / v)` nearer to the tail does, while it measures where it is;
-- a force F between both tails.  There the joint's cylinder acts, whose force is F and what it is without friction;
-  where it gives way by 1/k, its gap has F/k beside all else.
+With :math:`\Lambda` the force of the joint's cylinder of stiffness k, of which :math:`\lambda = \Lambda - \sum f`
+reaches the sections, the pads of a joint slide by the extension and by what the cylinder gives way,
 
-The speed is that of the path: by how much faster or slower sections slide because they or the cylinder give way is left
-out, and so is what friction holds at rest.
+.. math:: y = s - \Lambda / k, \qquad C q + H f - G \lambda - \lambda / k = \sum f / k
+
+so a section that swings on its cylinder rubs too.  All along the boom as stiff as sections are, friction is a force
+between both tails, and on the face that a pad touches, a distance e from the axis, a moment e f on both sections, the
+work of which is :math:`e f\, c'(x) q` with the pad's row c(x).
 """
 
 from __future__ import annotations
@@ -33,50 +37,66 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Friction:
-    """What n pads do by their friction beside pushing, among m contacts; nothing where a rigid cylinder bears it all.
+    """The n pads that rub among m contacts, one joint after the other, and the cylinders of these J joints."""
 
-    Its amplitudes tanh(s'/v) are those of `joints`, in their order.
-    """
-
-    joints: tuple[str, ...]  # names of the sections that slide
+    joints: tuple[str, ...]  # names of the sections that slide, by which their paths are called too
     pads: Indices  # (n,): numbers of their contacts
-    drives: Indices  # (n,): numbers of their joints
-    arms: Array  # (n,) m: e mu
-    given_way: Array  # (m, n) m/N: mu / k in the row of a cylinder that gives way
+    first: Indices  # (J + 1,): where the pads of each joint begin
+    cylinders: Indices  # (J,): numbers of these contacts; -1 of a joint without
+    gives: Array  # (J,) m/N: 1/k of these; 0 of a rigid one or none
+    coefficients: Array  # (n,): mu
+    stiffness: Array  # (n,) N/m: kappa
+    arms: Array  # (n,) m: e
+    count: int  # m
 
     @classmethod
     def of(cls, contacts: Sequence[Contact]) -> Friction | None:
         """Of the contacts of a system; None without any."""
         numbers = {one.name: k for k, one in enumerate(contacts)}
-        drives = {k: numbers.get(cylinder_of(one.inner.body)) for k, one in enumerate(contacts) if one.friction}
-        gives = {k: 0.0 if at is None else contacts[at].compliance for k, at in drives.items()}
-        pads = [k for k in drives if contacts[k].arm or gives[k]]
-        joints = tuple(dict.fromkeys(contacts[k].inner.body for k in pads))
-        given_way = np.zeros((len(contacts), len(pads)))
-        for n, k in enumerate(pads):
-            if (at := drives[k]) is not None:
-                given_way[at, n] = contacts[k].friction * gives[k]
-        return (
-            None
-            if not pads
-            else cls(
-                joints,
-                np.array(pads, np.int64),
-                np.array([joints.index(contacts[k].inner.body) for k in pads], np.int64),
-                np.array([contacts[k].friction * contacts[k].arm for k in pads]),
-                given_way,
-            )
+        joints = tuple(dict.fromkeys(one.inner.body for one in contacts if one.friction))
+        own = [[k for k, one in enumerate(contacts) if one.friction and one.inner.body == name] for name in joints]
+        if not joints:
+            return None
+        pads = [k for of_joint in own for k in of_joint]
+        cylinders = [numbers.get(cylinder_of(name), -1) for name in joints]
+        return cls(
+            joints,
+            np.array(pads, np.int64),
+            np.cumsum([0, *map(len, own)]),
+            np.array(cylinders, np.int64),
+            np.array([0.0 if k < 0 else contacts[k].compliance for k in cylinders]),
+            np.array([contacts[k].friction for k in pads]),
+            np.array([contacts[k].shear_stiffness for k in pads]),
+            np.array([contacts[k].arm for k in pads]),
+            len(contacts),
         )
 
-    def moments(self, forces: Array, c: Array) -> Array:
-        """Moments (..., m) in N m of the contacts' forces (..., m) N, with the joints' amplitudes c (..., J)."""
-        found = np.zeros(forces.shape)
-        found[..., self.pads] = self.arms * c[..., self.drives] * forces[..., self.pads]
+    def totals(self, friction: Array) -> Array:
+        """Of each joint, (..., J) N, from that of its pads (..., n) N."""
+        return np.asarray(np.add.reduceat(friction, self.first[:-1], axis=-1))
+
+    def along(self, friction: Array) -> Array:
+        """What the contacts (..., m) bear in N of the pads' friction (..., n) N: cylinders, that of their joints."""
+        found, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
+        found[..., self.cylinders[driven]] = self.totals(friction)[..., driven]
         return found
 
-    def gaps(self, forces: Array, c: Array) -> Array:
-        """By how much (m,) m cylinders give way to friction, likewise."""
-        return np.asarray(self.given_way @ (c[self.drives] * np.abs(forces[self.pads])))
+    def moments(self, friction: Array, forces: Array) -> Array:
+        """Moments (..., m) in N m of the pads' friction (..., n) N, on the faces that the contacts' forces press on."""
+        found = np.zeros(forces.shape)
+        found[..., self.pads] = self.arms * np.sign(forces[..., self.pads]) * friction
+        return found
+
+    def gaps(self, friction: Array) -> Array:
+        """By how much (..., m) m cylinders give way to it."""
+        found, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
+        found[..., self.cylinders[driven]] = (self.gives * self.totals(friction))[..., driven]
+        return found
+
+    def stored(self, friction: Array, forces: Array) -> Array:
+        r"""What cylinders store in J beyond :math:`\lambda^2 / 2 k`, with the forces (..., m) N of all contacts."""
+        total = self.totals(friction)
+        return np.asarray(np.sum(self.gives * total * (forces[..., self.cylinders] - total / 2.0), axis=-1))
 
 
 def joints_of(contacts: Sequence[Contact]) -> tuple[str, ...]:

@@ -113,7 +113,9 @@ def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str
         clearance = ring.clearance_on("") if ring.unilateral else None
         for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": 1.0}.items():
             arm = _arm(scene.sections[number], "top") if ring.friction else 0.0
-            yield JointPad(called + way, POINT, ring.at, direction, compliance, clearance, ring.friction, arm)
+            yield JointPad(
+                called + way, POINT, ring.at, direction, compliance, clearance, ring.friction, arm, ring.shear_stiffness
+            )
         return
     pads = as_pads(ring, footprint(scene, ring))
     named = pads.model_copy(update={"name": called})  # so are their contacts
@@ -121,7 +123,7 @@ def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str
         if row in rows:
             clearance = ring.clearance_on(face) if ring.unilateral else None
             arm = _arm(scene.sections[number], face) if ring.friction else 0.0
-            yield JointPad(name, row, ring.at, 1.0, compliance, clearance, ring.friction, arm)
+            yield JointPad(name, row, ring.at, 1.0, compliance, clearance, ring.friction, arm, ring.shear_stiffness)
 
 
 def _arm(part: Part, face: str) -> float:

@@ -333,7 +333,10 @@ class SystemTrajectory:
     # (T, m) N s: of the step that ends at t, as generalized-alpha weighs forces; None where no contact only pushes
     impulses: Array | None = None
     amplitudes: Array | None = None  # c (T, k) of the system's terms, None where there are none
-    moments: Array | None = None  # (T, m) N m: of the contacts' friction (`pmr.system.friction`), None where none rub
+    # of the n pads that rub (`pmr.system.friction`), (T, n) N along the boom, and their moments among those of all
+    # contacts (T, m) N m; None where none rub
+    friction: Array | None = None
+    moments: Array | None = None
     rates: Array | None = None  # (T, P) m/s: how fast the paths lead on, None where not known
 
     @property

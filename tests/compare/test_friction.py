@@ -1,4 +1,4 @@
-"""Friction of a stiff section on two pads, its cylinder elastic, beside statics: steady sliding, reversal, rest."""
+"""Friction of a stiff section on two pads, its cylinder elastic, beside statics: sliding, reversal, rest, swinging."""
 
 from __future__ import annotations
 
@@ -6,18 +6,30 @@ import numpy as np
 import pytest
 
 import pmr
+from pmr.fullmodel.build import build_bodies, models_of
+from pmr.pipeline.full_order import FullOrder
 from pmr.scene import Scene
 
-G, LENGTH, AT, MU, SPEED = 9.80665, 6.0, 0.15, 0.2, 1e-3
+G, LENGTH, AT, MU = 9.80665, 6.0, 0.15, 0.2
 BOX = {"length": LENGTH, "width": 0.26, "height": 0.36, "wall": 0.007}
 #: kg of the section that slides, at its middle; half of its outer height, m.
 MASS = 1000.0
 ARM = BOX["height"] / 2.0
+#: N/m along the boom, of each of both pads; N/m of a cylinder on which the section swings with 5 Hz.
+SHEAR, SOFT = 1e8, 1e6
 
 
-def sliding(extension: dict[str, object], end: float, friction: float = MU, step: float = 5e-3) -> Scene:
+def sliding(
+    extension: dict[str, object],
+    end: float,
+    friction: float = MU,
+    step: float = 5e-3,
+    cylinder: float = 5e8,
+    **keys: object,
+) -> Scene:
     """A massless stiff box with a mass at its tip, in a stiff one that is clamped."""
-    pads = [{"at": AT, "stiffness": 1e9, "unilateral": False, "friction": friction}]
+    shear = {"shear_stiffness": SHEAR} if friction else {}
+    pads = [{"at": AT, "stiffness": 1e9, "unilateral": False, "friction": friction} | shear]
     stiff = {"young": 2.1e15, "density": 1e-3}
     return Scene.model_validate(
         {
@@ -40,20 +52,20 @@ def sliding(extension: dict[str, object], end: float, friction: float = MU, step
                         "tail": pads,
                         "mouth": pads,
                         "extension": extension,
-                        "friction_speed": SPEED,
-                        "cylinder": {"stiffness": 5e8},
+                        "cylinder": {"stiffness": cylinder},
                     },
                 },
             ],
             "time": {"end": end, "step": step, "rho_inf": 0.0},  # what friction sets ringing comes to rest
             "compare": {"against": []},
         }
+        | keys
     )
 
 
-def pressed(s: np.ndarray, way: float) -> np.ndarray:
+def pressed(s: np.ndarray, way: float, friction: float = MU) -> np.ndarray:
     """Sum of the pads' forces in N: moments about the tail's pad, each force as much nearer to the tail as it rubs."""
-    nearer = MU * ARM * way
+    nearer = friction * ARM * way
     tail, mouth, tip = AT - nearer, LENGTH - AT - s - nearer, LENGTH
     on_mouth = MASS * G * (tip - tail) / (mouth - tail)
     return np.abs(on_mouth) + np.abs(on_mouth - MASS * G)
@@ -92,3 +104,91 @@ def test_at_rest_nothing_slides() -> None:
     without, free = cylinder(sliding({"kind": "constant", "amount": 2.0}, 0.2, 0.0))
     assert force == pytest.approx(free, abs=1e-9 * MASS * G)
     assert found.displacement == pytest.approx(without.displacement, abs=1e-12)
+
+
+def test_pads_stick_before_they_slide() -> None:
+    """As springs in series with the cylinder; then the section swings about a force that no longer grows."""
+    path = {"kind": "smooth_ramp", "times": [0.0, 4.0], "values": [2.0, 2.012]}
+    scene = sliding(path, 2.5, cylinder=SOFT)
+    found, force = cylinder(scene)
+    s, friction = scene.paths["fly"].value(found.t) - 2.0, found.other("friction of fly")
+    slips, both = MU * pressed(2.0 + s, 1.0), SOFT * 2.0 * SHEAR / (SOFT + 2.0 * SHEAR)
+    sticks = force < 0.4 * slips
+    assert sticks.sum() > 100
+    assert friction[sticks] == pytest.approx(both * s[sticks], abs=1e-3 * slips[0])
+    assert force[sticks] == pytest.approx(friction[sticks], abs=1e-3 * slips[0])
+    swings = slice(-40, -5)
+    assert friction[swings] == pytest.approx(slips[swings], rel=1e-6) and np.ptp(force[swings]) > 0.05 * slips[0]
+
+
+def test_a_section_that_swings_on_its_cylinder_comes_to_rest_as_coulomb_has_it() -> None:
+    """Each half swing is shorter by 2 F / k, until the cylinder can't move the section; its force stays."""
+    path, mu = {"kind": "ramp", "times": [0.0, 0.1], "values": [2.0, 2.04]}, 0.02
+    time = {"end": 1.6, "step": 1e-3, "rho_inf": 1.0}
+    found, force = cylinder(sliding(path, 1.6, mu, cylinder=SOFT, time=time))
+    free = force[found.t > 0.101]
+    turns = free[1:-1][np.diff(np.sign(np.diff(free))) != 0.0]
+    lost = {way: mu * float(pressed(2.04, way, mu)) for way in (1.0, -1.0)}
+    largest, way = turns[0], np.sign(turns[0])  # pressed together, it springs out
+    for other in turns[1:12]:
+        assert np.sign(other) == -way
+        assert abs(largest) - abs(other) == pytest.approx(2.0 * lost[way], rel=2e-3)  # a turn is seen at steps
+        largest, way = other, -way
+    assert abs(free[-1]) < lost[1.0] and np.ptp(free[-50:]) < 0.05 * lost[1.0]
+
+
+@pytest.mark.parametrize("slope", [0.15, 0.3])
+def test_below_the_friction_angle_a_section_stays_and_above_it_slides(slope: float) -> None:
+    """With g (sin - mu cos), or not at all: it is held by friction alone but for a cylinder of 1 kN/m."""
+    angle, soft, h = np.arctan(slope), 1e3, 5e-3
+    scene = sliding(
+        {"kind": "constant", "amount": 2.0},
+        1.4,
+        cylinder=soft,
+        gravity={"inclination": float(np.degrees(angle))},
+        start="rest",
+    ).model_dump(mode="json", exclude_unset=True)
+    scene["sections"][1]["masses"] = []  # its own, in the middle, which presses both pads down
+    scene["sections"][1]["body"]["material"]["density"] = 2e4
+    found, force = cylinder(Scene.model_validate(scene))
+    late, weight = found.t[1:-1] > 1.1, -found.slider_force[-1, :2].sum()  # across the incline, when it is all there
+    out = -force / soft
+    acceleration = np.diff(out, 2) / h**2 - force[1:-1] * G * np.cos(angle) / weight
+    falls = max(0.0, np.sin(angle) - MU * np.cos(angle)) * G
+    assert np.all(found.slider_force[-1, :2] < 0.0)
+    assert acceleration[late] == pytest.approx(-falls, abs=1e-4)
+    print(acceleration[late].mean() + falls, out[-1])
+    friction = found.other("friction of fly")[-1]
+    assert -friction == pytest.approx(min(slope, MU) * weight, rel=1e-5)
+    if slope < MU:  # the tail's pad slides, and the other one holds the rest
+        on_tail, on_mouth = np.abs(found.slider_force[-1, :2])
+        assert out[-1] == pytest.approx(-(slope * (on_tail + on_mouth) - MU * on_tail) / SHEAR, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_both_simulators_of_full_order_rub_alike() -> None:
+    """Swinging on a cylinder, sliding and stuck."""
+    path = {"kind": "smooth_ramp", "times": [0.0, 0.06], "values": [2.0, 2.03]}
+    pads = {"at": AT, "stiffness": 3e8, "unilateral": False, "friction": MU, "shear_stiffness": 1e7}
+    scene = sliding(path, 0.2, step=4e-4, cylinder=SOFT).model_dump(mode="json", exclude_unset=True)
+    for section in scene["sections"]:
+        section["body"]["material"] = {}
+    scene["sections"][1]["joint"] |= {"tail": [pads], "mouth": [pads]}
+    found = {}
+    for simulator in ("march", "petsc"):
+        scene["compare"] = {"against": ["full"]}
+        scene["simulation"] = {"full": simulator}
+        one = Scene.model_validate(scene)
+        found[simulator] = FullOrder.of(one, models_of(build_bodies(one))).reference("full")
+    march, petsc = found["march"], found["petsc"]
+    assert march is not None and petsc is not None
+    for one in (march, petsc):
+        friction = one.other("friction of fly")
+        assert friction.min() < -2e3 and friction.max() > 2e3 and one.surplus < 1e-3
+    assert petsc.residual_position.max() < 1e-12
+    size = np.abs(march.slider_force).max()
+    # at the start a force is a stiffness times what round-off leaves of a motion
+    assert petsc.slider_force[1:] == pytest.approx(march.slider_force[1:], abs=1e-7 * size)
+    assert petsc.other("friction of fly") == pytest.approx(march.other("friction of fly"), abs=1e-7 * size)
+    assert petsc.displacement == pytest.approx(march.displacement, abs=1e-7 * np.abs(march.displacement).max())
+    assert petsc.energy.strain == pytest.approx(march.energy.strain, rel=1e-6)

@@ -88,7 +88,7 @@ def test_every_model_basis_and_joint_is_among_the_kinds() -> None:
     bases = get_args(Reduction.model_fields["basis"].annotation)
     assert {scene["reduction"].get("basis", "free_modes") for scene in scenes} == {*bases}
     joints = [kind.scene["section"]["joint"] for kind in KINDS.values() if kind.has_sections]
-    driven = {"overlap", "follows", "ratio", "offset", "friction_speed"}  # another signal, or a figure of forces
+    driven = {"overlap", "follows", "ratio", "offset"}  # another signal
     assert set().union(*joints) == set(Joint.model_fields) - driven
 
 

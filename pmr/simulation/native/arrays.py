@@ -140,3 +140,4 @@ class Record(NamedTuple):
     impulses: Any = None  # (T, m) N s: given in the step, where contacts only push
     energy: Any = None  # (T, 2) J: what is stored, and the work since the start
     given: Any = None  # (T,) J: the work of terms since the start
+    friction: Any = None  # (T, n) N: of the pads that rub

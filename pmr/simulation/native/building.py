@@ -52,7 +52,7 @@ def loop_of(
         state=state,
         levels=None if whole else _levels(form, methods, parts, of_levels),
         control=None if whole else _control(state, omega),
-        terms=terms(form, of_terms),
+        terms=terms(form, of_terms, paths),
         quasi_static=quasi_static(form),
     )
 

@@ -21,12 +21,14 @@ from pmr.simulation.native.arrays import (
     Contact,
     Divided,
     Modes,
+    Record,
     Scheme,
     State,
     Tables,
 )
 from pmr.simulation.native.simd import LANES, aligned, padded
 from pmr.system.contacts import ALONE
+from pmr.system.friction import Friction
 from pmr.system.rings import Combined, combined
 from pmr.system.system import System
 
@@ -98,6 +100,11 @@ class SystemForm:
         motions = {name: form.X for name, form in self.forms.items()}
         terms = tuple(term.on(motions) for term in self.system.terms)
         return combined(System(bodies, self.system.contacts, terms=terms))
+
+    def forces(self, record: Record) -> Array:
+        """Of all contacts, (T, m) N: what reaches the bodies, and in cylinders the friction of their joints' pads."""
+        found, known = self.combined.forces(record.multipliers), Friction.of(self.system.contacts)
+        return found if known is None else found + known.along(record.friction)
 
     @cached_property
     def on_tables(self) -> ReducedModel | None:

@@ -77,6 +77,7 @@ def _record(loop: Loop, record: Record, row: int) -> None:
     _record_impulses(record.impulses, loop.state.contact, row)
     _record_energy(record.energy, loop.sides, row)
     _record_work(record.given, loop.terms, row)
+    _record_friction(record.friction, loop.terms, row)
 
 
 @inlined
@@ -108,3 +109,9 @@ def _record_energy(rows: Any, sides: Any, row: int) -> None:
 def _record_work(rows: Any, terms: Any, row: int) -> None:
     if rows is not None:
         rows[row] = terms.numbers[WORK]
+
+
+@inlined
+def _record_friction(rows: Any, terms: Any, row: int) -> None:
+    if rows is not None:
+        _copy(rows, row, terms.rubbing.forces)

@@ -28,7 +28,7 @@ from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
-from pmr.system.friction import joints_of
+from pmr.system.friction import Friction
 
 Array = NDArray[np.float64]
 #: Steps between two looks at the clock, the keyboard and the progress; fewer where steps in parts take long.  The way
@@ -88,7 +88,6 @@ class March:
         self._numbers, self._mix, matrices = signals(form, told)
         self._path, self._loads = tuple(excitation.paths.values()), in_order(excitation.loads, system.input_names)
         self._terms = [in_order(excitation.terms, system.term_names, "term")[k] for k in self._numbers]
-        self._sliding = excitation.sliding(joints_of(form.modal.contacts))
         self._fine_step = stepping.divided(self.finest).step
         self._drive = s, f, c = self._sampled(0, stepping.steps, 1)
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
@@ -106,7 +105,7 @@ class March:
             begin(loop, form, methods[0], onset)
             return loop
 
-        self._begun, self.loop = begun, begun()
+        self._begun, self.loop, self._friction = begun, begun(), Friction.of(form.modal.contacts)
         self._account = None if self.body is None else balance.Account(self.body, stepping.steps)
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
         self._sampling = 0.0  # s, of the steps that follow
@@ -215,7 +214,7 @@ class March:
             np.column_stack([nothing, *(one.value(t) for one in signals)])
             for signals in (self._path, self._loads, self._terms)
         )
-        c = np.column_stack([c @ self._mix.T, *(one.value(t) for one in self._sliding)])
+        c = c @ self._mix.T
         if self.body is not None:  # a body that nothing moves has one place all the same
             domain = self.body.domain
             s = on_path(self._path[0], s[:, 0], domain, t)[:, None] if self._path else np.full((len(t), 1), domain[0])
@@ -248,6 +247,7 @@ class March:
             impulses=None if state.contact is None else np.zeros((size, m)),
             energy=None if loop.sides is None else np.tile(loop.sides.energy, (size, 1)),
             given=None if loop.terms is None else np.zeros(size),
+            friction=None if self._friction is None else np.zeros((size, len(self._friction.pads))),
         )
 
     def _peaks(self, size: int) -> Array | None:

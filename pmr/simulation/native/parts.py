@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.simulation.native import friction
 from pmr.simulation.native.arrays import Scheme, State
 from pmr.simulation.native.compilation import inlined
 from pmr.simulation.native.contact import begin_impulses
@@ -49,7 +50,7 @@ def step_in_parts(loop: Loop, given: int, s: Array, f: Array, c: Any, peaks: Arr
     found = given < 0 and last > 0
     if found:
         mark(contact, state, control)
-        _mark_energy(loop.sides, loop.terms, control)
+        _mark(loop.sides, loop.terms, control)
     while True:
         if loop.levels.parts[level] > len(s) - 1:
             control.level[0] = level
@@ -63,7 +64,7 @@ def step_in_parts(loop: Loop, given: int, s: Array, f: Array, c: Any, peaks: Arr
         if failed or not found or off <= 1.0 or level == last:
             break
         take_back(contact, state, control)
-        _take_back_energy(loop.sides, loop.terms, control)
+        _take_back(loop.sides, loop.terms, control)
         begin_impulses(contact)
         while off > 1.0 and level < last:  # half the length misses an eighth and may miss a half
             level, off = level + 1, off / 4.0
@@ -136,16 +137,18 @@ def _follow(quasi_static: Any, scheme: Scheme, state: State) -> None:
 
 
 @inlined
-def _mark_energy(sides: Sides | None, terms: Any, control: Control) -> None:
+def _mark(sides: Sides | None, terms: Any, control: Control) -> None:
     if terms is not None:
+        friction.mark(terms.rubbing)
         control.began_energy[2] = terms.numbers[WORK]
     if sides is not None:
         control.began_energy[0], control.began_energy[1] = sides.energy[0], sides.energy[1]
 
 
 @inlined
-def _take_back_energy(sides: Sides | None, terms: Any, control: Control) -> None:
+def _take_back(sides: Sides | None, terms: Any, control: Control) -> None:
     if terms is not None:
+        friction.take_back(terms.rubbing)
         terms.numbers[WORK] = control.began_energy[2]
     if sides is not None:
         sides.energy[0], sides.energy[1] = control.began_energy[0], control.began_energy[1]

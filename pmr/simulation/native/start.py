@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pmr.constraints.dependence import of_rows
 from pmr.errors import SimulationError
 from pmr.simulation.native import contact as contact_rows
-from pmr.simulation.native import energy, quasi_static, terms
+from pmr.simulation.native import energy, friction, quasi_static, terms
 from pmr.simulation.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, V, Z
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.part import Loop
@@ -71,6 +71,8 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     except NotSettledError as error:
         why = reason(form.modal, C, error.number)
         raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}") from None
+    if loop.terms is not None and loop.terms.rubbing is not None:
+        friction.start(loop.terms.rubbing, onset.s, state.multipliers)
     if state.contact is not None:
         state.contact.force[:] = state.contact.share[:] = state.multipliers
     modes, a = state.modes, free - C.T @ state.multipliers

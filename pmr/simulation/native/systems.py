@@ -83,32 +83,35 @@ def follow(
     Errors as for `pmr.simulation.SystemSimulator`; that of a motion that grows comes at the end.
     """
     march, paths = March(form, excitation, initial or {}), excitation.paths.values()
-    pushing, forces_of = ~np.isnan(form.system.clearance), form.combined.forces
+    pushing, rubbing = ~np.isnan(form.system.clearance), Friction.of(form.system.contacts)
     amplitudes = excitation.amplitudes(form.system.term_names) if form.system.terms else None
 
     def taken(steps: Steps) -> None:
         def at(rows: Indices | slice) -> SystemTrajectory:
             some, numbers = steps.at(rows), np.arange(steps.first, steps.first + len(steps.t))[rows]
-            record, motions, forces = some.record, {}, forces_of(some.record.multipliers)
+            record, motions, pressed = some.record, {}, form.combined.forces(some.record.multipliers)
             assert record.z is not None and record.v is not None
+            f, forces = record.friction, form.forces(record)
+            of_cylinders = 0.0 if rubbing is None else rubbing.stored(f, forces)
             for name, one in form.forms.items():
                 columns, x = form.columns[name], march.x[numbers][:, form.system.sides_of(name)]
                 q, v = record.z[:, columns] @ one.X.T, record.v[:, columns] @ one.X.T
-                motions[name] = Trajectory(some.t, q, v, form.system.pressed(name, forces), x, seconds=0.0)
+                motions[name] = Trajectory(some.t, q, v, form.system.pressed(name, pressed), x, seconds=0.0)
             return SystemTrajectory(
                 t=some.t,
                 bodies=motions,
                 forces=forces,
-                peaks=forces if record.peaks is None else np.where(pushing, forces_of(record.peaks), forces),
+                peaks=forces if record.peaks is None else np.where(pushing, form.combined.forces(record.peaks), forces),
                 loads=some.f,
-                energy=some.stored,
-                work=some.work,
+                energy=some.stored + of_cylinders,
+                work=some.work + of_cylinders,
                 seconds=0.0,
                 surplus=np.nan,
                 parts=np.ones(len(some.t), np.int64) if record.parts is None else record.parts,
-                impulses=None if record.impulses is None else forces_of(record.impulses),
+                impulses=None if record.impulses is None else form.combined.forces(record.impulses),
                 amplitudes=None if amplitudes is None else amplitudes[numbers],
-                moments=_moments(form.system, excitation, some.t, forces),
+                friction=f,
+                moments=None if rubbing is None else rubbing.moments(f, forces),
                 rates=np.column_stack([np.empty((len(some.t), 0)), *(path.rate(some.t) for path in paths)]),
             )
 
@@ -121,14 +124,6 @@ def seconds(form: SystemForm, excitation: Excitation, initial: Mapping[str, Init
     """The solver's wall time of the same simulation, `count` times; nothing of it is kept."""
     march = March(form, excitation, initial)
     return [march.again() for _ in range(count)]
-
-
-def _moments(system: System, excitation: Excitation, t: Array, forces: Array) -> Array | None:
-    """Of friction at the times t (T,) s, (T, m) N m; None without any."""
-    known = Friction.of(system.contacts)
-    if known is None:
-        return None
-    return known.moments(forces, np.column_stack([one.value(t) for one in excitation.sliding(known.joints)]))
 
 
 def observe(
@@ -147,17 +142,19 @@ def observe(
     numbers = dict(zip(form.forms, np.split(chosen, np.searchsorted(chosen, np.cumsum(sizes)[:-1])), strict=True))
     starts = dict(zip(form.forms, np.cumsum([0, *sizes]).tolist(), strict=False))
     y, forces, evaluated = np.empty((count, len(chosen))), np.empty((count, len(system.contacts))), 0.0
+    rubbing = Friction.of(system.contacts)
 
     def taken(first: int, rows: Record) -> None:
         nonlocal evaluated
         begun, at = perf_counter(), slice(first, first + len(rows.multipliers))
-        forces[at], steps, column = form.combined.forces(rows.multipliers), march.steps_of(at, every), 0
-        moments = _moments(system, excitation, march.t[steps], forces[at])
+        forces[at], steps, column = form.forces(rows), march.steps_of(at, every), 0
+        pressed = form.combined.forces(rows.multipliers)
+        moments = None if rubbing is None else rubbing.moments(rows.friction, pressed)
         for k, (name, own) in enumerate(numbers.items()):
             which, z = (own - starts[name]).tolist(), rows.z[:, form.columns[name]]
             x, f = march.x[steps, system.sides_of(name)], march.f[steps, form.inputs[k] : form.inputs[k + 1]]
             turned = None if moments is None else system.pressed(name, moments)
-            deformed = deformation(system, name, x, system.pressed(name, forces[at]), f, which, turned)
+            deformed = deformation(system, name, x, system.pressed(name, pressed), f, which, turned)
             y[at, column : column + len(own)] = z @ form.forms[name].body.outputs[which].T + deformed
             column += len(own)
         evaluated += perf_counter() - begun

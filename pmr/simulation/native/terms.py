@@ -45,7 +45,6 @@ from pmr.simulation.native.compilation import compiled_and_inlined, inlined
 from pmr.simulation.native.form import SystemForm, starts
 from pmr.simulation.native.rows import dot
 from pmr.simulation.native.simd import LANES, aligned, entry, load, spread, store
-from pmr.system.friction import joints_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -82,7 +81,7 @@ class Terms(NamedTuple):
     parts: Array  # (4 e,): with amplitudes of 1, those of a signal one after the other
     first_part: Indices  # (J + 1,): where the parts of a signal begin
     to: Indices  # (e,): where in `now` a part is added
-    c: Array  # (J,): present amplitudes, those of friction last; NaN before the start
+    c: Array  # (J,): present amplitudes; NaN before the start
     given: Array  # (r',): S^-1 B f where `State.given` is not; else (0,)
     force: Array  # (r',): w
     new_force: Array  # (r',): and what the displacement makes of it that it leads to
@@ -189,12 +188,12 @@ def _chosen(matrices: Matrices, entries: NDArray[np.bool_]) -> Matrices:
     return found
 
 
-def terms(form: SystemForm, matrices: Sequence[Matrices]) -> Terms | None:
+def terms(form: SystemForm, matrices: Sequence[Matrices], paths: Sequence[str]) -> Terms | None:
     """Those of a system, on its modes, of signals with these matrices; None where it has none.
 
-    Friction is among them, whose amplitudes are the last ones.
+    Friction is among them, whose joints slide along `paths`.
     """
-    rubbing = friction.rubbing(form, len(matrices))
+    rubbing = friction.rubbing(form, paths)
     if not form.system.terms and rubbing is None:
         return None
     r = int(form.starts[-1])
@@ -208,7 +207,7 @@ def terms(form: SystemForm, matrices: Sequence[Matrices]) -> Terms | None:
         parts=aligned(entries.ravel()),
         first_part=first_part,
         to=LANES * u.astype(np.int64),
-        c=np.full(len(matrices) + len(joints_of(form.modal.contacts)), np.nan),
+        c=np.full(len(matrices), np.nan),
         given=aligned(np.zeros(0 if form.on_tables is None else r)),
         force=aligned(np.zeros(r)),
         new_force=aligned(np.zeros(r)),
@@ -239,12 +238,13 @@ def _registers(matrices: Sequence[Matrices], r: int) -> tuple[Array, Indices, In
 
 
 @compiled_and_inlined
-def begin(terms: Terms, state: State, c: Array) -> None:
+def begin(terms: Terms, state: State, c: Any) -> None:
     """Forces w of the present state with amplitudes c (J,), where a simulation or steps of another length begin."""
     _combine(terms, c)
+    friction.begin(terms.rubbing)
     _find_forces(terms, state)
     friction.take(terms.rubbing)
-    friction.work(terms.rubbing, state.multipliers)
+    friction.finish(terms.rubbing, state.multipliers)
     for n in range(0, len(terms.force), LANES):
         w = load(terms.new_force, n)
         store(terms.force, n, w)
@@ -344,7 +344,7 @@ def finish(terms: Any, modes: Array) -> None:
 def account(terms: Any, state: State) -> None:
     """Add the work of w in the step that has ended, and keep what the next one asks for."""
     if terms is not None:
-        modes, work = state.modes, friction.work(terms.rubbing, state.multipliers)
+        modes, work = state.modes, friction.finish(terms.rubbing, state.multipliers)
         for n in range(len(terms.force)):
             work += (terms.force[n] + terms.old_force[0, n]) / 2.0 * (modes[Z, n] - terms.old_z[n])
         terms.numbers[WORK] += work
@@ -364,17 +364,19 @@ def add(terms: Any, a: Array) -> None:
 
 
 @inlined
-def _combine(terms: Terms, c: Array) -> None:
-    """Their sum with amplitudes c (J,), where these are others than before; those of friction are kept."""
-    same, count = True, len(terms.first_part) - 1
+def _combine(terms: Terms, c: Any) -> None:
+    """Their sum with amplitudes c (J,), where these are others than before; None where friction alone acts."""
+    if c is None:  # decided when compiled
+        return
+    same = True
     for k in range(len(c)):
-        same = same and (k >= count or c[k] == terms.c[k])
+        same = same and c[k] == terms.c[k]
         terms.c[k] = c[k]
     if same:
         return
     for n in range(0, len(terms.now), LANES):
         store(terms.now, n, spread(0.0))
-    for k in range(count):
+    for k in range(len(c)):
         if c[k] != 0.0:
             for e in range(terms.first_part[k], terms.first_part[k + 1]):
                 at = entry(terms.to, e)
@@ -393,7 +395,7 @@ def _find_forces(terms: Terms, state: State) -> None:
         for u in range(middle, last):
             of_v = of_v - load(terms.now, LANES * u) * entry(v, entry(terms.column, u))
         store(terms.new_force, LANES * k, of_z + of_v)
-    friction.rub(terms.rubbing, terms.c, state.multipliers, terms.new_force)
+    friction.rub(terms.rubbing, state, terms.new_force)
 
 
 @inlined

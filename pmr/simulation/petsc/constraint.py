@@ -54,7 +54,7 @@ class Constraint:
         self._compliance = PathCompliance([P for P, _ in found], rows)
         self._stored = [StoredAnswers(local, body, rows) for body, (_, local) in enumerate(found)] if stored else None
         self._at = np.full(len(rows.course.rows), np.nan)
-        self._matrix, self._cholesky = np.zeros((0, 0)), np.zeros((0, 0))
+        self.matrix, self._cholesky = np.zeros((0, 0)), np.zeros((0, 0))
 
     def move(self, step: int) -> None:
         """Go to a step of the course.
@@ -67,9 +67,9 @@ class Constraint:
         self.rows.move(step)
         x = self.rows.course.x[step]
         if not np.array_equal(x, self._at):
-            self._matrix = self._q_gain * self._compliance.of_rows(self.rows) + self._pads
+            self.matrix = self._q_gain * self._compliance.of_rows(self.rows) + self._pads
             if self.pushing is None:
-                self._cholesky, failed = _factorise(self._matrix)
+                self._cholesky, failed = _factorise(self.matrix)
                 if failed:
                     self._refuse(step, failed)
             self._at = x
@@ -86,7 +86,7 @@ class Constraint:
             return motion
         if self.pushing is None:
             return np.asarray(scipy.linalg.cho_solve((self._cholesky, True), motion, check_finite=False))
-        found, failed = self.pushing.settle(self._matrix, motion)
+        found, failed = self.pushing.settle(self.matrix, motion)
         if failed:
             self._refuse(step, failed)
         return found

@@ -77,6 +77,8 @@ class History:
     surplus : float
         Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN where
         energies were not asked for at every step.
+    friction : (T, n) array, N, or None
+        Of the pads that rub, along the boom (`pmr.system.friction`).
     """
 
     t: Array
@@ -92,3 +94,4 @@ class History:
     seconds: float
     preparation: float
     surplus: float = np.nan
+    friction: Array | None = None

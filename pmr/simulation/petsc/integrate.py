@@ -91,7 +91,8 @@ class Integrator:
         self.constraint.move(step)
         pushing, ahead = self.constraint.pushing, self._predict(state)
         w, times, free = None, 0, None
-        rubbed = self._terms.rubbed(self.constraint.rows, state.multipliers, c)
+        grip = state.grip
+        rubbed = self._terms.rubbed(self.constraint.rows, state.multipliers, grip)
         if self._terms:
             w = self._terms.forces(ahead.q, ahead.v, c) + rubbed.force
         while True:
@@ -107,9 +108,10 @@ class Integrator:
             b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
             if w is not None:
                 old, times = w, times + 1
-                given, rubbed = rubbed, self._terms.rubbed(self.constraint.rows, multipliers, c)
+                grip = self._terms.slid(state.grip, grip, c, multipliers, self.constraint.matrix)
+                given, rubbed = rubbed, self._terms.rubbed(self.constraint.rows, multipliers, grip)
                 w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + rubbed.force
-                if not (self._terms.settled(old, w, times) and given.settled(rubbed)):
+                if not (self._terms.settled(old, w, times) and self._terms.at_rest(given, rubbed)):
                     continue
             released = None if pushing is None else pushing.released()
             if pushing is None or released is None:
@@ -122,7 +124,7 @@ class Integrator:
         if pushing is not None:
             pushing.remember(multipliers, self._memory)
             share = pushing.share
-        return State(self._q_gain * b, v, a, acceleration, multipliers, share), flag
+        return State(self._q_gain * b, v, a, acceleration, multipliers, share, grip), flag
 
     def _predict(self, state: State) -> Ahead:
         """Without the new acceleration."""

@@ -171,6 +171,5 @@ def sampled(system: FullSystem, excitation: Excitation) -> Sampled:
             rates[:, k] = side.place.rate * excitation.rates[:, names.index(side.place.path)]
     x = places(system, excitation)
     f, c = excitation.forces(system.input_names), excitation.amplitudes(system.term_names)
-    sliding = [one.value(excitation.times) for one in excitation.sliding(joints_of(system.contacts))]
-    c = np.column_stack([c, *sliding])
+    c = np.column_stack([c, *(excitation.s[:, names.index(joint)] for joint in joints_of(system.contacts))])
     return Sampled(excitation.times, excitation.s, x, rates, f, c)

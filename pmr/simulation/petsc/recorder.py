@@ -20,6 +20,7 @@ from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import State
 from pmr.simulation.petsc.terms import Terms
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.friction import Friction
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ Array = NDArray[np.float64]
 class Sampled:
     """An excitation on a time grid: paths s (T, P) m, places x (T, q) m of the sides, their rates, loads f (T, i) N.
 
-    Amplitudes of terms are c (T, K), those of friction behind them.
+    Amplitudes of terms are c (T, K), the paths of joints with friction behind them.
     """
 
     t: Array
@@ -71,6 +72,8 @@ class Recorder:
         self._vectors = [model.K.createVecs() for model in system.models]
         T, m = stepping.steps // recording.every + 1, len(system.contacts)
         self.multipliers, self.peaks = np.zeros((T, m)), np.zeros((T, m))
+        known = Friction.of(system.contacts)
+        self.friction, self._friction = np.zeros((T, 0 if known is None else len(known.pads))), known
         self._pushes, self._peak = bool(np.any(~np.isnan(system.clearance))), np.full(m, -np.inf)
         self._ends = np.cumsum([len(self.chosen), m, m])
         self.sums = np.zeros((T, self._ends[-1] + 4))
@@ -89,7 +92,7 @@ class Recorder:
         pressed = state.multipliers[rows.course.contact]
         now = _Acting(f, self._inputs @ state.q, pressed, rows.slopes(state.q), x)
         if self._terms:
-            rubbed = self._terms.rubbed(rows, state.multipliers, c)
+            rubbed = self._terms.rubbed(rows, state.multipliers, state.grip)
             forces = self._terms.forces(state.q, state.v, c) + rubbed.force
             now = replace(now, of_terms=forces, q=state.q, multipliers=state.multipliers, gap=rubbed.gap)
         if self._now is not None:
@@ -111,7 +114,7 @@ class Recorder:
         if step % self.recording.every:
             return
         row = step // self.recording.every
-        self.multipliers[row], self.peaks[row] = state.multipliers, peak
+        self.multipliers[row], self.peaks[row], self.friction[row] = state.multipliers, peak, state.grip.forces
         slopes = rows.slopes(state.q) if self._now is None else self._now.slope
         drift = rows.apply(state.v) + rows.of_contacts(at.rates[step] * slopes)
         energy = self._energy(state, at.f[step]) if self.recording.energies else (0.0, 0.0, 0.0)
@@ -135,25 +138,30 @@ class Recorder:
         sums = system.comm.allreduce(self.sums)
         y, motion, drift, rest = np.split(sums, self._ends, axis=1)
         compliance, pushes = system.compliance, ~np.isnan(system.clearance)
-        violation = motion - compliance * self.multipliers - np.where(pushes, system.clearance, 0.0)
+        forces, of_cylinders = self.multipliers, np.zeros(len(sums))
+        if (known := self._friction) is not None:
+            forces = forces + known.along(self.friction)
+            of_cylinders = known.stored(self.friction, forces)
+        violation = motion - compliance * forces - np.where(pushes, system.clearance, 0.0)
         open_now = pushes & (self.multipliers <= 0.0)
         violation = np.where(open_now, np.maximum(violation, 0.0), violation)
         if np.any(compliance):
             drift = np.full_like(drift, np.nan)
         energies, found = None, np.nan
         if self.recording.energies:
-            strain = rest[:, 1] + self.multipliers**2 @ compliance / 2.0
+            strain = rest[:, 1] + forces**2 @ compliance / 2.0
             energies = Energy(rest[:, 0], strain, rest[:, 2])
             if self._balanced:
                 least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
-                work = np.cumsum(rest[:, 3])
+                work = np.cumsum(rest[:, 3]) + of_cylinders
                 found = balance.surplus(rest[:, 0] + strain, work, least, since_start=bool(pushes.any()))
         return History(
             t=at.t[every],
             s=at.s[every],
             y=self._of_bodies(y),
-            forces=self.multipliers,
-            peaks=np.where(pushes, self.peaks, self.multipliers),
+            forces=forces,
+            peaks=np.where(pushes, self.peaks, forces),
+            friction=None if self._friction is None else self.friction,
             supports=np.zeros((len(sums), 0)),
             residual_position=np.abs(violation).max(axis=1, initial=0.0),
             residual_velocity=np.abs(drift).max(axis=1, initial=0.0),

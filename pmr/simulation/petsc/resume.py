@@ -16,11 +16,13 @@ from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.petsc.checkpoint import Checkpoint, Saved, load, save
+from pmr.simulation.petsc.friction import Grip
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.start import State, whole_start
 from pmr.simulation.start import InitialState
+from pmr.system.friction import Friction
 
-_SPREAD = tuple(field.name for field in fields(State) if field.name not in ("multipliers", "share"))
+_SPREAD = tuple(field.name for field in fields(State) if field.name not in ("multipliers", "share", "grip"))
 
 
 def identity(
@@ -55,7 +57,7 @@ def identity(
         "recording": _digest(repr(sorted(recording.items())).encode()),
         "initial state": _digest(start.q, start.v),
         "rows": [float(value) for value in rows],
-        "contacts": _digest(system.compliance, system.clearance),
+        "contacts": _digest(system.compliance, system.clearance, *_of_friction(system)),
         "matrices": [float(value) for value in system.comm.allreduce(np.array(forms))],
     }
 
@@ -94,6 +96,8 @@ class Keeper:
         if self._comm.rank == 0:
             whole |= {"multipliers": state.multipliers, "share": state.share, "parts": reached.parts}
             whole |= {"recorded.multipliers": recorder.multipliers, "recorded.peaks": recorder.peaks}
+            whole |= {"recorded.friction": recorder.friction}
+            whole |= {f"grip.{name}": array for name, array in vars(state.grip).items()}
             save(self._checkpoint, Saved(reached.step, reached.seconds, self._identity, whole))
         self._last = time.monotonic()
 
@@ -111,10 +115,18 @@ class Keeper:
         arrays, mine = found.arrays, self._system.mine
         recorder.q[:], recorder.v[:] = mine(arrays["states.q"]), mine(arrays["states.v"])
         recorder.multipliers[:], recorder.peaks[:] = arrays["recorded.multipliers"], arrays["recorded.peaks"]
+        recorder.friction[:] = arrays.get("recorded.friction", recorder.friction)
+        grip = Grip(**{field.name: arrays.get(f"grip.{field.name}", np.zeros(0)) for field in fields(Grip)})
         recorder.sums[:] = arrays["sums"] if self._comm.rank == 0 else 0.0
         spread = {name: mine(arrays[name]) for name in _SPREAD}
-        state = State(**spread, multipliers=arrays["multipliers"], share=arrays["share"])
+        state = State(**spread, multipliers=arrays["multipliers"], share=arrays["share"], grip=grip)
         return Reached(found.step, found.seconds, state, arrays.get("parts", parts))
+
+
+def _of_friction(system: FullSystem) -> list[Any]:
+    """What tells the friction of its pads; nothing without."""
+    known = Friction.of(system.contacts)
+    return [] if known is None else [known.pads, known.coefficients, known.stiffness, known.arms]
 
 
 def _digest(*parts: Any) -> str:

@@ -12,7 +12,7 @@ lambda_y = k (C_y q_0 - c) where that is positive, and none elsewhere.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from pmr.fullmodel.system import FullSystem
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.systems import static_start as equilibrium
 from pmr.simulation.petsc.effective import BlockFactor
+from pmr.simulation.petsc.friction import Grip
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.petsc.terms import Terms
 from pmr.simulation.start import InitialState, check_impulse, check_position, checked, row_drift
@@ -36,8 +37,8 @@ Array = NDArray[np.float64]
 class State:
     """This rank's rows (n_local,) of position, velocity, acceleration-like variable and acceleration.
 
-    The multipliers lambda (m,), and their `share` (m,) in the acceleration-like variable where contacts only push, are
-    the same on every rank.
+    The multipliers lambda (m,), their `share` (m,) in the acceleration-like variable where contacts only push, and the
+    `grip` of pads that rub are the same on every rank.
     """
 
     q: Array
@@ -46,6 +47,7 @@ class State:
     acceleration: Array
     multipliers: Array
     share: Array
+    grip: Grip = field(default_factory=Grip)
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,10 @@ def starting_state(
     q, v = system.mine(start.q), system.mine(start.v)
     multipliers = np.zeros(len(system.contacts))
     if mass is None:
-        return State(q, v, np.zeros_like(q), np.zeros_like(q), multipliers, multipliers.copy())
+        nothing = np.zeros_like(q)
+        return State(
+            q, v, nothing, nothing.copy(), multipliers, multipliers.copy(), _gripped(system, onset, multipliers)
+        )
     C, compliance = contact_rows(system, onset.x), system.compliance
     soft, pushes = compliance > 0.0, ~np.isnan(system.clearance)
     excess = C @ start.q - np.where(pushes, system.clearance, 0.0)
@@ -99,7 +104,12 @@ def starting_state(
     force = _forces(system, onset.f, q, v) + Terms(system).forces(q, v, onset.c)
     force -= system.mine((C.T @ multipliers)[None])[0]
     acceleration, multipliers[~soft] = held.acceleration(force)
-    return State(q, v, acceleration.copy(), acceleration, multipliers, np.where(pushes, multipliers, 0.0))
+    share, grip = np.where(pushes, multipliers, 0.0), _gripped(system, onset, multipliers)
+    return State(q, v, acceleration.copy(), acceleration, multipliers, share, grip)
+
+
+def _gripped(system: FullSystem, onset: Onset, multipliers: Array) -> Grip:
+    return Grip.begun(system.contacts, onset.c[len(system.term_names) :], multipliers)
 
 
 def moves_at_once(system: FullSystem, onset: Onset, initial: Mapping[str, InitialState]) -> bool:

@@ -20,6 +20,7 @@ from pmr.fem.compat import MPI
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
 from pmr.simulation.native.terms import ACCEPTED, CONVERGED, DIVERGED, LIMIT
+from pmr.simulation.petsc.friction import Grip, slid
 from pmr.simulation.petsc.rows import PathRows
 from pmr.system.friction import Friction
 from pmr.system.terms import first_few
@@ -35,10 +36,6 @@ class Rubbed:
     force: Array | float
     gap: Array
 
-    def settled(self, new: Rubbed) -> bool:
-        """Whether the gaps no longer change."""
-        return bool(np.abs(new.gap - self.gap).max(initial=0.0) <= CONVERGED * np.abs(new.gap).max(initial=0.0))
-
 
 class Terms:
     """Forces of a system's terms on this rank's coordinates; collective."""
@@ -51,7 +48,7 @@ class Terms:
             own = [np.arange(at.start, at.stop) for at in (system.local[names.index(name)] for name in term.bodies)]
             stiffness, damping = (_product(system, term.bodies, A) for A in (term.stiffness, term.damping))
             self._parts.append((number, np.concatenate(own), stiffness, damping))
-        self._largest = self._first = 0.0
+        self._largest = self._first = self._widest = 0.0
         self._friction = Friction.of(system.contacts)
 
     def __bool__(self) -> bool:
@@ -66,13 +63,23 @@ class Terms:
                     found[at] -= c[number] * multiplied(moved[at])
         return found
 
-    def rubbed(self, rows: PathRows, multipliers: Array, c: Array) -> Rubbed:
-        """What friction does where the rows stand, under multipliers (m,) and with amplitudes c (K,)."""
+    def rubbed(self, rows: PathRows, multipliers: Array, grip: Grip) -> Rubbed:
+        """What friction does where the rows stand, under multipliers (m,)."""
         if self._friction is None:
             return Rubbed(0.0, np.zeros(len(multipliers)))
-        own = c[len(self._names) :]
-        moments = self._friction.moments(multipliers, own)
-        return Rubbed(rows.transposed_slopes(moments), self._friction.gaps(multipliers, own))
+        moments = self._friction.moments(grip.forces, multipliers)
+        return Rubbed(rows.transposed_slopes(moments), self._friction.gaps(grip.forces))
+
+    def slid(self, old: Grip, given: Grip, c: Array, multipliers: Array, matrix: Array) -> Grip:
+        """What pads hold after a step, found under what is `given`, to the joints' places behind the amplitudes c."""
+        if self._friction is None:
+            return old
+        return slid(self._friction, old, given.forces, c[len(self._names) :], multipliers, matrix)
+
+    def at_rest(self, old: Rubbed, new: Rubbed) -> bool:
+        """Whether the gaps no longer change."""
+        self._widest = max(self._widest, float(np.abs(new.gap).max(initial=0.0)))
+        return bool(np.abs(new.gap - old.gap).max(initial=0.0) <= CONVERGED * self._widest)
 
     def settled(self, old: Array, new: Array, times: int) -> bool:
         """Whether the forces no longer change; a SimulationError is raised where they diverge or never settle."""

@@ -183,7 +183,7 @@ def _full_motion(form: ModalForm, scene: Scene, model: ReducedModel, steps: int,
     given = Excitation.of(scene)
     excitation = given.with_stepping(TimeStepping(scene.time.end, scene.time.end / steps, RHO))
     seen = one_body.observe(form, excitation, every=steps // times)
-    found, rows = observed(System.of(form.body), excitation, seen.t, seen.y, seen.multipliers), len(model.row_names)
+    found, rows = observed(System.of(form.body), seen.y, seen.multipliers), len(model.row_names)
     return replace(found, force=found.force[:, -rows:])  # rigid holds are rows of the full model alone
 
 

@@ -55,7 +55,7 @@ class Case:
 def full_motion(form: ModalForm, family: Family, steps: int, times: int) -> Outputs:
     excitation = family.with_steps(steps)
     seen = one_body.observe(form, excitation, every=steps // times)
-    found = observed(System.of(form.body), excitation, seen.t, seen.y, seen.multipliers)
+    found = observed(System.of(form.body), seen.y, seen.multipliers)
     known = family.motion(family.member(family.fewest + 1), times, times).force.shape[1]
     return replace(found, force=found.force[:, -known:])  # rigid holds are rows of the full model alone
 

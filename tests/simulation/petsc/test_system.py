@@ -224,9 +224,12 @@ def half_way(share: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pads", ["yielding", "pushing"])
+@pytest.mark.parametrize("pads", ["yielding", "pushing", "pushing and rubbing"])
 def test_cut_off_it_goes_on_to_the_same_digits(pads: str, tmp_path: Path) -> None:
-    system = full(BOOMS[pads])
+    system = full(BOOMS[pads.removesuffix(" and rubbing")])
+    if pads == "pushing and rubbing":
+        rough = [replace(one, friction=0.2, arm=0.18, shear_stiffness=1e7) for one in system.contacts]
+        system = replace(system, contacts=tuple(rough))
     spread, excitation = of(system, MPI.COMM_SELF), scheduled(driven(system, end=0.04), [1, 6, 3, 3] * 10)
     start, recording = static_start(spread, excitation), Recording(energies=True, states=[0.01, 0.03])
     checkpoint = Checkpoint(tmp_path / "checkpoint", seconds=0.0)
@@ -241,6 +244,9 @@ def test_cut_off_it_goes_on_to_the_same_digits(pads: str, tmp_path: Path) -> Non
     np.testing.assert_array_equal(resumed.forces, whole.forces)
     np.testing.assert_array_equal(resumed.peaks, whole.peaks)
     assert resumed.surplus == whole.surplus
+    if whole.friction is not None:
+        np.testing.assert_array_equal(resumed.friction, whole.friction)
+        assert np.abs(whole.friction).max() > 0.0
     stiffer = replace(spread, contacts=tuple(replace(one, compliance=2e-6) for one in spread.contacts))
     with pytest.raises(InputError, match="contacts differs"):
         observe(stiffer, excitation, recording, start, checkpoint=checkpoint)

@@ -1,0 +1,51 @@
+"""Friction of pads (`pmr.system.friction`) in full order, by the law of the compiled loop; the same on every rank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation.native.friction import slide
+from pmr.system.contacts import Contact
+from pmr.system.friction import Friction
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Grip:
+    """What n pads in J joints hold at the end of a step; empty without any."""
+
+    forces: Array = field(default_factory=lambda: np.zeros(0))  # (n,) N
+    s: Array = field(default_factory=lambda: np.zeros(0))  # (J,) m: where the paths lead
+    drives: Array = field(default_factory=lambda: np.zeros(0))  # (J,) N: of the cylinders
+
+    @classmethod
+    def begun(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
+        """At the start, at s (J,) m, without friction."""
+        known = Friction.of(contacts)
+        if known is None:
+            return cls()
+        return cls(
+            np.zeros(len(known.pads)), s.copy(), np.where(known.cylinders < 0, 0.0, multipliers[known.cylinders])
+        )
+
+
+def slid(known: Friction, old: Grip, given: Array, s: Array, multipliers: Array, matrix: Array) -> Grip:
+    """After a step to s (J,) m that ends with multipliers (m,) N, found under a friction `given` (n,) N.
+
+    `matrix` (m, m) is that of the multipliers.  As `pmr.simulation.native.friction.rub`, where it is explained.
+    """
+    forces, limits = np.zeros(len(old.forces)), known.coefficients * np.abs(multipliers[known.pads])
+    held, driven = known.totals(given), np.where(known.cylinders < 0, 0.0, multipliers[known.cylinders])
+    for joint, (c, gives) in enumerate(zip(known.cylinders, known.gives, strict=True)):
+        own, moved, softness = slice(known.first[joint], known.first[joint + 1]), s[joint] - old.s[joint], 0.0
+        if gives > 0.0:
+            a = max(float(matrix[c, c]) - gives, 0.0)
+            softness = gives * a / (gives + a)
+            moved -= gives * (driven[joint] + held[joint] - old.drives[joint])
+        slide(known.stiffness[own], old.forces[own], limits[own], moved, softness, held[joint], forces[own])
+    return Grip(forces, s, driven + known.totals(forces))
