@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -34,10 +34,13 @@ class Point:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of two columns with a title."""
+    """A table of two columns with a title; some rows have a bar, which takes a share of as many `marks`."""
 
     title: str
     rows: tuple[tuple[str, str], ...]
+    bars: Mapping[str, float] = field(default_factory=dict)
+    marks: int = 1
+    note: str = ""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from pmr.results import RunResult
 #: Names of all that a report consists of.
 REPORT_FILES = ("report.html", "report.pdf")
 
-KIND = "Model reduction report"
+KIND = "Simulation report"
 
 _log = logging.getLogger(__name__)
 

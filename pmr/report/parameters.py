@@ -161,11 +161,12 @@ def _joints(result: RunResult) -> Rows:
                 gap = f", play {by_face(ring.clearance)}{SPACE}mm" if ring.clearance else ""
                 rubs = f", friction {plain(ring.friction)}" if ring.friction else ""
                 called = " ".join(filter(None, (f"pads of {name} at the {end}", ring.name)))
-                what = f"at {plain(ring.at)}{SPACE}m, {faces}; {_stiff(ring.stiffness)}, {way}{gap}{rubs}"
+                what = f"at {plain(ring.at)}{SPACE}m, {faces}; {stiff(ring.stiffness)}, {way}{gap}{rubs}"
                 yield called, what
 
 
-def _stiff(stiffness: str | float) -> str:
+def stiff(stiffness: str | float) -> str:
+    """The stiffness of a pad or a support, in kN/mm where it is a number."""
     return stiffness if isinstance(stiffness, str) else f"{plain(1e-6 * stiffness)}{SPACE}kN/mm"
 
 
@@ -176,7 +177,7 @@ def _pads(result: RunResult) -> Rows:
             faces = ", ".join(f"{len(places)} {face}" for face, places in ring.faces.items())
             size = f"{plain(ring.length)} × {plain(ring.width)}{SPACE}m"
             called = named(body, f"pads at the {ring.name}")
-            yield called, f"at {where}{SPACE}m, {faces}; {size}, {_stiff(ring.stiffness)}"
+            yield called, f"at {where}{SPACE}m, {faces}; {size}, {stiff(ring.stiffness)}"
 
 
 def _acting(result: RunResult) -> Rows:

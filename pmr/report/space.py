@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pmr.report.columns import lines
 from pmr.report.subject import length
 from pmr.results import RunResult
+from pmr.scene.frame import rotation
 
 Array = NDArray[np.float64]
 
@@ -23,42 +24,80 @@ MOMENTS = 4
 class Axis:
     """The axis of a body at S times, (S, n, 2) m from the pivot.
 
-    `side` has the distance in the plane of luffing and the height, `plan` the places as seen from above.
+    `side` has the distance in the plane of luffing and the height, `plan` the places as seen from above, of places `x`
+    (n,) m along it.
     """
 
     body: str
+    x: Array
     side: Array
     plan: Array
 
 
 def axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> list[Axis]:
     """Of all bodies from the base out, by the reduced model; deflections are `scale` times as large."""
-    frame, response = result.scene.frame, result.responses["reduced"]
-    assert frame is not None  # of those who ask
+    response, frame = result.responses["reduced"], result.scene.frame
     chosen, aside = np.asarray(steps), {one.body: one for one in lines(result, response, "y")}
-    rotation, found = frame.rotation(response.t[chosen]), []
-    sine, cosine = rotation[:, 2, 0, None], rotation[:, 2, 2, None]  # of luffing
+    turned, found = turns(result, response.t[chosen]), []
+    sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of luffing
     for line in lines(result, response):
-        own = np.zeros((len(chosen), len(line.x), 3)) + frame.place
+        own = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.place)
         own[:, :, 0] += line.tail[chosen, None] + line.x
         for direction, of in ((1, aside.get(line.body)), (2, line)):
             if of is not None:
                 own[:, :, direction] += scale * response.displacement[np.ix_(chosen, of.columns)]
-        places = np.einsum("sij,snj->sni", rotation, own)
+        places = np.einsum("sij,snj->sni", turned, own)
         side = np.stack([cosine * own[:, :, 0] - sine * own[:, :, 2], places[:, :, 2]], axis=-1)
-        found.append(Axis(line.body, side, places[:, :, :2]))
+        found.append(Axis(line.body, line.x, side, places[:, :, :2]))
     return found
 
 
+def turns(result: RunResult, t: Array) -> Array:
+    """From the boom's axes into those of the ground, (T, 3, 3): by its frame, or as far as its weight has it raised."""
+    if result.scene.frame is not None:
+        return result.scene.frame.rotation(t)
+    gravity = result.scene.gravity
+    raised = np.full(len(t), 0.0 if gravity is None else np.deg2rad(gravity.raised))
+    return rotation(raised, np.zeros(len(t)))
+
+
 def moments(result: RunResult) -> NDArray[np.intp]:
-    """Steps at which the boom is drawn: evenly along the way of its tip, with both ends; one where it rests."""
-    frame, t = result.scene.frame, result.responses["reduced"].t
-    assert frame is not None
-    straight = frame.rotation(t)[:, :, 0] * _out(result)[:, None]
-    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(straight, axis=0), axis=1)))
+    """Steps at which the boom is drawn: evenly along the way of its tip, with both ends; one where it rests.
+
+    A boom at a constant angle stands at one moment alone, for shorter ones would lie on top of it. The moment of the
+    largest stress is among them, in place of the one next to it.
+    """
+    t, out, worst = result.responses["reduced"].t, _out(result), stressed(result)
+    turned = turns(result, t)
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(turned[:, :, 0] * out[:, None], axis=0), axis=1)))
     if way[-1] <= 1e-9 * length(result):
-        return np.array([0])
-    return np.unique(np.searchsorted(way, np.linspace(0.0, way[-1] * (1.0 - 1e-9), MOMENTS)))
+        found = np.array([0])
+    elif np.ptp(turned, axis=0).max() == 0.0:
+        found = np.array([int(np.argmax(out))])
+    else:
+        found = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1] * (1.0 - 1e-9), MOMENTS)))
+    if worst is not None:
+        found[np.argmin(np.abs(way[found] - way[worst.step]))] = worst.step
+    return found
+
+
+@dataclass(frozen=True)
+class Stressed:
+    """Where and when a boom has its largest stress: a step, a body, and how far from its tail in m."""
+
+    step: int
+    body: str
+    x: float
+    value: float  # Pa
+
+
+def stressed(result: RunResult) -> Stressed | None:
+    """The largest von Mises stress of the reduced model, where stresses were asked for."""
+    peak = result.summary.get("stress_peak", {}).get("reduced")
+    if peak is None:
+        return None
+    step = int(np.argmin(np.abs(result.responses["reduced"].t - peak["t"])))
+    return Stressed(step, peak.get("section", ""), float(peak["position"][0]), float(peak["value"]))
 
 
 def _out(result: RunResult) -> Array:

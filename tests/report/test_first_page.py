@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from boom_results import SUMMARY, MakeSpace
 
+from pmr.report import space
+from pmr.report.blocks import Table
+from pmr.report.document import page as rendered
+from pmr.report.figures import sketch
 from pmr.report.first_page import tables
+from pmr.report.sections import chapter
 from pmr.results import Response, RunResult
 
 SPACE = "\u00a0"
@@ -35,16 +41,20 @@ def rows(result: RunResult, title: str) -> dict[str, str]:
 
 def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
     asked = rows(result, "What was asked")
-    assert asked["structure"] == f"a shell, box of 6{SPACE}m, 300 × 400{SPACE}mm, wall 8{SPACE}mm"
-    assert asked["payload"] == f"250{SPACE}kg" and asked["gust"] == f"up to 500{SPACE}N on tip along y"
+    assert asked["structure"] == f"box of 6{SPACE}m, 300 × 400{SPACE}mm, wall 8{SPACE}mm"
+    assert asked["modelled as"] == "a shell" and asked["held by"] == "cylinder along x on its tail, rigid"
+    assert asked["pads"] == "7, 300\u00a0kN/mm, holding both ways"
+    assert asked["payload"] == f"250{SPACE}kg on tip" and asked["gust"] == f"up to 500{SPACE}N on tip along y"
 
 
 def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResult) -> None:
     bears = rows(result, "What it carries")
     assert bears["largest pad force"].startswith(f"5.00{SPACE}kN, pad 4, at 0{SPACE}s")
-    assert bears["largest force of a support"].startswith(f"−75.0{SPACE}kN, luffing cylinder, at 0{SPACE}s, s = 1.5")
+    assert bears["largest force of a support"].startswith(
+        f"−75.0{SPACE}kN, luffing cylinder, at 0{SPACE}s, 4.5{SPACE}m out"
+    )
     assert bears["largest von Mises stress"].startswith(f"49.0{SPACE}MPa, at 0.50{SPACE}s")
-    assert bears["lowest natural frequency"] == f"6.50{SPACE}Hz, at s = 1.5{SPACE}m"
+    assert bears["lowest natural frequency"] == f"6.50{SPACE}Hz, at 4.5{SPACE}m out"
 
 
 def test_no_figure_is_round_off(result: RunResult) -> None:
@@ -56,7 +66,8 @@ def test_no_figure_is_round_off(result: RunResult) -> None:
         moved[:, -2] = 1e-17
         still[name] = replace(one, displacement=moved)
     bears = rows(replace(result, responses=still), "What it carries")
-    assert "largest deflection of the tip, y" not in bears and "largest deflection of the tip, z" in bears
+    assert "largest deflection of the tip, lateral, y" not in bears
+    assert "largest deflection of the tip, vertical, z" in bears
 
 
 def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
@@ -71,6 +82,64 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     trust = rows(make_space(summary=known), "How far to trust it")
     assert trust["model"] == f"40.0{SPACE}% over the run, lowest frequencies 60.0{SPACE}%, beside a shell"
     assert trust["mesh"] == f"1.00{SPACE}%" and trust["reduction"] == f"0.200{SPACE}% off the full model"
+
+
+def trust(make_space: MakeSpace, **summary: object) -> Table:
+    return next(one for one in tables(make_space(summary=SUMMARY | summary)) if one.title == "How far to trust it")
+
+
+def test_every_part_that_is_known_has_a_bar_on_one_scale(make_space: MakeSpace) -> None:
+    """From 0.001 % a mark for each power of ten; what is above 100 % makes the scale longer and is not cut off."""
+    budget = {"mesh": {"beam": 1e-3}, "model": {"beside": "shell", "beam": 0.1, "frequency": 0.02}}
+    found = trust(make_space, budget=budget, step={"beam": 1e-4})
+    assert found.marks == 5 and "0.001\u00a0% to 100\u00a0%" in found.note
+    assert found.bars == pytest.approx({"model": 0.8, "mesh": 0.4, "time step": 0.2, "reduction": 0.460206}, abs=1e-6)
+    far = trust(make_space, budget={"model": {"beside": "shell", "beam": 7.0}})
+    assert far.marks == 6 and "1000\u00a0%" in far.note and 0.9 < far.bars["model"] < 1.0
+    assert dict(far.rows)["model"].startswith(f"700{SPACE}%") and set(far.bars) == {"model", "reduction"}
+
+
+def test_a_cylinder_that_pulls_ropes_bears_theirs_too(result: RunResult) -> None:
+    """The force in its own spring is less than what it has to push."""
+    force = {"min": 1e3, "t_min": 0.1, "s_min": 1.5, "max": 31.3e3, "t_max": 0.5, "s_max": 2.0}
+    ropes = [
+        {"name": "first", "follows": None, "force": force},
+        {"name": "second", "follows": "first", "force": force | {"max": 16.9e3}},
+    ]
+    carries = rows(replace(result, summary=result.summary | {"ropes": ropes}), "What it carries")
+    expected = f"31.3{SPACE}kN, cylinder of first, which pulls the ropes, at 0.5{SPACE}s, 4{SPACE}m out"
+    assert carries["largest cylinder force"] == expected
+    assert carries["largest rope force"].startswith(f"16.9{SPACE}kN, rope of second, ")
+
+
+def test_supports_bear_forces_and_moments_each_in_its_unit(result: RunResult) -> None:
+    one = {"unit": "N", "min": -2e4, "t_min": 0.2, "s_min": 2.0, "max": 1e3, "t_max": 0.1, "s_max": 1.5}
+    reactions = [{"name": "cylinder", **one}, {"name": "pin rz", **one, "unit": "N m", "max": 3e4}]
+    carries = rows(replace(result, summary=result.summary | {"reactions": reactions}), "What it carries")
+    assert carries["largest force of a support"].startswith(f"\u221220.0{SPACE}kN, cylinder along x, at 0.2{SPACE}s")
+    assert carries["largest moment of a support"].startswith(f"30.0{SPACE}kN m, pin rz, at 0.1{SPACE}s")
+
+
+def test_a_boom_stands_as_it_is_raised_with_a_ring_where_it_is_stressed_most(make_space: MakeSpace) -> None:
+    frame = {"luffing": {"kind": "smooth_ramp", "times": [0.0, 1.0], "values": [0.0, 1.0]}, "pivot": [0.0, 0.0, 0.0]}
+    raised, turned = make_space(gravity={"inclination": 60.0}), make_space(frame=frame)
+    (axis,) = space.axes(raised, [0])
+    assert axis.side[0, -1] - axis.side[0, 0] == pytest.approx([0.5 * 5.8, 3**0.5 / 2.0 * 5.8], abs=0.02)
+    assert list(space.moments(raised)) == [500] and 500 in space.moments(turned)  # 0.5 s, of the largest stress
+    figure = sketch.sketch(turned)
+    (ring,) = [line for line in figure.axes[0].lines if line.get_markersize() == 9.0]
+    expected = 1.5 * np.array([np.cos(0.5), np.sin(0.5)])
+    assert ring.get_xydata()[0] == pytest.approx(expected, abs=0.3)  # its deflection is drawn larger
+    assert "49.0\u00a0MPa" in [text.get_text() for text in figure.axes[0].texts]
+    assert "the ring is the place of the largest stress" in sketch.caption(turned)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
+def test_the_first_page_in_print_answers_all_of_it(result: RunResult) -> None:
+    weasyprint = pytest.importorskip("weasyprint")
+    first, *_ = weasyprint.HTML(string=rendered([chapter(result, "case-1")])).render().pages
+    assert {"case-1-sketch", "case-1-first-1", "case-1-first-2", "case-1-first-3"} <= set(first.anchors)
 
 
 def test_masses_and_the_share_of_the_yield_stress_have_rows(result: RunResult) -> None:

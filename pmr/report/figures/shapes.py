@@ -1,4 +1,4 @@
-"""Figures along the axis: the vectors of the basis, snapshots of the motion, a boom from short to long."""
+"""Figures along the axis: the vectors of the basis, snapshots of the motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.report.columns import lines, tips
 from pmr.report.decimation import onto
-from pmr.report.figures.canvas import INK, MUTED, PENS, SECTIONS, WIDE, key, sheet
+from pmr.report.figures.canvas import INK, MUTED, PENS, WIDE, key, sheet
 from pmr.report.figures.timeline import drawn
 from pmr.report.numbers import round_number, unit_for
 from pmr.report.subject import fixtures, length, moving, offsets
@@ -21,8 +21,8 @@ COLUMNS = 5
 CELL, GAP = 3.1, 1.1  # height of a small multiple in largest values, and its width in beam lengths
 FLAT = 1e-6  # of the largest transverse amplitude: below, a vector moves the beam along its axis only
 SNAPSHOTS = 6
-#: Extensions at which a boom is drawn, and its largest deflection as drawn, over its reach.
-DRAWN, REACH = 4, 0.05
+#: Largest deflection of a boom as drawn, over its reach.
+REACH = 0.05
 
 
 def has_flat(shapes: Shapes) -> bool:
@@ -119,24 +119,3 @@ def exaggeration(result: RunResult) -> float:
     response = result.responses["reduced"]
     largest = max(float(np.abs(line.moved(response)).max(initial=0.0)) for line in lines(result, response))
     return round_number(REACH * length(result) / largest) if largest > 0.0 else 1.0
-
-
-def boom(result: RunResult) -> Figure:
-    """The deflected boom with all its sections, from its shortest to its longest; outer ones are drawn thicker."""
-    reach, response = result.along, result.responses["reduced"]
-    goals = np.linspace(reach.min(), reach.max(), DRAWN if np.ptp(reach) > 0.0 else 1)
-    steps = [int(np.argmin(np.abs(reach - goal))) for goal in goals]
-    found, scale = lines(result, response), exaggeration(result)
-    figure, axes = sheet(WIDE, 0.7 + 0.75 * len(steps), rows=len(steps), sharex=True, sharey=True)
-    colours = [SECTIONS[k % len(SECTIONS)] for k in range(len(found))]
-    for ax, step in zip(axes[:, 0], steps, strict=True):
-        for k, line in enumerate(found):
-            width = 1.2 + 1.3 * (len(found) - 1 - k)
-            moved = scale * line.moved(response)[step]
-            ax.plot(line.tail[step] + line.x, moved, color=colours[k], linewidth=width)
-        ax.axhline(0.0, color=MUTED, linewidth=0.4, zorder=0.0)
-        ax.set_yticks([])
-        ax.set_title(f"t = {response.t[step]:.3g} s", loc="right", pad=1.0)
-    axes[-1, 0].set_xlabel("Along the boom in m")
-    key(figure, [Line2D([], [], color=c, linewidth=2.0, label=one.body) for c, one in zip(colours, found, strict=True)])
-    return figure

@@ -14,7 +14,6 @@ from pmr.report.columns import lines
 from pmr.report.figures import space
 from pmr.report.figures.canvas import INK, MUTED
 from pmr.report.figures.paper import LOAD, Paper
-from pmr.report.figures.shapes import boom, exaggeration
 from pmr.report.numbers import SPACE, plain
 from pmr.report.subject import Acting, alone, fixtures, held, length, loads, moving, offsets
 from pmr.results import RunResult
@@ -41,29 +40,22 @@ class _Stretch:
 
 
 def sketch(result: RunResult) -> Figure:
-    """The system at the beginning, seen from the side, z up; a boom of sections from its shortest to its longest.
-
-    In a frame that moves it stands where it is in space.
-    """
-    if _in_space(result):
+    """A boom where it stands, seen from the side; a body alone at the beginning, with what holds and moves it."""
+    if _is_boom(result):
         return space.side(result)
-    if not alone(result):
-        return boom(result)
     low, high = result.scene.path_bounds
     stretch = _Stretch(float(result.along[0]), low, high)
     return _telescopic(result, stretch) if moving(result) == "mouth" else _on_supports(result, stretch)
 
 
-def _in_space(result: RunResult) -> bool:
-    return result.scene.frame is not None and bool(lines(result, result.responses["reduced"]))
+def _is_boom(result: RunResult) -> bool:
+    return not alone(result) or (result.scene.frame is not None and bool(lines(result, result.responses["reduced"])))
 
 
 def caption(result: RunResult) -> str:
     """What the sketch shows."""
-    if _in_space(result):
+    if _is_boom(result):
         return space.caption(result, "from the side")
-    if not alone(result):
-        return f"The boom on its way out; deflection is drawn {plain(exaggeration(result))} times its size."
     low, high = result.scene.path_bounds
     if moving(result) == "mouth":
         return f"The system, farthest out{'; dashed: its tip farthest in' if high > low else ''}."

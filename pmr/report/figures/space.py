@@ -1,4 +1,4 @@
-"""A boom in its true position in space: from the side, in the plane of luffing, and from above."""
+"""A boom in its true position: from the side, in the plane of luffing, and from above."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pmr.report.decimation import spread
 from pmr.report.figures.canvas import HALF, INK, MUTED, SECTIONS, key, octave_axis, sheet
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.figures.timeline import Timeline
-from pmr.report.numbers import SPACE, plain
+from pmr.report.numbers import SPACE, plain, quantity
 from pmr.results import RunResult
 
 Array = NDArray[np.float64]
@@ -73,9 +73,11 @@ def buckling(result: RunResult, over: str) -> Figure:
 
 def caption(result: RunResult, what: str) -> str:
     """Below a view of the boom."""
-    count, scale = len(space.moments(result)), plain(exaggeration(result))
-    moments = f"at {count} moments, dashed the way of its tip" if count > 1 else "at rest"
-    return f"The boom {what} {moments}; deflection is drawn {scale} times its size."
+    steps, t, scale = space.moments(result), result.responses["reduced"].t, plain(exaggeration(result))
+    moments = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
+    mark = "; the ring is the place of the largest stress" if space.stressed(result) is not None else ""
+    way = ", dashed the way of its tip" if float(np.ptp(result.along)) > 0.0 or len(steps) > 1 else ""
+    return f"The boom {what} {moments}{way}; deflection is drawn {scale} times its size{mark}."
 
 
 def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = False) -> Figure:
@@ -91,6 +93,14 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
             ax.plot(*places.T, color=colour, linewidth=1.0 + 1.1 * (len(bodies) - 1 - k), solid_capstyle="butt")
     for step, places in zip(steps, getattr(bodies[-1], view), strict=True):
         _label(ax, places, f"{float(t[step]):.3g}{SPACE}s")
+    if (worst := space.stressed(result)) is not None:
+        _ring(
+            ax,
+            worst,
+            next(one for one in bodies if one.body == worst.body),
+            view,
+            int(np.flatnonzero(steps == worst.step)[0]),
+        )
     if ground:
         for places in raising:
             ax.plot(*places.T, color=MUTED, linewidth=1.6, zorder=1.8)
@@ -117,6 +127,17 @@ def _label(ax: Axes, places: Array, text: str) -> None:
     where = "left" if dx > 2.0 else "right" if dx < -2.0 else "center"
     up = "center" if abs(dy) < 4.0 else "bottom"
     ax.annotate(text, places[-1], xytext=(dx, dy), textcoords="offset points", ha=where, va=up, fontsize=7.0)
+
+
+def _ring(ax: Axes, worst: space.Stressed, body: space.Axis, view: str, moment: int) -> None:
+    """Around the place of the largest stress, with how large it is."""
+    places = getattr(body, view)[moment]
+    at = (float(np.interp(worst.x, body.x, places[:, 0])), float(np.interp(worst.x, body.x, places[:, 1])))
+    ax.plot(*at, "o", markersize=9.0, markerfacecolor="none", markeredgecolor=LIMIT, markeredgewidth=1.4, zorder=5.0)
+    ax.annotate(
+        quantity(worst.value, "Pa"), at, xytext=(7.0, -4.0), textcoords="offset points", ha="left", va="top",
+        fontsize=7.0, color=LIMIT, zorder=5.0, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
+    )  # fmt: skip
 
 
 def _paper(drawn: Sequence[Array], across: str, up: str) -> tuple[Axes, Figure]:
