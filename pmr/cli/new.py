@@ -23,7 +23,9 @@ def kinds() -> list[str]:
 
 
 def new(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="beam, boom, crane or telescope.", autocompletion=kinds)],
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="beam, boom, telescope, crane or platform.", autocompletion=kinds)
+    ],
     name: Annotated[Path, typer.Argument(metavar="NAME", help="The folder to make; its name is the scene's title.")],
 ) -> None:
     """Write a commented scene into a new folder, and for one body a script for a mesh of one's own.

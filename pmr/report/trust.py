@@ -18,7 +18,7 @@ NO_MESH = "not known: a run with [accuracy] measures it"
 #: Bars begin at this error.
 LEAST = 1e-5
 #: Of stresses of beams, whatever else is known.
-WALLS = "the bending of a beam's walls under pads, which a shell has"
+WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
 
 def table(result: RunResult) -> Table:
