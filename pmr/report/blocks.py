@@ -99,6 +99,7 @@ class Block:
     pictures: tuple[Picture, ...] = ()
     columns: Sequence[Sequence[Table]] = ()
     software: Sequence[str] = ()
+    page: bool = False  # whether it begins one on paper
 
     @property
     def drawings(self) -> tuple[Drawing, ...]:

@@ -13,9 +13,11 @@ from pmr.compare.accuracy.mesh import BEAM, ORDER, finer_beams
 from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
+from pmr.simulation.bent import Bent
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, weights_of
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
+from pmr.studies.governing import chosen, told
 from pmr.studies.limits import Limit
 from pmr.system.assembly import Assembly
 from pmr.system.buckling import buckling_factors
@@ -57,7 +59,12 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     system = joined(scene, reduce_bodies(scene, built))
     found = Postures.of(scene, system, at, weights)
     reach = at.reach(scene)
-    arrays = {"reach": reach, "tip": at.on_ground(scene, reach), **records.arrays(found, "reduced.")}
+    arrays = {
+        **records.arrays(Bent.of(system, at), "bent."),
+        "reach": reach,
+        "tip": at.on_ground(scene, reach),
+        **records.arrays(found, "reduced."),
+    }
     if arguments["error"]:
         better = richer_system(scene, system, at, weights, arguments["up_to"])
         arrays |= records.arrays(Postures.of(scene, better, at, weights), "richer.")
@@ -216,8 +223,9 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     where a limit is not met up to the largest load.  ``error`` is the sum of ``error.reduction``, ``error.mesh``, not a
     number where it is not known, and ``error.rotation``.  With ``hoist`` also ``hoist`` (p,), by which factor of its
     weight the least load of all pulls as it is lifted off, in the first case's amounts.  ``passed`` (p, c, l) says
-    which limits are passed in the cases out of service, `left`.  Figures are the extremes of the loads that all limits
-    allow.
+    which limits are passed in the cases out of service, `left`.  Arrays ``at.`` are those of
+    `pmr.studies.governing.told` at ``at.place`` (l,), where each limit governs the largest load of these places, or -1.
+    Figures are the extremes of the loads that all limits allow.
     """
     models = Models.of(needs["postures"].arrays)
     at, cases, gravity = models.own, arguments["cases"], arguments["gravity"]
@@ -233,6 +241,11 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     record = {"load.least": float(finite.min()), "load.most": float(finite.max())} if len(finite) else {}
     tip, slewing = needs["postures"].arrays["tip"][first:last], at.slewing[first:last]
     radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
+    bent = records.record(Bent, _behind(needs["postures"].arrays, "bent."))
+    best, case = chosen(arrays["load"]), arrays["case"]
+    at_best = [asked.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
+    pages = told(asked.limits, at_best, arrays["load"][best, np.arange(len(best))], bent)
+    arrays |= {f"at.{name}": one for name, one in (pages | {"place": best}).items()}
     return TaskResult(record, {**arrays, "place": np.column_stack([radius, tip[:, 2]])})
 
 
@@ -241,17 +254,17 @@ def _at_place(asked: Asked, models: Models, k: int, rope: Rope | None) -> dict[s
     places = asked.places(models.own, k)
     found = asked.loads(places)
     case, load = _least(found)
-    told: dict[str, NDArray[Any]] = {"load": load, "case": case}
+    row: dict[str, NDArray[Any]] = {"load": load, "case": case}
     parts = dict.fromkeys(("error.reduction", "error.mesh", "error.rotation"), np.full(len(load), np.nan))
     if models.better is not None:
         parts["error.reduction"] = asked.of_reduction(models, k, found)
         parts["error.mesh"] = asked.of_mesh(models, k, found)
         parts["error.rotation"] = asked.of_rotation(places, found, float(models.reach[k]))
-    told |= parts | {"error": parts["error.reduction"] + np.nan_to_num(parts["error.mesh"]) + parts["error.rotation"]}
+    row |= parts | {"error": parts["error.reduction"] + np.nan_to_num(parts["error.mesh"]) + parts["error.rotation"]}
     if rope is not None:
         least = float(np.nanmin(np.append(load, np.inf)))
-        told["hoist"] = np.array(_hoisted(places[0].loaded, least, rope, asked.gravity))
-    return told
+        row["hoist"] = np.array(_hoisted(places[0].loaded, least, rope, asked.gravity))
+    return row
 
 
 def _hoisted(loaded: Loaded, load: float, rope: Rope, gravity: float) -> float:

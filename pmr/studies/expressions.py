@@ -52,6 +52,13 @@ def value_of(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Valu
         raise ValueError("it is nested too deeply") from None
 
 
+def entries(text: str, table: str) -> list[str]:
+    """Names of the entries of a table that an expression asks for, which `value_of` has taken."""
+    found = [node for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Subscript)]
+    own = [node for node in found if isinstance(node.value, ast.Name) and node.value.id == table]
+    return [str(node.slice.value) for node in own if isinstance(node.slice, ast.Constant)]
+
+
 def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         constant = float(node.value)  # of floats a power overflows where one of integers would fill the memory

@@ -30,7 +30,7 @@ from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.scene.ropes import borne
 from pmr.simulation.postures import HOOK, Postures
-from pmr.studies.own_limits import Own, amount_of, expression_of, function_of
+from pmr.studies.own_limits import Own, amount_of, check_names, expression_of, function_of
 from pmr.studies.tipping import Mass, Tipping, area
 from pmr.system.from_scene import force_names
 from pmr.system.loaded import Form, State
@@ -137,7 +137,7 @@ class Limit(BaseModel):
         allowed = float(self.most or 0.0) * float(np.prod(self.area or (1.0,))) / self.factor
         if self.of == "stress":
             groups = self._stresses(at)
-            return lambda state: max(_mises(state.outputs[i], form) for i, form in groups) / allowed
+            return lambda state: max(mises(state.outputs[i], names) for i, names in groups) / allowed
         if self.of == "luffing":
             pressed = self._luffing(at, k, np.asarray(amounts))
             return lambda state: abs(pressed(state)) / allowed
@@ -179,6 +179,8 @@ class Limit(BaseModel):
             raise InputError("study", f"limits.{self.name}.of", self.of, allowed)
         if self.of == "function":
             function_of(self.name, self.function)
+        if self.expression is not None:
+            check_names(self.name, self.expression, scene)
         if self.of not in NAMED:
             return
         known = [
@@ -217,14 +219,14 @@ class Limit(BaseModel):
             raise self._nothing(known)
         return outputs, contacts
 
-    def _stresses(self, at: Postures) -> list[tuple[list[int], Array]]:
-        """Numbers of the components at each probe, and what von Mises' stress squared is of them."""
+    def _stresses(self, at: Postures) -> list[tuple[list[int], tuple[str, ...]]]:
+        """Numbers and names of the components at each probe."""
         probes = dict[str, dict[str, int]]()
         for k, name in enumerate(at.output_names):
             probe, known, component = name.rpartition(" stress ")
             if at.output_kinds[k] == "probe" and known:
                 probes.setdefault(probe, {})[component] = k
-        found = [(list(one.values()), MISES[tuple(one)]) for probe, one in probes.items() if self._means(probe)]
+        found = [(list(one.values()), tuple(one)) for probe, one in probes.items() if self._means(probe)]
         if not found:
             raise self._nothing(list(probes))
         return found
@@ -255,8 +257,9 @@ class Limit(BaseModel):
         return pressed
 
 
-def _mises(components: Array, form: Array) -> float:
-    return float(np.sqrt(np.maximum(components @ form @ components, 0.0)))
+def mises(components: Array, names: Sequence[str]) -> float:
+    """Von Mises' stress in Pa of components by their names."""
+    return float(np.sqrt(np.maximum(components @ MISES[tuple(names)] @ components, 0.0)))
 
 
 def _ratio(part: float, whole: float) -> float:

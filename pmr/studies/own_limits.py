@@ -10,8 +10,11 @@ import numpy as np
 
 from pmr.errors import InputError, plugins
 from pmr.errors.text import hint
+from pmr.scene import Scene
+from pmr.scene.names import named
 from pmr.simulation.postures import Postures
-from pmr.studies.expressions import Value, value_of
+from pmr.studies.expressions import Value, entries, value_of
+from pmr.system.from_scene import force_names
 from pmr.system.loaded import State
 
 
@@ -53,6 +56,18 @@ def expression_of(text: str) -> Own:
         return value(known | {"output": at.outputs, "force": at.forces})
 
     return own
+
+
+def check_names(limit: str, text: str, scene: Scene) -> None:
+    """An InputError is raised for a force, a tip or a probe that an expression asks for and the scene does not have."""
+    forces = [name for names in force_names(scene).values() for name in names]
+    tip = named(scene.names[-1], scene.sections[-1].observe.tip)
+    probes = [named(body, probe.name) for body, part in scene.bodies.items() for probe in part.probes]
+    for table, known in (("force", forces), ("output", [*forces, tip, *probes])):
+        for name in entries(text, table):
+            if not any(name == one or (table == "output" and name.startswith(f"{one} ")) for one in known):
+                allowed = f"{hint(name, known)}{table} has {', '.join(known)}"
+                raise InputError("study", f"limits.{limit}.expression", name, allowed)
 
 
 def amount_of(own: Own, key: str, said: str | None, at: Postures, k: int) -> Callable[[State], float]:

@@ -72,8 +72,8 @@ def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
     """Largest force of the rope over the weight of a `load` in kg; NaN where the structure does not stand under it."""
     if not form.held or not 0.0 < load < form.critical:
         return np.nan
-    M, K, G, place = form.condensed
-    K, k, v, weight = K + load * G, rope.stiffness, rope.speed, load * gravity
+    M, place = form.condensed.M, form.condensed.place
+    K, k, v, weight = form.condensed.K + load * form.condensed.G[1], rope.stiffness, rope.speed, load * gravity
     K, c = (K + K.T) / 2.0, form.against @ place
     n = len(c)
     still, t, q, rate, taut = np.zeros(n), 0.0, np.zeros(n), np.zeros(n), True

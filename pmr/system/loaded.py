@@ -64,9 +64,19 @@ class State:
     forces: Array
     form: Form
 
-    @property
+    @cached_property
     def stands(self) -> bool:
         return bool(np.isfinite(self.forces).all() and np.isfinite(self.outputs).all())
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """Matrices (r, r) on what rigid contacts leave free."""
+
+    M: Array
+    K: Array  # under what is there without the load
+    G: tuple[Array, Array]  # geometric stiffness, of what is there and of a unit of the load
+    place: Array  # (d, r): how the place of the load moves along its directions, m
 
 
 class Form:
@@ -141,10 +151,10 @@ class Form:
     def load_of_factor(self, factor: float) -> float:
         r"""The load in kg at which all axial forces may grow by no more than a factor; infinite where none is.
 
-        :math:`(I + \Lambda N_0 + P \Lambda N_1) y = 0`, N on the root of the unstressed flexibility.
+        :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` on what rigid contacts leave free.
         """
-        N0, N1, L, _ = self._unstressed
-        return _first_singular(np.eye(L.shape[1]) + factor * N0, factor * N1)
+        condensed = self.condensed
+        return _first_singular(condensed.K + (factor - 1.0) * condensed.G[0], factor * condensed.G[1])
 
     def buckled(self, load: float, count: int = 1) -> Array:
         """Contact forces (count, m) of the shapes in which it buckles first, the largest of each 1."""
@@ -156,11 +166,8 @@ class Form:
         return np.asarray(found / np.maximum(np.abs(found).max(axis=1, keepdims=True), np.finfo(float).tiny))
 
     @cached_property
-    def condensed(self) -> tuple[Array, Array, Array, Array]:
-        """M, K under what is there without the load, G_1 (r, r), on what rigid contacts leave free; the load's motion.
-
-        The latter (d, r) measures in m how its place moves along the load's directions.
-        """
+    def condensed(self) -> Condensed:
+        """On what rigid contacts leave free, with the place of the load; contacts that give way are in K."""
         e, closed = self.equations, self.closed
         T, H, E = e.on
         n, d = T.shape
@@ -170,12 +177,13 @@ class Form:
         rigid = diagonal == 0.0
         rigid[len(rigid) - d :] |= diagonal[len(rigid) - d :] <= RIGID * diagonal.max(initial=0.0)
         soft = ~rigid
-        K, M, G = (np.zeros((n + d, n + d)) for _ in range(3))
-        K[:n, :n], M[:n, :n], G[:n, :n] = e.K + e.G[0], e.M, e.G[1]
+        K = np.zeros((n + d, n + d))
+        K[:n, :n] = e.K + e.G[0]
         K += C[soft].T @ np.linalg.solve(F[np.ix_(soft, soft)], C[soft])
         Z = scipy.linalg.null_space(C[rigid]) if rigid.any() else np.eye(n + d)
-        K, M, G = (Z.T @ A @ Z for A in (K, M, G))
-        return M, K, G, Z[n:]
+        own = Z[:n]
+        G0, G1 = (own.T @ G @ own for G in e.G)
+        return Condensed(own.T @ e.M @ own, Z.T @ K @ Z, (G0, G1), Z[n:])
 
     @property
     def against(self) -> Array:
@@ -185,10 +193,10 @@ class Form:
 
     def frequency(self, load: float) -> float:
         """The lowest in Hz, with the load as a mass in kg that moves along its own directions; 0 past buckling."""
-        M, K, G, place = self.condensed
         if load >= self.critical:
             return 0.0
-        K = K + load * G
+        M, place = self.condensed.M, self.condensed.place
+        K = self.condensed.K + load * self.condensed.G[1]
         last = len(K) - 1
         try:
             largest = scipy.linalg.eigh(
@@ -203,9 +211,8 @@ class Form:
 
         :math:`(K - \omega^2 M + P (G - \omega^2 c^T c)) q = 0`, c how its place moves.
         """
-        M, K, G, place = self.condensed
-        square = (2.0 * np.pi * frequency) ** 2
-        return _first_singular(K - square * M, G - square * place.T @ place)
+        on, square = self.condensed, (2.0 * np.pi * frequency) ** 2
+        return _first_singular(on.K - square * on.M, on.G[1] - square * on.place.T @ on.place)
 
 
 def _first_singular(A: Array, B: Array) -> float:
@@ -231,7 +238,7 @@ class Loaded:
         self._forms, self._states = dict[bytes, Form](), dict[float, State]()
         self._last = np.ones(len(equations.pushes), dtype=bool)
 
-    @property
+    @cached_property
     def both_ways(self) -> bool:
         """Whether no contact may open."""
         return not self.equations.pushes.any()
@@ -242,6 +249,10 @@ class Loaded:
             self._states[load] = self._found(load)
         return self._states[load]
 
+    @cached_property
+    def _closed(self) -> Form:
+        return self._form(self._last)
+
     def _form(self, closed: Mask) -> Form:
         key = closed.tobytes()
         if key not in self._forms:
@@ -250,14 +261,16 @@ class Loaded:
 
     def _found(self, load: float) -> State:
         o, m = len(self.equations.outputs), len(self.equations.pushes)
+        if self.both_ways:
+            form = self._closed
+            found = form.responses(load)
+            return State(load, found[:o], found[o : o + m], form)
         closed, tried = self._last.copy(), set[bytes]()
         fewest, chances = m + 1, 3
         for _ in range(MOST_SETS):
             form = self._form(closed)
             found = form.responses(load)
             state = State(load, found[:o], found[o : o + m], form)
-            if self.both_ways:
-                return state
             if not state.stands:
                 if closed.all():
                     return state

@@ -172,7 +172,7 @@ class Study(StudyBase):
     def table(self, results: StudyResults) -> dict[str, Any]:
         """All points: ``load``, ``error`` (P, l) kg and ``case`` (P, l) of each limit, in the order of the plan."""
         parts = [results.arrays(run.key) for run in results.runs]
-        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:
         """``chart.csv``: a row for each point."""

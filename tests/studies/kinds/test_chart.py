@@ -144,11 +144,33 @@ def test_cases_are_made_of_classes_and_winds(small: StudyResults, folder: Path) 
 
 
 def test_error_bars_are_the_sum_of_their_parts(small: StudyResults, folder: Path) -> None:
-    arrays = {n: np.concatenate([small.arrays(run.key)[n] for run in small.runs]) for n in small.arrays("row1")}
+    names = ("error", "error.reduction", "error.mesh", "error.rotation")
+    arrays = {n: np.concatenate([small.arrays(run.key)[n] for run in small.runs]) for n in names}
     parts = [arrays[f"error.{of}"] for of in ("reduction", "mesh", "rotation")]
     assert np.isfinite(arrays["error"]).all() and (arrays["error"] == parts[0] + parts[1] + parts[2]).all()
     assert all((part >= 0.0).all() and (part > 0.0).any() for part in parts)
     assert "large rotations" in page(folder)
+
+
+def test_pages_of_governing_points_say_what_the_boom_does_there(small: StudyResults, folder: Path) -> None:
+    """The limit is all used; pads carry what statics say; the tip is where the limit of deflection has it."""
+    text = page(folder)
+    assert "Where cylinder governs" in text and "Where pads governs" not in text
+    found = 0
+    for run in small.runs:
+        arrays = small.arrays(run.key)
+        for n, k in enumerate(arrays["at.place"].tolist()):
+            if k < 0:
+                continue
+            found += 1
+            used = arrays["at.used"][n]
+            assert used[n] == pytest.approx(1.0, abs=1e-3) and (used <= used[n] + 1e-6).all()
+            tip = arrays["at.bent"][n][(arrays["at.bent.section"] == 2) & (arrays["at.bent.x"] == 6.0)]
+            assert float(np.linalg.norm(tip)) == pytest.approx(0.4 * used[1], rel=1e-6)
+            names, forces = arrays["at.forces.names"].tolist(), arrays["at.forces"][n]
+            pads = [float(f) for name, f in zip(names, forces, strict=True) if "tail" in name or "mouth" in name]
+            assert max(map(abs, pads)) == pytest.approx(used[0] * 60e3 / 1.5, rel=1e-6)
+    assert found >= 3
 
 
 def test_made_twice_it_is_the_same_to_the_byte(small: StudyResults, folder: Path, tmp_path: Path) -> None:
@@ -248,6 +270,8 @@ def test_bad_tables_are_refused_in_one_line(folder: Path, old: str, new: str, sa
         ('name = "cylinder"', 'name = "cylinder"\nwhich = ["ram"]', "names among base pin x"),
         ('of = "pad"', 'of = "cylinder"\nwhich = ["ram"]', "names among cylinder of middle, cylinder of fly are"),
         ('of = "pad"', 'of = "stress"', "the scene has no stress to look at"),
+        ('of = "pad"', 'of = "expression"\nexpression = "2 * force[\'fly tail\']"', "did you mean 'fly tail below'"),
+        ('of = "pad"', 'of = "expression"\nexpression = "output[\'nose\']"', "limits.pads.expression = 'nose': output"),
     ],
 )
 def test_a_limit_of_what_is_not_there_is_refused_before_anything_is_computed(

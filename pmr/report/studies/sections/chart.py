@@ -13,6 +13,7 @@ from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNu
 from pmr.report.figures.load_chart import Chart, load_chart, pointed
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.governing import pages
 from pmr.studies.cases import LoadCase
 from pmr.studies.charting import governing
 from pmr.studies.limits import STABILITY
@@ -59,6 +60,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
             Block("Limits", grids=(_limits(study, names), *_bars(study, names))),
             Block("Load cases", grids=(_cases(study),)),
             Block("Loads", grids=(_loads(chart, error, table["luffing"]),)),
+            *pages(study, names, prefix),
         ],
     )
 

@@ -1,0 +1,90 @@
+"""Pages of a load chart's governing points: where a limit governs the largest load, what the boom does there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.report.blocks import Block, Table, drawing
+from pmr.report.figures.at_rest import AtRest, at_rest
+from pmr.report.numbers import SPACE, quantity
+from pmr.report.studies.finished import FinishedStudy
+from pmr.scene.names import ALONE
+from pmr.studies.limits import CONTACTS
+
+Array = NDArray[np.float64]
+#: Share of the largest below which a force or displacement is round-off.
+ROUND_OFF = 1e-9
+
+
+def pages(study: FinishedStudy, names: list[str], prefix: str) -> Iterator[Block]:
+    """A block for each limit that governs under some load, with a page of its own on paper."""
+    runs = study.results.runs
+    arrays = [study.results.arrays(run.key) for run in runs]
+    for n in range(len(names)):
+        best = [(float(a["load"][k, n]) if (k := int(a["at.place"][n])) >= 0 else -1.0) for a in arrays]
+        row = int(np.argmax(best))
+        if best[row] > 0.0:
+            yield _page(study, names, n, row, arrays[row], f"{prefix}-at-{n + 1}")
+
+
+def _page(
+    study: FinishedStudy, names: list[str], n: int, row: int, arrays: Mapping[str, NDArray[Any]], anchor: str
+) -> Block:
+    k = int(arrays["at.place"][n])
+    load, error = float(arrays["load"][k, n]), float(arrays["error"][k, n])
+    out = {p.removeprefix("extension."): float(v) for p, v in study.results.runs[row].parameters.items() if v}
+    angle, tails = float(arrays["at.luffing"][n]), np.cumsum([0.0, *out.values()])
+    section, upwards = arrays["at.bent.section"].astype(int), arrays["at.direction.names"] == "z"
+    sections = tuple(str(one) if one != ALONE else "boom" for one in arrays["at.section.names"])
+    radius, height = arrays["place"][k]
+    boom = AtRest(
+        along=(arrays["at.bent.x"] + tails[section])[upwards],
+        across=arrays["at.bent"][n][upwards],
+        section=section[upwards],
+        names=sections,
+        luffing=angle,
+    )
+    caption = (
+        f"The boom at rest under {load:.5g}{SPACE}kg, seen from the side, displacements drawn {boom.scale:g} times as "
+        "large; thin where it is without any load."
+    )
+    stands = ", ".join(f"{name} out {value:.3g}{SPACE}m" for name, value in out.items())
+    bar = f" ± {error:.2g}" if np.isfinite(error) else ""
+    text = (
+        f"Raised by {np.rad2deg(angle):.3g}°{', ' if stands else ''}{stands}: radius {radius:.4g}{SPACE}m, height "
+        f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}, the largest load that this limit "
+        "governs."
+    )
+    drawn = drawing(anchor, at_rest, caption, boom)
+    return Block(
+        f"Where {names[n]} governs", ((drawn,),), text=text, columns=_columns(names, n, arrays, sections), page=True
+    )
+
+
+def _columns(
+    names: list[str], n: int, arrays: Mapping[str, NDArray[Any]], sections: tuple[str, ...]
+) -> list[list[Table]]:
+    """What is used, stresses and displacements beside the forces."""
+    used = zip(names, arrays["at.used"][n], strict=True)
+    left = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
+    if len(stress := arrays["at.stress"][n]):
+        probes = zip(arrays["at.stress.names"], stress, strict=True)
+        left.append(Table("Von Mises' stress", tuple((str(name), quantity(float(one), "Pa")) for name, one in probes)))
+    direction, of, bent = arrays["at.direction.names"], arrays["at.bent.section"], _rounded(arrays["at.bent"][n])
+    for d, said in (("z", "upwards"), ("y", "to the left")):
+        if (direction == d).any():
+            moved = [float(bent[(of == k) & (direction == d)][-1]) for k in range(len(sections))]
+            tips = tuple((name, quantity(one, "m")) for name, one in zip(sections, moved, strict=True))
+            left.append(Table(f"Tips of sections, across the boom {said}", tips))
+    forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _rounded(arrays["at.forces"][n]), strict=True)
+    some = tuple((str(name), quantity(float(f), "N")) for name, kind, f in forces if kind in CONTACTS.values())
+    return [left, [Table("Forces, positive where they push", some)]] if some else [left]
+
+
+def _rounded(values: Array) -> Array:
+    """Without what is round-off beside the largest."""
+    return np.where(np.abs(values) < ROUND_OFF * np.abs(values).max(initial=0.0), 0.0, values)

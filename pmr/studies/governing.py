@@ -1,0 +1,81 @@
+"""What a boom does at places where a limit governs its load chart: shape, forces, stresses, and what else is used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation.bent import Bent
+from pmr.simulation.postures import Postures
+from pmr.studies.allowed import Place
+from pmr.studies.limits import Limit, mises
+
+Array = NDArray[np.float64]
+#: Share of a load by which less of it is looked at.
+BELOW = 1e-6
+
+
+def chosen(load: Array) -> NDArray[np.int64]:
+    """By limit (l,) the number of the place of those of loads (p, l) kg at which it governs the largest; or -1."""
+    least = np.where(np.isnan(load), np.inf, load)
+    which, most = least.argmin(axis=1), least.min(axis=1)
+    found = np.full(load.shape[1], -1)
+    for k in range(load.shape[1]):
+        own = np.flatnonzero((which == k) & np.isfinite(most) & (most > 0.0))
+        if len(own):
+            found[k] = own[np.argmax(most[own])]
+    return found
+
+
+def told(limits: Sequence[Limit], places: Sequence[Place | None], loads: Array, bent: Bent) -> dict[str, NDArray[Any]]:
+    """Arrays of places, None where there is none to tell of, each under its load (p,) kg.
+
+    ``forces`` (p, m) N, ``bent`` (p, b) m across the boom at ``bent.x`` of ``bent.section`` along ``direction.names``,
+    ``stress`` (p, s) Pa, von Mises', ``used`` (p, l), shares of all limits and of what it buckles under, and
+    ``luffing`` (p,) rad, with the names of all.
+    """
+    at = next((one.at for one in places if one is not None), None)
+    if at is None:
+        return {}
+    rows = [None if one is None else _row(limits, one, load, bent) for one, load in zip(places, loads, strict=True)]
+    known = next(row for row in rows if row is not None)
+    empty = {name: np.full_like(one, np.nan) for name, one in known.items()}
+    found = {name: np.array([(row or empty)[name] for row in rows]) for name in known}
+    names = {
+        "forces": at.force_names,
+        "stress": tuple(stresses(at)),
+        "direction": bent.direction,
+        "section": bent.names,
+    }
+    found |= {f"{name}.names": np.array(one, dtype=np.str_) for name, one in names.items()}
+    return found | {"kinds": np.array(at.force_kinds, dtype=np.str_), "bent.x": bent.x, "bent.section": bent.section}
+
+
+def stresses(at: Postures) -> dict[str, list[int]]:
+    """Numbers of the components at each probe that measures stress."""
+    found = dict[str, list[int]]()
+    for k, (kind, name) in enumerate(zip(at.output_kinds, at.output_names, strict=True)):
+        probe, known, _ = name.rpartition(" stress ")
+        if kind == "probe" and known:
+            found.setdefault(probe, []).append(k)
+    return found
+
+
+def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
+    """Just below the load, where the limit of stability would leave nothing standing."""
+    at, load = place.at, load * (1.0 - BELOW)
+    state = place.loaded.state(load)
+    shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).loaded.state(load)
+    components = [[at.output_names[i].rpartition(" stress ")[2] for i in one] for one in stresses(at).values()]
+    stress = [mises(state.outputs[i], names) for i, names in zip(stresses(at).values(), components, strict=True)]
+    used = [place.share(limit)(state) for limit in limits]
+    return {
+        "forces": state.forces,
+        "bent": shape.outputs,
+        "stress": np.array(stress),
+        "used": np.array([*used, load / state.form.critical]),
+        "luffing": at.luffing[place.k],
+    }
