@@ -1,5 +1,5 @@
 /* Seconds of the processor that a communication step takes through the C interface of an FMU of FMI 2.0:
-   timing LIBRARY GUID STEPS STEP FIRST COUNT INPUTS PATHS takes so many steps, sets all inputs, of which the path coordinates
+   timing LIBRARY GUID STEPS STEP FIRST COUNT INPUTS PATHS takes so many steps, sets all inputs but rates, of which the path coordinates
    move, before each, and reads COUNT variables from value reference FIRST on after it. */
 #define _POSIX_C_SOURCE 200809L
 #include <dlfcn.h>
@@ -43,7 +43,7 @@ int main(int count, char **arguments)
         begun = now();
         for (k = 0; k < steps; k++) {
             for (n = 0; n < paths; n++) u[n] += 1e-6; /* the rows move in every step */
-            for (n = 2 * paths; n < inputs; n++) u[n] = 1e-3 * k;
+            for (n = paths; n < inputs; n++) u[n] = 1e-3 * k;
             if (set(c, given, inputs, u) || step(c, k * h, h, 1) || get(c, seen, outputs, values)) return 1;
             sum += values[0];
         }

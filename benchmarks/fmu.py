@@ -14,6 +14,7 @@ import numpy as np
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
 from pmr.export.fmi.fmu import PLATFORMS, write
+from pmr.export.fmi.variables import ORDERS
 from pmr.pipeline import reduce
 from pmr.scene import load_any
 from pmr.simulation.recorded import recorded
@@ -53,7 +54,8 @@ class Timed:
             archive.extractall(folder)
         said = (folder / "modelDescription.xml").read_text()
         outputs = [int(n) for n in re.findall(r'valueReference="(\d+)" description="[^"]*" causality="output"', said)]
-        inputs, token = said.count('causality="input"'), re.findall(r'guid="([^"]*)"', said)[0]
+        # each has three rates beside it
+        inputs, token = said.count('causality="input"') // ORDERS, re.findall(r'guid="([^"]*)"', said)[0]
         shown = sum(int(np.count_nonzero(~force_outputs(body))) for body in system.reduced.values())
         (step,) = re.findall(r'name="internal_step".*?start="([^"]*)"', said, re.DOTALL)
         library = next((folder / "binaries" / PLATFORMS[0].folder_2).iterdir())

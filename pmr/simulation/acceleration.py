@@ -28,7 +28,8 @@ class Acceleration(SignalBase):
 
     def rate(self, t: ArrayLike) -> Array:
         t, half = np.asarray(t, float), self.step / 2.0
-        return (self.value(t + half) - self.value(t - half)) / self.step
+        before = np.maximum(t - half, 0.0)
+        return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
 
     def on_steps(self, step: float) -> Acceleration:
         return self.model_copy(update={"step": step})

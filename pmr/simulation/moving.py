@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import InputError
 from pmr.scene import Scene
@@ -119,24 +119,30 @@ class MovingFrame:
         quantities[0] = 1.0
         return np.array([self.amplitudes(one)[1] for one in quantities.T])
 
-    def motions(self, excitation: Excitation, t: float) -> Array:
-        """The drivers (3, n) of the scene at a time in s, kinks of paths spread as in its `excitation`.
+    @property
+    def load_numbers(self) -> slice:
+        """Where the loads stand among the drivers."""
+        return slice(len(self.paths), len(self.paths) + len(self.loads))
+
+    def motions(self, excitation: Excitation, t: ArrayLike) -> Array:
+        """The drivers (3, n, ...) of the scene at times t (...) in s, kinks of paths spread as in its `excitation`.
 
         Of loads and accelerations the value alone.
         """
-        found, frame, step = np.zeros((3, len(self.drivers))), self.scene.frame, excitation.stepping.step
+        at, frame, step = np.asarray(t, float), self.scene.frame, excitation.stepping.step
         assert frame is not None
+        found = np.zeros((3, len(self.drivers), *at.shape))
         angles = dict(zip((*OF_FRAME, *OF_BASE), (*frame.angles, *frame.rocking), strict=False))
         values = _loads(self.scene) | dict(zip(AXES, base_accelerations(self.scene), strict=False))
         for k, name in enumerate(self.drivers):
             if name in self.paths:
                 one = self.scene.paths[name]
-                found[:, k] = one.value(t), one.rate(t), Acceleration(paths=(one,), step=step).value(t)
+                found[:, k] = one.value(at), one.rate(at), Acceleration(paths=(one,), step=step).value(at)
             elif name in self.angles:
                 one = angles[name]
-                found[:, k] = one.value(t), one.rate(t), one.second_rate(t)
+                found[:, k] = one.value(at), one.rate(at), one.second_rate(at)
             else:
-                found[0, k] = values[name].value(t)
+                found[0, k] = values[name].value(at)
         return found
 
     @property

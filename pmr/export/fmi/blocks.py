@@ -20,16 +20,55 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import columns, common_breaks, rebased, same_degree, select_rows
+from pmr.constraints.polynomials import columns, common_breaks, rebased, same_degree, select_rows, total, transposed
 from pmr.constraints.rows import Row
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
-from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.modal import ModalForm, inertia_share, modal_form
 from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.system import Side, System
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Supports:
+    """Reactions of a body's h rigid supports, in its modes (`pmr.simulation.modal.support_forces`); h may be 0."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    of_modes: Array  # (h, r)
+    of_rates: Array  # (h, r)
+    inputs: Array  # (h, i)
+    inertia: Array  # P (h, n), on the body's coordinates
+    carried: Array  # (K, h); of a body without carriers (0, h)
+    rows: PPoly | None = None  # (h, m) of all rows of a body that knows them by its path alone
+
+    @classmethod
+    def of(cls, body: ReducedModel, form: ModalForm, on_tables: bool) -> Supports:
+        """None where the body is one of several and does not know what its carriers press on them."""
+        known, r, i = body.reactions, form.body.size, len(body.input_names)
+        if known is None or not (on_tables or known.carried is not None):
+            carriers = 0 if body.carriers is None else len(body.carriers.values)
+            none, of_modes = np.zeros((carriers, 0)), np.zeros((0, r))
+            return cls((), (), of_modes, of_modes, np.zeros((0, i)), np.zeros((0, body.size)), none)
+        P, n = inertia_share(body, known), body.size
+        carried, rows = np.zeros((0, len(known.names))), None
+        if on_tables:
+            rows = total(known.rows, transposed(body.rows_on(P.T)), -1.0)
+        elif body.carriers is not None and known.carried is not None:
+            carried = known.carried - body.carriers.values @ P.T
+        return cls(
+            names=known.names,
+            units=known.units,
+            of_modes=-(known.stiffness[:, :n] - P @ body.K) @ form.X,
+            of_rates=-(known.damping[:, :n] - P @ body.D) @ form.X,
+            inputs=known.inputs - P @ body.B,
+            inertia=P,
+            carried=carried,
+            rows=rows,
+        )
 
 
 @dataclass(frozen=True)
@@ -39,9 +78,27 @@ class Part:
     name: str
     body: ReducedModel
     form: ModalForm
+    supports: Supports
     modes: slice
     inputs: slice
-    outputs: slice
+    outputs: slice  # those of the body, then reactions of its supports
+
+    @property
+    def shapes(self) -> Array:
+        """What its outputs are of its modes, (o, r)."""
+        return np.vstack([self.form.body.outputs, self.supports.of_modes])
+
+    @property
+    def direct(self) -> Array:
+        """And of its loads at once, (o, i)."""
+        known = self.form.body.flexibility if self.body.carriers is None else self.flexibility
+        own = np.zeros((len(self.body.outputs), len(self.body.input_names))) if known is None else known.direct
+        return np.vstack([own, self.supports.inputs])
+
+    @cached_property
+    def pressed(self) -> Array:
+        """What unit forces on its carriers make of its outputs, with the sign of multipliers, (K, o)."""
+        return np.hstack([self.flexibility.outputs.T, self.supports.carried])
 
     @cached_property
     def values(self) -> Array:
@@ -137,8 +194,9 @@ def _parts(system: System) -> tuple[Part, ...]:
     parts, r, i, o = list[Part](), 0, 0, 0
     for name, body in system.reduced.items():
         form = modal_form(body)
-        modes, (inputs, outputs) = form.body.size, (len(body.input_names), len(body.outputs))
-        parts.append(Part(name, body, form, slice(r, r + modes), slice(i, i + inputs), slice(o, o + outputs)))
+        supports = Supports.of(body, form, _has_tables(system))
+        modes, inputs, outputs = form.body.size, len(body.input_names), len(body.outputs) + len(supports.names)
+        parts.append(Part(name, body, form, supports, slice(r, r + modes), slice(i, i + inputs), slice(o, o + outputs)))
         r, i, o = r + modes, i + inputs, o + outputs
     return tuple(parts)
 
@@ -154,8 +212,9 @@ def _has_tables(system: System) -> bool:
 
 def _of_tables(system: System, part: Part) -> Block:
     """All contacts of a body on one path."""
-    body, known = part.form.body, part.form.body.flexibility
+    body, known, pressed = part.form.body, part.form.body.flexibility, part.supports.rows
     tables = [body.rows] if known is None else [body.rows, known.rows, known.inputs, known.outputs]
+    tables += [] if pressed is None else [pressed]
     breaks = common_breaks(tables, body.domain)
     numbers = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     m, i, o = len(numbers), len(body.input_names), len(body.outputs)
@@ -165,6 +224,10 @@ def _of_tables(system: System, part: Part) -> Block:
         H = rebased(select_rows(known.inputs, numbers), breaks)
         X = rebased(columns(known.outputs, numbers), breaks)
         X = PPoly(X.c.swapaxes(2, 3), breaks)
+    if pressed is not None:
+        of_supports = rebased(columns(pressed, numbers), breaks)
+        c = same_degree(X.c, of_supports.c.swapaxes(2, 3))
+        X = PPoly(np.concatenate(c, axis=3), breaks)
     C, none = rebased(select_rows(body.rows, numbers), breaks), np.zeros(0, np.int64)
     return Block(part, 0, np.arange(m), none, C, G, PPoly(np.zeros((len(H.c), *H.c.shape[1:3], 0)), breaks), H, X)
 
@@ -183,7 +246,7 @@ def _of_sides(
     rows, left = [row.refined(breaks) for row in rows], part.flexibility
     degree = same_degree(*(row.coefficients for row in rows))
     rows = [replace(row, coefficients=c) for row, c in zip(rows, degree, strict=True)]
-    on = {"rows": part.values, "staying": left.rows @ weights.T, "inputs": left.inputs, "outputs": left.outputs.T}
+    on = {"rows": part.values, "staying": left.rows @ weights.T, "inputs": left.inputs, "outputs": part.pressed}
     tables = {name: _times(rows, values, breaks) for name, values in on.items()}
     G = np.array([[_product(a, b, left.rows) for b in rows] for a in rows])
     between = PPoly(np.moveaxis(G, (0, 1), (2, 3)), breaks) if left.rows.any() else _none(breaks, (len(rows),) * 2)
@@ -223,7 +286,7 @@ def _add_constants(part: Part, stays: Sequence[Side], weights: Array, constants:
     for k, b, row in zip(contacts, weights, G, strict=True):
         constants.C[k, part.modes] += b @ part.values
         constants.H[k, part.inputs] += b @ left.inputs
-        constants.X[k, part.outputs] += left.outputs @ b
+        constants.X[k, part.outputs] += b @ part.pressed
         np.add.at(constants.F[k], contacts, row)
 
 

@@ -15,11 +15,14 @@ from scipy.interpolate import PPoly
 from pmr.constraints.polynomials import same_degree
 from pmr.constraints.rows import Row
 from pmr.errors import BEYOND_ENDS
-from pmr.export.fmi.blocks import Arrangement, Block, arrangement
+from pmr.export.fmi.blocks import Arrangement, Block, Part, arrangement
+from pmr.export.fmi.drivers import Drivers
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
 _NUMBERS_A_LINE = 8
+#: Entries of a term's matrix below this share of its largest one are round-off of zero.
+NOTHING = 1e-13
 #: Tables of a block by their names in C.
 _TABLES = {"C": "rows", "G": "between", "S": "staying", "H": "inputs", "X": "outputs"}
 
@@ -29,6 +32,7 @@ class Constants:
     """A system in modal form, and what the C source needs of it."""
 
     rows: Arrangement
+    drivers: Drivers
     macros: dict[str, object]  #: Of model.h
     arrays: dict[str, Array]  #: Of model.c by their declarations
 
@@ -45,6 +49,10 @@ def constants(system: System) -> Constants:
     stays = rows.constants
     (m, r), i, o = stays.C.shape, stays.H.shape[1], stays.X.shape[1]
     coupled = not all(part.form.classically_damped for part in rows.parts)
+    drivers = Drivers.of(rows)
+    of_terms, reacting = _terms(rows), [k for part in rows.parts for k in _reactions(part)]
+    if drivers.frame is not None:
+        o += 3  # the place of the tip
     clearance = system.clearance
     pushes = ~np.isnan(clearance)
     laid_out, arrays = _laid_out(rows)
@@ -53,6 +61,9 @@ def constants(system: System) -> Constants:
         "ROWS": max(m, 1),
         "INPUTS": max(i, 1),
         "OUTPUTS": max(o, 1),
+        "TIP": o - 3,
+        "REACTIONS": len(reacting),
+        "TERMS": len(rows.system.terms),
         "PATHS": max(len(rows.paths), 1),
         "DAMPING_COUPLES": int(coupled),
         "DAMPING_SIZE": r ** (2 if coupled else 1),
@@ -60,28 +71,73 @@ def constants(system: System) -> Constants:
         "BEYOND_ENDS": BEYOND_ENDS,
     }
     of_bodies = {name: scipy.linalg.block_diag(*(getattr(body, name) for body in bodies)) for name in "DB"}
-    shapes = scipy.linalg.block_diag(*(body.outputs for body in bodies))
-    direct = np.zeros((i, o))
+    shapes, direct, X, of_rates = (np.zeros((n, o)) for n in (r, i, m, r))
+    X[:, : stays.X.shape[1]] = stays.X
     for part in rows.parts:
-        known = part.form.body.flexibility if part.body.carriers is None else part.flexibility
-        if known is not None:
-            direct[part.inputs, part.outputs] = known.direct.T
+        shapes[part.modes, part.outputs], direct[part.inputs, part.outputs] = part.shapes.T, part.direct.T
+        of_rates[part.modes, _reactions(part)] = part.supports.of_rates.T
     arrays |= {
         "const double constant_C[ROWS][MODES]": _present(stays.C, r),
         "const double constant_F[ROWS][ROWS]": stays.F if m else np.ones((1, 1)),  # a row that holds nothing
         "const double constant_H[ROWS][INPUTS]": _present(stays.H, max(i, 1)),
-        "const double constant_X[ROWS][OUTPUTS]": _present(stays.X, max(o, 1)),
+        "const double constant_X[ROWS][OUTPUTS]": _present(X, max(o, 1)),
         "const double path_ends[PATHS][2]": np.array(rows.ranges or [(0.0, 0.0)]),
         "const double omega2[MODES]": np.concatenate([part.form.omega2 for part in rows.parts]),
         "const double damping[DAMPING_SIZE]": of_bodies["D"].ravel() if coupled else np.diagonal(of_bodies["D"]),
         "const double inputs[INPUTS][MODES]": _present(of_bodies["B"].T, r),
-        "const double shapes[MODES][OUTPUTS]": _present(shapes.T, 1),
+        "const double shapes[MODES][OUTPUTS]": _present(shapes, max(o, 1)),
         "const double direct[INPUTS][OUTPUTS]": _present(direct, max(o, 1)),
         "const double clearance[ROWS]": _present(np.where(pushes, clearance, 0.0), 1),
         "const int pushes[ROWS]": _present(pushes.astype(int), 1),
         "const int gives_way[ROWS]": gives_way.astype(int) if m else np.ones(1, int),
+        "const int quasi_static[MODES]": np.concatenate([_is_quasi_static(part) for part in rows.parts]).astype(int),
+        "const int reaction_outputs[REACTIONS + 1]": np.array([*reacting, -1]),
+        "const double reaction_rates[REACTIONS + 1][MODES]": np.vstack([of_rates[:, reacting].T, np.zeros(r)]),
     }
-    return Constants(rows, macros | laid_out, arrays)
+    return Constants(rows, drivers, macros | drivers.macros | laid_out, arrays | drivers.arrays | of_terms)
+
+
+def _reactions(part: Part) -> list[int]:
+    """Numbers of the outputs that are reactions of a body's supports: its last ones."""
+    return list(range(part.outputs.stop - len(part.supports.names), part.outputs.stop))
+
+
+def _is_quasi_static(part: Part) -> NDArray[np.bool_]:
+    """Which of a body's modes (r,) have no inertia."""
+    return np.isin(np.arange(part.form.body.size), part.form.body.quasi_static)
+
+
+def _terms(rows: Arrangement) -> dict[str, Array]:
+    """Entries of the terms on modes and supports, one term after the other (drive.h)."""
+    if not rows.system.terms:
+        return {}
+    r, parts = rows.constants.C.shape[1], {part.name: part for part in rows.parts}
+    at, values, counts = [np.empty((0, 2), int)], [np.empty(0)], list[int]()
+    supports = np.cumsum([0, *(len(part.supports.names) for part in rows.parts)])
+    first = {part.name: r + k for part, k in zip(rows.parts, supports.tolist(), strict=False)}
+    for term in rows.system.terms:
+        own = [parts[name] for name in term.bodies]
+        modes = np.concatenate([np.arange(part.modes.start, part.modes.stop) for part in own])
+        X, count = scipy.linalg.block_diag(*(part.form.X for part in own)), 0
+        for key, A in term.arrays.items():
+            tables, rows_of, before = [X.T @ A @ X], [modes], 0
+            for part in own:
+                work, held = term.supports.get(part.name), A[before : before + part.body.size]
+                before += part.body.size
+                if work is not None and len(part.supports.names):
+                    tables.append((work - part.supports.inertia @ held) @ X)
+                    rows_of.append(first[part.name] + np.arange(len(part.supports.names)))
+            for table, to in zip(tables, rows_of, strict=True):
+                some = np.argwhere(np.abs(table) > NOTHING * np.abs(table).max(initial=0.0))
+                at.append(np.column_stack([to[some[:, 0]], modes[some[:, 1]] + r * (key == "damping")]))
+                values.append(table[tuple(some.T)])
+                count += len(some)
+        counts.append(count)
+    return {
+        "const int first_entry[TERMS + 1]": np.cumsum([0, *counts]),
+        "const int entries[][2]": _present(np.concatenate(at), 2),
+        "const double entry_values[]": _present(np.concatenate(values), 1),
+    }
 
 
 @dataclass(frozen=True)
@@ -96,11 +152,11 @@ class Source:
 def source_text(constants: Constants, path_names: Sequence[str], start_values: Array, nominal: Array) -> Source:
     """model.h and model.c.
 
-    `start_values` (4 + 2 p + 2 i,) are those of the variables up to the kind of start: t, s, s', loads, their rates,
-    step, rho_inf, start; `nominal` (2 r,) are sizes of the modal coordinates and of their rates.
+    `start_values` (4 + 4 n,) are those of the variables up to the kind of start: t, the drivers, their rates of order
+    one to three, step, rho_inf, start; `nominal` (2 r,) are sizes of the modal coordinates and of their rates.
     """
     arrays = constants.arrays | {
-        "const double start_values[1 + 2 * PATHS + 2 * INPUTS + 3]": start_values,
+        "const double start_values[1 + 4 * DRIVERS + 3]": start_values,
         "const double nominal[2 * MODES]": nominal,
     }
     macros = [f"#define {name} {value}" for name, value in constants.macros.items()]
@@ -112,7 +168,7 @@ def source_text(constants: Constants, path_names: Sequence[str], start_values: A
     token = "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32)))
     parts.append(f"const char *const model_token = {c_string('{' + token + '}')};")
     header = ["/* Sizes of the model. */", "#ifndef MODEL_H", "#define MODEL_H", "", *macros, "", "#endif", ""]
-    text = ["/* Constants of the model. */", '#include "rows.h"', "", *parts, ""]
+    text = ["/* Constants of the model. */", '#include "drive.h"', '#include "rows.h"', "", *parts, ""]
     return Source("\n".join(header), "\n".join(text), "{" + token + "}")
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pmr import __version__
 from pmr.errors.text import visible
-from pmr.export.fmi.variables import STARTS, Variable
+from pmr.export.fmi.variables import STARTS, Variable, rate_unit
 
 #: Exponents of the base units of SI, and a factor where there is one.
 _UNITS: dict[str, dict[str, float]] = {
@@ -23,9 +23,9 @@ _UNITS: dict[str, dict[str, float]] = {
     "mm": {"m": 1, "factor": 0.001},
     "rad": {"rad": 1},
 }
-UNITS = (
-    _UNITS | {"m/s3": {"m": 1, "s": -3}} | {f"{of}/s": was | {"s": was.get("s", 0) - 1} for of, was in _UNITS.items()}
-)
+UNITS = _UNITS | {
+    rate_unit(unit, order): was | {"s": was.get("s", 0) - order} for unit, was in _UNITS.items() for order in (1, 2, 3)
+}
 
 
 @dataclass(frozen=True)

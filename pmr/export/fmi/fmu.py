@@ -85,7 +85,7 @@ def write_fmu(
     Arguments and errors as for `write`, and an InputError is raised if the file is neither.
     """
     npz_path = Path(npz_path)
-    system = System.load(npz_path).ensure_constant(npz_path.name)
+    system = System.load(npz_path).ensure_frictionless(npz_path.name)
     return write(system, recorded(system, npz_path.name), target, version, platforms)
 
 
@@ -133,9 +133,9 @@ def write(
 
 def contents(system: System, scene: Recorded, name: str, version: str) -> Contents:
     """Description, source and reference trajectory of a system whose binaries are called `name`; errors as `write`."""
-    found = constants(system.ensure_constant(name))
-    run = reference(found.rows, scene)
-    listed = variables(found.rows, run.start_values, run.nominal)
+    found = constants(system.ensure_frictionless(name))
+    run = reference(found.drivers, scene)
+    listed = variables(found.drivers, run.start_values, run.nominal)
     paths = [variable.name for variable in listed if variable.within is not None]
     source = source_text(found, paths, run.start_values, run.nominal)
     others = {f"fmi{other}.c" for other in VERSIONS if other != version}
@@ -156,7 +156,7 @@ def contents(system: System, scene: Recorded, name: str, version: str) -> Conten
     if version == "3":
         texts["sources/buildDescription.xml"] = build_description(described)
     texts["resources/reference_in.csv"] = inputs_csv(run, listed)
-    texts["resources/reference_out.csv"] = outputs_csv(run, listed)
+    texts["resources/reference_out.csv"] = outputs_csv(run, found.drivers, listed)
     return Contents(texts, described)
 
 

@@ -1,7 +1,7 @@
 """The reference trajectory that an FMU carries: inputs at every step, outputs of `march` at some of them.
 
-An FMU goes on from step to step in straight lines of its inputs, and so does `march` here; in a run the parts that
-a step has where rows only push follow the signals themselves (docs/fmu.md says what that makes).
+An FMU goes on from step to step by the rates of its inputs: in cubics that have what a run has where a step begins and
+ends (docs/fmu.md says what this leaves where a step is made in parts).
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from pmr.export.fmi.blocks import Arrangement
+from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.variables import STARTS, Variable
-from pmr.scene.signals import Ramp
+from pmr.scene.built import force_of
+from pmr.scene.signals import SignalBase
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import contact_frequency
-from pmr.simulation.excitation import Excitation
+from pmr.simulation.excitation import Excitation, in_order
 from pmr.simulation.native import systems
 from pmr.simulation.recorded import Recorded
 from pmr.simulation.stepping import TimeStepping
@@ -29,58 +30,140 @@ INSTANTS = 101
 
 @dataclass(frozen=True)
 class Reference:
-    """A simulation under the scene of a system of p paths, i inputs, o outputs and m contacts."""
+    """A simulation under the scene of a system of n drivers, o outputs and m contacts."""
 
     stepping: TimeStepping  #: With the parts that contacts that only push take
-    #: (T, 1 + 2 p + 2 i) array: time, paths, their rates, loads and their rates, at every step; rates lead to the next
-    inputs: Array
-    first_loads: Array  #: (i,) array, N: where nothing else is given
+    inputs: Array  #: (T, 1 + 4 n) array: time, drivers and their rates of order one to three, at every step
+    first: Array  #: (n,) array: the drivers where nothing else is given
     static: bool  #: Whether it starts in equilibrium
     t: Array  #: (S,) array, s
-    outputs: Array  #: (S, o + m) array: displacements and forces
+    outputs: Array  #: (S, o + m) array: outputs of the bodies, and forces
     nominal: Array  #: (2 r,) array: largest modal coordinates and rates
 
     @property
     def start_values(self) -> Array:
         """Of the variables up to the kind of start, in the order of `pmr.export.fmi.variables`."""
-        loads = _some(self.first_loads)
-        paths = _some(self.inputs[0, 1 : 1 + (self.inputs.shape[1] - 1) // 2 - len(self.first_loads)])
         step = self.stepping.step / max(self.stepping.parts, 1)
         start = STARTS["static" if self.static else "at rest"]
-        return np.concatenate([[0.0], paths, 0.0 * paths, loads, 0.0 * loads, [step, self.stepping.rho_inf, start]])
+        return np.concatenate([[0.0], self.first, np.zeros(3 * len(self.first)), [step, self.stepping.rho_inf, start]])
 
 
-def reference(rows: Arrangement, scene: Recorded) -> Reference:
-    """Simulate a system under its own scene, in straight lines from step to step."""
-    system, excitation = rows.system, scene.excitation
-    t, f = excitation.times, excitation.forces(system.input_names)
-    s = np.column_stack([np.empty((len(t), 0)), *(excitation.paths[path].value(t) for path in rows.paths)])
-    lines = [Ramp(times=t.tolist(), values=values.tolist()) for values in np.hstack([s, f]).T]
-    paths, loads = lines[: len(rows.paths)], lines[len(rows.paths) :]
+def reference(drivers: Drivers, scene: Recorded) -> Reference:
+    """Simulate a system under its own scene, as the inputs lead on; in a frame that moves, as its signals say."""
+    rows, system, excitation = drivers.rows, drivers.rows.system, scene.excitation
     count = contact_step.parts(contact_frequency(system, excitation), excitation.stepping)
-    stepping = replace(excitation.stepping, parts=count)
-    given = Excitation(
-        dict(zip(rows.paths, paths, strict=True)), dict(zip(system.input_names, loads, strict=True)), stepping
-    )
+    inputs = led_on(drivers, excitation)
+    given = replace(_followed(drivers, excitation, inputs), stepping=replace(excitation.stepping, parts=count))
     found = systems.simulate(system, given, systems.static_start(system, given) if scene.static else {})
-    y = np.hstack(list(systems.displacements(system, found).values()))
+    y = list(systems.displacements(system, found).values())
     z, v = (
         np.hstack([getattr(found.bodies[part.name], what) @ part.form.inverse.T for part in rows.parts])
         for what in "qv"
     )
+    t = excitation.times
     shown = np.unique(np.linspace(0, len(t) - 1, min(INSTANTS, len(t))).round().astype(int))
     largest = np.abs(np.hstack([z, v])).max(axis=0)
     smallest = 1e-9 * np.repeat(largest.reshape(2, -1).max(axis=1), z.shape[1])
     nominal = np.maximum(largest, smallest)
+    first = inputs[0, 0].copy()
+    first[drivers.first_load : drivers.first_load + len(drivers.loads)] = first_loads(drivers, scene)
     return Reference(
-        stepping=stepping,
-        inputs=np.hstack([t[:, None], s, _leading(s, stepping.step), f, _leading(f, stepping.step)]),
-        first_loads=scene.first_loads,
+        stepping=given.stepping,
+        inputs=np.hstack([t[:, None], *inputs]),
+        first=first,
         static=scene.static,
         t=t[shown],
-        outputs=np.hstack([y, found.forces])[shown],
+        outputs=np.hstack([*y, found.forces])[shown],
         nominal=np.where(nominal > 0.0, nominal, 1.0),
     )
+
+
+def first_loads(drivers: Drivers, scene: Recorded) -> Array:
+    """Loads (i,) in N at the start, weight in full."""
+    if drivers.frame is None:
+        return scene.first_loads
+    return drivers.frame.start[0, drivers.frame.load_numbers]
+
+
+class Pieces(SignalBase):
+    """Cubics from step to step, each by a value and its rates of order one to three where it begins."""
+
+    step: float  # s
+    rates: tuple[tuple[float, ...], ...]  # (4, T)
+
+    def value(self, t: ArrayLike) -> Array:
+        at, (x, x1, x2, x3) = self._pieces(t)
+        return np.asarray(x + at * (x1 + at / 2.0 * (x2 + at / 3.0 * x3)))
+
+    def rate(self, t: ArrayLike) -> Array:
+        at, (_, x1, x2, x3) = self._pieces(t)
+        return np.asarray(x1 + at * (x2 + at / 2.0 * x3))
+
+    def _pieces(self, t: ArrayLike) -> tuple[Array, Array]:
+        """Time (...) s into a piece, and its value and rates (4, ...)."""
+        at, rates = np.asarray(t, float), np.array(self.rates)
+        number = np.clip(np.floor(at / self.step + 1e-9).astype(int), 0, rates.shape[1] - 1)
+        return at - number * self.step, rates[:, number]
+
+
+def _followed(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
+    """With paths and loads as the inputs (4, T, n) lead on."""
+    if drivers.frame is not None:
+        return excitation
+    names, step = [*drivers.rows.paths, *drivers.loads], excitation.stepping.step
+    numbers = drivers.numbered(names)
+    pieces = {
+        name: Pieces(step=step, rates=tuple(map(tuple, inputs[:, :, number].tolist())))
+        for name, number in zip(names, numbers, strict=True)
+    }
+    paths = {name: pieces.get(name, signal) for name, signal in excitation.paths.items()}
+    return replace(excitation, paths=paths, loads={name: pieces[name] for name in drivers.loads})
+
+
+def led_on(drivers: Drivers, excitation: Excitation) -> Array:
+    """Drivers (T, n) at the steps, and rates of order one to three, that lead to the next one, (4, T, n).
+
+    Cubics that have, at both ends of a step, value and rate of paths and loads; of what moves a frame, value and second
+    rate, which it is accelerated with.
+    """
+    t, h, n = excitation.times, excitation.stepping.step, drivers.count
+    found, frame = np.zeros((4, len(t), n)), drivers.frame
+    if frame is not None:
+        at = frame.motions(excitation, t)
+        moved = drivers.numbered(frame.drivers)
+        second = np.array([name in (*frame.paths, *frame.angles) for name in frame.drivers])
+        found[0][:, moved] = at[0].T
+        found[:, :-1, moved] = np.where(second, _by_second_rates(at, h), _by_lines(at[0], h))
+        return found
+    signals = [*(excitation.paths[path] for path in drivers.rows.paths)]
+    numbers = drivers.numbered([*drivers.rows.paths, *drivers.loads])
+    for number, signal in zip(numbers, [*signals, *in_order(excitation.loads, drivers.loads)], strict=True):
+        found[0, :, number] = signal.value(t)
+        ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink that of what ends there
+        found[:, :-1, number] = _by_rates(found[0, :, number], signal.rate(t[:-1]), ended, h)
+    return found
+
+
+def _by_rates(x: Array, begun: Array, ended: Array, h: float) -> Array:
+    """Hermite's cubics (4, T - 1) through values x (T,), with the rates with which steps begin and end."""
+    change = np.diff(x) / h
+    return np.array(
+        [x[:-1], begun, (6.0 * change - 4.0 * begun - 2.0 * ended) / h, 6.0 * (begun + ended - 2.0 * change) / h**2]
+    )
+
+
+def _by_second_rates(at: Array, h: float) -> Array:
+    """Cubics (4, T - 1, n) from values and second rates (3, n, T) at both ends of each step."""
+    x, a = at[0].T, at[2].T
+    third = np.diff(a, axis=0) / h
+    rate = np.diff(x, axis=0) / h - h / 2.0 * a[:-1] - h**2 / 6.0 * third
+    return np.array([x[:-1], rate, a[:-1], third])
+
+
+def _by_lines(x: Array, h: float) -> Array:
+    """Straight lines (4, T - 1, n) through values (n, T)."""
+    rate = np.diff(x.T, axis=0) / h
+    return np.array([x.T[:-1], rate, 0.0 * rate, 0.0 * rate])
 
 
 def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
@@ -89,21 +172,12 @@ def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
     return _csv(names, found.inputs)
 
 
-def outputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
-    """Displacements and forces as comma-separated values."""
-    outputs = [v for v in variables if v.causality == "output"]
-    names = [v.name for v in outputs if not v.is_rate]
+def outputs_csv(found: Reference, drivers: Drivers, variables: Sequence[Variable]) -> str:
+    """Outputs of the bodies and forces of contacts as comma-separated values."""
+    own = {*drivers.rows.system.output_names, *map(force_of, drivers.rows.system.contact_names)}
+    outputs = [v for v in variables if v.causality == "output" and not v.is_rate]
+    names = [v.name for v in outputs if v.description.partition("; ")[0] in own]
     return _csv(["time", *names], np.hstack([found.t[:, None], found.outputs]))
-
-
-def _some(values: Array) -> Array:
-    """The values, or a zero where there are none: C has no arrays of nothing."""
-    return values if len(values) else np.zeros(1)
-
-
-def _leading(values: Array, step: float) -> Array:
-    """Rates (T, k) that lead from each sample to the next; none at the end."""
-    return np.vstack([np.diff(values, axis=0) / step, np.zeros((1, values.shape[1]))])
 
 
 def _csv(names: Sequence[str], rows: Array) -> str:

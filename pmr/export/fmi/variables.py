@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS
-from pmr.export.fmi.blocks import Arrangement
-from pmr.scene.built import force_of
-from pmr.system.body import force_outputs
+from pmr.export.fmi.drivers import Drivers
+from pmr.scene.built import force_of, reaction_of
+from pmr.simulation.moving import AXES
+from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import SLIDER, named
 
 Array = NDArray[np.float64]
+#: An input has its value and its rates of order one to three.
+ORDERS = 4
 #: What the parameter `start` may be.
 STARTS = {"at rest": 0, "static": 1, "as given": 2}
 
@@ -39,11 +42,11 @@ class Variable:
     is_rate: bool = False  #: Whether it is the rate of an output
 
 
-def variables(rows: Arrangement, start: Array, nominal: Array) -> list[Variable]:
+def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
     """All variables of a system, by `pmr.export.fmi.constants.source_text`'s start and nominal."""
-    names = _Names()
-    found = list(_given(rows, names, start))
-    first, modes = 4 + 2 * _count(rows.paths) + 2 * _count(rows.system.input_names), len(nominal) // 2
+    names, rows = _Names(), drivers.rows
+    found = list(_given(drivers, names, start))
+    first, modes = 4 + ORDERS * drivers.count, len(nominal) // 2
     of_modes = [(part.name, k + 1) for part in rows.parts for k in range(part.form.body.size)]
     for k in range(2 * modes):
         (body, mode), rate = of_modes[k % modes], k >= modes
@@ -60,7 +63,7 @@ def variables(rows: Arrangement, start: Array, nominal: Array) -> list[Variable]
         found.append(
             Variable(name, reference, f"derivative: {state.description}", "local", unit=unit, derivative_of=first + k)
         )
-    found += _observed(rows, names, first + 4 * modes)
+    found += _observed(drivers, names, first + 4 * modes)
     return found
 
 
@@ -69,38 +72,51 @@ def path_names(paths: Sequence[str]) -> list[str]:
     return ["s" if path == SLIDER else f"s {path}" for path in paths]
 
 
-def _count(listed: Sequence[str]) -> int:
-    """How many numbers these take: C has no arrays of nothing."""
-    return max(len(listed), 1)
+def rate_unit(unit: str, order: int) -> str:
+    """Of the rate of some order of what has a unit: m/s2 of m/s."""
+    if not order:
+        return unit
+    what, over, known = (unit or "1").partition("/s")
+    power = order + (int(known or 1) if over else 0)
+    return f"{what}/s{power if power > 1 else ''}"
 
 
-def _given(rows: Arrangement, names: _Names, start: Array) -> Iterator[Variable]:
-    """Time, inputs and parameters."""
-    system, paths = rows.system, path_names(rows.paths)
-    units = [unit.replace("^", "") for part in rows.parts for unit in part.body.input_units]
-    fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # whatever loads are called
-    yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
-    own = [(names(path), names(f"{path}_rate")) for path in paths]
-    at = 1
-    for (name, _), path, (low, high) in zip(own, rows.paths, rows.ranges, strict=True):
+@dataclass(frozen=True)
+class _Driver:
+    """An input, by what it is called and is."""
+
+    name: str
+    number: int
+    what: str
+    unit: str
+    within: tuple[float, float] | None = None
+
+
+def _drivers(drivers: Drivers) -> Iterator[_Driver]:
+    rows, motions = drivers.rows, drivers.motions
+    for k, (name, path, (low, high)) in enumerate(zip(path_names(rows.paths), rows.paths, rows.ranges, strict=True)):
         what = "of the sliders" if path == SLIDER else path
         what = f"path coordinate {what}; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
-        yield Variable(name, at, what, "input", initial="", unit="m", start=float(start[at]), within=(low, high))
-        at += 1
-    first = 1 + _count(paths)
-    inputs = [
-        (name, first + k, f"rate of {path}", "m/s") for k, ((_, name), path) in enumerate(zip(own, paths, strict=True))
-    ]
-    first, count = first + _count(paths), _count(system.input_names)
-    pairs = zip(system.input_names, units, strict=True)
-    loads = [(names(name), first + k, f"load {name}", unit) for k, (name, unit) in enumerate(pairs)]
-    rates = [
-        (names(f"{name}_rate"), count + at, f"rate of the {what}", "m/s3" if unit == "m/s2" else f"{unit}/s")
-        for name, at, what, unit in loads
-    ]
-    for name, at, what, unit in (*inputs, *loads, *rates):
-        yield Variable(name, at, what, "input", "continuous", "", unit, float(start[at]))
-    first += 2 * count
+        yield _Driver(name, k, what, "m", (low, high))
+    for k, (name, unit) in enumerate(zip(drivers.loads, drivers.load_units, strict=True)):
+        yield _Driver(name, drivers.first_load + k, f"load {name}", unit)
+    for k, name in enumerate(motions):
+        what, unit = (f"angle {name}", "rad") if name not in AXES else (f"acceleration of the pivot, {name}", "m/s2")
+        yield _Driver(name + " acceleration" * (name in AXES), drivers.first_motion + k, what, unit)
+
+
+def _given(drivers: Drivers, names: _Names, start: Array) -> Iterator[Variable]:
+    """Time, inputs and parameters."""
+    fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # whatever loads are called
+    yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
+    found = list[tuple[_Driver, int, str]]()
+    for one in _drivers(drivers):
+        found += [(one, k, names(one.name + suffix)) for k, suffix in enumerate(("", "_rate", "_rate_2", "_rate_3"))]
+    for one, order, name in sorted(found, key=lambda each: (each[1], each[0].number)):
+        at, what = 1 + order * drivers.count + one.number, ("", "rate of ", "second rate of ", "third rate of ")[order]
+        unit, within = rate_unit(one.unit, order), None if order else one.within
+        yield Variable(name, at, what + one.what, "input", initial="", unit=unit, start=float(start[at]), within=within)
+    first = 1 + ORDERS * drivers.count
     how = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
     given = (
         ("longest internal step in Co-Simulation", "s"),
@@ -108,22 +124,36 @@ def _given(rows: Arrangement, names: _Names, start: Array) -> Iterator[Variable]
         (how, ""),
     )
     for k, (what, unit) in enumerate(given):
-        found = Variable(fixed[k], first + k, what, "parameter", "fixed", "exact", unit, float(start[first + k]))
-        yield replace(found, is_choice=what is how)
+        parameter = Variable(fixed[k], first + k, what, "parameter", "fixed", "exact", unit, float(start[first + k]))
+        yield replace(parameter, is_choice=what is how)
 
 
-def _observed(rows: Arrangement, names: _Names, first: int) -> Iterator[Variable]:
+def outputs_of(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
+    """Names and units of the outputs in their order, and whether each has a rate: forces have none."""
+    for part in drivers.rows.parts:
+        forces = force_outputs(part.body).tolist()
+        for name, unit, is_force in zip(names_of(part.body), units_of(part.body), forces, strict=True):
+            yield named(part.name, name), unit, not is_force
+        for name, unit in zip(part.supports.names, part.supports.units, strict=True):
+            yield reaction_of(named(part.name, name)), unit, False
+    if drivers.frame is not None:
+        for axis in "XYZ":
+            yield f"tip in space {axis}", "m", True
+
+
+def _observed(drivers: Drivers, names: _Names, first: int) -> Iterator[Variable]:
     """Outputs, their rates where they are motions, and the forces of the rows."""
-    called, units = rows.system.output_names, rows.system.output_units
-    force = [one for body in rows.system.bodies.values() for one in force_outputs(body).tolist()]
-    count = _count(called)
-    outputs = [names(name if not is_force else force_of(name)) for name, is_force in zip(called, force, strict=True)]
-    for k, output in enumerate(outputs):
-        yield Variable(output, first + k, called[k], unit=units[k])
-    for k in np.flatnonzero(~np.array(force, bool)).tolist():
-        name, what = names(f"{outputs[k]}_rate"), f"rate of {called[k]}"
-        yield Variable(name, first + count + k, what, unit=f"{units[k]}/s", is_rate=True)
-    for k, contact in enumerate(rows.system.contacts):
+    system, called = drivers.rows.system, list(outputs_of(drivers))
+    count = max(len(called), 1)
+    own = set(system.output_names)
+    outputs = [names(name if moves or name not in own else force_of(name)) for name, _, moves in called]
+    for k, (name, unit, _) in enumerate(called):
+        yield Variable(outputs[k], first + k, name, unit=unit)
+    for k, (what, unit, moves) in enumerate(called):
+        if moves:
+            name = names(f"{outputs[k]}_rate")
+            yield Variable(name, first + count + k, f"rate of {what}", unit=rate_unit(unit, 1), is_rate=True)
+    for k, contact in enumerate(system.contacts):
         on = "on the body with the opposite sign" if contact.outer is None else f"pushes {contact.inner.body} away"
         what = f"{force_of(contact.name)}; {on}"
         yield Variable(names(force_of(contact.name)), first + 2 * count + k, what, unit="N")

@@ -1,4 +1,4 @@
-"""Run FMUs with FMPy, in its own environment: under_fmpy.py validate|steps|cvode|cosim|symbols FMU [npz], for JSON."""
+"""Run FMUs with FMPy, in its own environment: under_fmpy.py KIND FMU [npz], for JSON; KIND is a function here."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from fmpy import extract, instantiate_fmu, read_csv, read_model_description, simulate_fmu
 from fmpy.sundials import CVodeSolver
 from fmpy.validation import validate_fmu
+from loop import READ, STEP, STEPS, Luffing, plain
 
 
 def validate(fmu: str) -> Any:
@@ -39,8 +40,8 @@ def steps(fmu: str) -> Any:
 def cvode(fmu: str, npz: str) -> Any:
     """Model Exchange under CVODE, inputs set at every evaluation: largest difference to y in m.
 
-    The npz file holds t (T,) and y (T, o), and inputs u (S, 3 + 2 i), with rates, on a fine grid, between whose points
-    they are taken as cubic.
+    The npz file holds t (T,) and y (T, o), and time, inputs and their rates u (S, 1 + 2 n) on a fine grid, between
+    whose points they are taken as cubic.
     """
     folder, data = str(extract(fmu)), np.load(npz)
     said, u, t, y = read_model_description(folder), data["u"], data["t"], data["y"]
@@ -48,7 +49,7 @@ def cvode(fmu: str, npz: str) -> Any:
     model = instantiate_fmu(folder, said, fmi_type="ModelExchange")
     setter, getter = (model.setReal, model.getReal) if two else (model.setFloat64, model.getFloat64)
     by_name = {v.name: v for v in said.modelVariables if v.causality == "input"}
-    values = [v.valueReference for name, v in by_name.items() if not name.endswith("_rate")]
+    values = [v.valueReference for name, v in by_name.items() if "_rate" not in name]
     rates = [v.valueReference for name, v in by_name.items() if name.endswith("_rate")]
     outputs = [v.valueReference for v in said.modelVariables if v.causality == "output" and v.unit == "m"]
 
@@ -120,6 +121,26 @@ def cosim(fmu: str) -> Any:
     return worst
 
 
+def loop(fmu: str) -> Any:
+    """What is read of a crane that a valve raises, (T, 2), the start first."""
+    folder = str(extract(fmu))
+    said = read_model_description(folder)
+    references = {v.name: v.valueReference for v in said.modelVariables}
+    model = instantiate_fmu(folder, said, fmi_type="CoSimulation")
+    step = [references["internal_step"]]
+    driven = [references[f"luffing{order}"] for order in ("", "_rate", "_rate_2", "_rate_3")]
+    seen = [references[plain(name)] for name in READ]
+    model.setFloat64(step, [STEP])
+    model.enterInitializationMode(startTime=0.0)
+    model.exitInitializationMode()
+    luffing, found = Luffing([float(model.getFloat64(driven[:1])[0]), 0.0, 0.0]), [model.getFloat64(seen)]
+    for k in range(STEPS):
+        model.setFloat64(driven, luffing.led_on(*found[-1]))
+        model.doStep(currentCommunicationPoint=k * STEP, communicationStepSize=STEP)
+        found.append(model.getFloat64(seen))
+    return [list(map(float, one)) for one in found]
+
+
 def symbols(fmu: str) -> Any:
     """Exported functions of the interface, by the file."""
     import lief
@@ -136,8 +157,8 @@ def symbols(fmu: str) -> Any:
 if __name__ == "__main__":
     print(
         json.dumps(
-            {"validate": validate, "steps": steps, "cvode": cvode, "cosim": cosim, "symbols": symbols}[sys.argv[1]](
-                *sys.argv[2:]
-            )
+            {"validate": validate, "steps": steps, "cvode": cvode, "cosim": cosim, "loop": loop, "symbols": symbols}[
+                sys.argv[1]
+            ](*sys.argv[2:])
         )
     )

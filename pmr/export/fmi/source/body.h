@@ -4,14 +4,16 @@
        y = O z + W f - X(s) lambda
 
    z are coordinates of modes with a modal mass of 1 kg, in m, one body after the other; s are the path coordinates; each
-   contact is a row of C. */
+   contact is a row of C.  Where a frame moves, forces -T(t) (z, z') of terms that vary in time stand on the right too. */
 #ifndef BODY_H
 #define BODY_H
 
 #include <stddef.h>
 
 /* MODES, ROWS, INPUTS, OUTPUTS, PATHS, 1 where there is none; BLOCKS and PAIRS of rows.h.  BEYOND_ENDS: share of a path by
-   which s may lie beyond its ends, where it is taken then. */
+   which s may lie beyond its ends, where it is taken then.  DRIVERS: inputs of the unit, the paths and the loads first.
+   FRAME: a frame moves, and the outputs from TIP on are the place of the tip of TIP_SECTION in space; TERMS that vary in time;
+   REACTIONS of rigid supports. */
 #include "model.h"
 
 /* Constants of the model (model.c); rows.h has those of the rows. */
@@ -24,18 +26,21 @@ extern const double clearance[ROWS];  /* of rows that only push */
 extern const int pushes[ROWS];
 extern const int gives_way[ROWS]; /* F has entries there; other rows are rigid */
 extern const double nominal[2 * MODES];
-extern const double start_values[1 + 2 * PATHS + 2 * INPUTS + 3]; /* of the variables up to START */
+extern const double start_values[1 + 4 * DRIVERS + 3]; /* of the variables up to START */
+extern const int quasi_static[MODES]; /* modes without inertia, which a step lets follow at once */
+extern const int reaction_outputs[REACTIONS + 1];
+extern const double reaction_rates[REACTIONS + 1][MODES]; /* what reactions have of the modes' rates */
 extern const char *const row_names[ROWS];
 extern const char *const model_token;
 
 /* Numbers of the variables, which are their value references. */
 enum {
     TIME = 0,
-    PATH,
-    PATH_RATE = PATH + PATHS,
-    LOADS = PATH_RATE + PATHS,
-    LOAD_RATES = LOADS + INPUTS,
-    INTERNAL_STEP = LOAD_RATES + INPUTS,
+    DRIVEN, /* all inputs, then their rates of order one to three */
+    PATH = DRIVEN,
+    LOADS = PATH + PATHS,
+    PATH_RATE = DRIVEN + DRIVERS,
+    INTERNAL_STEP = DRIVEN + 4 * DRIVERS,
     RHO_INF,
     START, /* 0: at rest, undeformed; 1: static under the loads; 2: in the states that were set */
     STATES,
@@ -45,6 +50,7 @@ enum {
     FORCES = VELOCITIES + OUTPUTS,
     VARIABLES = FORCES + ROWS
 };
+enum { PUSHED = MODES + REACTIONS };
 
 /* All that a simulation remembers: copied as it is to save and restore one. */
 typedef struct {
@@ -57,7 +63,24 @@ typedef struct {
     double force[ROWS];         /* of rows that push, in the last step, and their share in `alike` */
     double share[ROWS];
     double closed[ROWS]; /* 1 where a row holds */
+    double pushed[4][MODES]; /* forces of terms at the ends of the last steps, the last one first */
+    double largest;          /* square of the largest of these so far */
 } Memory;
+
+/* A number, its rate in time, how it changes along a seed, and how its rate does. */
+typedef struct {
+    double value, rate, along, both;
+} Number;
+
+/* What drives a body (drive.h). */
+typedef struct {
+    int known;                         /* VALUES, RATES, or 0: nothing is */
+    double f[INPUTS], f_rate[INPUTS];  /* loads and their rates */
+    double f_along[INPUTS], f_both[INPUTS];
+    double T[PUSHED][2 * MODES];       /* terms: forces -T (z, z') on modes and supports */
+    double T_along[PUSHED][2 * MODES];
+    Number turned[3][3];               /* from axes of the frame into those of the ground */
+} Drive;
 
 /* The rows, or how they change. */
 typedef struct {
@@ -80,12 +103,13 @@ typedef struct {
     double step, rho_inf;
     double alpha_m, alpha_f, gamma, beta, gain; /* gain: what an acceleration adds to `alike` */
     double dz, dv;                              /* and to displacement and velocity within its step */
-    double inverse[DAMPING_SIZE];               /* of 1 + D dv + Omega^2 dz */
+    double inverse[DAMPING_SIZE];               /* of 1 + D dv + Omega^2 dz; of quasi-static modes dz (Omega^2 + D / h) */
 } Scheme;
 
 typedef struct {
     Memory memory;
     Place place;
+    Drive drive;
     Scheme scheme;
     int fresh;   /* derivatives and displacements belong to states and inputs */
     int moving;  /* velocities do */
@@ -101,5 +125,13 @@ int body_evaluate(Body *body);
 int body_velocities(Body *body);
 int body_differentiate(Body *body, const double *seed, double *answer); /* both VARIABLES long */
 void body_changed(Body *body); /* states, inputs or time were set */
+
+/* Parts of these: failing with a reason, and sums over rows and modes. */
+int fail(Body *body, const char *why);
+void add(const double *T, int width, const double *x, double factor, double *result);
+void add_motion(const Rows *rows, const double *z, const double *f, const double *multipliers, double *motion);
+void subtract_rows(const double *C, const double *multipliers, double *forces);
+void free_forces(const double *f, const double *z, const double *v, double *forces);
+int find_multipliers(Body *body);
 
 #endif

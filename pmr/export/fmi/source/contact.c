@@ -99,6 +99,7 @@ int let_go(Body *body, const int *among)
     for (k = 0; k < ROWS; k++) {
         if (!among[k] || memory->closed[k] != 0.0 || (memory->force[k] == 0.0 && memory->share[k] == 0.0)) continue;
         for (n = 0; n < MODES; n++) {
+            if (quasi_static[n]) continue;
             memory->acceleration[n] += body->place.rows.C[k][n] * memory->force[k];
             memory->alike[n] += body->place.rows.C[k][n] * memory->share[k];
         }

@@ -285,11 +285,10 @@ EXPORT fmi2Status fmi2SetRealInputDerivatives(void *c, const Reference *referenc
     Instance *instance = c;
     size_t n;
     for (n = 0; n < count; n++) {
-        int is_path = references[n] >= PATH && references[n] < PATH_RATE;
-        int is_load = references[n] >= LOADS && references[n] < LOAD_RATES;
-        Reference rate = references[n] + (is_path ? PATHS : INPUTS);
-        if (orders[n] != 1 || !(is_path || is_load))
-            return refused(instance, "first derivatives of the path coordinate and of loads are allowed");
+        int is_input = references[n] >= DRIVEN && references[n] < DRIVEN + DRIVERS;
+        Reference rate = references[n] + (is_input ? orders[n] * DRIVERS : 0);
+        if (orders[n] < 1 || orders[n] > 3 || !is_input)
+            return refused(instance, "first to third derivatives of inputs are allowed");
         if (set_variables(&instance->body, &rate, 1, values + n)) return status_of(instance, 1);
     }
     return fmi2OK;

@@ -87,7 +87,7 @@ int differentiate(Body *body, const unsigned *unknowns, size_t unknown_count, co
     double of[VARIABLES] = {0.0}, found[VARIABLES] = {0.0};
     size_t n;
     for (n = 0; n < known_count; n++) {
-        int is_input = knowns[n] >= PATH && knowns[n] < INTERNAL_STEP;
+        int is_input = knowns[n] >= DRIVEN && knowns[n] < INTERNAL_STEP;
         if (!is_input && !(knowns[n] >= STATES && knowns[n] < DERIVATIVES))
             return refuse(body, "derivatives with respect to states and inputs are known", knowns[n]);
         of[knowns[n]] += seed[n];
