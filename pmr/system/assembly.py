@@ -137,6 +137,16 @@ class Assembly:
                 (self._add_tables if body.carriers is None else self._add_carried)(name, on, x.T[on], found)
         return ContactRows(C, (F + F.transpose(0, 2, 1)) / 2.0, H, X)
 
+    def turned(self, x: Array) -> Array:
+        """What a unit moment on the sides of each contact, at x (sides,) m, moves in the outputs, (o, m) 1/N."""
+        found = np.zeros((_count(self.observed), len(self.system.contacts)))
+        for side, at in zip(self.system.sides, x, strict=True):
+            name = side.place.body
+            if (known := self._flexibility.get(name)) is not None:
+                slope = self.system.row(side.place).weights(np.array([at]), 1)
+                found[self.observed[name], side.contact] += side.sign * np.asarray(slope @ known.outputs.T)[0]
+        return found
+
     def _add_carried(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
         """What a body contributes with its sides, the `on`-th of all, at x (k, T) m."""
         sides, T, carriers = [self.system.sides[a] for a in on], x.shape[1], self.system.bodies[name].carriers

@@ -245,19 +245,23 @@ class System(Joined[SlidingBody]):
 
     def ensure_constant(self, source: str) -> System:
         """Itself; an InputError of `source`, which knows them not, where it has terms that vary in time or friction."""
+        return self.ensure_without_terms(source).ensure_frictionless(source)
+
+    def ensure_frictionless(self, source: str) -> System:
+        """Itself; an InputError of `source`, which knows it not, where it has friction."""
+        if (known := Friction.of(self.contacts)) is not None:
+            names = ", ".join(self.contact_names[k] for k in known.pads)
+            raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")
+        return self
+
+    def ensure_without_terms(self, source: str) -> System:
+        """Itself; an InputError of `source` where it has terms that vary in time, which it knows not."""
         if self.terms:
             allowed = (
                 "a system without terms that vary in time (a frame that moves, second order) is allowed here; "
                 "`pmr simulate` follows them"
             )
             raise InputError(source, "terms", ", ".join(self.term_names), allowed)
-        return self.ensure_frictionless(source)
-
-    def ensure_frictionless(self, source: str) -> System:
-        """Itself; an InputError of `source` where it has friction, which it knows not."""
-        if (known := Friction.of(self.contacts)) is not None:
-            names = ", ".join(self.contact_names[k] for k in known.pads)
-            raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")
         return self
 
     def save(self, path: str | Path) -> Path:

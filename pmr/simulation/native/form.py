@@ -21,7 +21,6 @@ from pmr.simulation.native.arrays import (
     Contact,
     Divided,
     Modes,
-    Record,
     Scheme,
     State,
     Tables,
@@ -101,10 +100,10 @@ class SystemForm:
         terms = tuple(term.on(motions) for term in self.system.terms)
         return combined(System(bodies, self.system.contacts, terms=terms))
 
-    def forces(self, record: Record) -> Array:
-        """Of all contacts, (T, m) N: what reaches the bodies, and in cylinders the friction of their joints' pads."""
-        found, known = self.combined.forces(record.multipliers), Friction.of(self.system.contacts)
-        return found if known is None else found + known.along(record.friction)
+    def forces(self, multipliers: Array, friction: Array | None) -> Array:
+        """Of all contacts, (..., m) N: what reaches the bodies, and in cylinders the friction of their joints' pads."""
+        found, known = self.combined.forces(multipliers), Friction.of(self.system.contacts)
+        return found if known is None or friction is None else found + known.along(friction)
 
     @cached_property
     def on_tables(self) -> ReducedModel | None:

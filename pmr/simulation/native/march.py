@@ -128,7 +128,22 @@ class March:
         """Theirs (o,) of the present state where the paths lead to s m: O q + W f - X lambda."""
         assembly, state = Assembly(self.form.modal), self.loop.state
         moved = assembly.outputs @ state.modes[Z, self.form.used] + assembly.direct @ f
-        return np.asarray(moved - assembly.at(self.form.modal.coordinates(s)).X @ state.multipliers)
+        x = self.form.modal.coordinates(s)
+        found = np.asarray(moved - assembly.at(x).X @ state.multipliers)
+        if self._friction is not None:
+            found += assembly.turned(x) @ self._friction.moments(self.friction, state.multipliers)
+        return found
+
+    @property
+    def friction(self) -> Array:
+        """Of the pads that rub, (n,) N along the boom, at present; none without any."""
+        return np.zeros(0) if self._friction is None else self.loop.terms.rubbing.forces.copy()
+
+    @property
+    def forces(self) -> Array:
+        """Of all contacts, (m,) N, at present."""
+        friction = None if self._friction is None else self.friction
+        return self.form.forces(self.loop.state.multipliers.copy(), friction)
 
     def run(self, take: Callable[[Steps], None], progress: Progress | None = None) -> Ended:
         """Take all steps; `take` gets some of them at a time.

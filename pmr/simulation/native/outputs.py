@@ -9,6 +9,8 @@ contacts with places of their own X is that of the carriers times the weights of
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,6 +73,32 @@ def observe_sides(outputs: SideOutputs, bodies: Bodies, sides: Sides, state: Sta
             weight = dot(rows.coefficients[first + l], sides.powers[a])
             share = -state.multipliers[rows.contact[a]] * weight
             _add_column(y, outputs.of_carriers[bodies.carriers[body] + rows.touched[touched + l]], share)
+
+
+@inlined
+def observe_moments(rubbing: Any, outputs: SideOutputs, bodies: Bodies, sides: Sides, state: State, y: Array) -> None:
+    """Add to these what moments of friction do; nothing without any."""
+    if rubbing is None:  # decided when compiled
+        return
+    rows = bodies.rows
+    for j in range(len(rubbing.pads)):
+        moment = rubbing.arms[j] * rubbing.forces[j]
+        if state.multipliers[rubbing.pads[j]] < 0.0:
+            moment = -moment
+        _add_column(y, outputs.of_staying_slopes[j], moment)
+        for at in range(rubbing.first_side[j], rubbing.first_side[j + 1]):
+            a = rubbing.side[at]
+            body, width = rows.body[a], rows.width[a]
+            if bodies.first_flexibility[body + 1] == bodies.first_flexibility[body]:
+                continue
+            touched = rows.first_touched[a] + sides.interval[a] * width
+            first = rows.first_coefficient[a] + sides.interval[a] * width
+            for l in range(width):
+                slope = 0.0
+                for p in range(1, sides.powers.shape[1]):
+                    slope += p * rows.coefficients[first + l, p] * sides.powers[a, p - 1]
+                column = outputs.of_carriers[bodies.carriers[body] + rows.touched[touched + l]]
+                _add_column(y, column, moment * slope)
 
 
 @inlined

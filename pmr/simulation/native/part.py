@@ -14,7 +14,7 @@ from pmr.simulation.native import quasi_static, terms
 from pmr.simulation.native.arrays import Divided, Modes, Outputs, Scheme, State, Tables
 from pmr.simulation.native.compilation import compiled, compiled_and_inlined, inlined
 from pmr.simulation.native.energy import account
-from pmr.simulation.native.outputs import observe, observe_sides
+from pmr.simulation.native.outputs import observe, observe_moments, observe_sides
 from pmr.simulation.native.rows import move_rows
 from pmr.simulation.native.side_arrays import SideOutputs, Sides
 from pmr.simulation.native.sides import give, move_sides
@@ -111,3 +111,10 @@ def _observe_tables(tables: Tables | None, outputs: Outputs, state: State, f: Ar
 def _observe_sides(sides: Sides | None, outputs: SideOutputs, loop: Loop, f: Array, y: Array) -> None:
     if sides is not None:
         observe_sides(outputs, loop.bodies, sides, loop.state, f, y)
+        _observe_terms(loop.terms, outputs, loop, y)
+
+
+@inlined
+def _observe_terms(terms: Any, outputs: SideOutputs, loop: Loop, y: Array) -> None:
+    if terms is not None:
+        observe_moments(terms.rubbing, outputs, loop.bodies, loop.sides, loop.state, y)

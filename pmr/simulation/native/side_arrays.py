@@ -75,6 +75,7 @@ class SideOutputs(NamedTuple):
     of_inputs: Array  # (i, o') m/N: W
     of_staying: Array  # (m, o') m/N: X of the sides that stay
     of_carriers: Array  # (K, o') m/N: O R U^T
+    of_staying_slopes: Array  # (n, o') 1/N: X' of the sides of pads that rub, where they stay
 
 
 class Sides(NamedTuple):
@@ -130,8 +131,7 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         on = [names.index(side.place.body) for side in system.sides if side.contact == k]
         moves[k] = form.starts[min(on)], form.starts[max(on) + 1]
         moved_by[k] = form.inputs[min(on)] // LANES * LANES, form.inputs[max(on) + 1]
-    staying, known = _staying(form, carriers), Friction.of(system.contacts)
-    slopes = _staying(form, carriers, 1)[[] if known is None else known.pads]
+    staying, slopes = _staying(form, carriers), _staying_slopes(form, carriers)
     both = np.vstack([staying, slopes])
     answers, half = np.zeros((K, len(both) + -len(both) % LANES)), np.full(len(both) + -len(both) % LANES, 0.5)
     half[m:] = 1.0
@@ -183,6 +183,12 @@ def _staying(form: SystemForm, carriers: Indices, derivative: int = 0) -> Array:
     return staying
 
 
+def _staying_slopes(form: SystemForm, carriers: Indices) -> Array:
+    """The derivatives of pads that rub, (n, K)."""
+    known = Friction.of(form.modal.contacts)
+    return np.zeros((0, carriers[-1])) if known is None else _staying(form, carriers, 1)[known.pads]
+
+
 def side_outputs(form: SystemForm) -> SideOutputs:
     """Constants of all outputs, one body after the other."""
     all_carried = carried(form)
@@ -198,8 +204,8 @@ def side_outputs(form: SystemForm) -> SideOutputs:
             X[carriers[k] : carriers[k + 1]] = one.flexibility.outputs.T
         of_modes, of_inputs, of_carriers = [*of_modes, O], [*of_inputs, W], [*of_carriers, X]
     X = np.hstack(of_carriers)
-    of_staying = _staying(form, carriers) @ X
-    return SideOutputs(*(padded(one) for one in (np.hstack(of_modes), np.hstack(of_inputs), of_staying, X)))
+    of_staying, of_slopes = _staying(form, carriers) @ X, _staying_slopes(form, carriers) @ X
+    return SideOutputs(*(padded(one) for one in (np.hstack(of_modes), np.hstack(of_inputs), of_staying, X, of_slopes)))
 
 
 def sides(constants: Bodies, paths: int) -> Sides:

@@ -46,6 +46,7 @@ from pmr.simulation.recorded import recorded
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import SlidingBody
+from pmr.system.friction import Friction
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -115,10 +116,10 @@ class Stepper:
             raise InputError("stepper", "step", step, "more than 0 s is allowed")
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
-        system = (body if isinstance(body, System) else System.of(body)).ensure_frictionless("stepper")
+        system = body if isinstance(body, System) else System.of(body)
         self._frame = MovingFrame.of(system)
         if self._frame is None:
-            system.ensure_constant("stepper")
+            system.ensure_without_terms("stepper")
         form, moved = SystemForm.of(system), system.output_names
         on_tables = form.on_tables
         self._system, self._step, self._steps = system, step, 0
@@ -246,13 +247,21 @@ class Stepper:
 
     @property
     def multipliers(self) -> Array:
-        """Forces (m,) of the contacts in N, positive where they push."""
-        return self._march.form.combined.forces(self._state.multipliers.copy())
+        """Forces (m,) of the contacts in N, positive where they push; of cylinders with their friction."""
+        return self._march.forces
 
     @property
     def forces(self) -> dict[str, float]:
         """The same by the contacts' names."""
         return dict(zip(self._system.contact_names, self.multipliers.tolist(), strict=True))
+
+    @property
+    def friction(self) -> dict[str, float]:
+        """What the pads of each joint resist sliding with, in N, by the section that slides; empty without any."""
+        known = Friction.of(self._system.contacts)
+        return (
+            {} if known is None else dict(zip(known.joints, known.totals(self._march.friction).tolist(), strict=True))
+        )
 
     @property
     def contact(self) -> float:

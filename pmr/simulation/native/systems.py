@@ -91,7 +91,7 @@ def follow(
             some, numbers = steps.at(rows), np.arange(steps.first, steps.first + len(steps.t))[rows]
             record, motions, pressed = some.record, {}, form.combined.forces(some.record.multipliers)
             assert record.z is not None and record.v is not None
-            f, forces = record.friction, form.forces(record)
+            f, forces = record.friction, form.forces(record.multipliers, record.friction)
             of_cylinders = 0.0 if rubbing is None else rubbing.stored(f, forces)
             for name, one in form.forms.items():
                 columns, x = form.columns[name], march.x[numbers][:, form.system.sides_of(name)]
@@ -147,7 +147,7 @@ def observe(
     def taken(first: int, rows: Record) -> None:
         nonlocal evaluated
         begun, at = perf_counter(), slice(first, first + len(rows.multipliers))
-        forces[at], steps, column = form.forces(rows), march.steps_of(at, every), 0
+        forces[at], steps, column = form.forces(rows.multipliers, rows.friction), march.steps_of(at, every), 0
         pressed = form.combined.forces(rows.multipliers)
         moments = None if rubbing is None else rubbing.moments(rows.friction, pressed)
         for k, (name, own) in enumerate(numbers.items()):

@@ -84,7 +84,30 @@ def test_without_an_arm_pads_press_as_without_friction() -> None:
     assert other.friction is not None and np.any(other.friction)
 
 
+def test_a_stepper_rubs_as_a_simulation_does() -> None:
+    """Out and back; with what residual flexibility makes of the moments in its outputs."""
+    system, stepping = reduced(Nested(2, elements=6), 2), TimeStepping(0.1, 1e-3, 0.8)
+    rough = [replace(one, friction=MU, arm=ARM, shear_stiffness=1e8) for one in system.contacts]
+    system = replace(system, contacts=tuple(rough))
+    given = sliding(system, stepping, 0.0)
+    given = replace(given, paths={"1": Sine(amplitude=0.05, frequency=8.0, offset=2.0)})
+    start, load = systems.static_start(system, given), {name: 5e3 for name in system.input_names}
+    found = systems.simulate(system, given, start)
+    assert found.friction is not None and found.friction.min() < 0.0 < found.friction.max()
+    stepper = Stepper(system, stepping.step, {"1": 2.0}, load, stepping.rho_inf, initial=start)
+    moved = np.hstack([found.forces[1:], *(one[1:] for one in systems.displacements(system, found).values())])
+    told, totals = [], []
+    for s in given.s[1:, 0]:
+        y = stepper.step({"1": s})
+        told.append(np.concatenate([stepper.multipliers, y]))
+        totals.append(stepper.friction["1"])
+        np.testing.assert_allclose(stepper.outputs[: len(y)], y, rtol=1e-9, atol=1e-12 * np.abs(y).max())
+    size = np.abs(moved).max(axis=0)
+    np.testing.assert_allclose(np.array(told) / np.where(size, size, 1.0), moved / np.where(size, size, 1.0), atol=1e-9)
+    np.testing.assert_allclose(totals, found.friction[1:].sum(axis=1), rtol=1e-9, atol=1e-9)
+
+
 def test_who_follows_no_friction_refuses_it() -> None:
     system = rubbing(reduced(Nested(2, elements=6), 2))
     with pytest.raises(InputError, match=r"friction = 'tail 1, mouth 0': 0 is allowed here"):
-        Stepper(system, 1e-3, 0.9, {"1": 2.0})
+        system.ensure_constant("system.npz")
