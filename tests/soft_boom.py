@@ -138,7 +138,7 @@ def slides_out(beam: Beam, pad: float, out: OfTime, raised: OfTime, end: float, 
 
     sensor = _position(mbs, nodes[-1])
     mbs.Assemble()
-    chosen = _settings(beam)
+    chosen = settings(beam)
     mbs.SolveStatic(chosen)
     data = mbs.systemData
     data.SetSystemState(data.GetSystemState(exu.ConfigurationType.Current), exu.ConfigurationType.Initial)
@@ -163,7 +163,7 @@ def hangs(beam: Beam, raised: float, force: float = 0.0) -> float:
     marker = mbs.AddMarker(MarkerNodePosition(nodeNumber=nodes[-1]))
     mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=[0.0, -force, 0.0]))
     mbs.Assemble()
-    chosen = _settings(beam)
+    chosen = settings(beam)
     chosen.staticSolver.numberOfLoadSteps = 10
     mbs.SolveStatic(chosen)
     x, y, _ = mbs.GetNodeOutput(nodes[-1], exu.OutputVariableType.Position)
@@ -175,7 +175,8 @@ def _position(mbs: exu.MainSystem, node: int) -> int:
     return mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True))
 
 
-def _settings(beam: Beam) -> exu.SimulationSettings:
+def settings(beam: Beam) -> exu.SimulationSettings:
+    """Without files, with a tolerance above the round-off of axial forces."""
     chosen = exu.SimulationSettings()
     chosen.solution.file.write = False
     chosen.staticSolver.verboseMode = chosen.timeIntegration.verboseMode = 0

@@ -18,7 +18,10 @@ CROSS = np.array([[np.cross(_E[l], _E[j]) for j in range(3)] for l in range(3)])
 
 @dataclass(frozen=True)
 class Extended:
-    """How far the n sections' tails are ahead of each other, (n,) m, the base's 0 first; with rates, once and twice."""
+    """How far the S sections' tails are ahead of each other, m, the base's 0 first; with rates, once and twice.
+
+    (P,): behind the S there are paths that move no section, such as the slider's of a body alone.
+    """
 
     value: Array
     rate: Array
@@ -27,10 +30,10 @@ class Extended:
 
 @dataclass(frozen=True)
 class Moments:
-    """beta (S, 4, 3, n) of the S sections, over 1, x, y and z, where extensions s (S,) stand and move."""
+    """beta (S, 4, 3, n) of the S sections, over 1, x, y and z, where paths s (P,) stand and move."""
 
     value: Array
-    slope: Array  # d beta / d s, (S, 4, 3, n, S)
+    slope: Array  # d beta / d s, (S, 4, 3, n, P)
     curve: Array  # d^2 beta / d s_j d s_k s_j' s_k', (S, 4, 3, n)
 
 
@@ -71,7 +74,7 @@ class Shortened:
 
 @dataclass(frozen=True)
 class Pressed:
-    """Equations of the base (6,), of the coordinates (n,) and of the extensions (n_s,), all zero where nothing acts.
+    """Equations of the base (6,), of the coordinates (n,) and of the paths (P,), all zero where nothing acts.
 
     ``mass`` is their derivative by (a, alpha, q'', s''), but for M of the coordinates.
     """
@@ -112,14 +115,17 @@ class State:
             of, motion.omega, motion.weight, extended, q, rate,
         )  # fmt: skip
         sections, e = of.sections, _E[0]
-        self.X, self.X_rate, self.X_second = (np.cumsum(one) for one in vars(extended).values())
+        S, P = len(sections), len(extended.value)
+        self.X, self.X_rate, self.X_second = (np.cumsum(one[:S]) for one in vars(extended).values())
+        # an extension moves all sections from its own on: (section, path)
+        self.beyond = np.hstack([np.tril(np.ones((S, S))), np.zeros((S, P - S))])
         self.d = of.place + np.outer(self.X, e)
         beta = of.moments if moments is None else moments
         beta_rate = beta.slope @ extended.rate
         self.J, self.mu = beta.value.copy(), beta.value @ q
         self.mu_rate = beta.value @ rate + beta_rate @ q
         self.mu_second = 2.0 * beta_rate @ rate + beta.curve @ q  # but for what accelerations make
-        self.lean = np.einsum("sljne,n->slje", beta.slope, q)  # d mu / d extension, (S, 4, 3, S)
+        self.lean = np.einsum("sljne,n->slje", beta.slope, q)  # d mu / d path, (S, 4, 3, P)
         for one in of.shortened:
             f, f1, f2 = one.factor(extended)
             at, Gq = (one.section, one.over, 0), one.G @ q
@@ -164,9 +170,9 @@ class State:
         return found, rate
 
     def mass(self) -> Array:
-        """Of (a, alpha, q'', s''), (6 + n + S) squared."""
-        S, n, e = len(self.masses), self.of.size, _E[0]
-        found = np.zeros((6 + n + S,) * 2)
+        """Of (a, alpha, q'', s''), (6 + n + P) squared."""
+        n, e, beyond, lean = self.of.size, _E[0], self.beyond, self.lean
+        found = np.zeros((6 + n + beyond.shape[1],) * 2)
         found[:3, :3] = self.of.mass * np.eye(3)
         found[:3, 3:6] = -_crossing(self.s)
         found[3:6, 3:6] = self.inertia
@@ -174,8 +180,7 @@ class State:
         found[:3, 6 : 6 + n] = J[:, 0].sum(axis=0)
         turned = np.einsum("kab,sa,sbn->kn", CROSS, self.d, J[:, 0]) + np.einsum("klj,sljn->kn", CROSS, J[:, 1:])
         found[3:6, 6 : 6 + n] = turned + self.tq
-        # an extension moves all sections from its own on, and changes what coordinates and leaning cylinders move
-        beyond, lean = np.tril(np.ones((S, S))), self.lean  # (section, extension)
+        # beside what it moves, a path changes what coordinates and leaning cylinders move
         found[:3, 6 + n :] = np.outer(e, self.masses @ beyond) + lean[:, 0].sum(axis=0)
         found[3:6, 6 + n :] = np.einsum("sk,se->ke", np.cross(self.own, e), beyond)
         found[3:6, 6 + n :] += np.einsum("kab,sa,sbe->ke", CROSS, self.d, lean[:, 0])
@@ -186,7 +191,7 @@ class State:
         return np.asarray(np.triu(found) + np.triu(found, 1).T)
 
     def forces(self) -> Array:
-        """At a = alpha = q'' = s'' = 0, with the weight, (6 + n + S,)."""
+        """At a = alpha = q'' = s'' = 0, with the weight, (6 + n + P,)."""
         omega, e, S = self.omega, _E[0], len(self.masses)
         spin = _crossing(omega)
         A = spin @ spin
@@ -201,8 +206,7 @@ class State:
         own += np.einsum("jk,jkn->n", squared, (self.Nq + self.Nq.transpose(1, 0, 2)) / 2.0)
         each = self.masses[:, None] * y[:, 0] + np.array([one.first for one in self.of.sections]) @ A.T
         each = each + self.mu_second[:, 0] + 2.0 * self.mu_rate[:, 0] @ spin.T + self.mu[:, 0] @ A.T
-        beyond = np.tril(np.ones((S, S)))
-        path = beyond.T @ each[:, 0] + np.einsum("slj,slje->e", y, self.lean)
+        path = self.beyond.T @ each[:, 0] + np.einsum("slj,slje->e", y, self.lean)
         return np.concatenate([linear, turned, own, path])
 
 

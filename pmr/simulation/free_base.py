@@ -95,7 +95,8 @@ class FreeBase:
                 shortened.append(Shortened(section, len(one.component) - 1, term.stiffness.toarray(), cylinder))
         self.size, self._count = n, len(sections)
         B = self.moments(assembly.B.toarray())
-        own = Moments(B, np.zeros((*B.shape, len(sections))), 0.0 * B)
+        aside = len(set(system.paths) - set(scene.names))  # paths that move no section
+        own = Moments(B, np.zeros((*B.shape, len(sections) + aside)), 0.0 * B)
         self.boom = Boom(np.array(scene.frame.place), sections, own, shortened, rotating, carried)
 
     def moments(self, B: Array) -> Array:
@@ -125,15 +126,17 @@ class FreeBase:
     def loads(self, f: Array, extended: Extended) -> Array:
         """Force and moment about O (6,) of loads f (i,) at the undeformed boom, inertia left out."""
         found = np.zeros(6)
-        for section, X in zip(self.boom.sections, np.cumsum(extended.value), strict=True):
+        for section, X in zip(self.boom.sections, np.cumsum(extended.value), strict=False):
             own = section.loads @ f
             own[3:] += np.cross(self.boom.place + X * np.eye(3)[0], own[:3])
             found += own
         return found
 
     def pulls(self, f: Array) -> Array:
-        """Forces (S,) of loads f (i,) along the extensions: on a section and all beyond it."""
-        return np.cumsum([(one.loads @ f)[0] for one in self.boom.sections[::-1]])[::-1]
+        """Forces (P,) of loads f (i,) along the paths: on a section and all beyond it."""
+        found = np.zeros(self.boom.moments.slope.shape[-1])
+        found[: self._count] = np.cumsum([(one.loads @ f)[0] for one in self.boom.sections[::-1]])[::-1]
+        return found
 
     def momentum(
         self, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None

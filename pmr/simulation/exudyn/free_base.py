@@ -208,7 +208,7 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
 
     Those of an extension that is a coordinate are the base's, too.  An InputError is raised for what is no extension.
     """
-    for name in on.scene.names[1:]:
+    for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))
     nothing, found = Constant(amount=0.0), dict[str, Driving]()
     for one in frame_terms(on.scene):

@@ -55,20 +55,22 @@ class Paths:
     def __init__(
         self, mbs: Any, scene: Scene, paths: Mapping[str, Any], ranges: Mapping[str, tuple[float, float]]
     ) -> None:
-        self._names, self._t, h = scene.names[1:], np.nan, scene.time.step
+        # the sections', and those that move none
+        self._names = (*scene.names[1:], *(name for name in ranges if name not in scene.names))
+        self._t, h = np.nan, scene.time.step
         self.free = {name: path for name in self._names if isinstance(path := paths.get(name), NodeCoordinate)}
         self._given = {name: _Path(paths[name], h, mbs) for name in self._names if name not in self.free}
         self.nodes = list(dict.fromkeys(path.node for path in self.free.values()))
         sizes = [len(mbs.GetNode(node)["referenceCoordinates"]) for node in self.nodes]
         first = dict(zip(self.nodes, np.cumsum([0, *sizes]).tolist(), strict=False))
-        #: d s / d z (S, m), of the extensions, the base's 0 first, by the m coordinates of the nodes
+        #: d s / d z (P, m), of the extensions, the base's 0 first, by the m coordinates of the nodes
         self.along = np.zeros((1 + len(self._names), sum(sizes)))
         self.reference = np.array([one for node in self.nodes for one in mbs.GetNode(node)["referenceCoordinates"]])
         for name, path in self.free.items():
             self.along[1 + self._names.index(name), first[path.node] + path.number] = 1.0
         self._known = np.zeros((3, 1 + len(self._names)))
         everywhere = (-np.inf, np.inf)
-        #: between which rows are defined, (S,) m
+        #: between which rows are defined, (P,) m
         self.low, self.high = np.array([everywhere, *(ranges.get(name, everywhere) for name in self._names)]).T
 
     def at(self, t: float, z: Array, z_t: Array) -> Extended:
@@ -82,7 +84,7 @@ class Paths:
         return Extended(s + self.along @ (z + self.reference), v + self.along @ z_t, a)
 
     def named(self, s: Array) -> dict[str, Array]:
-        """Extensions (..., S) by the paths' names."""
+        """Extensions (..., P) by the paths' names."""
         return {name: s[..., k] for k, name in enumerate(self._names, 1)}
 
 
