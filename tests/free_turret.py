@@ -106,7 +106,8 @@ class Turret:
             turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
             velocity, q, rate, omega = R.T @ self.x_t[k, :3], self.q[k], self.q_t[k], motion.omega
             out = base.extended(t, self.z[k], self.z_t[k])
-            K = contacts.springs(equations.at(base.paths.named(out.value)))[0][:, : equations.size]
+            places = equations.at(dict(zip(base.paths.names, out.value, strict=True)))
+            K = contacts.springs(places)[0][:, : equations.size]
             own = base.boom.kinetic(motion, turned[:3] @ self.x_t[k], out, q, rate, base.moments(out))
             turret = TURRET.mass * velocity @ (velocity / 2.0 + np.cross(omega, TURRET.com))
             turret += omega @ TURRET.inertiaTensor @ omega / 2.0

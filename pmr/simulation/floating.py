@@ -149,8 +149,8 @@ class State:
 
     def _turned(self, X: Array, mu: Array) -> Array:
         """Int rho rho x rho' (3,) of sections that move along by X (S,), with moments of u' (S, 4, 3)."""
-        found = np.cross(self.own, np.outer(X, _E[0])) + np.cross(self.d, mu[:, 0])
-        return np.asarray(found.sum(axis=0) + np.einsum("klj,slj->k", CROSS, mu[:, 1:]))
+        moments = np.outer(_E[0], X @ self.own).T + self.d.T @ mu[:, 0] + mu[:, 1:].sum(axis=0)
+        return _turning(moments)
 
     def _inertia(self) -> tuple[Array, Array]:
         """Theta (3, 3) about O, and its rate in the boom's axes."""
@@ -182,7 +182,7 @@ class State:
         found[3:6, 6 : 6 + n] = turned + self.tq
         # beside what it moves, a path changes what coordinates and leaning cylinders move
         found[:3, 6 + n :] = np.outer(e, self.masses @ beyond) + lean[:, 0].sum(axis=0)
-        found[3:6, 6 + n :] = np.einsum("sk,se->ke", np.cross(self.own, e), beyond)
+        found[3:6, 6 + n :] = _crossing(e).T @ self.own.T @ beyond
         found[3:6, 6 + n :] += np.einsum("kab,sa,sbe->ke", CROSS, self.d, lean[:, 0])
         found[3:6, 6 + n :] += np.einsum("klj,slje->ke", CROSS, lean[:, 1:])
         found[6 : 6 + n, 6 + n :] = np.einsum("sn,se->ne", J[:, 0, 0], beyond)
@@ -196,10 +196,10 @@ class State:
         spin = _crossing(omega)
         A = spin @ spin
         linear = self.of.mass * self.weight + A @ self.s + 2.0 * spin @ self.s_rate + self.mu_second[:, 0].sum(axis=0)
-        turned = np.cross(self.s, self.weight) + np.cross(omega, self.inertia @ omega) + self.inertia_rate @ omega
-        turned += self._turned(np.zeros(S), self.mu_second) + np.cross(omega, self.h)
+        turned = _crossing(self.s) @ self.weight + spin @ (self.inertia @ omega + self.h) + self.inertia_rate @ omega
+        turned += self._turned(np.zeros(S), self.mu_second)
         y = np.empty((S, 4, 3))  # acceleration of points at rest in the frame
-        y[:, 0] = self.weight + self.d @ A.T + 2.0 * np.outer(self.X_rate, np.cross(omega, e))
+        y[:, 0] = self.weight + self.d @ A.T + 2.0 * np.outer(self.X_rate, spin @ e)
         y[:, 1:] = A.T
         own = np.einsum("slj,sljn->n", y, self.J) + 2.0 * omega @ self.tv
         squared = np.outer(omega, omega) - (omega @ omega) * np.eye(3)
@@ -213,6 +213,11 @@ class State:
 def _steiner(A: Array) -> Array:
     """tr(A) 1 - A: an inertia from second moments (3, 3)."""
     return np.asarray(np.trace(A) * np.eye(3) - A)
+
+
+def _turning(A: Array) -> Array:
+    """Sum of r x u (3,) out of first moments sum r_l u_j (3, 3)."""
+    return np.array([A[1, 2] - A[2, 1], A[2, 0] - A[0, 2], A[0, 1] - A[1, 0]])
 
 
 def _crossing(v: Array) -> Array:

@@ -95,15 +95,16 @@ class FreeBase:
                 shortened.append(Shortened(section, len(one.component) - 1, term.stiffness.toarray(), cylinder))
         self.size, self._count = n, len(sections)
         B = self.moments(assembly.B.toarray())
-        aside = len(set(system.paths) - set(scene.names))  # paths that move no section
-        own = Moments(B, np.zeros((*B.shape, len(sections) + aside)), 0.0 * B)
+        #: names of paths that move no section: a slider's
+        self.aside = tuple(name for name in system.paths if name not in scene.names)
+        own = Moments(B, np.zeros((*B.shape, len(sections) + len(self.aside))), 0.0 * B)
         self.boom = Boom(np.array(scene.frame.place), sections, own, shortened, rotating, carried)
 
     def moments(self, B: Array) -> Array:
-        """Beta (S, 4, 3, n) out of what inputs do to coordinates (n, i): their own, or with the contacts' answers."""
-        found = np.zeros((self._count, 4, 3, self.size))
-        for at, column in self._fields.items():
-            found[at] = B[:, column]
+        """Beta (..., S, 4, 3, n) out of what inputs do to coordinates (..., n, i): alone, or with contacts' answers."""
+        found = np.zeros((*B.shape[:-2], self._count, 4, 3, self.size))
+        section, over, along = np.array(list(self._fields)).T
+        found[..., section, over, along, :] = np.swapaxes(B[..., list(self._fields.values())], -1, -2)
         return found
 
     def weight(self, upwards: Array, count: int) -> Array:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -100,7 +101,7 @@ class Joined(Generic[AnyBody]):
     def contact_names(self) -> tuple[str, ...]:
         return tuple(contact.name for contact in self.contacts)
 
-    @property
+    @cached_property
     def sides(self) -> tuple[Side, ...]:
         """The places of all contacts, the inner one of each first."""
         found = []
@@ -144,18 +145,24 @@ class Joined(Generic[AnyBody]):
         return np.array([np.nan if c.clearance is None else c.clearance for c in self.contacts])
 
     def row(self, place: Place) -> Row:
-        """The row of a place, on its body's carriers."""
-        body = self.bodies[place.body]
-        assert body.carriers is not None
-        return body.carriers.row(body.row_names.index(place.row), place.row)
+        """The row of a place, on its body's carriers; made once."""
+        if place not in self._rows:
+            body = self.bodies[place.body]
+            assert body.carriers is not None
+            self._rows[place] = body.carriers.row(body.row_names.index(place.row), place.row)
+        return self._rows[place]
+
+    @cached_property
+    def _rows(self) -> dict[Place, Row]:
+        return {}
 
     def range_of(self, place: Place) -> tuple[float, float]:
         """Where the row of a place is defined, in m."""
         body = self.bodies[place.body]
         if body.carriers is None:
             return body.domain
-        first, *_, last = self.row(place).breaks.tolist()
-        return first, last
+        breaks = self.row(place).breaks
+        return float(breaks[0]), float(breaks[-1])
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:

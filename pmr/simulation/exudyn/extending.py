@@ -12,7 +12,6 @@ so that q feels :math:`-C^T \lambda - f G q / l`, and a path, with w = C' q + H'
     F_s = -\lambda^T (C' q + H' f) + \tfrac12 \lambda^T F' \lambda + \frac{f}{2 l^2}\, q^T G q.
 
 Where pads only push, lambda and F are those of the closed ones.  Rigid contacts are constraints C(s) q = 0 of q and s.
-Derivatives of rows are differences.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.exudyn.along import Along
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.formulations import Start, nothing_beyond_matrices
@@ -30,6 +28,7 @@ from pmr.simulation.exudyn.inputs import Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies
 from pmr.simulation.exudyn.paths import Paths
 from pmr.simulation.free_base import FreeBase
+from pmr.system.changing_rows import ChangingRows
 
 Array = NDArray[np.float64]
 
@@ -54,7 +53,9 @@ def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -
 class Extending:
     """What acts between coordinates q (n,) and extensions s (S,) m: forces, their stiffness, and rigid rows."""
 
-    def __init__(self, equations: Equations, contacts: Contacts, boom: FreeBase, paths: Paths, along: Along) -> None:
+    def __init__(
+        self, equations: Equations, contacts: Contacts, boom: FreeBase, paths: Paths, along: ChangingRows
+    ) -> None:
         self._contacts, self._along, self.rigid = contacts, along, np.flatnonzero(contacts.rigid)
         self._numbers = np.flatnonzero(paths.along.any(axis=1))
         self._leaning = [

@@ -34,7 +34,6 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.names import input_of
 from pmr.scene.signals import Constant
-from pmr.simulation.exudyn.along import CURVE, Along
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.extending import Extending
@@ -42,6 +41,7 @@ from pmr.simulation.exudyn.inputs import Driving, Inputs
 from pmr.simulation.exudyn.paths import NodeCoordinate, Paths, check_path
 from pmr.simulation.floating import Extended, Moments, Motion
 from pmr.simulation.free_base import FreeBase
+from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -104,8 +104,8 @@ class Base:
         self._gravity = on.scene.gravity.signal if on.scene.gravity else None
         self._contacts, self._equations, self._known = Contacts(equations, inputs), equations, dict[bytes, Answers]()
         self._gives = bool(self._contacts.gives.any()) and not self._contacts.push
-        self.paths = Paths(mbs, on.scene, paths, equations.system.ranges)
-        self._moments, self.along = (b"", self.boom.boom.moments), Along(equations, self.paths)
+        self.paths = Paths(mbs, on.scene, paths, self.boom.aside)
+        self._moments, self.along = (b"", self.boom.boom.moments), ChangingRows(equations.assembly, self.paths.names)
         self.extending = (
             Extending(equations, self._contacts, self.boom, self.paths, self.along) if self.paths.free else None
         )
@@ -129,18 +129,21 @@ class Base:
         return self.paths.at(t, z, z_t)
 
     def moments(self, at: Extended) -> Moments:
-        """With what contacts that give way answer to inertia; derivatives by extensions are differences."""
+        """With what contacts that give way answer to inertia."""
         key = at.value.tobytes() + at.rate.tobytes()
         if self._gives and key != self._moments[0]:
-            near, give = self.along.at(at.value, at.rate), self._contacts.giving
+            near, give = self.along.at(at.value), self._contacts.giving
             rows, slopes = give(near.rows), give(near.slopes)
-            answer, bent = (np.linalg.solve(rows.F, one) for one in (rows.H, rows.C))
+            answer, bent = np.split(np.linalg.solve(rows.F, np.hstack([rows.H, rows.C])), [rows.H.shape[1]], axis=1)
             B_slope = -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ (slopes.H - slopes.F @ answer)
-            line = self._contacts.sprung(give(near.line))[:, :, self._size :]
-            B_curve = (line[2] - 2.0 * line[1] + line[0]) * (at.rate @ at.rate) / CURVE**2
-            slope = np.stack([self.boom.moments(one) for one in B_slope], axis=-1)
-            now = self._equations.B - rows.C.T @ answer
-            self._moments = key, Moments(self.boom.moments(now), slope, self.boom.moments(B_curve))
+            B, B_curve = self._equations.B - rows.C.T @ answer, np.zeros_like(self._equations.B)
+            if at.rate.any():
+                first, second = map(give, near.along(at.rate))
+                answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
+                B_curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
+                B_curve -= bent.T @ (second.H - second.F @ answer - 2.0 * first.F @ answer_rate)
+            of = self.boom.moments
+            self._moments = key, Moments(of(B), np.moveaxis(of(B_slope), 0, -1), of(B_curve))
         return self._moments[1]
 
     def answers(self, s: Array) -> Answers:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,42 +50,36 @@ def check_path(name: str, path: Any) -> None:
 
 
 class Paths:
-    """Extensions of all sections, of which those that are coordinates of nodes are asked for with these."""
+    """Extensions of all sections, of which those that are coordinates of nodes are asked for with these.
 
-    def __init__(
-        self, mbs: Any, scene: Scene, paths: Mapping[str, Any], ranges: Mapping[str, tuple[float, float]]
-    ) -> None:
-        # the sections', and those that move none
-        self._names = (*scene.names[1:], *(name for name in ranges if name not in scene.names))
+    Behind them stand paths `aside`, which move no section.
+    """
+
+    def __init__(self, mbs: Any, scene: Scene, paths: Mapping[str, Any], aside: Sequence[str] = ()) -> None:
+        #: of the P paths; the first is that of the base, which stays
+        self.names = (*scene.names, *aside)
         self._t, h = np.nan, scene.time.step
-        self.free = {name: path for name in self._names if isinstance(path := paths.get(name), NodeCoordinate)}
-        self._given = {name: _Path(paths[name], h, mbs) for name in self._names if name not in self.free}
+        self.free = {name: path for name in self.names[1:] if isinstance(path := paths.get(name), NodeCoordinate)}
+        self._given = {name: _Path(paths[name], h, mbs) for name in self.names[1:] if name not in self.free}
         self.nodes = list(dict.fromkeys(path.node for path in self.free.values()))
         sizes = [len(mbs.GetNode(node)["referenceCoordinates"]) for node in self.nodes]
         first = dict(zip(self.nodes, np.cumsum([0, *sizes]).tolist(), strict=False))
         #: d s / d z (P, m), of the extensions, the base's 0 first, by the m coordinates of the nodes
-        self.along = np.zeros((1 + len(self._names), sum(sizes)))
+        self.along = np.zeros((len(self.names), sum(sizes)))
         self.reference = np.array([one for node in self.nodes for one in mbs.GetNode(node)["referenceCoordinates"]])
         for name, path in self.free.items():
-            self.along[1 + self._names.index(name), first[path.node] + path.number] = 1.0
-        self._known = np.zeros((3, 1 + len(self._names)))
-        everywhere = (-np.inf, np.inf)
-        #: between which rows are defined, (P,) m
-        self.low, self.high = np.array([everywhere, *(ranges.get(name, everywhere) for name in self._names)]).T
+            self.along[self.names.index(name), first[path.node] + path.number] = 1.0
+        self._known = np.zeros((3, len(self.names)))
 
     def at(self, t: float, z: Array, z_t: Array) -> Extended:
         """At t s with the nodes' coordinates and rates (m,); second rates are those of signals and functions."""
         if t != self._t:
             self._t, self._known = t, np.zeros_like(self._known)
-            for number, name in enumerate(self._names, 1):
+            for number, name in enumerate(self.names):
                 if name in self._given:
                     self._known[:, number] = self._given[name].at(t)
         s, v, a = self._known
         return Extended(s + self.along @ (z + self.reference), v + self.along @ z_t, a)
-
-    def named(self, s: Array) -> dict[str, Array]:
-        """Extensions (..., P) by the paths' names."""
-        return {name: s[..., k] for k, name in enumerate(self._names, 1)}
 
 
 class _Path:

@@ -1,0 +1,170 @@
+r"""The contacts of a system as functions of its paths s: their rows, and how these change as the paths move.
+
+With the weights b of all sides at x = a + v s, piecewise polynomials on the carriers U of each body
+(`pmr.constraints.rows`),
+
+.. math::
+    C = b\, U \Phi, \quad F = b\, (U R U^T)\, b^T + k^{-1}, \quad H = b\, U R B, \qquad
+    \frac{\partial b}{\partial s_p} = v\, b'(x)
+
+of the sides that travel on path p, so that all derivatives are exact but where a polynomial ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.system.assembly import Assembly
+from pmr.system.contact_rows import ContactRows
+from pmr.system.system import Side
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class ChangingRows:
+    """Of a system of bodies whose rows are on carriers, on paths with the P names in their order.
+
+    An InputError is raised for a body that has tables over its path instead, as plain bases of a body alone have.
+    """
+
+    def __init__(self, assembly: Assembly, names: Sequence[str]) -> None:
+        system = assembly.system
+        for name, body in system.bodies.items():
+            if body.carriers is None and system.sides_of(name):
+                allowed = "a body whose rows are on carriers is allowed, as reduction.basis = 'free_modes' makes them"
+                raise InputError("system", f"bodies.{name}.carriers", None, allowed)
+        self._compliance, self._inputs, self._size = np.diag(system.compliance), assembly.B.shape[1], assembly.size
+        self._bodies = [_Body(assembly, name, names) for name in system.bodies if system.sides_of(name)]
+        self._system, self._names, everywhere = system, names, (-np.inf, np.inf)
+        self._ends = np.array([system.ranges.get(name, everywhere) for name in names]).T
+        self._key, self._known = b"", self._at(np.clip(np.zeros(len(names)), *self._ends))
+
+    def at(self, s: Array) -> Changing:
+        """Where the paths are at s (P,) m; the last are kept, for what needs them is asked one after the other.
+
+        An InputError is raised where a path leaves a row.
+        """
+        if (key := s.tobytes()) != self._key:
+            if np.any((s < self._ends[0]) | (s > self._ends[1])):
+                self._system.coordinates(dict(zip(self._names, s, strict=True)))
+            self._key, self._known = key, self._at(s)
+        return self._known
+
+    def _at(self, s: Array) -> Changing:
+        m, n, i, P = len(self._compliance), self._size, self._inputs, len(self._names)
+        found = _nothing(m, n, i)
+        slopes, curves = _nothing(m, n, i, P), _nothing(m, n, i, P, P)
+        found.F[:] = self._compliance
+        for body in self._bodies:
+            body.add(s, found, slopes, curves)
+        return Changing(found, slopes, curves)
+
+
+@dataclass(frozen=True)
+class Changing:
+    """All contacts where P paths stand; there are no outputs."""
+
+    rows: ContactRows
+    slopes: ContactRows  # (P, ...) by each path
+    curves: ContactRows  # (P, P, ...) by each two
+
+    def along(self, rates: Array) -> tuple[ContactRows, ContactRows]:
+        """First and second derivative by t where the paths move by rates (P,) m/s, which stay."""
+        first = (np.tensordot(rates, A, 1) for A in vars(self.slopes).values())
+        second = (np.tensordot(rates, np.tensordot(rates, A, 1), 1) for A in vars(self.curves).values())
+        return ContactRows(*first), ContactRows(*second)
+
+
+def _nothing(m: int, n: int, i: int, *paths: int) -> ContactRows:
+    shapes = ((m, n), (m, m), (m, i), (0, m))
+    return ContactRows(*(np.zeros((*paths, *shape)) for shape in shapes))
+
+
+class _Body:
+    """What one body contributes: k sides, each on d carriers wherever it is, their polynomials of one degree."""
+
+    def __init__(self, assembly: Assembly, name: str, names: Sequence[str]) -> None:
+        system = assembly.system
+        self._carriers = system.bodies[name].carriers
+        assert self._carriers is not None
+        self._values = self._carriers.values[:, assembly.free[name]]
+        self._coordinates, self._inputs = assembly.coordinates[name], assembly.inputs[name]
+        sides: list[Side] = [system.sides[number] for number in system.sides_of(name)]
+        rows = [system.row(side.place) for side in sides]
+        self._contacts, k = np.array([side.contact for side in sides]), len(sides)
+        self._path = np.array([-1 if (path := side.place.path) is None else names.index(path) for side in sides])
+        self._start, self._rate = (
+            np.array([getattr(side.place, what) for side in sides], float) for what in ("at", "rate")
+        )
+        self._signs = np.array([side.sign for side in sides], float)
+        self._breaks = [row.breaks for row in rows]
+        self._ends = np.array([[row.breaks[0], row.breaks[-1]] for row in rows]).T
+        self._powers, d = (max(row.coefficients.shape[axis] for row in rows) for axis in (0, 2))
+        self._touched = [_wider(row.touched, row.touched.shape[0], d) for row in rows]
+        self._coefficients = [_wider(row.coefficients, self._powers, row.coefficients.shape[1], d) for row in rows]
+        # where a side's weights stand among all: (contacts, sides times carriers)
+        self._shape = (len(system.contacts), k * d)
+        self._at = self._contacts[:, None], np.arange(k * d).reshape(k, d)
+
+    def _weights(self, s: Array) -> tuple[Indices, Array]:
+        """The carriers (k d,) that the sides touch, and their weights with two derivatives by s (3, k, d)."""
+        travelling = self._path >= 0
+        x = np.clip(self._start + np.where(travelling, self._rate * s[self._path], 0.0), *self._ends)
+        number = [
+            min(max(int(breaks.searchsorted(at, side="right")) - 1, 0), len(breaks) - 2)
+            for breaks, at in zip(self._breaks, x, strict=True)
+        ]
+        touched = np.concatenate([one[j] for one, j in zip(self._touched, number, strict=True)])
+        c = np.array([one[:, j] for one, j in zip(self._coefficients, number, strict=True)])  # (k, powers, d)
+        beyond = x - [breaks[j] for breaks, j in zip(self._breaks, number, strict=True)]
+        exponents, powers = np.arange(self._powers - 1, -1, -1), np.zeros((3, len(x), self._powers))
+        factor, rate = np.ones(len(exponents)), np.where(travelling, self._rate, 0.0)
+        for order in range(3):
+            left = np.maximum(exponents - order, 0)
+            powers[order] = factor * beyond[:, None] ** left * (self._signs * rate**order)[:, None]
+            factor = factor * (exponents - order)
+        return touched, np.einsum("jkp,kpd->jkd", powers, c)
+
+    def add(self, s: Array, rows: ContactRows, slopes: ContactRows, curves: ContactRows) -> None:
+        """To all contacts at s (P,) m."""
+        assert self._carriers is not None
+        touched, weights = self._weights(s)
+        known, P = self._carriers.flexibility, len(s)
+        b, b_s, b_ss = np.zeros(self._shape), np.zeros((P, *self._shape)), np.zeros((P, *self._shape))
+        b[self._at] = weights[0]
+        for path in set(self._path.tolist()) - {-1}:
+            for found, one in ((b_s, weights[1]), (b_ss, weights[2])):
+                found[path][self._at] = np.where((self._path == path)[:, None], one, 0.0)
+        each, own = np.arange(P), [(("C", self._coordinates), self._values)]
+        if known is not None:
+            own.append((("H", self._inputs), known.inputs))
+        for (what, columns), values in own:
+            on = values[touched]
+            getattr(rows, what)[:, columns] += b @ on
+            getattr(slopes, what)[:, :, columns] += b_s @ on
+            getattr(curves, what)[each, each, :, columns] += b_ss @ on
+        if known is None:
+            return
+        R = known.rows[touched[:, None], touched]
+        Rb = (R + R.T) / 2.0 @ b.T
+        rows.F[:] += b @ Rb
+        slope, curve, mixed = b_s @ Rb, b_ss @ Rb, b_s @ ((R + R.T) / 2.0)
+        slopes.F[:] += slope + slope.transpose(0, 2, 1)
+        curves.F[each, each] += curve + curve.transpose(0, 2, 1)
+        crossed = np.einsum("pma,qna->pqmn", mixed, b_s)
+        curves.F[:] += crossed + crossed.transpose(0, 1, 3, 2)
+
+
+def _wider(values: NDArray[Any], *shape: int) -> NDArray[Any]:
+    """With zeros before the first powers and behind the last carriers."""
+    first = shape[0] - values.shape[0]
+    found = np.zeros(shape, values.dtype)
+    found[first:, ..., : values.shape[-1]] = values
+    return found
