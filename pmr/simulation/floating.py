@@ -174,7 +174,7 @@ class State:
         n, e, beyond, lean = self.of.size, _E[0], self.beyond, self.lean
         found = np.zeros((6 + n + beyond.shape[1],) * 2)
         found[:3, :3] = self.of.mass * np.eye(3)
-        found[:3, 3:6] = -_crossing(self.s)
+        found[:3, 3:6] = -crossing(self.s)
         found[3:6, 3:6] = self.inertia
         J = self.J
         found[:3, 6 : 6 + n] = J[:, 0].sum(axis=0)
@@ -182,7 +182,7 @@ class State:
         found[3:6, 6 : 6 + n] = turned + self.tq
         # beside what it moves, a path changes what coordinates and leaning cylinders move
         found[:3, 6 + n :] = np.outer(e, self.masses @ beyond) + lean[:, 0].sum(axis=0)
-        found[3:6, 6 + n :] = _crossing(e).T @ self.own.T @ beyond
+        found[3:6, 6 + n :] = crossing(e).T @ self.own.T @ beyond
         found[3:6, 6 + n :] += np.einsum("kab,sa,sbe->ke", CROSS, self.d, lean[:, 0])
         found[3:6, 6 + n :] += np.einsum("klj,slje->ke", CROSS, lean[:, 1:])
         found[6 : 6 + n, 6 + n :] = np.einsum("sn,se->ne", J[:, 0, 0], beyond)
@@ -193,10 +193,10 @@ class State:
     def forces(self) -> Array:
         """At a = alpha = q'' = s'' = 0, with the weight, (6 + n + P,)."""
         omega, e, S = self.omega, _E[0], len(self.masses)
-        spin = _crossing(omega)
+        spin = crossing(omega)
         A = spin @ spin
         linear = self.of.mass * self.weight + A @ self.s + 2.0 * spin @ self.s_rate + self.mu_second[:, 0].sum(axis=0)
-        turned = _crossing(self.s) @ self.weight + spin @ (self.inertia @ omega + self.h) + self.inertia_rate @ omega
+        turned = crossing(self.s) @ self.weight + spin @ (self.inertia @ omega + self.h) + self.inertia_rate @ omega
         turned += self._turned(np.zeros(S), self.mu_second)
         y = np.empty((S, 4, 3))  # acceleration of points at rest in the frame
         y[:, 0] = self.weight + self.d @ A.T + 2.0 * np.outer(self.X_rate, spin @ e)
@@ -220,6 +220,6 @@ def _turning(A: Array) -> Array:
     return np.array([A[1, 2] - A[2, 1], A[2, 0] - A[0, 2], A[0, 1] - A[1, 0]])
 
 
-def _crossing(v: Array) -> Array:
+def crossing(v: Array) -> Array:
     """The matrix whose product with r is v x r."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

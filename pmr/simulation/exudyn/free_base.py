@@ -39,7 +39,7 @@ from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.extending import Extending
 from pmr.simulation.exudyn.inputs import Driving, Inputs
 from pmr.simulation.exudyn.paths import NodeCoordinate, Paths, check_path
-from pmr.simulation.floating import Extended, Moments, Motion
+from pmr.simulation.floating import Extended, Moments, Motion, crossing
 from pmr.simulation.free_base import FreeBase
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
@@ -163,12 +163,12 @@ class Base:
 
     def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, Motion, Array]:
         """Lambda (6, k), gamma (6,), the motion of the boom's frame without weight, and its rotation (3, 3)."""
-        angles, c, A = (x + self.reference)[3:], np.array(self._on.place), self._on.axes
+        angles, c, A = (x + self.reference)[3:], crossing(np.array(self._on.place)), self._on.axes
         R, G = np.array(self._rotations.matrix(angles)), np.array(self._rotations.velocity(angles))
         omega, left = G @ rate[3:], self._rotations.remainder(angles, rate[3:])
         found = np.zeros((6, len(x)))
-        found[:3, :3], found[:3, 3:], found[3:, 3:] = (R @ A).T, -A.T @ np.cross(c, G, axisb=0, axisc=0), A.T @ G
-        gamma = np.append(A.T @ (np.cross(left, c) + np.cross(omega, np.cross(omega, c))), A.T @ left)
+        found[:3, :3], found[:3, 3:], found[3:, 3:] = (R @ A).T, -A.T @ c @ G, A.T @ G
+        gamma = np.append(-A.T @ (c @ left + crossing(omega) @ c @ omega), A.T @ left)
         return found, gamma, Motion(A.T @ omega, np.zeros(3)), R @ A
 
     def at(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array, Array]:
