@@ -42,6 +42,7 @@ from pmr.simulation.exudyn.paths import NodeCoordinate, Paths, check_path
 from pmr.simulation.floating import Extended, Moments, Motion, crossing
 from pmr.simulation.free_base import FreeBase
 from pmr.system.changing_rows import ChangingRows
+from pmr.system.contact_rows import ContactRows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -82,6 +83,8 @@ class Answers:
 
     B: Array
     E: Array
+    B_slope: Array  # d B / d s, (P, n, i)
+    E_slope: Array  # (P, i, i)
 
 
 class Base:
@@ -132,33 +135,34 @@ class Base:
         """With what contacts that give way answer to inertia."""
         key = at.value.tobytes() + at.rate.tobytes()
         if self._gives and key != self._moments[0]:
-            near, give = self.along.at(at.value), self._contacts.giving
-            rows, slopes = give(near.rows), give(near.slopes)
-            answer, bent = np.split(np.linalg.solve(rows.F, np.hstack([rows.H, rows.C])), [rows.H.shape[1]], axis=1)
-            B_slope = -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ (slopes.H - slopes.F @ answer)
-            B, B_curve = self._equations.B - rows.C.T @ answer, np.zeros_like(self._equations.B)
+            known, of, B_curve = self.answers(at.value), self.boom.moments, np.zeros_like(self._equations.B)
             if at.rate.any():
-                first, second = map(give, near.along(at.rate))
+                near, give = self.along.at(at.value), self._contacts.giving
+                rows, first, second = give(near.rows), *map(give, near.along(at.rate))
+                answer, bent = _answers(rows)
                 answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
                 B_curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
                 B_curve -= bent.T @ (second.H - second.F @ answer - 2.0 * first.F @ answer_rate)
-            of = self.boom.moments
-            self._moments = key, Moments(of(B), np.moveaxis(of(B_slope), 0, -1), of(B_curve))
+            self._moments = key, Moments(of(known.B), np.moveaxis(of(known.B_slope), 0, -1), of(B_curve))
         return self._moments[1]
 
     def answers(self, s: Array) -> Answers:
-        """What inputs do where extensions are s (S,) m, with the contacts that give way.
+        """What inputs do where paths are at s (P,) m, with the contacts that give way.
 
         Rigid ones, and pads that only push, are left out.
         """
         key = s.tobytes()
         if key not in self._known:
             B, E = self._equations.B, self._equations.assembly.energy
+            B_slope, E_slope = np.zeros((len(s), *B.shape)), np.zeros((len(s), *E.shape))
             if self._gives:
-                rows = self._contacts.giving(self.along.at(s).rows)
-                answer = np.linalg.solve(rows.F, rows.H)
-                B, E = B - rows.C.T @ answer, E - rows.H.T @ answer
-            self._known = dict(list(self._known.items())[-4:]) | {key: Answers(B, E)}
+                near = self.along.at(s)
+                rows, slopes = self._contacts.giving(near.rows), self._contacts.giving(near.slopes)
+                answer, bent = _answers(rows)
+                turned = slopes.H - slopes.F @ answer
+                B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
+                E, E_slope = E - rows.H.T @ answer, -answer.T @ turned - slopes.H.transpose(0, 2, 1) @ answer
+            self._known = dict(list(self._known.items())[-4:]) | {key: Answers(B, E, B_slope, E_slope)}
         return self._known[key]
 
     def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, Motion, Array]:
@@ -193,6 +197,12 @@ class Base:
             inner = L[6:, k:]
             stiffness = scipy.linalg.block_diag(np.zeros((k, k)), inner.T @ K @ inner)
         return L.T @ pressed.mass @ L, L.T @ force, stiffness
+
+
+def _answers(rows: ContactRows) -> tuple[Array, Array]:
+    """F^-1 H (m, i) and F^-1 C (m, n)."""
+    bent, answer = np.split(rows.answers, [rows.C.shape[1]], axis=1)
+    return answer, bent
 
 
 def _value(driving: Any, mbs: Any, t: float) -> float:

@@ -8,7 +8,8 @@ its force f on the boom in the boom's axes and the loads f_w that act beside, th
 
 a constraint whose multiplier is f.  By virtual work f acts on the base too, at the place where the hook is, so that
 momentum stays.  Coordinates w in m without mass carry :math:`E_h w = e E_h f`, with e the largest of E_h; where nothing
-gives way they are held at zero.
+gives way they are held at zero.  They store :math:`w^T E_h w / 2 e^2`, which changes as an extension s does that is a
+coordinate: with it, the constraint's derivative by s leaves :math:`f^T E_h' f / 2` along the path.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do
@@ -33,12 +34,15 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.simulation.exudyn.free_base import Base
 from pmr.simulation.exudyn.items import SystemItems, add_coordinates
+from pmr.simulation.floating import crossing
 from pmr.simulation.start import InitialState
 
 Array = NDArray[np.float64]
 
 #: Of the largest flexibility: less gives nothing; and m/N, the largest of a model that does not give way.
 ROUND_OFF, TINY = 1e-9, 1e-20
+#: What nodes call their rates at the start.
+RATES = ("initialCoordinates_t", "initialVelocities")
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,8 @@ class Hook:
 
 def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:
     """A point of so many kg where three of the boom's loads act, which begins where the boom carries it unloaded.
+
+    It has the velocity that the boom begins with there.
 
     Parameters
     ----------
@@ -72,25 +78,23 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     base = items.base
     if base is None:
         raise InputError("Exudyn", "on", None, "a boom on a rigid body is allowed to carry a hook")
-    if base.paths.free:
-        allowed = "signals and functions are allowed as extensions of a boom that carries a hook"
-        raise InputError("system", f"paths.{next(iter(base.paths.free))}", "NodeCoordinate", allowed)
-    joint = _Joint(base, items, loads)
-    start = np.concatenate([mbs.GetNode(node)["initialCoordinates"] for node in items.nBodies.values()])
-    carrier = np.array(mbs.GetNode(base.node)["initialCoordinates"])
-    place = joint.place(0.0, carrier, start)
+    nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
+    known = [mbs.GetNode(node) for node in nodes]
+    start = np.concatenate([one["initialCoordinates"] for one in known])
+    rates = np.concatenate([one[next(key for key in RATES if key in one)] for one in known])
+    joint = _Joint(base, items, loads, start)
+    place, velocity = joint.start(start, rates)
     name = f"{mbs.GetMarker(items.mSystem)['name']} {loads[2]}"
-    node = mbs.AddNode(NodePoint(name=name, referenceCoordinates=place))
+    node = mbs.AddNode(NodePoint(name=name, referenceCoordinates=place, initialVelocities=velocity))
     nForce = add_coordinates(mbs, f"{name} force", InitialState.at_rest(3))
-    size = 6 + base.count + len(start)
     oGiven = mbs.AddObject(
         ObjectGenericODE2(
             name=f"{name} gives",
-            nodeNumbers=[nForce, node, base.node, *items.nBodies.values()],
-            massMatrix=_corner(joint.firm, size),
-            forceUserFunction=lambda mbs, t, item, q, q_t: -joint.given(t, size) @ np.array(q),
+            nodeNumbers=[nForce, node, *nodes],
+            massMatrix=joint.mass,
+            forceUserFunction=lambda mbs, t, item, q, q_t: joint.given(t, np.array(q))[0],
             jacobianUserFunction=lambda mbs, t, item, q, q_t, factor, factor_t: exu.MatrixContainer(
-                factor * joint.given(t, size)
+                factor * joint.given(t, np.array(q))[1]
             ),
         )
     )
@@ -111,17 +115,10 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     )
 
 
-def _corner(A: Array, size: int) -> Array:
-    """A (3, 3) as the first block of a matrix (size, size)."""
-    found = np.zeros((size, size))
-    found[:3, :3] = A
-    return found
-
-
 class _Joint:
     """Between a point and where three loads act."""
 
-    def __init__(self, base: Base, items: SystemItems, loads: tuple[str, str, str]) -> None:
+    def __init__(self, base: Base, items: SystemItems, loads: tuple[str, str, str], start: Array) -> None:
         names = items.equations.system.input_names
         if unknown := [name for name in loads if name not in names]:
             raise InputError("system", "loads", ", ".join(unknown), f"{', '.join(names)} are allowed")
@@ -130,60 +127,91 @@ class _Joint:
         work = base.boom.boom.sections[owner].loads[:, self._on]
         turned = work[3:]  # r x e_j
         self._r, self._section = np.array([turned[2, 1], turned[0, 2], turned[1, 0]]), owner
-        there = np.cross(self._r, np.eye(3), axisb=0, axisc=0)
-        E = self._given(0.0)
+        there = crossing(self._r)
         if not (np.allclose(work[:3], np.eye(3)) and np.allclose(turned, there, atol=1e-9)):
             allowed = "forces along x, y and z at one place are allowed"
             raise InputError("system", "loads", ", ".join(loads), allowed)
-        values, vectors = np.linalg.eigh(E)
-        stiff = vectors[:, values <= ROUND_OFF * max(base.answers(base.extended(0.0).value).E.max(), TINY)]
-        self.firm = stiff @ stiff.T  # onto the directions in which nothing gives way at once
+        known = base.answers(self._split(0.0, start)[2])
+        values, vectors = np.linalg.eigh(known.E[np.ix_(self._on, self._on)])
+        stiff = vectors[:, values <= ROUND_OFF * max(known.E.max(), TINY)]
+        self._firm = stiff @ stiff.T  # onto the directions in which nothing gives way at once
         self._scale = float(values[-1]) if values[-1] > 0.0 else 1.0
         self._shortened = list(base.boom.shortened_by(loads[0]))
+        self.mass = np.zeros((6 + len(start),) * 2)  # of w where nothing gives way, kg
+        self.mass[:3, :3] = self._firm
 
-    def _given(self, t: float) -> Array:
-        return self._base.answers(self._base.extended(t).value).E[np.ix_(self._on, self._on)]
+    def _split(self, t: float, z: Array) -> tuple[Array, Array, Array]:
+        """Coordinates of the base, of the boom, and the paths s (P,) m, from those of all nodes but w and hook."""
+        k, n = self._base.count, self._base.boom.size
+        return z[:k], z[k : k + n], self._base.extended(t, z[k + n :], z[k + n :]).value
 
-    def given(self, t: float, size: int) -> Array:
-        """E_h / e at t s and what holds w elsewhere, (size, size), over e: N/m."""
-        return _corner(self._given(t) / self._scale + self.firm, size) / self._scale
+    def _displacements(self, z: Array) -> Array:
+        """Those of all nodes but w and hook, of coordinates as a marker has them: with those of reference."""
+        found, k, paths = z[6:].copy(), self._base.count, self._base.paths
+        found[:k] -= self._base.reference
+        found[len(found) - len(paths.reference) :] -= paths.reference
+        return found
 
-    def _bent(self, t: float, q: Array) -> Array:
-        """G q (n,) at t s."""
-        extended = self._base.extended(t).value
-        parts = [(G if k is None else G / extended[k]) @ q for k, G in self._shortened]
-        return np.asarray(sum(parts, np.zeros_like(q)))
+    def _gives(self, s: Array) -> tuple[Array, Array]:
+        """E_h (3, 3) m/N, and its derivative by the paths (P, 3, 3)."""
+        known, on = self._base.answers(s), np.ix_(self._on, self._on)
+        return known.E[on], known.E_slope[:, *on]
 
-    def _unbent(self, t: float, q: Array, R: Array) -> tuple[Array, Array]:
-        """Where the place is from O in the boom's axes with nothing on the hook, (3,) m, and how q moves it (3, n)."""
-        extended = self._base.extended(t).value
-        answers, X = self._base.answers(extended), np.cumsum(extended)[self._section]
-        moved, bent = answers.B[:, self._on].T, np.outer([1.0, 0.0, 0.0], self._bent(t, q))
-        beside = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
-        sagging = answers.E[self._on] @ beside
-        return self._base.boom.boom.place + [X, 0.0, 0.0] + self._r + (moved - bent / 2.0) @ q + sagging, moved - bent
+    def given(self, t: float, z: Array) -> tuple[Array, Array]:
+        """Force (N,) and stiffness (N, N) of what w stores, and of what holds it where nothing gives way."""
+        w, (_, _, s), along, e = z[:3], self._split(t, z[6:]), self._base.paths.along, self._scale
+        (E, E_slope), K = self._gives(s), np.zeros((len(z),) * 2)
+        first = len(z) - along.shape[1]
+        K[:3, :3] = (E / e + self._firm) / e
+        K[:3, first:] = (E_slope @ w).T @ along / e**2
+        K[first:, :3] = K[:3, first:].T
+        force = -K[:, :3] @ w
+        force[first:] /= 2.0
+        return force, K
 
-    def place(self, t: float, x: Array, q: Array) -> Array:
-        """In space, of nothing on the hook."""
-        _, _, _, R = self._base.kinematics(x, 0.0 * x)
-        return np.asarray(self._base.origin(x) + R @ self._unbent(t, q, R)[0])
+    def _bent(self, s: Array, q: Array) -> tuple[Array, Array]:
+        """G q (n,), and the derivative (P,) of q^T G q / 2 by the paths."""
+        found, by = np.zeros_like(q), np.zeros_like(s)
+        for k, G in self._shortened:
+            l, Gq = (1.0 if k is None else s[k]), G @ q
+            found += Gq / l
+            if k is not None:
+                by[k] -= q @ Gq / l**2 / 2.0
+        return found, by
+
+    def _unbent(self, t: float, q: Array, s: Array, R: Array) -> tuple[Array, Array, Array]:
+        """Where the place is from O in the boom's axes with nothing on the hook, (3,) m; by q (3, n) and s (3, P)."""
+        known, e = self._base.answers(s), np.array([1.0, 0.0, 0.0])
+        moved, (bent, by) = known.B[:, self._on].T, self._bent(s, q)
+        beside = self._base.boom.weight(self._base.weight(t) * R[2], len(known.E)) + np.array(self._inputs.loads(t))
+        carried = np.arange(len(s)) <= self._section
+        at = self._base.boom.boom.place + e * (s @ carried - bent @ q / 2.0) + self._r + moved @ q
+        sliding = (known.B_slope[:, :, self._on].transpose(0, 2, 1) @ q + known.E_slope[:, self._on] @ beside).T
+        return at + known.E[self._on] @ beside, moved - np.outer(e, bent), sliding + np.outer(e, carried - by)
+
+    def start(self, z: Array, z_t: Array) -> tuple[Array, Array]:
+        """Place and velocity in space at t = 0, of nothing on the hook, from all nodes but w and hook."""
+        base, k, n = self._base, self._base.count, self._base.boom.size
+        x, q, s = self._split(0.0, z)
+        turned, _, motion, R = base.kinematics(x, z_t[:k])
+        at, by_q, by_s = self._unbent(0.0, q, s, R)
+        moved = by_q @ z_t[k : k + n] + by_s @ base.extended(0.0, z[k + n :], z_t[k + n :]).rate
+        velocity = turned[:3] @ z_t[:k] + crossing(motion.omega) @ at + moved
+        return np.asarray(base.origin(x) + R @ at), np.asarray(R @ velocity)
 
     def gap(self, t: float, z: Array) -> Array:
-        """G (3,) m of w, hook, base and coordinates z, as a marker has them: with those of reference."""
-        x, q = self._split(z)
+        """G (3,) m of coordinates z of w, hook, base, boom and paths, as a marker has them."""
+        x, q, s = self._split(t, self._displacements(z))
         _, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))
-        return np.asarray(at - self._unbent(t, q, R)[0] - self._given(t) @ z[:3] / self._scale)
+        return np.asarray(at - self._unbent(t, q, s, R)[0] - self._gives(s)[0] @ z[:3] / self._scale)
 
     def moved(self, t: float, z: Array) -> Array:
         """Its derivative (3, N)."""
-        x, q = self._split(z)
+        x, q, s = self._split(t, self._displacements(z))
         turned, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))
-        on_base = np.cross(at, turned[3:], axisb=0, axisc=0) - turned[:3]
-        return np.hstack([-self._given(t) / self._scale, R.T, on_base, -self._unbent(t, q, R)[1]])
-
-    def _split(self, z: Array) -> tuple[Array, Array]:
-        """Coordinates of the base, and of the boom."""
-        k = self._base.count
-        return z[6 : 6 + k] - self._base.reference, z[6 + k :]
+        on_base = crossing(at) @ turned[3:] - turned[:3]
+        (E, E_slope), (_, by_q, by_s) = self._gives(s), self._unbent(t, q, s, R)
+        along = -(by_s + (E_slope @ z[:3]).T / self._scale) @ self._base.paths.along
+        return np.hstack([-E / self._scale, R.T, on_base, -by_q, along])

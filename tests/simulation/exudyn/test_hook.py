@@ -9,7 +9,7 @@ import exudyn as exu
 import free_boom
 import numpy as np
 import pytest
-from exudyn.utilities import MarkerNodePosition, ObjectConnectorDistance, SensorNode
+from exudyn.utilities import MarkerNodePosition, ObjectConnectorDistance, SensorNode, SensorObject
 from free_turret import Turret
 from numpy.typing import NDArray
 
@@ -78,6 +78,38 @@ def test_a_payload_on_a_rope_swings_as_a_pendulum() -> None:
     before = np.flatnonzero(y[:-1] * y[1:] < 0.0)
     first, second = (t[k] - y[k] * (t[k + 1] - t[k]) / (y[k + 1] - y[k]) for k in before)
     assert 2.0 * (second - first) == pytest.approx(2.0 * np.pi * np.sqrt(LENGTH / GRAVITY), rel=1e-3)
+
+
+def test_adrift_with_a_mass_on_the_hook_while_a_spring_draws_it_out_energy_and_momenta_stay_but_for_the_step() -> None:
+    """The extension is a coordinate that feels what pulls on the hook, and what gives way to it."""
+    found = []
+    for step in (4e-3, 2e-3):
+        scene = free_boom.scene("time.end=0.04", f"time.step={step}").model_copy(update={"gravity": None})
+        turret = Turret(scene, initialAngularVelocity=[0.8, -0.5, 1.1], initialVelocity=[0.4, 0.3, -0.2])
+        turret.draw(rod=50.0, s=0.6, rate=-0.8, spring=2e5)
+        turret.add()
+        hook = add_hook(turret.mbs, turret.items, LOADS, 40.0)
+        kinds = exu.OutputVariableType
+        sensors = [
+            turret.mbs.AddSensor(SensorNode(nodeNumber=hook.nHook, outputVariableType=kind, storeInternal=True))
+            for kind in (kinds.Position, kinds.Velocity)
+        ]
+        pulled = turret.mbs.AddSensor(
+            SensorObject(objectNumber=hook.oJoint, outputVariableType=kinds.Force, storeInternal=True)
+        )
+        turret.solve()
+        x, v, f = (turret.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in (*sensors, pulled))
+        base, numbers = turret.base(), [turret.system.input_names.index(name) for name in LOADS]
+        paths = [base.extended(t, z, z_t).value for t, z, z_t in zip(turret.t, turret.z, turret.z_t, strict=True)]
+        E = np.array([base.answers(s).E[np.ix_(numbers, numbers)] for s in paths])
+        energy = turret.energies() + 20.0 * (v**2).sum(axis=1) + np.einsum("ti,tij,tj->t", f, E, f) / 2.0
+        p = turret.momenta() + np.hstack([40.0 * v, np.cross(x, 40.0 * v)])
+        lost = np.abs(p - p[0]).max(axis=0) / np.abs(p[0].reshape(2, 3)).max(axis=1).repeat(3)
+        found.append([np.abs(energy - energy[0]).max() / energy[0], lost.max()])
+        assert np.abs(f).max() > 100.0
+    coarse, fine = np.array(found)
+    assert coarse.max() < 2e-4
+    np.testing.assert_allclose(coarse / fine, 4.0, rtol=0.25)
 
 
 def test_what_is_refused() -> None:
