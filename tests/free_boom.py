@@ -21,7 +21,14 @@ def scene(*changes: str) -> Scene:
 
 
 @cache
-def system() -> System:
+def system(*changes: str) -> System:
     """Its sections, reduced, with second order; all modes have inertia."""
-    reduced = pmr.reduce(scene()).reduced
-    return with_all_inertia(system_of(scene(), reduced))
+    reduced = pmr.reduce(scene(*changes)).reduced
+    return with_all_inertia(system_of(scene(*changes), reduced))
+
+
+#: Keys by which all its pads only push.
+PUSHING = tuple(
+    f"section.joint.{end}=[{{at=0.2, faces={{bottom=[-0.05, 0.05], top=[-0.05, 0.05], left=[0.0], right=[0.0]}}}}]"
+    for end in ("tail", "mouth")
+)

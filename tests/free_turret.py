@@ -29,12 +29,17 @@ KINDS = {"EP": exu.NodeType.RotationEulerParameters, "xyz": exu.NodeType.Rotatio
 class Turret:
     """A boom on a rigid body, and what is measured of both."""
 
-    def __init__(self, scene: Scene, kind: str = "EP", **body: Any) -> None:
-        self._container, self.scene, self.system = exu.SystemContainer(), scene, free_boom.system()
+    def __init__(self, scene: Scene, kind: str = "EP", changes: tuple[str, ...] = (), **body: Any) -> None:
+        self._container, self.scene, self.system = exu.SystemContainer(), scene, free_boom.system(*changes)
         self.mbs, self.excitation = self._container.AddSystem(), Excitation.of(scene)
         self.body = self.mbs.CreateRigidBody(inertia=TURRET, nodeType=KINDS[kind], **body)
         self.on = OnBody(self.body, scene, PLACE)
         self.rod, self.spring, self.rods = 0.0, 0.0, list[Any]()
+
+    def hold(self) -> None:
+        """To the ground."""
+        ground = self.mbs.CreateGround()
+        self.mbs.CreateGenericJoint(itemNumbers=[ground, self.body], position=[0.0, 0.0, 0.0])
 
     def draw(self, rod: float, s: float, rate: float, spring: float = 0.0) -> None:
         """Have a rod of so many kg draw the fly out, at s m and rate m/s, on a spring in N/m relaxed at 0.55 m."""

@@ -31,8 +31,7 @@ def test_held_it_is_the_boom_on_the_ground() -> None:
     """Raised by 0.3 rad, from rest under its weight while it telescopes."""
     scene = free_boom.scene("time.end=0.04")
     turret = Turret(scene, referenceRotationMatrix=RotationMatrixY(-0.3))
-    ground = turret.mbs.CreateGround()
-    turret.mbs.CreateGenericJoint(itemNumbers=[ground, turret.body], position=[0.0, 0.0, 0.0])
+    turret.hold()
     start = systems.static_start(turret.system, turret.excitation)
     turret.add(start)
     turret.solve()
@@ -180,6 +179,31 @@ def test_a_heavy_rod_draws_it_out_as_a_signal_does() -> None:
         turret.solve()
         q.append(turret.q)
     np.testing.assert_allclose(q[1], q[0], rtol=0.0, atol=1e-6 * np.abs(q[0]).max())
+
+
+def test_on_pads_that_push() -> None:
+    """Held and raised, some pads open: as on the ground, but for how weight bends what is between pads at once."""
+    scene = free_boom.scene("time.end=0.04", *free_boom.PUSHING)
+    steady, q = Table(times=[0.0, 1.0], values=[0.5, 1.0], interpolation="linear"), []
+    ramp = Excitation.of(scene).paths["fly"]
+    for path, rod in ((ramp, None), (steady, None), (None, 1e9)):
+        turret = Turret(scene, changes=free_boom.PUSHING, referenceRotationMatrix=RotationMatrixY(-0.3))
+        turret.hold()
+        start = systems.static_start(turret.system, turret.excitation)
+        if path is None:
+            turret.draw(rod, s=0.5, rate=0.5)
+        else:
+            turret.excitation = replace(turret.excitation, paths={"fly": path})
+        turret.add(start)
+        turret.solve()
+        q.append(turret.q)
+    given = Excitation.of(scene)
+    whole = given.with_stepping(replace(given.stepping, parts=1))
+    expected = systems.simulate(turret.system, whole, start)
+    on_ground = np.hstack([one.q for one in expected.bodies.values()])
+    assert np.abs(q[0] - on_ground).max() < 1e-4 * np.abs(on_ground).max()
+    np.testing.assert_allclose(q[2], q[1], rtol=0.0, atol=1e-6 * np.abs(q[1]).max())
+    assert 0 < np.count_nonzero(expected.forces[-1]) < len(expected.forces[-1])
 
 
 def test_what_is_refused() -> None:
