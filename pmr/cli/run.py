@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -91,12 +92,14 @@ def run(
 
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
         ensure_writable(where, RESULT_FILES)
-    import numpy as np
+    with environment.uncollected():
+        import numpy as np
 
-    from pmr.errors.environment import Clock
-    from pmr.files.users import users_folder
-    from pmr.pipeline import run as run_scene
-    from pmr.report.document import REPORT_FILES, write_report
+        from pmr.errors.environment import Clock
+        from pmr.files.users import users_folder
+        from pmr.pipeline import run as run_scene
+        from pmr.report.document import REPORT_FILES, write_report
+    gc.freeze()  # what is loaded stays: later looks for garbage need not go through it
 
     first = rank() == 0
     outcomes = []

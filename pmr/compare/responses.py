@@ -39,7 +39,7 @@ MARCHED_UP_TO = 400
 #: The same of several sections, which are diagonalised one by one.
 SECTIONS_MARCHED_UP_TO = 1200
 #: s: what takes no longer is simulated several times, since the first one may be cold.
-SHORT = 2.0
+SHORT = 0.1
 
 
 @dataclass(frozen=True)

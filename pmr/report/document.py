@@ -12,7 +12,7 @@ from typing import Any
 
 import jinja2
 
-from pmr.errors.environment import needed
+from pmr.errors.environment import needed, uncollected
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Chapter
@@ -36,6 +36,7 @@ class ReportFiles:
     pdf: Path
 
 
+@uncollected()
 def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
 
@@ -56,6 +57,7 @@ def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     return write(page(chapters, dated(KIND, [result.summary for result in results])), folder)
 
 
+@uncollected()
 def write(text: str, folder: Path) -> ReportFiles:
     """Write a page as both files."""
     with fresh(folder, REPORT_FILES) as new:

@@ -113,6 +113,7 @@ def embedded(family: str, characters: str) -> str:
     options = subset.Options(layout_features=["kern"], hinting=False, notdef_outline=True)
     options.drop_tables += ["FFTM"]
     font = TTFont(_FILE, recalcTimestamp=False)
+    del font["GSUB"]  # ligatures: to read the table takes most of the time, and no feature of it is asked for
     subsetter = subset.Subsetter(options)
     subsetter.populate(text=characters + " ")
     subsetter.subset(font)

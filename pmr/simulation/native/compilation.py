@@ -14,6 +14,8 @@ from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
+from pmr.errors.environment import uncollected
+
 # Without Numba's runtime nothing can be allocated.  NaN and infinity stay visible, while sums may be reordered.
 OPTIONS = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}, "error_model": "numpy", "nogil": True, "_nrt": False}
 
@@ -45,8 +47,16 @@ class _Part(JITCodeLibrary):
         """Nothing: what can't raise or print needs none."""
 
 
+class _WholeCompiler(Compiler):
+    """Numba's, for what Python calls; what it makes of all parts is there until the end anyway."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        with uncollected():
+            return super().compile_extra(function)
+
+
 class _PartCompiler(Compiler):
-    """Numba's, for such a function."""
+    """Numba's, for a function that is a part of others."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         self.state.library = _Part(self.state.targetctx.codegen(), function.__qualname__)
@@ -62,20 +72,21 @@ inlined = njit(
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile on the first call and keep the result on disk, as ``njit(cache=True)``."""
-    return _cached(njit(**OPTIONS)(function))
+    return _whole(function)
 
 
 def compiled_and_inlined(function: Callable[..., Any]) -> Any:
     """The same for functions that compiled loops of others call."""
-    return _cached(njit(forceinline=True, **OPTIONS)(function))
+    return _whole(function, forceinline=True)
 
 
 def compiled_for_python(function: Callable[..., Any]) -> Any:
     """The same for functions so short that to hand the interpreter to other threads would take as long."""
-    return _cached(njit(**(OPTIONS | {"nogil": False}))(function))
+    return _whole(function, nogil=False)
 
 
-def _cached(dispatcher: Any) -> Any:
+def _whole(function: Callable[..., Any], **options: bool) -> Any:
+    dispatcher = njit(pipeline_class=_WholeCompiler, **(OPTIONS | options))(function)
     with suppress(RuntimeError):  # no folder for it can be written to: it is compiled anew in each process
         dispatcher._cache = _Cache(dispatcher.py_func)
     return dispatcher
