@@ -1,0 +1,219 @@
+"""Every command of the manual is run by a test, or stands here with the test that runs it or with why none does."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from processes import called
+
+import pmr
+from pmr import scene as scenes
+from pmr.cli.app import app
+from pmr.cli.console import scene_file, study_file
+
+ROOT = Path(__file__).parents[1]
+TUTORIALS = ROOT / "docs" / "tutorials"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(TUTORIALS.glob("*.md"))]
+PROGRAM = r"(?:pmr|make|pip|python -m|mpirun|mpiexec|sbatch|ccx)"
+
+SHELL = "--set mesh.size=0.2 --set mesh.along=0.75"
+TRAVEL = "--set slider.travel=[1.5,4.0]"
+BOOM = "reports/boom_shell/reduced.npz"
+AMPLITUDE = '"loads.tip force.signal.amplitude=2000"'
+THREE = "reports/boom_three/system.npz"
+#: What is run here, in this order and one folder, and what makes it short.
+RUN = {
+    f"pmr info {BOOM}": "",
+    f"pmr simulate {BOOM} --scene boom_shell --set time.end=5 --out reports/shorter": f"{SHELL} {TRAVEL} "
+    "--set time.end=0.02",
+    f"pmr export {BOOM} --to fmu --out boom.fmu": "",
+    "python -m zipfile -e boom.fmu boom": "",
+    f"pmr export {BOOM} --to dmig --at 1.5,4 --out boom.bdf": "",
+    f"pmr export {BOOM} --to matlab": "",
+    f"pmr export {BOOM} --to python-control": "",
+    f"pmr export {BOOM} --to frequency-response": "",
+    f"pmr info {THREE}": "",
+    f"pmr simulate {THREE} --scene boom_three --set time.end=2 --out reports/shorter": "--set section.mesh.elements=8 "
+    "--set time.end=0.02",
+    f"pmr export {THREE} --to fmu --out three.fmu": "",
+    'pmr export reports/boom_octagonal/system.npz --to matlab --at "fly=1; fly=2.5"': "",
+    "pmr export two/system.npz --to exudyn": "",
+    "pmr flexible boom_solid --at 2.5 --to sid --set masses=[]": "--set mesh.size=0.15 --set mesh.along=0.75",
+    "pmr flexible boom_solid --at 2.5 --to ffrf --set masses=[]": "--set mesh.size=0.15 --set mesh.along=0.75",
+    "pmr flexible boom_shell --at 2.5 --to simscape": SHELL,
+    "pmr schema scene": "",
+    "pmr new telescope telescope": "",
+    "pmr new platform platform": "",
+    "pmr new boom mine": "",
+    "pmr run mine": "--set time.end=0.1",
+    f"pmr simulate reports/mine/reduced.npz --scene mine --set {AMPLITUDE} --out reports/strong": "--set time.end=0.1",
+    "pmr study workflows/studies/coordinates.toml --list": "",
+}  # fmt: skip
+#: What another test runs, shorter or not.
+TESTED = {
+    "pmr info evolved/reduced.npz": "tests/cli/test_app.py",
+    "pmr study chart.toml": "tests/test_tutorials.py::test_a_load_chart_from_an_empty_folder",
+    "pmr chart crane --up-to 20000": "tests/test_tutorials.py::test_a_load_chart_from_an_empty_folder",
+    "pmr new crane mine": "tests/test_tutorials.py::test_a_crane_from_an_empty_folder",
+    "pmr new telescope mine": "tests/cli/test_start.py::test_a_new_scene_is_accepted_and_has_the_folders_name",
+    "pmr new platform mine": "tests/cli/test_start.py::test_a_new_scene_is_accepted_and_has_the_folders_name",
+    "pmr matrices job.sti": "tests/peers/test_matrices_in.py",
+    "pmr run SCENE --tolerance 1%": "tests/compare/accuracy/test_order.py",
+    "pmr run SCENE --cache DIR": "tests/ways/test_ways.py",
+    f"pmr export {THREE} --to fmu --platforms all": "tests/export/fmi/test_platforms.py",
+    "sbatch --ntasks=65 workflows/study.slurm STUDY.toml": "tests/cli/test_study.py",
+    "sbatch --ntasks=65 workflows/study.slurm STUDY.toml reports/study": "tests/cli/test_study.py",
+    "sbatch workflows/scale.slurm 0.0125 1 2 4 8 16 32 64": "tests/benchmarks/test_scale.py",
+    "mpirun -n 4 pmr run SCENE.toml": "tests/test_run.py",
+    "pmr study STUDY.toml --list": "tests/cli/test_study.py",
+    "mpiexec -n 65 python -m mpi4py.futures -m pmr study workflows/studies/coordinates.toml": "tests/cli/test_study.py",
+    "pmr run boom_two --out two": "tests/simulation/exudyn",
+}
+#: Of which something is left out where the text goes on about it.
+PARTS = {"pmr new boom", "pmr new crane", "pmr export system.npz"}
+MEASURES = "it measures, on a quiet machine: its module is looked up here"
+#: What no test runs, and why.
+NOT_RUN = {
+    "pmr run": "a scene that comes along, half a minute to some minutes: it is loaded here, with what is set",
+    "pmr study": "a study that comes along, a minute to an hour: its runs are planned here",
+    "make": "it sets up, tests or measures: its target is looked up here",
+    "pip install": "it needs an index: its extras are looked up here",
+    **dict.fromkeys(
+        ("python -m benchmarks", "python -m benchmarks.walls", "python -m benchmarks.before_after"), MEASURES
+    ),
+    "ccx": "it is another program, which make test-peers runs",
+    "pmr --install-completion": "it changes the shell of who calls it",
+}
+
+
+@cache
+def commands() -> dict[str, list[str]]:
+    """All commands that say what they are done to, a line or a piece of code each, with the pages that have them."""
+    found = dict[str, list[str]]()
+    for page in PAGES:
+        text = page.read_text()
+        lines = re.findall(rf"^(?: {{4}})?(?:\$ )?({PROGRAM} [^#\n]*)", text, flags=re.M)
+        pieces = re.findall(rf"`({PROGRAM} [^`]+)`", text.replace("\n", " "))
+        for command in (one for text in (*lines, *pieces) for one in text.split(" && ")):
+            if not mentioned(command := " ".join(command.split())):
+                found.setdefault(command, []).append(page.name)
+    return found
+
+
+def mentioned(command: str) -> bool:
+    """Whether it is a command's name, maybe with an option, without what it is done to."""
+    name = r"(mpirun -n 2 )?pmr [a-z]+( --[a-z-]+( [a-z0-9-]+)?)?"
+    return re.fullmatch(name, command) is not None or command in PARTS
+
+
+def in_tutorials() -> set[str]:
+    """Commands in blocks of the tutorials, which `test_tutorials` runs one by one."""
+    blocks = [
+        block
+        for page in TUTORIALS.glob("*.md")
+        for block in re.findall(r"^```\n(.*?)^```$", page.read_text(), flags=re.S | re.M)
+    ]
+    return {" ".join(block.splitlines()[0].removeprefix("$ ").split()) for block in blocks}
+
+
+@pytest.mark.parametrize("command", commands())
+def test_a_command_is_run_or_it_is_said_why_not(command: str) -> None:
+    if command in RUN or command in in_tutorials():
+        return
+    if command in TESTED:
+        file, _, name = TESTED[command].partition("::")
+        assert (ROOT / file).exists()
+        assert not name or f"def {name}(" in (ROOT / file).read_text()
+        return
+    reason = [start for start in NOT_RUN if f"{command} ".startswith(f"{start} ")]
+    assert reason, f"{commands()[command]}: run it in RUN of this file, or say in TESTED or NOT_RUN who does or why not"
+    words = shlex.split(command)
+    if command.startswith("pmr run "):
+        changes = [words[k + 1] for k, word in enumerate(words) if word == "--set"]
+        assert scenes.load_any(scene_file(Path(words[2])), changes).title
+    elif command.startswith("pmr study "):
+        assert study_file(ROOT / words[2] if "/" in words[2] else Path(words[2])).is_file()  # test_workflows plans each
+    elif command.startswith("make "):
+        assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), flags=re.M)
+    elif words[:2] == ["pip", "install"] and words[2].startswith("."):
+        extras = re.findall(r"[a-z]+", words[2])
+        assert set(extras) <= set(
+            tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+        )
+    elif command.startswith("pip install "):
+        assert (
+            words[2] in (ROOT / "pyproject.toml").read_text() or words[2] in (ROOT / "docs" / "matrices.md").read_text()
+        )
+    elif command.startswith("python -m benchmarks"):
+        parts = words[2].split(".")
+        assert (ROOT / Path(*parts)).is_dir() or (ROOT / Path(*parts)).with_suffix(".py").is_file()
+
+
+def test_commands_have_the_options_that_the_manual_gives_them() -> None:
+    group: Any = typer.main.get_command(app)
+    for command in (one for one in commands() if one.startswith("pmr ")):
+        words = shlex.split(command)
+        found = group if words[1].startswith("-") else group.commands[words[1]]
+        known = {name for one in found.params for name in (*one.opts, *one.secondary_opts)}
+        assert {word for word in words if word.startswith("--")} <= known, command
+
+
+def test_what_stands_here_is_in_the_manual() -> None:
+    own = {
+        "pmr new telescope telescope",
+        "pmr new platform platform",
+        "pmr study workflows/studies/coordinates.toml --list",
+    }
+    assert {*RUN, *TESTED} - own <= set(commands()) | in_tutorials()
+
+
+def test_no_page_brings_in_the_package_of_someone_else() -> None:
+    """On the public index `pmr` is another project; ours is pmr-booms."""
+    pages = [
+        *(ROOT / "docs").rglob("*.md"),
+        *ROOT.glob("*.md"),
+        *(ROOT / "pmr").rglob("*.py"),
+        *(ROOT / "docs").rglob("*.py"),
+    ]
+    assert not [page for page in pages if re.search(r"""pip install ["']?pmr["'\[ ]""", page.read_text())]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
+def test_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """In a folder with what the runs of the pages have left, of coarser meshes."""
+    monkeypatch.chdir(tmp_path)
+    linear = ["section.mesh.elements=8", "section.reduction.estimate=false"]
+    for name, changes, file in (
+        ("boom_shell", ["mesh.size=0.2", "mesh.along=0.75", "slider.travel=[1.5, 4.0]"], BOOM),
+        ("boom_three", linear, THREE),
+        ("boom_octagonal", linear, "reports/boom_octagonal/system.npz"),
+        ("boom_two", linear, "two/system.npz"),
+    ):
+        Path(file).parent.mkdir(parents=True, exist_ok=True)
+        reduction = pmr.reduce(pmr.load_scene(name, changes))
+        (reduction.reduced if file == BOOM else reduction.system).save(file)
+    (tmp_path / "workflows").symlink_to(ROOT / "workflows")
+    for command, short in RUN.items():
+        words = shlex.split(f"{command} {short}")
+        if words[0] == "python":
+            assert (tmp_path / "boom.fmu").is_file()
+            continue
+        done = called(monkeypatch, capsys, *words[1:])
+        assert done.returncode == 0, (command, done.stderr)
+    for left in (
+        "boom.bdf",
+        "three.fmu",
+        "two/sliding_body.py",
+        "reports/strong/trajectories.npz",
+        "body.SID_FEM",
+        "body.mat",
+    ):
+        assert (tmp_path / left).is_file(), left
