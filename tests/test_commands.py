@@ -194,7 +194,7 @@ def test_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytes
     for name, changes, file in (
         ("boom_shell", ["mesh.size=0.2", "mesh.along=0.75", "slider.travel=[1.5, 4.0]"], BOOM),
         ("boom_three", linear, THREE),
-        ("boom_octagonal", linear, "reports/boom_octagonal/system.npz"),
+        ("boom_octagonal", [*linear, "section.body.walls=rigid"], "reports/boom_octagonal/system.npz"),
         ("boom_two", linear, "two/system.npz"),
     ):
         Path(file).parent.mkdir(parents=True, exist_ok=True)
