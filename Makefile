@@ -92,13 +92,9 @@ setup: .venv/.ready ## install what is missing or changed: Debian packages, then
 	@$(MAKE) --no-print-directory compiled
 	@touch $@
 
-# What a first run would compile, side by side: loops of one body and of several, forms, the font cache.
 .PHONY: compiled
 compiled: # no part of what is listed: make setup does it
-	@echo "compiling what a first run takes"
-	@folder=$$(mktemp -d) && cd "$$folder" && pmr="$(CURDIR)/.venv/bin/pmr --quiet" && $$pmr new boom mine && \
-	{ $$pmr run mine --set time.end=0.02 & one=$$!; $$pmr run boom_three --set time.end=0.02; two=$$?; \
-	wait $$one && [ $$two = 0 ] || echo "it was not: the first run will take longer"; rm -rf "$$folder"; }
+	@.venv/bin/pmr compile || echo "the first run will take longer"
 
 .PHONY: report
 report: setup ## the paper's two cases, full against reduced: reports/paper/report.html and .pdf

@@ -11,6 +11,7 @@ from rich.logging import RichHandler
 from typer.core import TyperGroup
 
 from pmr.cli.chart import chart
+from pmr.cli.compile import compile_
 from pmr.cli.console import VisibleText, err, leave, out, plain_letters, ranks, say
 from pmr.cli.export import export
 from pmr.cli.flexible import flexible
@@ -56,6 +57,7 @@ app = typer.Typer(
 )
 for command in (new, run, study, chart, simulate, export, flexible, matrices, info, schema):
     app.command()(command)
+app.command("compile")(compile_)
 
 
 def _version(asked: bool) -> None:
