@@ -2,24 +2,25 @@
 A boom on a turret, with a payload on a rope
 ============================================
 
-The turret is a rigid body of Exudyn's own on a hinge, held by the spring of its luffing cylinder.  The boom rides on
-it and makes the cylinder give way, and its tip swings with the payload on a rope, while it telescopes.
+The turret is a rigid body of Exudyn's own on a hinge, raised by a hydraulic cylinder whose valve opens for a while.
+The boom rides on it, and its tip swings with the payload on a rope, while it telescopes.
 """
 
 import exudyn as exu
+import exudyn.utilities as eut
 import matplotlib.pyplot as plt
 import numpy as np
-from exudyn.utilities import InertiaCuboid, MarkerNodePosition, ObjectConnectorDistance, RotationMatrixY, SensorNode
 
 import pmr
 from pmr.scene import Scene
 from pmr.simulation import Excitation
-from pmr.simulation.exudyn import OnBody, add_hook, add_system
+from pmr.simulation.exudyn import OnBody, add_hook, add_pre_step_function, add_system
 from pmr.system.from_scene import system_of
 
-WEIGHT, STEP, END = 9.81, 5e-3, 1.5
-pads = [{"at": 0.2, "faces": {"bottom": [-0.05, 0.05], "top": [-0.05, 0.05], "left": [0.0], "right": [0.0]}}]
-pads = [one | {"unilateral": False} for one in pads]
+WEIGHT, STEP, END, WINCH = 9.81, 5e-3, 1.5, [0.0, 0.0, 0.3]
+faces = {"bottom": [-0.05, 0.05], "top": [-0.05, 0.05], "left": [0.0], "right": [0.0]}
+pads = [{"at": 0.2, "faces": faces, "unilateral": False}]
+own = {"mesh": {"elements": 4}, "reduction": {"coordinates": 8, "estimate": False}}
 box = {"length": 2.0, "width": 0.24, "height": 0.20, "wall": 0.005}
 still = {"kind": "constant", "amount": 0.0}
 out = {"kind": "smooth_ramp", "times": [0.0, END], "values": [0.5, 1.1]}
@@ -28,11 +29,9 @@ scene = Scene.model_validate({
     "frame": {"pivot": [0.2, 0.0, 0.0], "second_order": True, "luffing": still, "slewing": still},
     "gravity": {"rise": 0.0},
     "sections": [
-        {"name": "base", "body": {"model": "beam3d", "box": box}, "mesh": {"elements": 4},
-         "reduction": {"coordinates": 8, "estimate": False},
+        {"name": "base", "body": {"model": "beam3d", "box": box}, **own,
          "supports": [{"name": "clamp", "on": "tail", "directions": ["x", "y", "z", "rx", "ry", "rz"]}]},
-        {"name": "fly", "body": {"model": "beam3d", "box": box | {"width": 0.21, "height": 0.17, "wall": 0.004}},
-         "mesh": {"elements": 4}, "reduction": {"coordinates": 8, "estimate": False},
+        {"name": "fly", "body": {"model": "beam3d", "box": box | {"width": 0.21, "height": 0.17, "wall": 0.004}}, **own,
          "joint": {"extension": out, "tail": pads, "mouth": pads},
          "loads": [{"name": f"hook {one}", "direction": one, "signal": still} for one in "xyz"]},
     ],
@@ -41,39 +40,61 @@ scene = Scene.model_validate({
 system = system_of(scene, pmr.reduce(scene).reduced)
 
 # %%
-# The turret, raised by 0.4 rad about its hinge at the origin, and the cylinder, 0.5 m before it.
+# The turret, raised by 0.4 rad about its hinge at the origin, on a cylinder of Exudyn's own, 0.5 m before it, with the
+# pressures of its two chambers in Pa.
 
-container = exu.SystemContainer()
-mbs = container.AddSystem()
-ground = mbs.CreateGround()
-raised = RotationMatrixY(-0.4)
-turret = mbs.CreateRigidBody(
-    inertia=InertiaCuboid(2000.0, [1.0, 0.6, 0.4]), referenceRotationMatrix=raised, gravity=[0.0, 0.0, -WEIGHT]
-)
+mbs = (container := exu.SystemContainer()).AddSystem()
+ground, raised = mbs.CreateGround(), eut.RotationMatrixY(-0.4)
+gravity, inertia = [0.0, 0.0, -WEIGHT], eut.InertiaCuboid(2000.0, [1.0, 0.6, 0.4])
+turret = mbs.CreateRigidBody(inertia=inertia, referenceRotationMatrix=raised, gravity=gravity)
 mbs.CreateRevoluteJoint(itemNumbers=[ground, turret], position=[0.0, 0.0, 0.0], axis=[0.0, 1.0, 0.0])
-top = raised @ [0.5, 0.0, 0.0]
-cylinder = mbs.CreateSpringDamper(
-    itemNumbers=[ground, turret], localPosition0=[0.5, 0.0, -1.0], localPosition1=[0.5, 0.0, 0.0],
-    referenceLength=np.linalg.norm(top - [0.5, 0.0, -1.0]) + 0.009, stiffness=6e5, damping=2e4,
-)  # fmt: skip
+ends = (ground, [0.5, 0.0, -1.0]), (turret, [0.5, 0.0, 0.0])
+markers = [mbs.AddMarker(eut.MarkerBodyPosition(bodyNumber=body, localPosition=place)) for body, place in ends]
+start = {"referenceCoordinates": [0.0, 0.0], "initialCoordinates": [3e6, 1e6]}
+pressures = mbs.AddNode(eut.NodeGenericODE1(numberOfODE1Coordinates=2, **start))
+cylinder = mbs.AddObject(eut.HydraulicActuatorSimple(
+    markerNumbers=markers, nodeNumbers=[pressures], offsetLength=0.8, strokeLength=0.8, chamberCrossSection0=2e-3,
+    chamberCrossSection1=1e-3, hoseVolume0=2e-3, hoseVolume1=2e-3, actuatorDamping=1e4, oilBulkModulus=1e9,
+    nominalFlow=2e-7, systemPressure=2e7, tankPressure=1e5,
+))  # fmt: skip
 
 # %%
-# The boom on it, and 30 kg on a rope of 0.8 m.
+# The boom on it, and 30 kg on a rope from a winch on the turret over a sheave at the tip.  The winch pays out as much
+# as the boom takes; the valve is open from 0.3 to 1.2 s.
 
 excitation = Excitation.of(scene)
 loads = {name: signal for name, signal in excitation.loads.items() if "hook" in name}
 items = add_system(mbs, system, excitation.paths, loads, on=OnBody(turret, scene))
 hook = add_hook(mbs, items, ("fly.hook x", "fly.hook y", "fly.hook z"), mass=2.0)
-tip = np.array(mbs.GetNode(hook.nHook)["referenceCoordinates"])
-load = mbs.CreateMassPoint(
-    referencePosition=tip - [0.0, 0.0, 0.8], mass=30.0, gravity=[0.0, 0.0, -WEIGHT], returnDict=True
+tip, winch = np.array(mbs.GetNode(hook.nHook)["referenceCoordinates"]), raised @ WINCH
+sheave, load = (
+    mbs.CreateRigidBody(referencePosition=at, inertia=eut.InertiaSphere(mass, 0.1), gravity=gravity)
+    for at, mass in ((tip, 2.0), (tip - [0.0, 0.0, 0.8], 30.0))
 )
-rope = [hook.mHook, mbs.AddMarker(MarkerNodePosition(nodeNumber=load["nodeNumber"]))]
-mbs.AddObject(ObjectConnectorDistance(markerNumbers=rope, distance=0.8))
+rolls = [
+    mbs.AddMarker(eut.MarkerBodyRigid(bodyNumber=body, localPosition=place))
+    for body, place in ((turret, WINCH), (sheave, [0.0] * 3), (load, [0.0] * 3))
+]
+mbs.AddObject(eut.ObjectJointSpherical(markerNumbers=[hook.mHook, rolls[1]]))
+length = np.linalg.norm(tip - winch) + 0.8
+rope = mbs.AddObject(eut.ReevingSystemSprings(
+    markerNumbers=rolls, referenceLength=length, stiffnessPerLength=2e6, dampingPerLength=2e3,
+    sheavesAxes=exu.Vector3DList([[0.0, 1.0, 0.0]] * 3), sheavesRadii=[0.0] * 3,
+))  # fmt: skip
 
-position = exu.OutputVariableType.Position
-nodes = (hook.nHook, load["nodeNumber"])
-sensors = [mbs.AddSensor(SensorNode(nodeNumber=one, outputVariableType=position, storeInternal=True)) for one in nodes]
+
+def drive(mbs, t):
+    """Winch and valve, once a step."""
+    mbs.SetObjectParameter(rope, "referenceLength", length + float(excitation.paths["fly"].value(t)) - 0.5)
+    opening = 0.4 * np.sin(np.pi * np.clip((t - 0.3) / 0.9, 0.0, 1.0)) ** 2
+    mbs.SetObjectParameter(cylinder, "valveOpening0", opening)
+    mbs.SetObjectParameter(cylinder, "valveOpening1", -opening)
+    return True
+
+
+add_pre_step_function(mbs, drive)
+kept = {"outputVariableType": exu.OutputVariableType.Position, "storeInternal": True}
+sensors = [mbs.AddSensor(eut.SensorBody(bodyNumber=one, **kept)) for one in (sheave, load)]
 mbs.Assemble()
 settings = exu.SimulationSettings()
 settings.solution.file.write = False
@@ -92,6 +113,4 @@ axes.set(xlabel="time in s", ylabel="height in m")
 axes.legend()
 plt.show()
 leans = np.arcsin(np.hypot(*(payload - tip)[:, 1:3].T) / 0.8)
-print(
-    f"the tip goes up by {np.ptp(tip[:, 3]):.3f} m; the rope leans by {np.degrees(np.arcsin(leans.max())):.1f} degrees"
-)
+print(f"the tip goes up by {np.ptp(tip[:, 3]):.3f} m; the rope leans by {np.degrees(leans.max()):.1f} degrees")
