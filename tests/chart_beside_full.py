@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.files import records
 from pmr.scene import Scene, load_any
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
 from pmr.studies import shared
@@ -74,6 +75,27 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     near = found["load"]
     exact = np.array([allowed_loads(limits, Place(whole, k, amounts, GRAVITY), up_to, near[k]) for k in range(count)])
     return Beside(found["load"], found["error.reduction"], exact, [*(one.name for one in limits), "stability"])
+
+
+def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None) -> Postures:
+    """Where it stands, by the reduced model."""
+    found = arrays_at_rest(scene, luffing, extensions)
+    return records.record(
+        Postures, {n.removeprefix("reduced."): a for n, a in found.items() if n.startswith("reduced.")}
+    )
+
+
+def arrays_at_rest(
+    scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None
+) -> Mapping[str, NDArray[Any]]:
+    """The same with what turns it, as the task leaves them."""
+    at = {
+        "extensions": extensions or {"slider": [3.0] * len(luffing)},
+        "luffing": luffing,
+        "slewing": [0.0] * len(luffing),
+    }
+    arguments = boom_arguments(with_hook(scene)) | {"up_to": 1e6, "error": False, "at": at, "turned": ["luffing"]}
+    return postures(arguments, {}).arrays
 
 
 def random_places(seed: int, count: int = 20, least: float = 0.7, most: float = 4.5, raised: float = 1.3) -> Array:

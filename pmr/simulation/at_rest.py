@@ -21,6 +21,7 @@ class Listed(SignalBase):
     """Values by their numbers, 0, 1, 2 ..., in place of times: at rest at each of them."""
 
     values: tuple[float, ...]
+    acceleration: float = 0.0  # as it would be if it were turned there
 
     def value(self, t: ArrayLike) -> Array:
         last = len(self.values) - 1
@@ -30,7 +31,7 @@ class Listed(SignalBase):
         return np.zeros(np.shape(t))
 
     def second_rate(self, t: ArrayLike) -> Array:
-        return np.zeros(np.shape(t))
+        return np.full(np.shape(t), self.acceleration)
 
 
 def steepest(scene: Scene) -> float:
@@ -66,6 +67,13 @@ def resting(
     frame = scene.frame.model_copy(update=still)
     gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
     return scene.model_copy(update={"sections": tuple(changed), "frame": frame, "gravity": gravity})
+
+
+def accelerated(still: Scene, angle: str) -> Scene:
+    """A scene that `resting` made, at rest for the moment and turned by a unit of the acceleration of an angle."""
+    assert still.frame is not None
+    turned = {angle: getattr(still.frame, angle).model_copy(update={"acceleration": 1.0})}
+    return still.model_copy(update={"frame": still.frame.model_copy(update=turned)})
 
 
 def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: float) -> Array:

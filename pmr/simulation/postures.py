@@ -16,7 +16,7 @@ from pmr.scene.members import members
 from pmr.scene.names import ALONE, cylinder_of
 from pmr.scene.ropes import borne
 from pmr.scene.signals import Constant
-from pmr.simulation.at_rest import resting
+from pmr.simulation.at_rest import accelerated, resting
 from pmr.simulation.excitation import Excitation, in_order
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of, names_of
@@ -204,6 +204,16 @@ def acting(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], A
     weight = [np.zeros_like(f[0]), *[f[0]] * len(names)], [np.zeros_like(c[0]), *[c[0]] * len(names)]
     found_f, found_c = (np.array(one) - np.array(own) for one, own in zip((f, c), weight, strict=True))
     return (WEIGHT, *names), found_f, found_c
+
+
+def turned(scene: Scene, system: System, at: Stands, angle: str) -> Array:
+    """Loads (P, i) of a unit of the acceleration of an angle, in N s^2, on a scene that `with_hook` made."""
+    names = [load.name for part in scene.sections for load in part.loads]
+    still, f = resting(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(names, 0.0)), list[Array]()
+    for one in (still, accelerated(still, angle)):
+        signals = in_order(Excitation.of(one).loads, system.input_names)
+        f.append(np.column_stack([one_.value(np.arange(at.count, dtype=float)) for one_ in signals]))
+    return np.asarray(f[1] - f[0])
 
 
 def _wrench(scene: Scene, weights: Weights, at: Stands, acting: str) -> Array:

@@ -14,11 +14,12 @@ from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation.bent import Bent
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, weights_of
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, turned, weights_of
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
 from pmr.studies.governing import chosen, told
 from pmr.studies.limits import Limit
+from pmr.studies.stops import Stopping
 from pmr.system.assembly import Assembly
 from pmr.system.buckling import buckling_factors
 from pmr.system.lift_off import Rope, lift_off
@@ -64,6 +65,7 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
         "reach": reach,
         "tip": at.on_ground(scene, reach),
         **records.arrays(found, "reduced."),
+        **{f"turned.{angle}": turned(scene, system, at, angle) for angle in arguments.get("turned", ())},
     }
     if arguments["error"]:
         better = richer_system(scene, system, at, weights, arguments["up_to"])
@@ -242,9 +244,13 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     tip, slewing = needs["postures"].arrays["tip"][first:last], at.slewing[first:last]
     radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
     bent = records.record(Bent, _behind(needs["postures"].arrays, "bent."))
+    by_angle = _behind(needs["postures"].arrays, "turned.")
+    stops = [
+        Stopping(one["of"], one["speed"], one["within"], by_angle[one["of"]]) for one in arguments.get("stops", ())
+    ]
     best, case = chosen(arrays["load"]), arrays["case"]
     at_best = [asked.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
-    pages = told(asked.limits, at_best, arrays["load"][best, np.arange(len(best))], bent)
+    pages = told(asked.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     arrays |= {f"at.{name}": one for name, one in (pages | {"place": best}).items()}
     return TaskResult(record, {**arrays, "place": np.column_stack([radius, tip[:, 2]])})
 

@@ -12,6 +12,7 @@ from pmr.simulation.bent import Bent
 from pmr.simulation.postures import Postures
 from pmr.studies.allowed import Place
 from pmr.studies.limits import Limit, mises
+from pmr.studies.stops import Stopping
 
 Array = NDArray[np.float64]
 #: Share of a load by which less of it is looked at.
@@ -30,17 +31,23 @@ def chosen(load: Array) -> NDArray[np.int64]:
     return found
 
 
-def told(limits: Sequence[Limit], places: Sequence[Place | None], loads: Array, bent: Bent) -> dict[str, NDArray[Any]]:
-    """Arrays of places, None where there is none to tell of, each under its load (p,) kg.
+def told(
+    limits: Sequence[Limit], places: Sequence[Place | None], loads: Array, bent: Bent, stops: Sequence[Stopping]
+) -> dict[str, NDArray[Any]]:
+    """Arrays of places, each of one limit, None where there is none to tell of, under their loads (p,) kg.
 
     ``forces`` (p, m) N, ``bent`` (p, b) m across the boom at ``bent.x`` of ``bent.section`` along ``direction.names``,
     ``stress`` (p, s) Pa, von Mises', ``used`` (p, l), shares of all limits and of what it buckles under, and
-    ``luffing`` (p,) rad, with the names of all.
+    ``luffing`` (p,) rad, with the names of all, and ``stops`` (p, stops, 5) as `pmr.studies.stops` has them.
     """
     at = next((one.at for one in places if one is not None), None)
     if at is None:
         return {}
-    rows = [None if one is None else _row(limits, one, load, bent) for one, load in zip(places, loads, strict=True)]
+    own = [*limits, None]  # stability has no share that swings
+    rows = [
+        None if one is None else _row(limits, one, load, bent) | _stopped(own[n], one, load, stops)
+        for n, (one, load) in enumerate(zip(places, loads.tolist(), strict=True))
+    ]
     known = next(row for row in rows if row is not None)
     empty = {name: np.full_like(one, np.nan) for name, one in known.items()}
     found = {name: np.array([(row or empty)[name] for row in rows]) for name in known}
@@ -79,3 +86,8 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
         "used": np.array([*used, load / state.form.critical]),
         "luffing": at.luffing[place.k],
     }
+
+
+def _stopped(limit: Limit | None, place: Place, load: float, stops: Sequence[Stopping]) -> dict[str, Array]:
+    found = [one.told(place, load * (1.0 - BELOW), limit) for one in stops]
+    return {"stops": np.array(found).reshape(-1, 5)}

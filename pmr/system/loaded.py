@@ -77,6 +77,8 @@ class Condensed:
     K: Array  # under what is there without the load
     G: tuple[Array, Array]  # geometric stiffness, of what is there and of a unit of the load
     place: Array  # (d, r): how the place of the load moves along its directions, m
+    own: Array  # (n, r): coordinates of the structure
+    gaps: Array  # (r, closed): what gaps at contacts that give way press with, of those that are closed
 
 
 class Form:
@@ -179,11 +181,14 @@ class Form:
         soft = ~rigid
         K = np.zeros((n + d, n + d))
         K[:n, :n] = e.K + e.G[0]
-        K += C[soft].T @ np.linalg.solve(F[np.ix_(soft, soft)], C[soft])
+        pressing = np.zeros((n + d, len(F)))
+        pressing[:, soft] = np.linalg.solve(F[np.ix_(soft, soft)], C[soft]).T
+        K += pressing @ C
         Z = scipy.linalg.null_space(C[rigid]) if rigid.any() else np.eye(n + d)
         own = Z[:n]
         G0, G1 = (own.T @ G @ own for G in e.G)
-        return Condensed(own.T @ e.M @ own, Z.T @ K @ Z, (G0, G1), Z[n:])
+        gaps = (Z.T @ pressing)[:, : len(F) - d]
+        return Condensed(own.T @ e.M @ own, Z.T @ K @ Z, (G0, G1), Z[n:], own, gaps)
 
     @property
     def against(self) -> Array:

@@ -105,11 +105,17 @@ class Deck:
         found = [line.split() for line in self._run(step, folder, "dat").splitlines()]
         return np.array([float(parts[1]) for parts in found if len(parts) == 2 and parts[0].isdigit()])
 
-    def displacements(self, loads: Sequence[tuple[int, int, float]], name: str, folder: Path) -> np.ndarray:
-        """Static displacements (k, 3) m of the nodes of a set, in its order; loads are (node, 1 to 3, N)."""
-        step = ["*STEP", "*STATIC", "*CLOAD", *(f"{n + 1}, {d}, {f:.12e}" for n, d, f in loads)]
+    def displacements(
+        self, loads: Sequence[tuple[int, int, float]], name: str, folder: Path, *, large: bool = False
+    ) -> np.ndarray:
+        """Static displacements (k, 3) m of the nodes of a set, in its order; loads are (node, 1 to 3, N).
+
+        Large ones are found with the geometry as it becomes.
+        """
+        step = ["*STEP, NLGEOM", "*STATIC", "0.25, 1.0"] if large else ["*STEP", "*STATIC"]
+        step += ["*CLOAD", *(f"{n + 1}, {d}, {f:.12e}" for n, d, f in loads)]
         step += [f"*NODE PRINT, NSET={name}", "U", "*END STEP"]
-        found = {}
+        found = {}  # of several increments the last one
         for line in self._run(step, folder, "dat").splitlines():
             parts = line.split()
             if len(parts) == 4 and parts[0].isdigit():

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from chart_beside_full import crane
+from chart_beside_full import arrays_at_rest, at_rest, crane
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from pmr.errors import InputError
-from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
-from pmr.studies.charting import MARGIN, governing, in_doubt, postures
-from pmr.studies.figures import boom_arguments
+from pmr.studies.charting import MARGIN, governing, in_doubt
 from pmr.studies.limits import Limit
+from pmr.studies.stops import Stopping
 from pmr.studies.tipping import Mass
 
 pytestmark = pytest.mark.slow
@@ -63,20 +62,6 @@ def cantilever(density: float, elements: int, coordinates: int = 6) -> Scene:
             ],
             "time": {"end": 1.0, "step": 0.01},
         }
-    )
-
-
-def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None) -> Postures:
-    """Where it stands, by the reduced model."""
-    at = {
-        "extensions": extensions or {"slider": [3.0] * len(luffing)},
-        "luffing": luffing,
-        "slewing": [0.0] * len(luffing),
-    }
-    arguments = boom_arguments(with_hook(scene)) | {"up_to": 1e6, "error": False, "at": at}
-    found = postures(arguments, {}).arrays
-    return records.record(
-        Postures, {n.removeprefix("reduced."): a for n, a in found.items() if n.startswith("reduced.")}
     )
 
 
@@ -152,6 +137,22 @@ def test_large_rotations_are_within_their_part_of_the_error_bar(share: float) ->
     exact = elastica(share) * E * I / L**2 / G
     bar, _ = MARGIN * bent_further(limits, place, found, L)
     assert found[0] < exact <= found[0] + bar <= found[0] + 2.0 * (exact - found[0])
+
+
+def test_a_stop_of_luffing_swings_a_load_on_a_massless_boom() -> None:
+    """2 sin(omega T / 2) times P alpha L^4 / 3 EI, omega^2 = 3 EI / m L^3; twice that from half a period on."""
+    scene = cantilever(1e-6, 10)
+    arrays, mass, speed = arrays_at_rest(scene, [0.0]), 2000.0, 0.05
+    at = at_rest(scene, [0.0])
+    place, omega = Place(at, 0, [1.0] * len(at.parts), G), np.sqrt(3.0 * E * I / (mass * L**3))
+    limit = Limit(name="tip", of="deflection", most=1.0)
+    weight = mass * G * L**3 / (3.0 * E * I)
+    for share in (0.1, 0.3, 0.5, 1.7):
+        within = share * 2.0 * np.pi / omega
+        told = Stopping("luffing", speed, within, arrays["turned.luffing"]).told(place, mass, limit)
+        factor, steady = 2.0 * np.sin(min(share, 0.5) * np.pi), mass * speed / within * L**4 / (3.0 * E * I)
+        assert told[0] == pytest.approx(factor, rel=2e-3)
+        assert told[1:] == pytest.approx([weight, weight + steady, weight + factor * steady, speed], rel=2e-3)
 
 
 def test_a_luffing_cylinder_carries_the_moment_to_second_order(raised: Postures) -> None:

@@ -59,10 +59,26 @@ def _page(
         f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}, the largest load that this limit "
         "governs."
     )
+    text += "".join(f" {one}" for one in _stops(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, at_rest, caption, boom)
     return Block(
         f"Where {names[n]} governs", ((drawn,),), text=text, columns=_columns(names, n, arrays, sections), page=True
     )
+
+
+def _stops(study: FinishedStudy, limit: str, found: Array) -> Iterator[str]:
+    """Sentences on how it stops turning there."""
+    for one, (factor, rest, steady, most, speed) in zip(study.asked["stops"], found.tolist(), strict=True):
+        if np.isnan(factor):
+            continue
+        said = f"If {one['of']} at {np.rad2deg(speed):.3g}°/s stops within {one['within']:g}{SPACE}s, the tip swings "
+        said += f"{factor:.3g} times as far as a steady deceleration moves it"
+        if one["class_factor"] is not None:
+            said += f" (the study's own factor is {one['class_factor']:g})"
+        if most > steady or most > rest:
+            said += f", and the use of {limit} goes from {100 * rest:.3g} to {100 * most:.4g}{SPACE}%"
+            said += f", by the steady deceleration to {100 * steady:.4g}{SPACE}%"
+        yield f"{said}."
 
 
 def _columns(

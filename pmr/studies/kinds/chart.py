@@ -24,6 +24,7 @@ from pmr.studies.engine.task import Plan, Scalar, Task, number
 from pmr.studies.figures import boom_arguments
 from pmr.studies.limits import STABILITY, Limit
 from pmr.studies.results import StudyResults
+from pmr.studies.stops import Stop
 from pmr.studies.study import Count, StudyBase
 
 #: Places in all, at most.
@@ -89,6 +90,7 @@ class Study(StudyBase):
         default=CLASSES, description="Hoisting classes: phi2,min and beta2 in s/m; by default of EN 13001-2, drives HD1"
     )
     hoist: Hoist | None = Field(default=None, description="How the load is hoisted off the ground")
+    stops: tuple[Stop, ...] = Field(default=(), description="How it stops turning, looked at where limits govern")
     error_bars: bool = Field(default=True, description="Whether the error of the reduction is estimated at each point")
 
     @model_validator(mode="after")
@@ -115,12 +117,14 @@ class Study(StudyBase):
             "slewing": [float(b) for *_, b in points],
         }
         common: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars}
-        shared = Task("postures", postures, boom_arguments(with_hook(scene)) | common | {"at": at}, cost=10.0)
+        turned = {"turned": sorted({stop.of for stop in self.stops})} if self.stops else {}
+        shared = Task("postures", postures, boom_arguments(with_hook(scene)) | common | turned | {"at": at}, cost=10.0)
         asked = common | {
             "limits": [limit.model_dump(mode="json") for limit in self.limits],
             "cases": [case.acting(self.classes) for case in self._in_service],
             "left": [case.acting(self.classes) for case in self._left],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
+            "stops": [{"of": stop.of, "speed": stop.speed * unit, "within": stop.within} for stop in self.stops],
             "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
         }
         runs = []
@@ -233,12 +237,13 @@ class Study(StudyBase):
             raise InputError("study", "scene", str(self.scene), "a scene whose [frame] has a luffing angle is allowed")
         if found.gravity is None:
             raise InputError("study", "scene", str(self.scene), "a scene with [gravity] is allowed")
-        if found.frame.second_order is not True:
-            frame = found.frame.model_copy(update={"second_order": True})
-            found = found.model_copy(update={"frame": frame})
+        frame = found.frame.model_copy(update={"second_order": True})
+        found = found.model_copy(update={"frame": frame})
         known = {load.name for part in found.sections for load in part.loads} - {HOOK}
         for k, case in enumerate(self.cases):
             case.checked(f"cases[{k}]", known, self.classes)
+        if any(stop.of == "slewing" for stop in self.stops) and frame.slewing is None:
+            raise InputError("study", "stops", "slewing", "a scene whose [frame] has a slewing angle is allowed")
         self._class_factor  # noqa: B018  (refuses a class that is not there)
         return found
 

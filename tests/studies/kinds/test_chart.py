@@ -30,6 +30,7 @@ scene = "scene.toml"
 up_to = 5000.0
 extensions = { least = 1.0, most = 4.0, count = 3 }
 luffing = { least = 0.0, most = 70.0, count = 4 }
+stops = [{ of = "luffing", speed = 2.0, within = 0.6, class_factor = 1.5 }]
 hoist = { speed = 0.4, rope_stiffness = 8e5, hoisting_class = "HC1" }
 
 [[limits]]
@@ -155,6 +156,7 @@ def test_error_bars_are_the_sum_of_their_parts(small: StudyResults, folder: Path
 def test_pages_of_governing_points_say_what_the_boom_does_there(small: StudyResults, folder: Path) -> None:
     """The limit is all used; pads carry what statics say; the tip is where the limit of deflection has it."""
     text = page(folder)
+    assert "If luffing at 2°/s stops within 0.6" in text and "own factor is 1.5" in text
     assert "Where cylinder governs" in text and "Where pads governs" not in text
     found = 0
     for run in small.runs:
@@ -164,6 +166,9 @@ def test_pages_of_governing_points_say_what_the_boom_does_there(small: StudyResu
                 continue
             found += 1
             used = arrays["at.used"][n]
+            factor, rest, steady, most, speed = arrays["at.stops"][n, 0]
+            assert speed == pytest.approx(np.deg2rad(2.0)) and 0.1 < factor <= 2.2
+            assert rest == pytest.approx(used[n]) and most > rest and steady > rest
             assert used[n] == pytest.approx(1.0, abs=1e-3) and (used <= used[n] + 1e-6).all()
             tip = arrays["at.bent"][n][(arrays["at.bent.section"] == 2) & (arrays["at.bent.x"] == 6.0)]
             assert float(np.linalg.norm(tip)) == pytest.approx(0.4 * used[1], rel=1e-6)
@@ -248,7 +253,9 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
         ('standard = "', 'loads = { gust = 1.0 }\nstandard = "', "loads and wind.on name the same load: gust"),
         ('name = "calm"\n', 'name = "calm"\nload = -1.0\n', "cases[0].load"),
         ('hoisting_class = "HC1"', 'hoisting_class = "HC0"', "hoist.hoisting_class = 'HC0'"),
-        ("factor = 1.5", "factor = -1.5", "limits[0].factor"),
+        ('of = "luffing", speed', 'of = "slewing", speed', "stops = 'slewing': a scene whose [frame] has a slewing"),
+        ("within = 0.6", "within = 0.0", "stops[0].within"),
+        ("most = 60e3\nfactor = 1.5", "most = 60e3\nfactor = -1.5", "limits[0].factor"),
         ("[[2.0, 2.0], [-2.0, 2.0], [-2.0, -2.0], [2.0, -2.0]]", "[[2.0, 2.0], [-2.0, 2.0]]", "a polygon with an area"),
         ("luffing = { least = 0.0, most = 70.0, count = 4 }", "luffing = []", "luffing: at least one angle"),
         ("luffing = { least = 0.0, most = 70.0", "luffing = { least = 80.0, most = 70.0", "at least 80"),

@@ -1,0 +1,79 @@
+"""A boom that stops turning with its load: how far it swings, and what that uses of the limit that governs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from pmr.simulation.postures import HOOK
+from pmr.studies.allowed import Place
+from pmr.studies.limits import Limit
+from pmr.system.stopping import Acting, Swing, stopping
+
+Array = NDArray[np.float64]
+
+
+class Stop(BaseModel):
+    """A stop of luffing or slewing, whose speed falls steadily to nothing."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    of: Literal["luffing", "slewing"] = Field(description="What turns before")
+    speed: Annotated[float, Field(gt=0.0)] = Field(description="Before, in the scene's unit of angles a second")
+    within: Annotated[float, Field(gt=0.0)] = Field(description="How long it takes to stop, s")
+    class_factor: Annotated[float, Field(ge=1.0)] | None = Field(
+        default=None, description="What a standard takes for the factor of the drive's forces, to put it beside"
+    )
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """A stop in rad/s, and the loads (P, i) of a unit of the angle's acceleration at all places."""
+
+    of: str
+    speed: float
+    within: float
+    turned: Array
+
+    def told(self, place: Place, load: float, limit: Limit | None) -> Array:
+        """Five numbers: by which factor the tip swings beyond a steady deceleration, and what is used of a limit.
+
+        The share at rest, under a steady deceleration, and at most in the stop, of both directions; the speed in rad/s.
+        Not numbers where nothing stands, or the tip does not move.
+        """
+        none, state = np.array([*[np.nan] * 4, self.speed]), place.loaded.state(load)
+        swing = stopping(state.form, load, self._acting(place, load), self.within) if state.stands else None
+        if swing is None:
+            return none
+        tip = [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
+        steady = swing.steady[0][tip]
+        factor = np.abs(swing.outputs[:, tip] @ steady).max() / (steady @ steady) if np.any(steady) else np.nan
+        if limit is None:
+            return np.append(factor, none[1:])
+        share, rate = place.share(limit), self.speed / self.within
+
+        def most(outputs: Array, forces: Array) -> float:
+            found = [
+                share(replace(state, outputs=state.outputs + sign * rate * o, forces=state.forces + sign * rate * f))
+                for sign in (1.0, -1.0)
+                for o, f in zip(outputs, forces, strict=True)
+            ]
+            return max(found)
+
+        held = Swing(swing.t[:1], swing.steady[0][None], swing.steady[1][None], swing.steady)
+        shares = [share(state), most(held.outputs, held.forces), most(swing.outputs, swing.forces)]
+        return np.array([factor, *shares, self.speed])
+
+    def _acting(self, place: Place, load: float) -> Acting:
+        at, k = place.at, place.k
+        f = self.turned[k].copy()
+        if self.of == "luffing":  # the load hangs: what lifts its rope accelerates it, and nothing sideways
+            number = at.parts.index(HOOK)
+            force, moment = at.wrenches[number, k, :3], at.wrenches[number, k, 3:]
+            about = moment[1] * np.cos(at.slewing[k]) - moment[0] * np.sin(at.slewing[k])
+            f += load * float(about / -force[2]) / place.gravity * at.f[number, k]
+        return Acting(at.B @ f, -at.H[k] @ f, at.direct @ f)
