@@ -39,6 +39,11 @@ def say(console: Console, text: str) -> None:
     console.print(visible(text), soft_wrap=True)
 
 
+def tell(console: Console, text: str) -> None:
+    """Print sentences: broken between words on a terminal, a line where the output goes elsewhere."""
+    console.print(visible(text), soft_wrap=not console.is_terminal)
+
+
 class VisibleText(logging.Formatter):
     """Messages as `say` prints them."""
 

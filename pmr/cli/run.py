@@ -14,7 +14,7 @@ import typer
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from pmr.cli.console import Folder, Overrides, ensure_writable, err, leave, no_report, out, rank, say, scene_file
+from pmr.cli.console import Folder, Overrides, ensure_writable, err, leave, no_report, out, rank, say, scene_file, tell
 from pmr.errors import InputError, environment
 from pmr.errors.text import visible
 from pmr.files.swap import fresh, removed
@@ -177,13 +177,18 @@ def _to(tolerance: str, file: Path) -> list[str]:
 
 
 def _print(outcome: Outcome) -> None:
-    """Errors, beside published ones where there are any, coordinates of each section and solver seconds."""
-    from pmr.report import errors, model_error, sentences
+    """What it carries, errors, beside published ones where there are any, coordinates and solver seconds."""
+    from pmr.report import errors, first_page, model_error, sentences
 
     result, summary = outcome.result, outcome.result.summary
     found, said = errors.rows(result), [sentences.estimate(result), sentences.step(result), model_error.model(result)]
     published = any(row.published for row in found)
-    table = Table(title=visible(result.scene.title), title_justify="left", title_style="bold")
+    out.print(visible(result.scene.title), style="bold")
+    carried = Table.grid(padding=(0, 2))
+    for name, value in first_page.carried(result):
+        carried.add_row(visible(name), visible(value))
+    out.print(carried)
+    table = Table()
     for head in ("e_NRMS, or largest value", "", "here", *(("published", "") if published else ())):
         table.add_column(head, justify="right" if head in ("here", "published") else "left")
     for row in found:
@@ -194,9 +199,9 @@ def _print(outcome: Outcome) -> None:
     each = ", ".join(f"{one['name']} {one['coordinates']['reduced']}" for one in summary.get("sections", ()))
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
-    say(out, f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
+    tell(out, f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
     for line in (*filter(None, said), *(f"warning: {warning}" for warning in summary["warnings"])):
-        say(out, line)
+        tell(out, line)
     for pair, length in summary["agreement"].items():
         say(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
     out.print()

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from pmr.cli.console import Folder, Model, Overrides, ensure_writable, out, say, scene_file
+from pmr.cli.console import Folder, Model, Overrides, ensure_writable, out, say, scene_file, tell
 from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.files.swap import finished, fresh
@@ -64,7 +64,7 @@ def simulate(
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
     for said in filter(None, (sentences.estimate(result), sentences.step(result))):
-        say(out, said)
+        tell(out, said)
     for warning in summary["warnings"]:
-        say(out, f"warning: {warning}")
+        tell(out, f"warning: {warning}")
     say(out, str(folder / "trajectories.npz"))

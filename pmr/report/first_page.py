@@ -36,13 +36,14 @@ def tables(result: RunResult) -> tuple[Table, ...]:
     """The three tables; each row has its figure, and where and when."""
     found = (
         Table("What was asked", tuple(machine.rows(result))),
-        Table("What it carries", tuple(_carried(result))),
+        Table("What it carries", tuple(carried(result))),
         trust.table(result),
     )
     return tuple(table for table in found if table.rows)
 
 
-def _carried(result: RunResult) -> Rows:
+def carried(result: RunResult) -> Rows:
+    """What it carries: stress, forces of each kind, deflection, frequency."""
     summary = result.summary
     if (largest := summary.get("max_von_mises", {}).get("reduced")) is not None:
         where = sentences.where_the_peak_is(result, "reduced")

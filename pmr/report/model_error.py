@@ -34,7 +34,9 @@ def model(result: RunResult) -> str:
             f"{why}How far the structural model itself is off is not known{richest or ': compare.richer measures it'}."
         )
     if found["beside"] is None:
-        return f"{why}How far the structural model itself is off is not known: {found['reason']}."
+        reason = found["reason"]
+        unknown = reason if reason.startswith("not ") else f"not known: {reason}"
+        return f"{why}How far the structural model itself is off is {unknown}."
     shares = {"beam": along(result), **OF}
     off = [f"{percent(found[kind])} {of}" for kind, of in shares.items() if found.get(kind) is not None]
     moved = f"the model is off by {', '.join(off)} over the run; " if off else ""

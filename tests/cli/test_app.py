@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import subprocess
 from dataclasses import replace
@@ -11,7 +12,9 @@ import pytest
 from on_pads import beam_on_pads, modes_on_pads
 from oracle import flexible, full_body
 from processes import called, python
+from rich.console import Console
 
+from pmr.cli.console import tell
 from pmr.cli.described import described_model
 
 SIMPLE = "workflows/paper_simple.toml"
@@ -32,6 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = pmr("run", SIMPLE, "--out", str(folder), *SHORT)
     assert done.returncode == 0, done.stderr
     assert "reduced against full" in done.stdout and f"{folder}/report.html" in done.stdout
+    assert done.stdout.index("lowest natural frequency") < done.stdout.index("reduced against full")
     assert done.stderr == ""  # no progress bars where there is no terminal
     return folder
 
@@ -240,3 +244,13 @@ def test_a_form_that_is_not_compiled_is_one_line(tmp_path: Path, monkeypatch: py
     done = pmr("run", SIMPLE, "--out", str(tmp_path / "out"))
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.count("\n") == 1 and "a form was not compiled" in done.stderr
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_sentences_break_between_words_on_a_terminal_alone(terminal: bool) -> None:
+    """A line elsewhere, where another program reads it; what is one word stays whole."""
+    text = "the error of the time step itself is " + 20 * "0.00254 % at the tip and " + "all sections"
+    screen = Console(file=io.StringIO(), width=80, force_terminal=terminal, color_system=None)
+    tell(screen, text)
+    lines = screen.file.getvalue().rstrip("\n").split("\n")
+    assert " ".join(map(str.rstrip, lines)) == text and (max(map(len, lines)) <= 80) == (len(lines) > 1) == terminal
