@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from processes import python
 
+import pmr
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 
@@ -44,3 +46,17 @@ def test_the_tests_of_the_validation_exist() -> None:
     assert len(rows) > 20
     for file, name in rows:
         assert f"\ndef {name}(" in (ROOT / file).read_text(), (file, name)
+
+
+def test_the_citation_has_this_version_and_the_papers_authors() -> None:
+    cited = (ROOT / "CITATION.cff").read_text()
+    assert f"\nversion: {pmr.__version__}\n" in cited
+    paper = re.search(r"Weyrer, Gerstmayr, Mikkola and Orzechowski, \*(.+?)\*", README, flags=re.S)
+    assert paper and f'title: "{" ".join(paper[1].split())}: Formulation and Evaluation"' in cited
+    names = re.findall(r"family-names: (\w+), given-names: (\w+)\}", cited)
+    assert names[:4] == [
+        ("Weyrer", "Sebastian"),
+        ("Gerstmayr", "Johannes"),
+        ("Mikkola", "Aki"),
+        ("Orzechowski", "Grzegorz"),
+    ]
