@@ -32,6 +32,7 @@ class Turret:
     def __init__(self, scene: Scene, kind: str = "EP", changes: tuple[str, ...] = (), **body: Any) -> None:
         self._container, self.scene, self.system = exu.SystemContainer(), scene, free_boom.system(*changes)
         self.mbs, self.excitation = self._container.AddSystem(), Excitation.of(scene)
+        self.renderer = self._container.renderer
         self.body = self.mbs.CreateRigidBody(inertia=TURRET, nodeType=KINDS[kind], **body)
         self.on = OnBody(self.body, scene, PLACE)
         self.rod, self.spring, self.rods = 0.0, 0.0, list[Any]()

@@ -128,6 +128,11 @@ class SignalInputs(Inputs):
         self.number(t)
         return self._c
 
+    def paths(self, t: float) -> dict[str, float]:
+        """Where each path is, m."""
+        self.number(t)
+        return self.s
+
     def _value(self, driving: Driving, t: float) -> float:
         return float(driving.value(t) if hasattr(driving, "value") else driving(self._mbs, t))
 

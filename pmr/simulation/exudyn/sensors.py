@@ -29,31 +29,48 @@ class SystemSensors:
     contact_names: tuple[str, ...]
 
 
+class Watched:
+    """Outputs and contact forces of a system, in a configuration of Exudyn's at its time."""
+
+    def __init__(self, mbs: Any, items: SystemItems) -> None:
+        self._mbs, self._items, self._contacts = mbs, items, Contacts(items.equations, items.inputs)
+        self._held = list(items.contacts)
+        self._rest = np.array([k not in items.contacts for k in range(len(self._contacts.gives))])
+
+    def forces(self, t: float, configuration: Any) -> Array:
+        """Lambda (m,) N; of rigid contacts the current ones, for there are no others."""
+        return self._settled(t, self._coordinates(configuration))[0]
+
+    def outputs(self, t: float, configuration: Any) -> Array:
+        """Y = O q + W f - X lambda (o,)."""
+        equations, q = self._items.equations, self._coordinates(configuration)
+        found, rows = self._settled(t, q)
+        direct = equations.assembly.direct @ np.array(self._items.inputs.loads(t))
+        return np.asarray(equations.outputs @ q + direct - rows.X @ found)
+
+    def _settled(self, t: float, q: Array) -> tuple[Array, ContactRows]:
+        equations, inputs, found = self._items.equations, self._items.inputs, np.zeros(len(self._rest))
+        x, f = inputs.at(t), np.array(inputs.loads(t))
+        if self._held:
+            found[self._held] = self._mbs.GetObjectOutput(self._items.oContacts, exu.OutputVariableType.Force)
+        if self._rest.any():
+            found[self._rest] = self._contacts.forces(self._contacts.rows(x), q[None], f[None])[0]
+        return found, equations.rows(x).at(0)
+
+    def _coordinates(self, configuration: Any) -> Array:
+        kind, nodes = exu.OutputVariableType.Coordinates, self._items.nBodies.values()
+        return np.concatenate([self._mbs.GetNodeOutput(node, kind, configuration) for node in nodes])
+
+
 def add_sensors(mbs: Any, items: SystemItems) -> SystemSensors:
     """Sensors of a system that `add_system` added: y = O q + W f - X lambda, and lambda, whenever they are written."""
-    equations, inputs = items.equations, items.inputs
-    contacts = Contacts(equations, inputs)
-    held, rest = list(items.contacts), np.array([k not in items.contacts for k in range(len(contacts.gives))])
-
-    def forces(q: Array, t: float) -> tuple[Array, ContactRows]:
-        rows, f, found = equations.rows(inputs.at(t)), np.array(inputs.loads(t)), np.zeros(len(rest))
-        if held:
-            found[held] = mbs.GetObjectOutput(items.oContacts, exu.OutputVariableType.Force)
-        if rest.any():
-            found[rest] = contacts.forces(contacts.rows(inputs.at(t)), q[None], f[None])[0]
-        return found, rows.at(0)
-
-    def coordinates(configuration: Any) -> Array:
-        kind = exu.OutputVariableType.Coordinates
-        return np.concatenate([mbs.GetNodeOutput(node, kind, configuration) for node in items.nBodies.values()])
+    watched, equations = Watched(mbs, items), items.equations
 
     def pushed(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
-        return forces(coordinates(configuration), t)[0]
+        return watched.forces(t, configuration)
 
     def moved(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
-        q = coordinates(configuration)
-        found, rows = forces(q, t)
-        return equations.outputs @ q + equations.assembly.direct @ np.array(inputs.loads(t)) - rows.X @ found
+        return watched.outputs(t, configuration)
 
     both = [
         mbs.AddSensor(SensorUserFunction(sensorNumbers=[], factors=[], sensorUserFunction=one, storeInternal=True))

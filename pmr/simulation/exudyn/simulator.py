@@ -15,6 +15,7 @@ from pmr.errors import InputError
 from pmr.scene.simulators import refuse
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.base_items import with_base
+from pmr.simulation.exudyn.drawing import add_drawing
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.extending import add_extended
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
@@ -41,6 +42,7 @@ __all__ = [
     "OnBody",
     "SystemItems",
     "SystemSensors",
+    "add_drawing",
     "add_hook",
     "add_pre_step_function",
     "add_sensors",
