@@ -41,8 +41,9 @@ def table(result: RunResult) -> Table:
     }
     known = {name: share for name, share in shares.items() if share}
     decades = max(ceil(log10(max(known.values(), default=1.0) / LEAST) - 1e-9), 5)
+    walls = [WALLS] if _stressed_beams(result) else []
     missing = {
-        "what the model leaves out": [*([WALLS] if _stressed_beams(result) else []), *model.get("not_covered", ())],
+        "what the model leaves out": model.get("not_covered") or walls,
         "what the estimate leaves out": estimate.get("not_covered") or (),
     }
     rows = (*said.items(), *((name, "; ".join(dict.fromkeys(parts))) for name, parts in missing.items() if parts))

@@ -39,9 +39,11 @@ def test_a_beam_has_its_length_its_sliders_way_and_its_loads(whole: RunResult, m
 
 
 def test_a_boom_has_what_is_attached_to_it(boom: RunResult, make_space) -> None:
-    assert texts(boom) == ["cylinder", "2 m … 4.5 m beyond the mouth", "g", "payload, 250 kg", "tip force", "gust"]
+    assert texts(boom) == [
+        *("cylinder", "2 m … 4.5 m beyond the mouth", "g", "payload, 250 kg", "tip force", "gust", "49.0 MPa")
+    ]
     bare = make_space(loads=[], masses=[], supports=[])
-    assert texts(bare) == ["2 m … 4.5 m beyond the mouth", "g"] and coloured(bare, LOAD) == 0
+    assert texts(bare) == ["2 m … 4.5 m beyond the mouth", "g", "49.0 MPa"] and coloured(bare, LOAD) == 0
 
 
 def test_the_weight_points_where_it_does(boom: RunResult, make_space) -> None:

@@ -23,7 +23,7 @@ BINS_PER_INCH = 80.0  # peaks kept: one interval for about the width of a line
 
 MOST_DECADES = 18  # of a logarithmic axis
 STEPS = (1, 2, 5, 10)  # between ticks
-INK, MUTED, SHADE = "#1c2733", "#5b6875", "#e8ecf0"
+INK, MUTED, SHADE, LIMIT = "#1c2733", "#5b6875", "#e8ecf0", "#b23b00"
 #: Of sections from the base out (Okabe and Ito), the first one again after the last.
 SECTIONS = (INK, "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 RAMP = ("#e3ebf0", "#a9cbdf", "#edb84c", "#d55e00", "#7a1b0c")  # from no stress to the largest

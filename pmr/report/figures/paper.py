@@ -11,8 +11,8 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 from pmr.report.figures.canvas import INK, MUTED, sheet
 
 LOAD = "#7b2d8e"
-WIDTH = 4.9  # in: so narrow that a phone shows it whole and its text can be read
-LABELS = 1.5  # in, for what is written beside the tip
+WIDTH = 3.9  # in: so narrow that a phone shows it whole and its text can be read
+LABELS = 1.2  # in, for what is written beside the tip
 
 
 class Paper:

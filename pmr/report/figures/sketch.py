@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from pmr.report.columns import lines
 from pmr.report.figures import space
-from pmr.report.figures.canvas import INK, MUTED
+from pmr.report.figures.canvas import INK, LIMIT, MUTED
 from pmr.report.figures.paper import LOAD, Paper
-from pmr.report.numbers import SPACE, plain
+from pmr.report.numbers import SPACE, plain, quantity
+from pmr.report.space import stressed
 from pmr.report.subject import Acting, alone, fixtures, held, length, loads, moving, offsets
 from pmr.results import RunResult
 
@@ -57,9 +58,10 @@ def caption(result: RunResult) -> str:
     if _is_boom(result):
         return space.caption(result, "from the side")
     low, high = result.scene.path_bounds
+    ring = "; the ring is the place of the largest stress" if stressed(result) is not None else ""
     if moving(result) == "mouth":
-        return f"The system, farthest out{'; dashed: its tip farthest in' if high > low else ''}."
-    return f"The system at the beginning{'; hollow: the other end of the way' if high > low else ''}."
+        return f"The system, farthest out{'; dashed: its tip farthest in' if high > low else ''}{ring}."
+    return f"The system at the beginning{'; hollow: the other end of the way' if high > low else ''}{ring}."
 
 
 def _on_supports(result: RunResult, stretch: _Stretch) -> Figure:
@@ -79,6 +81,7 @@ def _on_supports(result: RunResult, stretch: _Stretch) -> Figure:
         paper.range(-0.28 * paper.inch, stretch.low + first, stretch.high + first, said)
     paper.range(-0.52 * paper.inch, 0.0, end, f"{plain(end)}{SPACE}m")
     _loads(paper, result, 0.0, end, 0.05 * paper.inch)
+    _ring(paper, result, 0.0, 0.0)
     return paper.figure
 
 
@@ -117,7 +120,16 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
         paper.arrow(middle - along, tall / 2.0 - up, along, up, MUTED)
         paper.write(middle + 0.1 * inch, tall / 2.0 + 0.2 * inch, "g", MUTED)
     _loads(paper, result, tail, tip, tall / 2.0)
+    _ring(paper, result, tail, tall / 2.0)
     return paper.figure
+
+
+def _ring(paper: Paper, result: RunResult, tail: float, above: float) -> None:
+    """A ring where the body has its largest stress, with how large it is."""
+    if (worst := stressed(result)) is not None:
+        at = tail + worst.x
+        paper.disc(at, 0.0, 0.08 * paper.inch, facecolor="none", edgecolor=LIMIT)
+        paper.write(at, above + 0.22 * paper.inch, quantity(worst.value, "Pa"), LIMIT)
 
 
 def _fixture(paper: Paper, at: float, kind: str) -> None:

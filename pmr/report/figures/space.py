@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.report import space
 from pmr.report.decimation import spread
-from pmr.report.figures.canvas import HALF, INK, MUTED, SECTIONS, key, octave_axis, sheet
+from pmr.report.figures.canvas import HALF, INK, LIMIT, MUTED, SECTIONS, key, octave_axis, sheet
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import SPACE, plain, quantity
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 WAY = 600  # points of the way of a tip
 TALLEST, FLATTEST = 3.4, 1.0  # in, of axes on which a metre is a metre both ways
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
-GROUND, LIMIT = "#9aa5b1", "#b23b00"
+GROUND = "#9aa5b1"
 
 
 def side(result: RunResult) -> Figure:
