@@ -74,7 +74,7 @@ def test_states_are_the_same_by_all_that_know_them(load_scene) -> None:
     for simulator in ("march", "petsc"):
         scene = load_scene("paper_evolved", [*SHORT, f"simulation.full={simulator}", "compare.against=['full']"])
         full = whole(scene)
-        found[simulator] = full.references(steps=steps).states[ALONE]
+        found[simulator] = full.references(steps=steps).states[ALONE].p
         assert found[simulator].shape == (3, full.whole.models[0].M.getLocalSize()[0])
     size = MPI.COMM_WORLD.allreduce(np.abs(found["march"]).max(), op=MPI.MAX)
     assert size > 1e-6

@@ -76,9 +76,11 @@ def test_what_knows_no_terms_refuses_them(system: System, tmp_path: Path) -> Non
     file = varying.save(tmp_path / "system.npz")
     with pytest.raises(InputError, match="stepper: terms = 'N'.*without terms that vary in time"):
         Stepper(varying, 1e-3, 1.0)
-    for to in ("fmu", "exudyn", "matlab"):
+    for to in ("exudyn", "matlab"):
         with pytest.raises(InputError, match="system.npz: terms = 'N'.*without terms that vary in time"):
             write(to, file, None, Options())
+    with pytest.raises(InputError, match="a file that holds its scene is allowed"):  # which says what drives them
+        write("fmu", file, None, Options())
 
 
 def test_terms_that_make_no_sense_are_refused(system: System) -> None:

@@ -88,7 +88,7 @@ def test_every_model_basis_and_joint_is_among_the_kinds() -> None:
     bases = get_args(Reduction.model_fields["basis"].annotation)
     assert {scene["reduction"].get("basis", "free_modes") for scene in scenes} == {*bases}
     joints = [kind.scene["section"]["joint"] for kind in KINDS.values() if kind.has_sections]
-    driven = {"overlap", "follows", "ratio", "offset"}  # another signal
+    driven = {"overlap", "follows", "ratio", "offset", "rope"}  # another signal, and a cylinder by another stiffness
     assert set().union(*joints) == set(Joint.model_fields) - driven
 
 
