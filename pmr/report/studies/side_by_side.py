@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pmr.report.blocks import Block, Grid
 from pmr.report.numbers import SPACE, Unit, plain, significant, unit_for
+from pmr.report.studies import at_a_glance
 from pmr.report.studies.names import PLACES, called, number_of
 from pmr.studies.engine.task import Scalar
 from pmr.studies.results import RunRecord
@@ -38,6 +39,8 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
     done = [run for run in runs if run.status == "done"]
     if not 0 < len(done) <= MOST_RUNS:
         return
+    if (first := at_a_glance.block(done)) is not None:
+        yield first
     found = {heading: _spans(done, *of) for heading, of in _SPANS.items()}
     found |= {
         "Frequencies": (f"In Hz, while pads and sliders rest{_stretch(done)}.", _frequencies(done)),

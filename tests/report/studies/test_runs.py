@@ -154,8 +154,8 @@ def payloads(*masses: float, **figures: float) -> list[RunRecord]:
 def test_a_few_runs_stand_side_by_side() -> None:
     blocks = {block.heading: block.grids[0] for block in said(*payloads(100.0, 250.0)).blocks if block.grids}
     headings = ["Forces of pads, sliders and supports", "Moments on rigid supports", "Stress by region"]
-    assert list(blocks) == ["Runs", *headings, "Frequencies", "Probes"]
-    forces, moments, stress, frequencies, probes = list(blocks.values())[1:]
+    assert list(blocks) == ["Runs", "At a glance", *headings, "Frequencies", "Probes"]
+    forces, moments, stress, frequencies, probes = list(blocks.values())[2:]
     assert moments.rows == (("clamp ry", *["0\u00a0…\u00a02.00"] * 2),) and " in kN m;" in moments.caption
     assert stress.rows == (("top", "25.0", "25.0"),) and stress.caption.startswith("Largest von Mises stress in MPa")
     assert forces.head == ("", "payload mass 100\u00a0kg", "payload mass 250\u00a0kg")
@@ -167,6 +167,27 @@ def test_a_few_runs_stand_side_by_side() -> None:
         ("weld strain along", "0\u00a0…\u00a00.000125"), ("\u00a0\u00a0range", "0.000125"),
     ]  # fmt: skip
     assert not any("forces" in name for name in blocks["Runs"].head)
+
+
+def test_one_table_has_the_largest_of_all_with_units() -> None:
+    """In either direction; the lowest frequency; a dash where a run lacks what another one has."""
+    first, second = payloads(100.0, 250.0)
+    second.figures.update({"mass": 777.52, "utilisation": 0.0642, "beam_moments.bending moment y.min": -31e3,
+                           "beam_moments.torque.max": 90e3, "reactions.clamp x.min": -4.0})  # fmt: skip
+    grid = next(block.grids[0] for block in said(first, second).blocks if block.heading == "At a glance")
+    assert grid.head == ("", "payload mass 100\u00a0kg", "payload mass 250\u00a0kg")
+    assert [(row[0], row[2]) for row in grid.rows] == [
+        ("mass", "777.5\u00a0kg"),
+        ("largest displacement", "100\u00a0mm"),
+        ("lowest frequency", "10.25\u00a0Hz"),
+        ("largest force of a pad, slider or support", "5.00\u00a0kN"),
+        ("largest force on a rigid support", "4.00\u00a0N"),
+        ("largest moment on a rigid support", "2.00\u00a0kN m"),
+        ("largest bending moment", "31.0\u00a0kN m"),
+        ("largest von Mises stress", "25.0\u00a0MPa"),
+        ("largest stress over yield stress", "6.42\u00a0%"),
+    ]
+    assert [row[1] for row in grid.rows][0] == "–" and grid.rows[1][1] == "100\u00a0mm"
 
 
 def test_many_runs_do_not() -> None:
