@@ -1,4 +1,4 @@
-"""What other installed packages add: signals, export formats and limits, by entry points of their distributions."""
+"""What other installed packages add: signals, models, bases, export formats and limits, by their entry points."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from pmr.errors import InputError
 
 #: Group of entry points, and what each of them has to be.
 GROUPS = {
+    "pmr.models": "a module, or an object, with KINDS of cells and of(body, mesh), as pmr.models.shell has them",
+    "pmr.bases": "a function of a full model and a pmr.scene.Reduction that returns this rank's rows of vectors (n, k)",
     "pmr.signals": "a subclass of pmr.scene.signals.SignalBase whose `kind` is the entry point's name",
     "pmr.exports": "a pmr.export.formats.Format",
     "pmr.limits": "a function of a pmr.studies.limits.AtRest that returns a number",
@@ -31,6 +33,22 @@ def offered(group: str, own: frozenset[str]) -> dict[str, Any]:
         except Exception as error:
             raise refused(group, point.name, f"{point.value} can't be imported ({error})") from None
     return found
+
+
+def one_of(group: str, name: str, own: frozenset[str]) -> Any:
+    """The object of that name.
+
+    Raises InputError as `offered`, or where no installed package has the name: a file may come from another machine.
+    """
+    found = offered(group, own)
+    if name not in found:
+        raise refused(group, name, "a name that an installed package offers is allowed")
+    return found[name]
+
+
+def named(group: str) -> set[str]:
+    """Names of all that installed distributions offer; nothing is imported."""
+    return {point.name for point in metadata.entry_points(group=group)}
 
 
 def refused(group: str, name: str, says: str | None = None) -> InputError:

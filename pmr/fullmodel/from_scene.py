@@ -7,12 +7,13 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.straight import Straight
-from pmr.errors import InputError, on_first
+from pmr.errors import InputError, on_first, plugins
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
@@ -25,7 +26,7 @@ from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
 from pmr.models.profile_section import section_of
-from pmr.scene.built import Box, PadRing
+from pmr.scene.built import Box, OwnModel, PadRing
 from pmr.scene.choice import (
     acting,
     directions,
@@ -190,7 +191,7 @@ def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 def _meshed(member: Member, comm: MPI.Comm) -> StructuralModel:
     """A shell or solid: its module, named as the scene names the model, says of which cells it is, and makes it."""
-    kind = import_module(f"pmr.models.{model_of(member)}")
+    kind = _kind(model_of(member))
 
     def write(boom: BoxBoom, file: Path) -> None:
         if "triangle" in kind.KINDS:
@@ -200,6 +201,17 @@ def _meshed(member: Member, comm: MPI.Comm) -> StructuralModel:
 
     model: StructuralModel = kind.of(member.part.body, _mesh(member, comm, kind.KINDS, write))
     return model
+
+
+def _kind(name: str) -> Any:
+    """The module of a shell or solid, of ours or of an installed package."""
+    own = frozenset(get_args(OwnModel))
+    if name in own:
+        return import_module(f"pmr.models.{name}")
+    kind = plugins.one_of("pmr.models", name, own)
+    if not (hasattr(kind, "KINDS") and callable(getattr(kind, "of", None))):
+        raise plugins.refused("pmr.models", name)
+    return kind
 
 
 def _matrices(member: Member, comm: MPI.Comm) -> StructuralModel:

@@ -14,7 +14,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.quasi_static import QUASI_STATIC
 from pmr.reduction.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduction.galerkin import reduced_model, with_held_coordinates
-from pmr.reduction.given import given_basis, given_vectors
+from pmr.reduction.given import given_basis, given_vectors, offered_vectors
 from pmr.reduction.reduced_body import ReducedBody
 from pmr.reduction.residual.model import check_independence, flexible_model, released, section_model
 from pmr.reduction.snapshots import Snapshots
@@ -40,6 +40,8 @@ def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None)
     """
     if scene.reduction.file is not None:
         return given_vectors(model, scene.reduction.file)
+    if scene.reduction.given:
+        return offered_vectors(model, scene.reduction)
     if not scene.reduction.pooled:
         choice = scene.reduction
         more, stressed = enrichment_of(scene, choice, model), may_be_stressed(scene)
@@ -53,7 +55,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     Raises an `InputError` if the snapshots span too little.
     """
     choice = scene.reduction
-    if choice.basis == "file":
+    if choice.given:
         return given_basis(model, snapshots, choice)
     if not choice.pooled:
         return modal_basis(snapshots)
@@ -136,9 +138,10 @@ def may_be_stressed(scene: Scene) -> bool:
 
 def description(choice: Reduction, basis: Basis) -> str:
     """The basis in words."""
-    if choice.basis == "file":
+    if choice.given:
         rigid = "rigid-body modes and " if choice.flexibility else ""
-        kind = f"{rigid}vectors from a file, orthonormal in the {basis.product} product"
+        of = "from a file" if choice.basis == "file" else f"of {choice.basis}"
+        kind = f"{rigid}vectors {of}, orthonormal in the {basis.product} product"
     elif not choice.pooled:
         kind = "eigenmodes on the fixed supports with the sliders released, M-orthonormal"
     else:

@@ -1,13 +1,14 @@
-"""A basis of one's own: vectors from a file, orthonormal in their order."""
+"""A basis of one's own: vectors from a file or of an installed package, orthonormal in their order."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
+from pmr.errors import InputError, plugins
 from pmr.fem.distributed import inner, tall, times
 from pmr.files import npz
 from pmr.fullmodel.model import FullModel
@@ -15,6 +16,7 @@ from pmr.reduction.basis import Basis
 from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.free_body import rigid_modes
 from pmr.scene import Reduction
+from pmr.scene.asked import OwnBasis
 
 Array = NDArray[np.float64]
 #: A vector of which a smaller share is left beside those before it depends on them.
@@ -35,9 +37,31 @@ def given_vectors(model: FullModel, file: Path) -> Snapshots:
         raise InputError(str(file), "V", list(V.shape), allowed)
     if not np.isfinite(V).all():
         raise InputError(str(file), "V", None, "finite entries are allowed")
-    unknown = np.full(V.shape[1], np.nan)
-    local = np.ascontiguousarray(V[slice(*model.M.getOwnershipRange())])
-    return Snapshots.of(local, model, unknown, unknown, unknown, f"vectors from {file.name}")
+    return _snapshots(model, V[slice(*model.M.getOwnershipRange())], f"vectors from {file.name}")
+
+
+def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
+    """What a function of an installed package makes, an entry point `pmr.bases` of the basis' name; collective.
+
+    It gets the model and what the scene says of the reduction, and returns this rank's rows (n_local, k) of vectors.
+
+    Raises an `InputError` if there is none of that name, or it returns anything else.
+    """
+    make = plugins.one_of("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
+    if not callable(make):
+        raise plugins.refused("pmr.bases", choice.basis)
+    V = np.asarray(make(model, choice), dtype=float)
+    first, last = model.M.getOwnershipRange()
+    fits = V.ndim == 2 and V.shape[0] == last - first and V.shape[1] > 0 and bool(np.isfinite(V).all())
+    if not all(model.comm.allgather(fits)):
+        raise plugins.refused("pmr.bases", choice.basis, f"finite vectors with {last - first} rows here are allowed")
+    return _snapshots(model, V, f"vectors of {choice.basis}")
+
+
+def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
+    """Of vectors of which nothing is known but this rank's rows."""
+    unknown = np.full(local.shape[1], np.nan)
+    return Snapshots.of(np.ascontiguousarray(local), model, unknown, unknown, unknown, source)
 
 
 def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction) -> Basis:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
+from pmr.scene.offered import AS_WORD, or_offered
 from pmr.scene.section import (
     Count,
     Distance,
@@ -27,6 +28,8 @@ from pmr.scene.section import (
 
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
 OutputKind = Literal["beam", "tip", "pad_force", "cylinder_force", "velocity", "probe"]
+OwnBasis = Literal["free_modes", "eigenmodes", "paper", "file"]
+BasisName = Annotated[OwnBasis, or_offered("pmr.bases"), AS_WORD]
 SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback"]
 
 
@@ -179,7 +182,7 @@ class Reduction(Section):
     and moments there join the coordinates, which then answer to them exactly at rest.
     """
 
-    basis: Literal["free_modes", "eigenmodes", "paper", "file"] = Field(default="free_modes", description="See above")
+    basis: BasisName = Field(default="free_modes", description="See above; or one of an installed package")
     file: ExistingFile | None = Field(
         default=None, description="npz file with an array V: a column a vector on the full model's coordinates"
     )
@@ -211,6 +214,11 @@ class Reduction(Section):
     def pooled(self) -> bool:
         """Whether the basis is the POD of eigenmodes at several positions."""
         return self.basis in ("eigenmodes", "paper")
+
+    @property
+    def given(self) -> bool:
+        """Whether its vectors come from outside: from a file, or from a function of an installed package."""
+        return self.basis != "free_modes" and not self.pooled
 
     @property
     def extendable(self) -> bool:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
+from pmr.scene.offered import AS_WORD, or_offered
 from pmr.scene.plates import Face
 from pmr.scene.profile import BoxProfile
 from pmr.scene.refusals import of_key
@@ -34,7 +35,8 @@ from pmr.scene.structures import BeamSection, Material, Profile, unit_vector
 GRAVITY = 9.80665  # m/s^2
 #: The input that the weight of everything drives.
 WEIGHT = "gravity"
-ModelName = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
+OwnModel = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
+ModelName = Annotated[OwnModel, or_offered("pmr.models"), AS_WORD]
 #: What tells pads of a face apart, if there are two: which side of the middle they are on.
 SIDES, UPWARDS = dict.fromkeys(("bottom", "top"), ("right", "left")), ("lower", "upper")
 #: What each kind of support holds, as far as the body moves that way.

@@ -80,7 +80,7 @@ def _stands(data: Any, key: str) -> bool:
 
 def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
     model = model_of(member)
-    for key in UNUSED[model] if member.part.body.model != "auto" else ():
+    for key in UNUSED.get(model, ()) if member.part.body.model != "auto" else ():
         if model == "beam2d" and key == "body.shear" and not member.part.body.shear:
             continue  # as it is
         if key in OF_WALLS and (compared or has_giving_walls(member)):

@@ -98,7 +98,7 @@ def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
 def modes_tasks(scene: Scene) -> dict[str, Task]:
     """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions; free modes are one task."""
     choice = scene.reduction
-    if choice.basis == "file":
+    if choice.given:
         return {}
     deciding = Reduction(
         basis=choice.basis,

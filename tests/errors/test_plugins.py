@@ -30,6 +30,48 @@ def size(model, target, options):
 
 SIZE = Format("the size of a file", "size.txt", frozenset(), size)
 '''
+MODEL = '''
+import numpy as np
+from pmr.fem.matrices import local_csr
+from pmr.models import shell
+
+class Thick:
+    """Shells with walls of 12 mm, whatever the box says."""
+    KINDS = shell.KINDS
+
+    def of(self, body, mesh):
+        box = body.box.model_copy(update={"wall": 0.012})
+        return shell.of(body.model_copy(update={"box": box}), mesh)
+
+thick = Thick()
+
+def shapes(model, choice):
+    """The answers to the loads of a body on soft soil, and whatever else."""
+    K, M, B = (local_csr(A).toarray() for A in (model.K, model.M, model.inputs))
+    rest = np.random.default_rng(1).normal(size=(model.size, choice.coordinates))
+    return np.hstack([np.linalg.solve(K + M, B), rest])
+'''
+BODIES = """
+import pmr
+from pmr.fullmodel.build import build
+from pmr.scene import Scene
+heavy = build(pmr.load_scene("boom_shell", ["body.model='thick'", "mesh.size=0.2", "mesh.along=1.0"]))
+light = build(pmr.load_scene("boom_shell", ["mesh.size=0.2", "mesh.along=1.0"]))
+print(round(heavy.model.masses.own / light.model.masses.own, 9))
+changes = ["reduction={basis='shapes', coordinates=8}", "mesh.elements=8", "time.end=0.01", "compare.against=[]"]
+scene = pmr.load_scene("paper_simple", changes)
+reduced = pmr.reduce(scene).reduced
+again = Scene.model_validate(scene.model_dump(mode="json"))
+print(reduced.size, reduced.provenance["basis"], again.reduction.basis)
+"""
+UNKNOWN = """
+import pmr
+for name, change in (("boom_shell", "body.model='thick'"), ("paper_simple", "reduction.basis='shapes'")):
+    try:
+        pmr.load_scene(name, [change])
+    except pmr.InputError as error:
+        print(error)
+"""
 SCENE = """
 import pmr
 from pathlib import Path
@@ -79,3 +121,21 @@ def test_one_that_does_not_fit_is_refused_in_one_line(signal: str, said: str, tm
     distribution(tmp_path, signal)
     done = python("-c", REFUSED, cwd=tmp_path)
     assert said in done.stdout and done.stdout.count("\n") == 1, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_a_model_and_a_basis_of_another_package(tmp_path: Path) -> None:
+    """A shell of walls half as thick again, and vectors that a function makes of the full model."""
+    (tmp_path / "bodies.py").write_text(MODEL)
+    info = tmp_path / "bodies-0.3.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bodies\nVersion: 0.3\n")
+    (info / "entry_points.txt").write_text("[pmr.models]\nthick = bodies:thick\n[pmr.bases]\nshapes = bodies:shapes\n")
+    done = python("-c", BODIES, cwd=tmp_path)
+    mass, basis = done.stdout.split("\n")[:2]
+    assert mass == "1.5", done.stderr
+    assert basis.startswith("8 vectors of shapes, orthonormal"), done.stderr
+    assert basis.endswith("rad shapes")
+    (info / "entry_points.txt").write_text("")
+    refused = python("-c", UNKNOWN, cwd=tmp_path).stdout
+    assert refused.count("\n") == 2 and "body.model = 'thick'" in refused and "reduction.basis = 'shapes'" in refused

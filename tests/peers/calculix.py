@@ -14,18 +14,27 @@ import numpy as np
 class Mean:
     """A spring on a weighted mean of displacements: shares (N,) of all nodes, degree of freedom 1 to 3, N/m.
 
-    An infinite stiffness holds the mean at zero.
+    Shares (N, 3) are those of all three displacements.  An infinite stiffness holds the mean at zero.
     """
 
     shares: np.ndarray
     direction: int
     stiffness: float
+    mass: float = 0.0  # that moves as the mean does, kg (kg m^2 of a rotation)
 
     @property
     def terms(self) -> list[str]:
         """Of an equation, the largest first; ccx reads 20 characters of a number and no exponent behind them."""
-        nodes = sorted(np.flatnonzero(self.shares), key=lambda n: -abs(self.shares[n]))
-        return [f"{n + 1}, {self.direction}, {self.shares[n]:.12e}" for n in nodes]
+        shares = self.shares
+        if shares.ndim == 1:
+            shares = np.outer(shares, np.arange(1, 4) == self.direction)
+        return terms(shares)
+
+
+def terms(shares: np.ndarray) -> list[str]:
+    """Of shares (N, 3) of all displacements, the largest first."""
+    found = sorted(zip(*np.nonzero(shares), strict=True), key=lambda at: -abs(shares[at]))
+    return [f"{n + 1}, {d + 1}, {shares[n, d]:.12e}" for n, d in found]
 
 
 @dataclass
@@ -72,10 +81,16 @@ class Deck:
         if np.isinf(mean.stiffness):
             return ["*EQUATION", f"{len(terms)}", *terms]
         node, element = len(self.points) + number, len(self.quads) + number
+        of_mass = [
+            *(f"*ELEMENT, TYPE=MASS, ELSET=MASS{number}", f"{element + len(self.means)}, {node}"),
+            *(f"*MASS, ELSET=MASS{number}", f"{mean.mass:.12e}"),
+        ]
         return [
             *("*NODE", f"{node}, 0.0, 0.0, {number}.0"),
+            *(f"*NSET, NSET=MEAN{number}", f"{node},"),
             *(f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING{number}", f"{element}, {node}"),
             *(f"*SPRING, ELSET=SPRING{number}", "1", f"{mean.stiffness:.12e}"),
+            *(of_mass if mean.mass else ()),
             *("*BOUNDARY", f"{node}, 2, 3"),
             *("*EQUATION", f"{len(terms) + 1}", f"{node}, 1, -1.0", *terms),
         ]
@@ -121,6 +136,21 @@ class Deck:
             if len(parts) == 4 and parts[0].isdigit():
                 found[int(parts[0]) - 1] = [float(x) for x in parts[1:]]
         return np.array([found[n] for n in self.sets[name]])
+
+    def resting(self, acceleration: np.ndarray, forces: Mapping[int, float], folder: Path) -> dict[int, float]:
+        """What some of the means do (m) at rest under an acceleration (3,) of all walls and forces (N) on these."""
+        g = float(np.linalg.norm(acceleration))
+        walls = len(np.unique(np.broadcast_to(self.thickness, len(self.quads))))
+        along = ", ".join(f"{c / g:.12e}" for c in acceleration)
+        step = ["*STEP", "*STATIC", "*DLOAD", *(f"WALL{k}, GRAV, {g:.12e}, {along}" for k in range(1, walls + 1))]
+        nodes = {number: len(self.points) + number + 1 for number in forces}
+        step += ["*CLOAD", *(f"{nodes[number]}, 1, {force:.12e}" for number, force in forces.items())]
+        for number in forces:
+            step += [f"*NODE PRINT, NSET=MEAN{number + 1}", "U"]
+        lines = self._run([*step, "*END STEP"], folder, "dat").splitlines()
+        rows = [parts for parts in map(str.split, lines) if len(parts) == 4 and parts[0].isdigit()]
+        found = {int(row[0]): float(row[1]) for row in rows}
+        return {number: found[node] for number, node in nodes.items()}
 
     def _run(self, step: Sequence[str], folder: Path, result: str) -> str:
         (folder / "deck.inp").write_text("\n".join([*self._lines(), *step]) + "\n")

@@ -1,0 +1,157 @@
+"""CalculiX computes the platform of four octagonal shells at one extension, on the same rectangles; needs ``ccx``.
+
+Plates of their own thickness, pads on slanted faces, ropes, a basket of 400 kg that hangs 0.8 m aside, at 60 degrees;
+the base is clamped in both, as a mean over a section at the luffing cylinder would be a matter of definition.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from peers.calculix import Deck, Mean, grid
+from peers.pads import Patch
+
+from pmr import scene as scenes
+from pmr.fem.matrices import local_csr
+from pmr.fullmodel.build import build_bodies, models_of
+from pmr.pipeline.full_order import FullOrder
+from pmr.simulation import Excitation
+from pmr.simulation.petsc import static_start
+
+pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
+PLATFORM = Path(__file__).parents[2] / "workflows" / "platform_shell.toml"
+LENGTH, FROM_END, EXTENSION, WIDTH, STIFFNESS = 7.0, 0.2, 3.0, 0.05, 3e8  # m, N/m
+SIZE, ALONG = 0.07, 0.25  # m
+#: From the base out: width, height, chamfer, walls at the bottom, the sides and the top, m; what holds the tail, N/m.
+BOXES = (
+    (0.42, 0.54, 0.130, (0.008, 0.005, 0.006), np.inf),
+    (0.37, 0.48, 0.116, (0.007, 0.005, 0.006), 5e7),
+    (0.32, 0.42, 0.102, (0.006, 0.004, 0.005), 8e6),
+    (0.27, 0.36, 0.088, (0.005, 0.004, 0.004), 8e6),
+)
+ACROSS = {"bottom": (-0.06, 0.0), "top": (0.0, 0.06)}  # m: of both pads on each slanted face, upwards
+BASKET, INERTIA, ASIDE, G = 400.0, 150.0, 0.8, 9.80665
+SOFT = 1e-3  # N/m: a spring that does nothing, for ccx takes no mass on a mean without one
+DOWN = np.array([-np.sin(np.pi / 3.0), 0.0, -np.cos(np.pi / 3.0)])
+
+
+@dataclass(frozen=True)
+class Tube:
+    """A section by itself: 8-node rectangles, their walls, and shares of the nodes of an end in its mean."""
+
+    points: np.ndarray
+    quads: np.ndarray
+    walls: np.ndarray
+    tail: np.ndarray
+    tip: np.ndarray
+    corners: np.ndarray  # (8, 2) m, counter-clockwise from the bottom
+
+    @classmethod
+    def of(cls, width: float, height: float, chamfer: float, walls: tuple[float, float, float]) -> Tube:
+        b, h, c = width / 2.0, height / 2.0, chamfer
+        half = [[-b + c, -h], [b - c, -h], [b, -h + c], [b, h - c]]
+        corners = np.array(half + [[-y, -z] for y, z in half])
+        sides = np.roll(corners, -1, axis=0) - corners
+        lengths = np.hypot(*sides.T)
+        counts = np.maximum(2, np.rint(lengths / SIZE)).astype(int)
+        at, closed = np.cumsum([0, *counts]) / counts.sum(), np.vstack([corners, corners[:1]])
+
+        def place(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+            return np.column_stack([LENGTH * u, *(np.interp(v, at, closed[:, i]) for i in (0, 1))])
+
+        layers = round(LENGTH / ALONG)
+        points, quads, number = grid(place, (layers, int(counts.sum())), closed=True)
+        bottom, beside, top = walls
+        of_side = np.array([bottom, bottom, beside, top, top, top, beside, bottom])
+        edges = np.repeat(lengths / counts, counts)
+        ends = []
+        for around in (number[0], number[-1]):
+            share = np.zeros(len(points))
+            for k, edge in enumerate(edges):
+                np.add.at(share, around[2 * k : 2 * k + 3], edge / 6.0 * np.array([1.0, 4.0, 1.0]))
+            ends.append(share / share.sum())
+        return cls(points, quads, np.tile(np.repeat(of_side, counts), layers), *ends, corners)
+
+    def pads(self, x: float) -> list[np.ndarray]:
+        """Shares (N, 3) of all nodes in what each of the eight pads at x measures, outwards."""
+        found = []
+        for k in (1, 3, 5, 7):
+            start, end = self.corners[k], self.corners[(k + 1) % 8]
+            along = (end - start) / np.hypot(*(end - start))
+            normal, up = np.array([along[1], -along[0]]), along * np.sign(along[1])
+            local = np.column_stack([self.points[:, 0], self.points[:, 1:] @ up, self.points[:, 1:] @ normal])
+            for across in ACROSS["bottom" if k in (1, 7) else "top"]:
+                patch = Patch(2, float(start @ normal), x, across, x, width=WIDTH)
+                found.append(patch.shares(local, self.quads)[:, None] * np.array([0.0, *normal]))
+        return found
+
+
+def peer() -> Deck:
+    tubes = [Tube.of(*box[:4]) for box in BOXES]
+    first = np.cumsum([0, *(len(one.points) for one in tubes)])
+    count, means = int(first[-1]), list[Mean]()
+
+    def among(shares: np.ndarray, number: int) -> np.ndarray:
+        whole = np.zeros((count, 3))
+        whole[first[number] : first[number + 1]] = shares
+        return whole
+
+    for k in range(1, 4):
+        for within, around in ((FROM_END, EXTENSION + FROM_END), (LENGTH - FROM_END - EXTENSION, LENGTH - FROM_END)):
+            for own, outer in zip(tubes[k].pads(within), tubes[k - 1].pads(around), strict=True):
+                means.append(Mean(among(own, k) - among(outer, k - 1), 0, STIFFNESS))
+        x = np.eye(3)[0]
+        tails = [among(tubes[n].tail[:, None] * x, n) for n in (k, k - 1)]
+        means.append(Mean(tails[0] - tails[1], 0, BOXES[k][4]))
+    fly = tubes[3]
+    r = fly.points - [LENGTH, 0.0, 0.0]
+    J = np.array([fly.tip @ (r[:, 1] ** 2 + r[:, 2] ** 2), fly.tip @ r[:, 2] ** 2, fly.tip @ r[:, 1] ** 2])
+    turns = [np.cross(axis, r) * fly.tip[:, None] / j for axis, j in zip(np.eye(3), J, strict=True)]
+    moves = [fly.tip[:, None] * axis for axis in np.eye(3)]
+    hung = [moves[0] - ASIDE * turns[2], moves[1], moves[2] + ASIDE * turns[0]]
+    hanging = [Mean(among(one, 3), 0, SOFT, BASKET) for one in hung]
+    hanging += [Mean(among(one, 3), 0, SOFT, INERTIA) for one in turns]
+    return Deck(
+        np.vstack([one.points + [EXTENSION * k, 0.0, 0.0] for k, one in enumerate(tubes)]),
+        np.vstack([one.quads + first[k] for k, one in enumerate(tubes)]),
+        np.concatenate([one.walls for one in tubes]),
+        sets={"TAIL": np.flatnonzero(tubes[0].tail)},
+        held=[("TAIL", 1, 6)],
+        means=[*means, *hanging],
+    )
+
+
+@pytest.fixture(scope="module")
+def ours() -> FullOrder:
+    changes = [
+        f"section.mesh={{size={SIZE},along={ALONG}}}",
+        "sections.base.supports=[{name='clamp',kind='clamped',points='all'}]",
+        f"sections.first.joint.extension={EXTENSION}",
+        "time={end=0.04,step=0.02}",
+        "damping={ratio=0.01,frequencies=[0.5,20.0]}",
+        "gravity.inclination=60.0",
+    ]
+    boom = scenes.load_any(PLATFORM, changes)
+    return FullOrder.of(boom, models_of(build_bodies(boom)))
+
+
+def test_the_platform_bends_and_swings_as_in_calculix(ours: FullOrder, tmp_path: Path) -> None:
+    excitation, deck = Excitation.of(ours.scene), peer()
+    start = static_start(ours.whole, excitation)["fly"]
+    model = ours.whole.bodies["fly"]
+    measured = dict(zip(model.output_names, local_csr(model.outputs).T @ start.q, strict=True))
+    first = len(deck.means) - 6
+    weight = dict(enumerate(BASKET * G * DOWN, start=first))
+    turns = dict.fromkeys(range(first + 3, first + 6), 0.0)
+    _, y, z, turned, *_ = deck.resting(G * DOWN, weight | turns, tmp_path).values()
+    found = np.array([measured["tip y"], measured["tip z"]])
+    expected = np.array([y, z - ASIDE * turned])
+    print(found, expected, found / expected - 1.0)
+    f, g = ours.frequencies(excitation.s[:1], 4, np.zeros((1, 0)))[0], deck.frequencies(4, tmp_path)
+    print(f, g, f / g - 1.0)
+    assert found == pytest.approx(expected, rel=0.01)
+    assert f == pytest.approx(g, rel=0.01)
