@@ -22,6 +22,7 @@ from pmr.files.swap import finished
 from pmr.results.parts import BodyResult, Frequencies, FrequencyResponse, Loads, Paths, Shapes
 from pmr.results.response import Response
 from pmr.scene import Scene
+from pmr.scene.former import stored
 from pmr.scene.names import ALONE, SLIDER
 
 Array = NDArray[np.float64]
@@ -163,7 +164,8 @@ class RunResult:
     def load(cls, folder: Path) -> RunResult:
         """Read what `save` wrote, or an earlier version."""
         finished(folder)
-        scene = Scene.model_validate_json((folder / "scene.json").read_text(encoding="utf-8"))
+        file = folder / "scene.json"
+        scene = stored(json.loads(file.read_text(encoding="utf-8")), str(file))
         data = npz.read(folder / "trajectories.npz")
         columns = json.loads(str(data["columns"])) if "columns" in data else {}
         simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})

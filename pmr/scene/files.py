@@ -8,32 +8,12 @@ from pathlib import Path
 
 from pmr.errors import InputError
 from pmr.scene.checks import check
+from pmr.scene.former import GONE, MOVED
 from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.scene.unused import check_unused
 from pmr.scene.workflows import found
 
-#: Keys of earlier versions and what they are called now.
-MOVED = {
-    "body.length": "body.profile.length",
-    "body.bending_stiffness": "body.profile.bending_stiffness",
-    "body.axial_stiffness": "body.profile.axial_stiffness",
-    "body.mass_per_length": "body.profile.mass_per_length",
-    "body.axial": "body.profile.axial",
-    "supports.at": "supports.on",
-    "loads.at": "loads.on",
-    "holds": "supports (with their directions)",
-    "clamps": "supports (with points = 'all', and kind = 'clamped' or directions)",
-    "reduction.support_rows": "reduction.basis ('paper' for 'hold', 'eigenmodes' for 'drop')",
-}
-#: Keys of earlier versions that have no other name now, and what does their work.
-GONE = dict.fromkeys(
-    ("reduction.residual_inertia", "sections.reduction.residual_inertia"),
-    "no such key is allowed any more: more of reduction.coordinates do its work",
-) | dict.fromkeys(
-    ("section.joint.friction_speed", "sections.joint.friction_speed"),
-    "no such key is allowed any more: pads stick until they slide, by the shear_stiffness of each ring",
-)
 #: Published figures are those of one scene, not of the ones that extend it.
 DIALECT = Dialect(
     "scene file",

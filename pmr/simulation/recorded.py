@@ -14,6 +14,7 @@ from pmr.errors.text import visible
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
+from pmr.scene.former import stored
 from pmr.scene.section import RECORDED
 from pmr.scene.signals import Signal
 from pmr.simulation.excitation import SLIDER, Excitation
@@ -78,7 +79,7 @@ def _of_body(scene: Any, system: System) -> Recorded:
 
 
 def _of_sections(scene: Any, system: System) -> Recorded:
-    boom = Scene.model_validate(scene, context=RECORDED)
+    boom = stored(scene, "provenance.scene", RECORDED)
     _bounded(TimeStepping(boom.time.end, boom.time.step))
     if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.paths):
         raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")

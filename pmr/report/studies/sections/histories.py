@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -20,6 +21,7 @@ from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.names import case_name
 from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Published, Scene
+from pmr.scene.former import stored
 from pmr.scene.names import ALONE, SLIDER
 from pmr.studies.results import RunRecord
 
@@ -70,7 +72,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 def run_result(study: FinishedStudy, run: RunRecord) -> RunResult:
     """A run as the figures of single runs read it; displacements at the tip only."""
     arrays = study.results.arrays(run.key)
-    scene = Scene.model_validate_json(str(arrays["scene"])).model_copy(update={"published": _published(study, run)})
+    scene = stored(json.loads(str(arrays["scene"])), run.key).model_copy(update={"published": _published(study, run)})
     remarks = [
         statement.why for statement in study.published if statement.figure.startswith(f"{run.key}.") and statement.why
     ]
