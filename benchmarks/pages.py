@@ -319,7 +319,8 @@ def waited_for(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter
         blocks=[
             Block(
                 "Commands",
-                text="First: with nothing compiled yet, neither loops nor a platform's C library.",
+                text="First: with nothing compiled yet, neither loops nor a platform's C library. After pmr compile: "
+                "with what that command has compiled.",
                 grids=(Grid("Processor time of a command and what it starts.", ("command", "here", "asked"), rows),),
             )
         ],
