@@ -7,10 +7,7 @@ from dataclasses import replace
 import free_boom
 import numpy as np
 import pytest
-from exudyn.utilities import (
-    ObjectGround,
-    RotationMatrixY,
-)
+from exudyn.utilities import ObjectGround, RigidBodyInertia, RotationMatrixY
 from free_turret import KINDS, Turret
 from numpy.typing import NDArray
 
@@ -19,7 +16,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.signals import Table
 from pmr.simulation import Excitation
-from pmr.simulation.exudyn import NodeCoordinate, simulate_system
+from pmr.simulation.exudyn import NodeCoordinate, add_sensors, simulate_system
 from pmr.simulation.native import systems
 from pmr.simulation.turning import Turning
 
@@ -207,6 +204,40 @@ def test_on_pads_that_push() -> None:
     assert np.abs(q[0] - on_ground).max() < 1e-4 * np.abs(on_ground).max()
     np.testing.assert_allclose(q[2], q[1], rtol=0.0, atol=1e-6 * np.abs(q[1]).max())
     assert 0 < np.count_nonzero(expected.forces[-1]) < len(expected.forces[-1])
+
+
+def test_on_springs_it_is_march_s_with_a_machine_on_supports_that_give_way() -> None:
+    """A rigid body at the tail on six springs, blown at from the side while it telescopes: where its tip is."""
+    stiffness, mass, inertia = 2e5, 500.0, [100.0, 120.0, 80.0]
+    gust = "sections.fly.loads.gust.signal={kind='sine', amplitude=100.0, frequency=3.0}"
+    slow = "sections.fly.joint.extension={kind='smooth_ramp', times=[0.0, 1.0], values=[0.5, 0.9]}"
+    springs = ", ".join(
+        f"{{name='springs{turn}', on='tail', directions={[turn + one for one in 'xyz']}, stiffness={stiffness}}}"
+        for turn in ("", "r")
+    )
+    machine = f"sections.base.masses=[{{name='machine', on='tail', mass={mass}, inertia={inertia}}}]"
+    changes = ("time.end=0.2", gust, slow, f"sections.base.supports=[{springs}]", machine)
+    scene, system = free_boom.scene(*changes).model_copy(update={"gravity": None}), free_boom.system(*changes)
+    moved = systems.displacements(system, systems.simulate(system, Excitation.of(scene)))["fly"]
+    expected = moved[:, system.bodies["fly"].output_names.index("tip y")]
+
+    own = free_boom.scene("time.end=0.2", gust, slow).model_copy(update={"gravity": None})
+    turret = Turret(own)
+    turret.body = turret.mbs.CreateRigidBody(inertia=RigidBodyInertia(mass, np.diag(inertia)))
+    turret.mbs.CreateRigidBodySpringDamper(
+        itemNumbers=[turret.mbs.CreateGround(), turret.body], stiffness=stiffness * np.eye(6)
+    )
+    turret.on = replace(turret.on, body=turret.body, place=tuple(-one for one in own.frame.place))
+    sensors = add_sensors(turret.mbs, turret.add())
+    turret.solve()
+    y = turret.mbs.GetSensorStoredData(sensors.sOutputs)[:, 1:]
+    y, z = (y[:, sensors.output_names.index(f"fly: tip {one}")] for one in "yz")
+    tip = np.column_stack([own.extension(1).value(turret.t) + 2.0, y, z])
+    base = turret.base()
+    turned = np.array([base.kinematics(x, 0.0 * x)[3] for x in turret.x])
+    found = turret.x[:, 1] + np.einsum("tj,tj->t", turned[:, 1], tip)
+    assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
+    assert np.abs(y).max() < 0.1 * np.abs(expected).max()  # the springs give way, the boom hardly
 
 
 def test_what_is_refused() -> None:
