@@ -70,7 +70,7 @@ def _forces(result: RunResult) -> Rows:
     """The largest of each kind, pads, cylinders and supports apart, and the largest moment of a support."""
     summary = result.summary
     held = {_directed(result, one["name"]): one for one in summary.get("reactions", ()) if not _at_pivot(result, one)}
-    ropes = {f"rope of {one['name']}": one["force"] for one in summary.get("ropes", ()) if one["follows"]}
+    ropes = {f"rope of {one['name']}, all strands": one["force"] for one in summary.get("ropes", ()) if one["follows"]}
     pulled = {f"cylinder of {one['name']}": one["force"] for one in summary.get("ropes", ()) if not one["follows"]}
     listed = {
         "cylinder": {f"{name}, which pulls the ropes": one for name, one in pulled.items()},
