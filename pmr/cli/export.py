@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.text import Text
 
-from pmr.cli.console import Model, ensure_file, ensure_writable, out, say
+from pmr.cli.console import Model, ensure_file, ensure_writable, err, out, say
+from pmr.errors.text import visible
 from pmr.export.formats import Options, formats, write
 from pmr.files.swap import finished
 
@@ -54,7 +56,8 @@ def export(
     """
     ensure_file(out_file, model) if out_file else ensure_writable(model.parent)
     finished(model.parent)
-    written = write(to, model, out_file, Options(fmi, at, section, platforms))
+    with err.status(Text(f"writing {visible(to)}")):  # on a terminal alone: a compiler may take a while
+        written = write(to, model, out_file, Options(fmi, at, section, platforms))
     if section is not None:
         say(out, f"section {section} alone, without its joints")
     say(out, str(written))

@@ -114,3 +114,7 @@ def test_what_leaves_no_state_space_is_refused(monkeypatch, capsys, tmp_path: Pa
             state_space(System.of(model), {"slider": np.array([2.0, 2.5])}, "model")
     done = called(monkeypatch, capsys, "export", "reduced.npz", "--to", "exudyn", "--at", "2")
     assert done.returncode == 2 and "it is allowed with --to matlab" in done.stderr
+    done = called(
+        monkeypatch, capsys, "export", "reduced.npz", "--to", "[/red]"
+    )  # no markup of what is shown meanwhile
+    assert done.returncode == 2 and "--to = '[/red]': one of exudyn" in done.stderr
