@@ -17,6 +17,7 @@ from pmr.constraints.rows import Row
 from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.blocks import Arrangement, Block, Part, arrangement
 from pmr.export.fmi.drivers import Drivers
+from pmr.simulation import contact_step
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -149,8 +150,12 @@ class Source:
     token: str
 
 
-def source_text(constants: Constants, path_names: Sequence[str], start_values: Array, nominal: Array) -> Source:
+def source_text(
+    constants: Constants, path_names: Sequence[str], start_values: Array, nominal: Array, omega: float
+) -> Source:
     """model.h and model.c.
+
+    `omega` in rad/s is that of contacts that only push (`pmr.simulation.contact_step`), 0 without any.
 
     `start_values` (4 + 4 n,) are those of the variables up to the kind of start: t, the drivers, their rates of order
     one to three, step, rho_inf, start; `nominal` (2 r,) are sizes of the modal coordinates and of their rates.
@@ -159,7 +164,13 @@ def source_text(constants: Constants, path_names: Sequence[str], start_values: A
         "const double start_values[1 + 4 * DRIVERS + 3]": start_values,
         "const double nominal[2 * MODES]": nominal,
     }
-    macros = [f"#define {name} {value}" for name, value in constants.macros.items()]
+    of_contacts: dict[str, object] = {
+        "CONTACT_OMEGA": repr(float(omega)),
+        "RESOLVED": contact_step.RESOLVED,
+        "MOST_PARTS": contact_step.MOST_PARTS,
+        "FORCE_TOLERANCE": contact_step.TOLERANCE,
+    }
+    macros = [f"#define {name} {value}" for name, value in (constants.macros | of_contacts).items()]
     parts = [f"{declaration} = {_listed(array)};" for declaration, array in arrays.items()]
     texts = {"row_names[ROWS]": constants.rows.system.contact_names, "path_names[PATHS]": path_names}
     for name, words in texts.items():

@@ -137,7 +137,7 @@ def contents(system: System, scene: Recorded, name: str, version: str) -> Conten
     run = reference(found.drivers, scene)
     listed = variables(found.drivers, run.start_values, run.nominal)
     paths = [variable.name for variable in listed if variable.within is not None]
-    source = source_text(found, paths, run.start_values, run.nominal)
+    source = source_text(found, paths, run.start_values, run.nominal, run.omega)
     others = {f"fmi{other}.c" for other in VERSIONS if other != version}
     files = {file.name: file.read_text() for file in sorted(_SOURCE.iterdir()) if file.name not in others}
     files |= {"model.h": source.header, "model.c": source.text}

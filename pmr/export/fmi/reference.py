@@ -16,10 +16,10 @@ from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.variables import STARTS, Variable
 from pmr.scene.built import force_of
 from pmr.scene.signals import SignalBase
-from pmr.simulation import contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation, in_order
 from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.recorded import Recorded
 from pmr.simulation.stepping import TimeStepping
 
@@ -32,7 +32,8 @@ INSTANTS = 101
 class Reference:
     """A simulation under the scene of a system of n drivers, o outputs and m contacts."""
 
-    stepping: TimeStepping  #: With the parts that contacts that only push take
+    stepping: TimeStepping
+    omega: float  #: rad/s, of contacts that only push; 0 without any
     inputs: Array  #: (T, 1 + 4 n) array: time, drivers and their rates of order one to three, at every step
     first: Array  #: (n,) array: the drivers where nothing else is given
     static: bool  #: Whether it starts in equilibrium
@@ -43,7 +44,7 @@ class Reference:
     @property
     def start_values(self) -> Array:
         """Of the variables up to the kind of start, in the order of `pmr.export.fmi.variables`."""
-        step = self.stepping.step / max(self.stepping.parts, 1)
+        step = self.stepping.step
         start = STARTS["static" if self.static else "at rest"]
         return np.concatenate([[0.0], self.first, np.zeros(3 * len(self.first)), [step, self.stepping.rho_inf, start]])
 
@@ -51,9 +52,8 @@ class Reference:
 def reference(drivers: Drivers, scene: Recorded) -> Reference:
     """Simulate a system under its own scene, as the inputs lead on; in a frame that moves, as its signals say."""
     rows, system, excitation = drivers.rows, drivers.rows.system, scene.excitation
-    count = contact_step.parts(contact_frequency(system, excitation), excitation.stepping)
     inputs = led_on(drivers, excitation)
-    given = replace(_followed(drivers, excitation, inputs), stepping=replace(excitation.stepping, parts=count))
+    given = _followed(drivers, excitation, inputs)
     found = systems.simulate(system, given, systems.static_start(system, given) if scene.static else {})
     y = list(systems.displacements(system, found).values())
     z, v = (
@@ -69,6 +69,7 @@ def reference(drivers: Drivers, scene: Recorded) -> Reference:
     first[drivers.first_load : drivers.first_load + len(drivers.loads)] = first_loads(drivers, scene)
     return Reference(
         stepping=given.stepping,
+        omega=contact_frequency(SystemForm.of(system).modal, given),
         inputs=np.hstack([t[:, None], *inputs]),
         first=first,
         static=scene.static,

@@ -83,10 +83,13 @@ class Made:
 
     @property
     def excitation(self) -> Excitation:
+        """In straight lines from step to step, as inputs with first rates alone go on."""
         pushing = self.model.clearance is not None
         path, loads = (ON_PADS, WEIGHT_AND_LIFT) if pushing else (PATH, LOADS)
-        stepping = TimeStepping(END, STEP, 0.8, parts=1)
-        return Excitation({SLIDER: path}, dict(zip(self.model.input_names, loads, strict=True)), stepping)
+        stepping = TimeStepping(END, STEP, 0.8)
+        t = stepping.times
+        on, *given = (Ramp(times=t.tolist(), values=one.value(t).tolist()) for one in (path, *loads))
+        return Excitation({SLIDER: on}, dict(zip(self.model.input_names, given, strict=True)), stepping)
 
     def names(self) -> tuple[list[str], list[str]]:
         """Inputs and their rates, s first."""
@@ -158,7 +161,11 @@ def test_from_step_to_step_its_inputs_have_the_signals_values_and_rates(made: Ma
         instance.step(k * STEP, STEP)
     largest = (np.abs(some).max() for some in np.split(carried.outputs, [len(moved)], axis=1))
     size = np.repeat([*largest], [len(moved), len(forces)])
-    assert np.all(np.abs(np.array(found) - carried.outputs) <= 1e-6 * size)
+    assert np.all(np.abs(np.array(found) - carried.outputs) <= 1e-9 * size)
+    run = one_body.simulate(made.model, scene.excitation)
+    f = scene.excitation.forces(made.model.input_names)
+    y = np.hstack([displacement(made.model, run.q, run.s, run.multipliers, f), run.multipliers])[shown]
+    assert np.all(np.abs(np.array(found) - y) <= 1e-7 * size)
 
 
 def test_it_starts_with_the_loads_of_the_scene_and_its_whole_weight() -> None:
@@ -222,6 +229,8 @@ def test_any_name_leaves_a_description_that_can_be_read(version: str) -> None:
 
 def test_co_simulation_is_the_stepper(made: Made) -> None:
     """Real time in Python and in C: two codes of one step, held against each other."""
+    if made.model.clearance is not None:
+        return  # whose steps are whole ones there
     found, _ = co_simulated(made, Instance(made.library))
     excitation, f = made.excitation, made.excitation.forces(made.model.input_names)
     s = excitation.s[:, 0]

@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.export.fmi.blocks import arrangement
+from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.reference import reference
 from pmr.pipeline import reduce
 from pmr.reduction.bodies import Reduction
 from pmr.scene import Scene, load_any
+from pmr.scene.signals import Ramp
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import systems
@@ -59,9 +62,14 @@ class Made:
 
     @property
     def excitation(self) -> Excitation:
-        """As its scene has it, one part a step."""
-        found = of_boom(self.boom, self.system).excitation
-        return found.with_stepping(TimeStepping(self.boom.time.end, STEP, 0.8, parts=1))
+        """As its scene has it, in straight lines from step to step, as inputs with first rates alone go on."""
+        found, stepping = of_boom(self.boom, self.system).excitation, TimeStepping(self.boom.time.end, STEP, 0.8)
+        t = stepping.times
+        paths, loads = (
+            {name: Ramp(times=t.tolist(), values=one.value(t).tolist()) for name, one in signals.items()}
+            for signals in (found.paths, found.loads)
+        )
+        return Excitation(paths, loads, stepping)
 
     def inputs(self) -> tuple[list[str], list[str]]:
         """Paths and loads, and their rates."""
@@ -130,20 +138,25 @@ def test_co_simulation_is_march(made: Made) -> None:
         assert np.any(np.diff(expected.forces[:, pushes] == 0.0, axis=0))  # pads open and close on the way
 
 
-def test_a_boom_on_pads_that_push_starts_with_as_many_parts_as_they_take(made: Made) -> None:
-    """Communicated at each part, it is `march` with as many parts in each step, to round-off."""
+def test_with_rates_of_its_signals_a_boom_on_pads_that_push_is_the_run(made: Made) -> None:
+    """Steps in as many parts as the run makes, and what it finds in them; a kink within a step is all that is left."""
     if np.isnan(made.system.clearance).all():
         return
-    (part,) = Instance(made.library).get(["internal_step"])
-    count = round(STEP / part)
-    assert 1 < count and count * part == pytest.approx(STEP, rel=1e-12)
-    excitation = made.excitation.with_stepping(TimeStepping(0.02, STEP, 0.8, parts=count))
-    expected = systems.simulate(made.system, excitation, systems.static_start(made.system, excitation))
-    short = replace(made, boom=made.boom.model_copy(update={"time": made.boom.time.model_copy(update={"end": 0.02})}))
-    found, forces = (every[::count] for every in co_simulated(short, Instance(made.library), part))
-    y = outputs_of(made.system, expected)
-    np.testing.assert_allclose(found, y, rtol=0.0, atol=1e-9 * np.abs(y).max())
-    np.testing.assert_allclose(forces, expected.forces, rtol=0.0, atol=1e-6 * np.abs(expected.forces).max())
+    scene = recorded(made.system, "system")
+    carried = reference(Drivers.of(arrangement(made.system)), scene)
+    run = systems.simulate(made.system, scene.excitation, systems.static_start(made.system, scene.excitation))
+    assert 1.0 < run.parts[1:].mean() < 32.0
+    instance, given, found = Instance(made.library), made.library.named("input"), []
+    moved, _, forces = made.observed()
+    instance.initialise(given, carried.inputs[0, 1:])
+    for k in range(len(carried.inputs)):
+        found.append(instance.get(moved + forces))
+        instance.set(given, carried.inputs[k, 1:])
+        instance.step(k * STEP, STEP)
+    y, pads = outputs_of(made.system, run), ~np.isnan(made.system.clearance)
+    both, size = np.array(found), np.abs(run.forces).max()
+    np.testing.assert_allclose(both[:, : len(moved)], y, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(both[:, len(moved) :][:, pads], run.forces[:, pads], rtol=0.0, atol=1e-6 * size)
 
 
 def test_it_starts_in_equilibrium_unless_told_to_be_at_rest(made: Made) -> None:

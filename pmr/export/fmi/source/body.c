@@ -79,11 +79,16 @@ static void over_S(const Scheme *scheme, const double *x, double *result)
 #endif
 }
 
-static int set_scheme(Body *body, double step, double rho_inf)
+int set_scheme(Body *body, double step, double rho_inf)
 {
-    Scheme *scheme = &body->scheme;
+    Scheme *scheme;
     int n;
-    if (scheme->step == step && scheme->rho_inf == rho_inf) return 0;
+    for (n = 0; n < SCHEMES; n++) {
+        scheme = body->scheme = body->schemes + n;
+        if (scheme->step == step && scheme->rho_inf == rho_inf) return 0;
+    }
+    scheme = body->scheme = body->schemes + body->next_scheme;
+    body->next_scheme = (body->next_scheme + 1) % SCHEMES;
     scheme->step = step;
     scheme->rho_inf = rho_inf;
     scheme->alpha_m = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0); /* Chung, Hulbert 1993, eq. 25 */
@@ -104,7 +109,10 @@ static int set_scheme(Body *body, double step, double rho_inf)
                 S[n * MODES + n] += (quasi_static[n] ? 0.0 : 1.0) + omega2[n] * scheme->dz;
                 column[n] = n == l;
             }
-            if (solve_dense(MODES, S, column)) return fail(body, "the damping makes the step singular");
+            if (solve_dense(MODES, S, column)) {
+                scheme->step = 0.0;
+                return fail(body, "the damping makes the step singular");
+            }
         }
     }
 #else
@@ -138,7 +146,7 @@ int find_multipliers(Body *body)
     add_motion(rows, u + STATES, body->drive.f, NULL, motion);
     if (settle(body, rows->F, motion, gives_way, body->multipliers)) return 1;
     for (k = 0; k < ROWS; k++)
-        if (!gives_way[k]) body->multipliers[k] = body->memory.rigid[k];
+        if (!gives_way[k]) body->multipliers[k] = body->memory.multipliers[k];
     return 0;
 }
 
@@ -260,7 +268,7 @@ int body_differentiate(Body *body, const double *seed, double *answer)
    keep what their damping does of where they were. */
 static void predict(const Body *body, double *z0, double *v0, double *a0)
 {
-    const Scheme *scheme = &body->scheme;
+    const Scheme *scheme = body->scheme;
     const Memory *memory = &body->memory;
     const double *z = memory->variables + STATES, *v = z + MODES;
     double h = scheme->step;
@@ -315,10 +323,10 @@ static int revise_terms(Body *body, const double *z, const double *v, int times,
 }
 
 /* Multipliers, and the acceleration of the step, under forces S^-1 (...) that rows and terms are not among. */
-static int find_step(Body *body, double A[ROWS][ROWS], double pulled[ROWS][MODES], const double *z0, const double *v0,
-                     double *pushed, double *acceleration)
+static int find_step(Body *body, double pulled[ROWS][MODES], const double *z0, const double *v0, double *pushed,
+                     double *acceleration)
 {
-    const Scheme *scheme = &body->scheme;
+    const Scheme *scheme = body->scheme;
     double forces[MODES], rest[MODES] = {0.0}, z[MODES], v[MODES], motion[ROWS];
     int all[ROWS], again, times, k, n;
     for (k = 0; k < ROWS; k++) all[k] = 1;
@@ -330,7 +338,7 @@ static int find_step(Body *body, double A[ROWS][ROWS], double pulled[ROWS][MODES
         for (n = 0; n < MODES; n++) z[n] = z0[n] + scheme->dz * acceleration[n];
         memset(motion, 0, sizeof motion);
         add_motion(&body->place.rows, z, body->drive.f, NULL, motion);
-        if (settle(body, A, motion, all, body->multipliers)) return 1;
+        if (settle(body, body->A, motion, all, body->multipliers)) return 1;
         subtract_rows(pulled[0], body->multipliers, acceleration);
         for (n = 0; n < MODES; n++) {
             z[n] = z0[n] + scheme->dz * acceleration[n];
@@ -344,14 +352,13 @@ static int find_step(Body *body, double A[ROWS][ROWS], double pulled[ROWS][MODES
     }
 }
 
-/* One step to the path coordinate and the loads among the variables. */
-static int take_step(Body *body)
+int take_step(Body *body)
 {
-    const Scheme *scheme = &body->scheme;
+    const Scheme *scheme = body->scheme;
     const Rows *rows = &body->place.rows;
     Memory *memory = &body->memory;
     double *z = memory->variables + STATES, *v = z + MODES;
-    double z0[MODES], v0[MODES], a0[MODES], acceleration[MODES], pushed[MODES], A[ROWS][ROWS], pulled[ROWS][MODES];
+    double z0[MODES], v0[MODES], a0[MODES], acceleration[MODES], pushed[MODES], pulled[ROWS][MODES];
     int all[ROWS], k, l, n;
     if (place(body)) return 1;
     find_drive(body, VALUES, NULL);
@@ -361,12 +368,12 @@ static int take_step(Body *body)
         for (l = 0; l <= k; l++) {
             double sum = 0.0;
             for (n = 0; n < MODES; n++) sum += pulled[k][n] * rows->C[l][n];
-            A[k][l] = A[l][k] = rows->F[k][l] + scheme->dz * sum;
+            body->A[k][l] = body->A[l][k] = rows->F[k][l] + scheme->dz * sum;
         }
     expect_terms(memory, pushed);
     do {
         predict(body, z0, v0, a0);
-        if (find_step(body, A, pulled, z0, v0, pushed, acceleration)) return 1;
+        if (find_step(body, pulled, z0, v0, pushed, acceleration)) return 1;
     } while (let_go(body, all));
     for (n = 0; n < MODES; n++) {
         double before = z[n];
@@ -377,30 +384,7 @@ static int take_step(Body *body)
     }
     for (k = 3; k > 0; k--) memcpy(memory->pushed[k], memory->pushed[k - 1], sizeof memory->pushed[k]);
     memcpy(memory->pushed[0], pushed, sizeof pushed);
-    for (k = 0; k < ROWS; k++) memory->rigid[k] = gives_way[k] ? 0.0 : body->multipliers[k];
+    memcpy(memory->multipliers, body->multipliers, sizeof memory->multipliers);
     remember(body);
-    return 0;
-}
-
-int body_advance(Body *body, double duration)
-{
-    double *u = body->memory.variables, t = u[TIME], given[4 * DRIVERS];
-    double count = ceil(duration / u[INTERNAL_STEP] * (1.0 - 1e-9)), step;
-    int k;
-    if (!(duration >= 0.0)) return fail(body, "a communication step of 0 s or more is allowed");
-    if (duration == 0.0) return 0;
-    if (!(count < 1e9)) return fail(body, "a communication step of less than 1e9 internal steps is allowed");
-    step = duration / count;
-    if (fabs(step - u[INTERNAL_STEP]) <= 1e-9 * u[INTERNAL_STEP]) step = u[INTERNAL_STEP]; /* round-off of the times */
-    if (set_scheme(body, step, u[RHO_INF])) return 1;
-    memcpy(given, u + DRIVEN, sizeof given);
-    for (k = 1; k <= (int)count; k++) {
-        drive_on(u, given, k * step);
-        u[TIME] = t + k * step;
-        body_changed(body);
-        if (take_step(body)) return 1;
-    }
-    for (k = 0; k < MODES; k++)
-        if (!isfinite(u[STATES + k])) return fail(body, "the state is not finite: loads may have been none");
     return 0;
 }

@@ -59,12 +59,16 @@ typedef struct {
     double given[2 * MODES];    /* states that were set before the start */
     double acceleration[MODES]; /* z'' at the end of the last step */
     double alike[MODES];        /* and the acceleration-like variable of generalized-alpha */
-    double rigid[ROWS];         /* multipliers of the last step */
+    double multipliers[ROWS];   /* of the last step */
     double force[ROWS];         /* of rows that push, in the last step, and their share in `alike` */
     double share[ROWS];
     double closed[ROWS]; /* 1 where a row holds */
     double pushed[4][MODES]; /* forces of terms at the ends of the last steps, the last one first */
     double largest;          /* square of the largest of these so far */
+    double accelerated[MODES]; /* z'' before the next part, and the largest multiplier so far (parts.c) */
+    double largest_force;
+    double length; /* of the last part, s; 0 at the start */
+    int level;     /* how often the next step is halved */
 } Memory;
 
 /* A number, its rate in time, how it changes along a seed, and how its rate does. */
@@ -98,6 +102,9 @@ typedef struct {
     Rows rows;
 } Place;
 
+/* Steps of a communication are halved up to seven times, and the communication may have another length. */
+enum { SCHEMES = 10 };
+
 /* Generalized-alpha with one step size. */
 typedef struct {
     double step, rho_inf;
@@ -110,7 +117,10 @@ typedef struct {
     Memory memory;
     Place place;
     Drive drive;
-    Scheme scheme;
+    Scheme schemes[SCHEMES]; /* of the last lengths of steps, the next one to be replaced, and that of now */
+    int next_scheme;
+    Scheme *scheme;
+    double A[ROWS][ROWS]; /* of the last step: F + dz C S^-1 C^T */
     int fresh;   /* derivatives and displacements belong to states and inputs */
     int moving;  /* velocities do */
     double multipliers[ROWS], rates[ROWS];
@@ -133,5 +143,7 @@ void add_motion(const Rows *rows, const double *z, const double *f, const double
 void subtract_rows(const double *C, const double *multipliers, double *forces);
 void free_forces(const double *f, const double *z, const double *v, double *forces);
 int find_multipliers(Body *body);
+int set_scheme(Body *body, double step, double rho_inf);
+int take_step(Body *body); /* to the inputs among the variables */
 
 #endif

@@ -111,7 +111,7 @@ int let_go(Body *body, const int *among)
 
 void remember(Body *body)
 {
-    const Scheme *scheme = &body->scheme;
+    const Scheme *scheme = body->scheme;
     Memory *memory = &body->memory;
     int k;
     for (k = 0; k < ROWS; k++)

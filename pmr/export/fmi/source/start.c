@@ -197,7 +197,7 @@ int body_start(Body *body)
         if (solve_rigid(body, x)) return 1;
         subtract_rows(rows->C[0], x, v);
     }
-    memset(memory->rigid, 0, sizeof memory->rigid);
+    memset(memory->multipliers, 0, sizeof memory->multipliers);
     if (find_multipliers(body)) return 1;
     free_forces(body->drive.f, z, v, memory->acceleration);
     push(body, memory->acceleration);
@@ -209,7 +209,7 @@ int body_start(Body *body)
     for (k = 0; k < MODES; k++)
         if (quasi_static[k]) memory->acceleration[k] = 0.0;
     for (k = 0; k < ROWS; k++) {
-        memory->rigid[k] = x[k];
+        memory->multipliers[k] = gives_way[k] ? body->multipliers[k] : x[k];
         memory->force[k] = memory->share[k] = pushes[k] ? body->multipliers[k] : 0.0;
     }
     memcpy(memory->alike, memory->acceleration, sizeof memory->alike);
