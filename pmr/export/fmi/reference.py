@@ -16,6 +16,7 @@ from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.variables import STARTS, Variable
 from pmr.scene.built import force_of
 from pmr.scene.signals import SignalBase
+from pmr.simulation import cubics
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation, in_order
 from pmr.simulation.native import systems
@@ -134,37 +135,18 @@ def led_on(drivers: Drivers, excitation: Excitation) -> Array:
         moved = drivers.numbered(frame.drivers)
         second = np.array([name in (*frame.paths, *frame.angles) for name in frame.drivers])
         found[0][:, moved] = at[0].T
-        found[:, :-1, moved] = np.where(second, _by_second_rates(at, h), _by_lines(at[0], h))
+        x, a = at[0].T, at[2].T
+        lines = cubics.by_lines(x[:-1], x[1:], h)
+        found[:, :-1, moved] = np.where(second, cubics.by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
         return found
     signals = [*(excitation.paths[path] for path in drivers.rows.paths)]
     numbers = drivers.numbered([*drivers.rows.paths, *drivers.loads])
     for number, signal in zip(numbers, [*signals, *in_order(excitation.loads, drivers.loads)], strict=True):
         found[0, :, number] = signal.value(t)
         ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink that of what ends there
-        found[:, :-1, number] = _by_rates(found[0, :, number], signal.rate(t[:-1]), ended, h)
+        x = found[0, :, number].copy()
+        found[:, :-1, number] = cubics.by_rates(x[:-1], x[1:], signal.rate(t[:-1]), ended, h)
     return found
-
-
-def _by_rates(x: Array, begun: Array, ended: Array, h: float) -> Array:
-    """Hermite's cubics (4, T - 1) through values x (T,), with the rates with which steps begin and end."""
-    change = np.diff(x) / h
-    return np.array(
-        [x[:-1], begun, (6.0 * change - 4.0 * begun - 2.0 * ended) / h, 6.0 * (begun + ended - 2.0 * change) / h**2]
-    )
-
-
-def _by_second_rates(at: Array, h: float) -> Array:
-    """Cubics (4, T - 1, n) from values and second rates (3, n, T) at both ends of each step."""
-    x, a = at[0].T, at[2].T
-    third = np.diff(a, axis=0) / h
-    rate = np.diff(x, axis=0) / h - h / 2.0 * a[:-1] - h**2 / 6.0 * third
-    return np.array([x[:-1], rate, a[:-1], third])
-
-
-def _by_lines(x: Array, h: float) -> Array:
-    """Straight lines (4, T - 1, n) through values (n, T)."""
-    rate = np.diff(x.T, axis=0) / h
-    return np.array([x.T[:-1], rate, 0.0 * rate, 0.0 * rate])
 
 
 def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:

@@ -61,7 +61,8 @@ class Steps:
 class March:
     """One simulation; arguments and errors as for `pmr.simulation.SystemSimulator`.
 
-    Amplitudes of terms (., K) that others are multiples of are found by those of the excitation, or by `amplitudes`.
+    Amplitudes of terms (., K) that others are multiples of are found by those of the excitation, or by `amplitudes`;
+    `omega` in rad/s is that of contacts that only push, by default on the excitation's way.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class March:
         excitation: Excitation,
         initial: Mapping[str, InitialState],
         amplitudes: Array | None = None,
+        omega: float | None = None,
     ) -> None:
         system, stepping = form.system, excitation.stepping
         self.form, self.system, self.t, self.body = form, system, excitation.times, form.on_tables
@@ -77,10 +79,12 @@ class March:
             excitation.along(self.body.domain)  # refused in its own words
         self.x, self._paths = places(system, excitation), tuple(excitation.paths)
         parts: tuple[int, ...] = (1,)
-        self.pushing, omega = ~np.isnan(form.modal.clearance), 0.0
+        self.pushing, asked = ~np.isnan(form.modal.clearance), bool(stepping.parts or stepping.schedule)
+        if asked or not self.pushing.any():
+            omega = 0.0
+        elif omega is None:
+            omega = contact_step.contact_frequency(form.modal, excitation)
         if self.pushing.any():
-            asked = bool(stepping.parts or stepping.schedule)
-            omega = 0.0 if asked else contact_step.contact_frequency(form.modal, excitation)
             parts = contact_step.levels(omega, stepping)
         given = np.searchsorted(parts, stepping.schedule) if stepping.schedule else np.full(stepping.steps, -1)
         self.finest, self._given, self._sampling = parts[-1], None if parts == (1,) else given, 0.0

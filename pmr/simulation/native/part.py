@@ -96,9 +96,15 @@ def step_observed(loop: Loop, scheme: Scheme, outputs: Any, s: Array, f: Array, 
     """One step to s (P,) under f (i,) and c (K,) or None, and all outputs y (o,); as `advance` returns."""
     failed = make_part(loop, scheme, s, f, c)
     if failed == 0:
-        _observe_tables(loop.tables, outputs, loop.state, f, y)
-        _observe_sides(loop.sides, outputs, loop, f, y)
+        observe_all(loop, outputs, f, y)
     return failed
+
+
+@inlined
+def observe_all(loop: Loop, outputs: Any, f: Array, y: Array) -> None:
+    """All outputs y (o,) of the bodies at present, under f (i,)."""
+    _observe_tables(loop.tables, outputs, loop.state, f, y)
+    _observe_sides(loop.sides, outputs, loop, f, y)
 
 
 @inlined

@@ -17,32 +17,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numba import typeof
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from pmr.errors import BEYOND_ENDS, InputError, SimulationError
-from pmr.errors.text import hint
+from pmr.errors import InputError, SimulationError
 from pmr.scene.built import force_of
 from pmr.scene.names import SLIDER
 from pmr.scene.signals import Constant, Ramp
-from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.contact_step import MOST_PARTS, contact_frequency
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native import bound_step as bound_step
 from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import ROW, V, Z
+from pmr.simulation.native.driving import Driving, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
 from pmr.simulation.native.part import step_observed
+from pmr.simulation.native.parts import COARSE
 from pmr.simulation.native.side_arrays import side_outputs
 from pmr.simulation.native.start import places_of, reason
+from pmr.simulation.native.stepped import step_in_parts_observed
 from pmr.simulation.native.systems import static_start
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import Recorded, recorded
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import SlidingBody
@@ -50,9 +51,6 @@ from pmr.system.friction import Friction
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-#: Of a motion: its value, or that with its rate, or with its rate and its second rate.
-Motion = float | Sequence[float]
-Values = Mapping[str, float] | Mapping[str, Motion] | ArrayLike
 
 
 class Stepper:
@@ -67,7 +65,7 @@ class Stepper:
     body : SlidingBody or System
         Usually a `ReducedModel`, or a system of such.
     step : float, s
-        One step is one step, also where contacts only push: `contact` says whether it resolves them.
+        `contact` says whether it resolves contacts that only push.
     s : float where there is one path, mapping of str to float, or sequence of float, m
         Path coordinates at the start; a sequence is in the order of `System.paths`.  Where the scene has a frame
         also with rates and second rates, {"fly": (s, s', s'')}: they are zero where they are left out.
@@ -91,6 +89,10 @@ class Stepper:
         How the frame moves at the start: ``luffing``, ``slewing``, ``base.rx`` ... in rad; of ``base.x`` ... the
         pivot's acceleration in m/s^2 alone.  A rate or second rate that is left out is zero; what the mapping leaves
         out, all by default, is as in the scene at t = 0.
+    parts : int
+        Of how many parts a step is made where contacts only push; 0: as few as keep their forces to a tolerance, as a
+        run does.  Within a step, paths and loads are cubics if they are given with their rates, {"fly": (s, s')}, at
+        both ends of it, and straight lines otherwise; in a frame, what has a second rate has that at both ends.
 
     Raises
     ------
@@ -111,47 +113,48 @@ class Stepper:
         outputs: Sequence[int | str] | None = None,
         initial: InitialState | Mapping[str, InitialState] | None = None,
         frame: Mapping[str, Motion] | None = None,
+        parts: int = 1,
     ) -> None:
         if not step > 0.0:
             raise InputError("stepper", "step", step, "more than 0 s is allowed")
+        if not (isinstance(parts, int) and 0 <= parts <= MOST_PARTS):
+            raise InputError("stepper", "parts", parts, f"0 to {MOST_PARTS} are allowed")
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
         system = body if isinstance(body, System) else System.of(body)
-        self._frame = MovingFrame.of(system)
-        if self._frame is None:
-            system.ensure_without_terms("stepper")
         form, moved = SystemForm.of(system), system.output_names
         on_tables = form.on_tables
         self._system, self._step, self._steps = system, step, 0
-        self._inputs, self._ranges = list(self._frame.loads if self._frame else system.input_names), system.ranges
+        self._ranges = system.ranges
         if on_tables is not None:  # a body that nothing moves has a place all the same
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), on_tables.domain)
         #: Names of all that `outputs` chooses from: outputs of the bodies, then forces of the contacts.
         self.output_names = (*moved, *map(force_of, system.contact_names))
         names, every = list(self.output_names), range(len(moved))
-        self._chosen = np.array([_number(k, names, "outputs") for k in (every if outputs is None else outputs)], int)
-        self._s, self._f = np.full(len(self._ranges), np.nan), np.zeros(len(system.input_names))
-        self._c: Array | None = np.zeros(len(system.terms)) if system.terms else None
-        self._drivers = np.zeros((3, 0)) if self._frame is None else self._frame.start
-        self._take_path(s)
+        self._chosen = np.array([number_of(k, names, "outputs") for k in (every if outputs is None else outputs)], int)
+        self._driving, self._parts = Driving(system, self._ranges), parts
+        self._s, self._f, frame_moves = self._driving.s, self._driving.f, self._driving.frame is not None
+        self._driving.take_path(s)
         known = recorded(system, "stepper") if "scene" in system.provenance else None
-        if known is not None and self._frame is None:
-            self._f[:] = known.first_loads
+        if known is not None and not frame_moves:
+            self._driving.take_loads(known.first_loads)
         if F is not None:
-            self._take_loads(F)
-        self._take_frame(frame or {})
+            self._driving.take_loads(F)
+        self._driving.take_frame(frame or {})
         excitation = self._excitation(step, rho_inf)
         if isinstance(initial, InitialState):
             initial = dict.fromkeys(system.bodies, initial)
         if initial is None and known is not None and known.static:
             initial = static_start(system, excitation)
-        self._march = March(form, excitation, initial or {}, None if self._frame is None else self._frame.examples)
+        examples = None if self._driving.frame is None else self._driving.frame.examples
+        self._march = March(form, excitation, initial or {}, examples, self._omega(known) if parts == 0 else None)
         self._state = self._march.loop.state
         # A single load, and the place on tables, are written through these in a third of the time that NumPy takes.
-        alone = len(self._f) == 1 and self._frame is None
+        whole = self._march.loop.levels is None
+        alone = len(self._f) == 1 and not frame_moves and whole
         self._single: Any = memoryview(self._f) if alone else None  # type: ignore[arg-type]
         self._place: Any = None
-        if on_tables is not None and self._frame is None and np.all(self._chosen < len(moved)):
+        if on_tables is not None and not frame_moves and whole and np.all(self._chosen < len(moved)):
             self._y = np.zeros(len(self._chosen))
             observed = tables.outputs(on_tables, self._chosen.tolist())
             #: What `step_on_tables` takes before s (float), the loads f (i,) and the outputs y (o,).
@@ -168,7 +171,10 @@ class Stepper:
         else:
             self._seen = side_outputs(form) if on_tables is None else tables.outputs(on_tables, every)
             self._moved = np.zeros(len(moved))
-            step_observed.compile(tuple(map(typeof, self._observed)))  # or loaded: not in the first step
+            if whole:  # compiled or loaded: not in the first step
+                step_observed.compile(tuple(map(typeof, self._observed)))
+            else:
+                step_in_parts_observed.compile(tuple(map(typeof, self._sampled(1))))
 
     def step(self, s: Values, F: Values | None = None, frame: Mapping[str, Motion] | None = None) -> Array:
         """Advance by one step.
@@ -196,18 +202,20 @@ class Stepper:
         SimulationError
             If contacts depend on each other.
         """
+        if self._place is None:
+            self._driving.leave()
         if type(F) is float and self._single is not None:
             self._single[0] = F
         elif F is not None:
-            self._take_loads(F)
+            self._driving.take_loads(F)
         if frame is not None:
-            self._take_frame(frame)
+            self._driving.take_frame(frame)
         if self._place is None:
             failed = self._on_places(s)
         else:
             failed = self._entry(self._address, s) if isinstance(s, float) else bound_step.OFF_THE_PATH
             if failed == bound_step.OFF_THE_PATH:
-                self._take_path(s)
+                self._driving.take_path(s)
                 failed = self._entry(self._address, self._place[0])
             else:
                 self._place[0] = s
@@ -269,10 +277,7 @@ class Stepper:
 
         Above `contact_step.RESOLVED` impacts lose force and energy (docs/pads.md): a step is one step here.
         """
-        ends = {path: Ramp(times=(0.0, self._step), values=one) for path, one in self._ranges.items()}
-        stepping = TimeStepping(self._step, self._step / 64.0)
-        excitation = replace(self._excitation(self._step, 0.0), paths=ends, stepping=stepping)
-        return self._step * contact_frequency(self._system, excitation)
+        return self._step * contact_frequency(self._system, self._anywhere)
 
     def check_finite(self) -> None:
         """Raise SimulationError if the state is not finite: loads may have been NaN."""
@@ -281,103 +286,53 @@ class Stepper:
 
     def _on_places(self, s: Values) -> int:
         """A step of bodies on places of their own, or of which forces are asked for; what stopped it, or 0."""
-        self._take_path(s)
-        self._find_amplitudes()
-        failed = step_observed(*self._observed)
+        self._driving.take_path(s)
+        self._driving.find()
+        if self._march.loop.levels is None:
+            failed = step_observed(*self._observed)
+        else:
+            failed = COARSE
+            while failed == COARSE:
+                levels, control = self._march.loop.levels, self._march.loop.control
+                failed = step_in_parts_observed(*self._sampled(int(levels.parts[control.level[0]])))
         self._y = np.concatenate([self._moved, self.multipliers])[self._chosen]
         return int(failed)
 
     @property
     def _observed(self) -> tuple[Any, ...]:
         """Arguments of a step with all outputs."""
-        c = None if self._c is None else self._march.mixed(self._c)
+        c = None if self._driving.c is None else self._march.mixed(self._driving.c)
         return self._march.loop, self._march.scheme, self._seen, self._s, self._f, c, self._moved
+
+    def _sampled(self, parts: int) -> tuple[Any, ...]:
+        """Arguments of a step that is known at so many parts."""
+        s, f, c = self._driving.samples(parts, self._step)
+        mixed = None if self._driving.c is None else np.array([self._march.mixed(one) for one in c])
+        return self._march.loop, self._seen, s, f, mixed, np.zeros(len(self._state.multipliers)), self._moved
+
+    def _omega(self, known: Recorded | None) -> float:
+        """Of contacts that only push, rad/s: on the way of the scene, or anywhere."""
+        modal = SystemForm.of(self._system).modal
+        return contact_frequency(modal, self._anywhere if known is None else known.excitation)
+
+    @property
+    def _anywhere(self) -> Excitation:
+        """From one end of all paths to the other."""
+        ends = {path: Ramp(times=(0.0, self._step), values=one) for path, one in self._ranges.items()}
+        stepping = TimeStepping(self._step, self._step / 64.0)
+        return replace(self._excitation(self._step, 0.0), paths=ends, stepping=stepping)
 
     def _excitation(self, step: float, rho_inf: float) -> Excitation:
         """Of one step on which nothing changes."""
         paths = {path: Constant(amount=float(s)) for path, s in zip(self._ranges, self._s, strict=True)}
-        self._find_amplitudes()
+        self._driving.find()
+        c = np.zeros(0) if self._driving.c is None else self._driving.c
         loads, terms = (
             {name: Constant(amount=one) for name, one in zip(names, values.tolist(), strict=True)}
-            for names, values in (
-                (self._system.input_names, self._f),
-                (self._system.term_names, np.zeros(0) if self._c is None else self._c),
-            )
+            for names, values in ((self._system.input_names, self._f), (self._system.term_names, c))
         )
-        return Excitation(paths, loads, TimeStepping(step, step, rho_inf, parts=1), terms=terms)
-
-    def _take_path(self, s: Values) -> None:
-        names, taken, moved = list(self._ranges), self._s.copy(), self._drivers.copy()
-        given = _given(s, names, "s", "one path coordinate for each path", self._frame is not None)
-        for number, motion in given:
-            low, high = self._ranges[names[number]]
-            beyond = BEYOND_ENDS * (high - low)
-            if not low - beyond <= motion[0] <= high + beyond:
-                raise InputError("stepper", f"s.{names[number]}", motion[0], f"{low:g} to {high:g} m is allowed")
-            taken[number] = motion[0] = min(max(motion[0], low), high)
-            if self._frame is not None and names[number] in self._frame.paths:
-                moved[:, self._frame.drivers.index(names[number])] = motion
-        if np.isnan(taken).any():
-            raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(names)}")
-        self._s[:], self._drivers = taken, moved
-
-    def _take_loads(self, F: Values) -> None:
-        """As they are, or of a frame that moves among its drivers."""
-        for number, motion in _given(F, self._inputs, "F", "one load for each input", False):
-            if self._frame is None:
-                self._f[number] = motion[0]
-            else:
-                self._drivers[0, len(self._frame.paths) + number] = motion[0]
-
-    def _take_frame(self, frame: Mapping[str, Motion]) -> None:
-        names = [] if self._frame is None else [*self._frame.angles, *self._frame.axes]
-        taken = self._drivers.copy()
-        for number, motion in _given(frame, names, "frame", "", True):
-            if not np.all(np.isfinite(motion)):
-                raise InputError("stepper", f"frame.{names[number]}", list(motion), "finite numbers are allowed")
-            taken[:, self._drivers.shape[1] - len(names) + number] = motion
-        self._drivers = taken
-
-    def _find_amplitudes(self) -> None:
-        """Of the frame's motion, for inputs and terms."""
-        if self._frame is not None:
-            f, c = self._frame.find(self._drivers)
-            self._f[:] = f
-            if self._c is not None:
-                self._c[:] = c
+        return Excitation(paths, loads, TimeStepping(step, step, rho_inf, parts=self._parts), terms=terms)
 
     @property
     def _where(self) -> str:
         return f"march failed at step {self._steps + 1}, t = {self.time + self._step:g} s"
-
-
-def _given(values: Values, names: list[str], key: str, what: str, rates: bool) -> Iterator[tuple[int, Array]]:
-    """Numbers and motions (3,) of what was given by name, with or without `rates`, or of all in their order."""
-    if isinstance(values, Mapping):
-        yield from (
-            (_number(name, names, key), _motion(value, f"{key}.{name}", rates)) for name, value in values.items()
-        )
-        return
-    array = np.asarray(values, dtype=float)
-    if array.shape != (len(names),) and not (array.ndim == 0 and len(names) == 1):
-        allowed = f"{what} is allowed, in this order: {', '.join(names) or 'none'}; or some by their names"
-        raise InputError("stepper", key, array.tolist(), allowed)
-    yield from ((k, np.array([value, 0.0, 0.0])) for k, value in enumerate(array.ravel().tolist()))
-
-
-def _motion(value: Motion, key: str, rates: bool) -> Array:
-    """Value, rate and second rate."""
-    given = np.atleast_1d(np.asarray(value, float))
-    if given.ndim != 1 or not 1 <= len(given) <= (3 if rates else 1):
-        allowed = "a value, or that with its rate and its second rate, is allowed" if rates else "a number is allowed"
-        raise InputError("stepper", key, given.tolist(), allowed)
-    return np.pad(given, (0, 3 - len(given)))
-
-
-def _number(name: str | int, names: list[str], key: str) -> int:
-    """Of a name among all, or a number as it is."""
-    if not isinstance(name, str) and 0 <= name < len(names):
-        return int(name)
-    if name not in names:
-        raise InputError("stepper", key, name, f"{hint(name, names)}{', '.join(names) or 'none'} are allowed")
-    return names.index(str(name))

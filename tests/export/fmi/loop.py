@@ -8,6 +8,8 @@ STEP, STEPS = 1e-3, 1000
 #: Angle that is asked for, rad, and what is read: deflection of the tip in m and force of the luffing support in N.
 WANTED = 0.3
 READ = ("fly: tip z", "base: force of luffing cylinder")
+#: What the unit calls them.
+VARIABLES = ("fly_tip_z", "force_of_base_force_of_luffing_cylinder")
 #: 1/s, 1/s^2, 1/m of the controller; rad/N of the oil; rad/s of valve and lines.
 GAINS, OIL, LINES = (2.0, 0.5, 0.1), 2e-8, 20.0
 
@@ -41,8 +43,3 @@ class Luffing:
             second + STEP * third,
         ]
         return [x, rate, second, third]
-
-
-def plain(name: str) -> str:
-    """What a variable of the unit is called."""
-    return name.replace(": ", "_").replace(" ", "_")

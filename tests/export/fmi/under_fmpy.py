@@ -12,7 +12,7 @@ import numpy as np
 from fmpy import extract, instantiate_fmu, read_csv, read_model_description, simulate_fmu
 from fmpy.sundials import CVodeSolver
 from fmpy.validation import validate_fmu
-from loop import READ, STEP, STEPS, Luffing, plain
+from loop import STEP, STEPS, VARIABLES, Luffing
 
 
 def validate(fmu: str) -> Any:
@@ -129,7 +129,7 @@ def loop(fmu: str) -> Any:
     model = instantiate_fmu(folder, said, fmi_type="CoSimulation")
     step = [references["internal_step"]]
     driven = [references[f"luffing{order}"] for order in ("", "_rate", "_rate_2", "_rate_3")]
-    seen = [references[plain(name)] for name in READ]
+    seen = [references[name] for name in VARIABLES]
     model.setFloat64(step, [STEP])
     model.enterInitializationMode(startTime=0.0)
     model.exitInitializationMode()
