@@ -96,7 +96,7 @@ def test_what_is_left_out_stays(system: System) -> None:
             {"frame": {"luffing": (0.3, 0.1, 0.0, 0.0)}},
             r"frame.luffing = \[0.3, 0.1, 0.0, 0.0\]: a value, or that with",
         ),
-        ({"frame": {"luffing": float("nan")}}, r"frame.luffing = \[nan, 0.0, 0.0\]: finite numbers are allowed"),
+        ({"frame": {"luffing": float("nan")}}, r"frame.luffing = \[nan\]: finite numbers are allowed"),
         ({"s": {"middle": 1.0, "fly": (99.0, 0.0)}}, "s.fly = 99.0: .* m is allowed"),
         ({"F": {"fly.inertia x": 1.0}}, "F = 'fly.inertia x': .*gravity are allowed"),
     ],
