@@ -36,9 +36,10 @@ from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import Progress, TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.frame_terms import terms_of
+from pmr.system.friction import Friction
 from pmr.system.from_scene import contacts_of
 from pmr.system.oscillations import oscillations
-from pmr.system.states import BodyStates
+from pmr.system.states import BodyStates, rubbed_on
 from pmr.system.system import System
 from pmr.system.terms import added
 
@@ -191,12 +192,15 @@ class FullOrder:
 
 def _states(whole: FullSystem, history: History, steps: list[int], x: Array, f: Array) -> dict[str, BodyStates]:
     """Of all bodies at the steps, whose sides are at x (T, sides) m under loads f (T, i) N."""
-    found, first, forces = dict[str, BodyStates](), 0, history.forces[steps]
+    found, first, forces, known = dict[str, BodyStates](), 0, history.forces[steps], Friction.of(whole.contacts)
+    friction = None if history.friction is None else history.friction[steps]
+    reaching = forces if known is None or friction is None else forces - known.along(friction)
     for name, model in whole.bodies.items():
         own, last, states = whole.sides_of(name), first + len(model.input_names), history.states[name]
         rows = tuple(whole.sides[number].place.row for number in own)
-        loads, pressed = f[steps, first:last], whole.pressed(name, forces)
-        found[name] = BodyStates(states.t, x[steps][:, own], states.q, states.v, pressed, loads, rows)
+        loads, pressed = f[steps, first:last], whole.pressed(name, reaching)
+        rubbed = rubbed_on(whole, name, forces, friction)
+        found[name] = BodyStates(states.t, x[steps][:, own], states.q, states.v, pressed, loads, rows, *rubbed)
         first = last
     return found
 

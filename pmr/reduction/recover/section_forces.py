@@ -7,8 +7,8 @@ coordinates, its inertia and what pulls at its ends,
 
 The displacement delta of the cuts between nodes beside what nodal coordinates interpolate is the one with which pieces
 pull equally on both sides of each; at nodes they do as the whole is in equilibrium there.  Loads of the pieces are
-those of the whole: the same pads, loads and weights on a mesh whose nodes stand twice.  What acts on a node itself
-acts between pieces.  The acceleration a follows from the equilibrium of the whole beam,
+those of the whole: the same pads, moments of friction, loads and weights on a mesh whose nodes stand twice.  What acts
+on a node itself acts between pieces.  The acceleration a follows from the equilibrium of the whole beam,
 
 .. math:: M a = g - K q - C_0^T \lambda_0, \qquad C_0\, a = 0
 
@@ -78,7 +78,14 @@ class SectionForces:
         on_pieces, moved = self._pieces.loads(q, a, supports, acting)
         if self._between is not None:
             moved = moved + (self._joined @ self._between.solve(self._joined.T @ on_pieces.T)).T
-        return np.asarray(moved @ self._strained.T - on_pieces @ self._ends.T)
+        return np.asarray(moved @ self._strained.T - on_pieces @ self._ends.T) - self._rubbed(acting)
+
+    def _rubbed(self, acting: BodyStates | None) -> Array | float:
+        """Of friction, which the equations have at the tail, the normal force from there to the pad (S, P) N."""
+        if acting is None or acting.along is None:
+            return 0.0
+        before = self.x < acting.s[:, :, None] - ON_NODE * self.x.max()  # (S, m, P)
+        return np.einsum("sm,smp->sp", acting.along, before & (np.array(self.names) == "normal force"))
 
 
 class _Whole:
@@ -143,9 +150,12 @@ def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, cou
     if acting is None:
         return np.zeros((count, B.shape[0]))
     found, known = (B @ acting.loads.T).T, {row.name: row for row in rows}
-    for name, force, at in zip(acting.rows, acting.multipliers.T, acting.s.T, strict=True):
+    turned = np.zeros_like(acting.multipliers) if acting.moments is None else acting.moments
+    for name, force, moment, at in zip(acting.rows, acting.multipliers.T, turned.T, acting.s.T, strict=True):
         if name in known:
             found -= (sp.diags(force) @ known[name].at(at)).toarray()
+            if np.any(moment):
+                found += (sp.diags(moment) @ known[name].at(at, 1)).toarray()
     return np.asarray(found)
 
 

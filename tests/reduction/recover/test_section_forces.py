@@ -171,3 +171,21 @@ def test_a_mass_on_a_node_hangs_from_the_beam() -> None:
         forces, _ = found(one, (9.81,))
         x, shear = forces["shear force z"]
         assert near(shear, -9.81 * (100.0 + spatial().mass_per_length * (LENGTH - x)))
+
+
+def test_a_pad_that_rubs_turns_the_beam_and_pulls_it_from_where_it_is() -> None:
+    """A moment m of friction f: M_y = -m and N = -f up to the pad; both ends of a piece know where that is."""
+    pads = Pads(sliders=(Slider(),), travel=(0.5, 2.5))
+    structure = Structure(planar(), clamps=(Clamp("tail"),), pads=pads)
+    full, cut = structural_model(structure, MPI.COMM_SELF), structure.model.cut(4)
+    (row,) = [row for row in full.rows.rows if not row.fixed]
+    q = np.linalg.solve(local_csr(full.K).toarray(), TIP * row.at(2.1, 1).toarray()[0])
+    one, nothing = np.array([[2.1]]), np.zeros((1, 0))
+    acting = BodyStates(
+        one[0], one, q[None], q[None], 0.0 * one, nothing, ("slider",), moments=TIP + 0.0 * one, along=50.0 + 0.0 * one
+    )
+    forces = SectionForces(Built(full, structure), cut)
+    values, names = forces.of(q[None], acting)[0], np.array(forces.names)
+    for name, size in (("bending moment y", TIP), ("normal force", 50.0)):
+        x, known = forces.x[names == name], values[names == name]
+        assert np.abs(known + size * (x < 2.1)).max() < 1e-9 * size and 0 < (x < 2.1).sum() < len(x)

@@ -15,6 +15,7 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
+from pmr.system.states import states_of
 from pmr.system.system import System
 
 MU, ARM = 0.3, 0.18
@@ -104,6 +105,10 @@ def test_a_stepper_rubs_as_a_simulation_does() -> None:
         np.testing.assert_allclose(stepper.outputs[: len(y)], y, rtol=1e-9, atol=1e-12 * np.abs(y).max())
     size = np.abs(moved).max(axis=0)
     np.testing.assert_allclose(np.array(told) / np.where(size, size, 1.0), moved / np.where(size, size, 1.0), atol=1e-9)
+    states, last = states_of(system, found, np.array([100])), found.friction[[100]]
+    np.testing.assert_allclose(states["1"].along, last)  # the inner section towards its tail, the outer one outwards
+    np.testing.assert_allclose(states["0"].along, -last)
+    assert states["1"].moments is not None and np.any(states["1"].moments)
     np.testing.assert_allclose(totals, found.friction[1:].sum(axis=1), rtol=1e-9, atol=1e-9)
 
 
