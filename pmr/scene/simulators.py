@@ -35,7 +35,7 @@ class Capabilities:
 #: By the names of `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
     "march": Capabilities(rows_that_push=True, rows_that_rub=True),
-    "exudyn": Capabilities(rows_that_push=True, package="exudyn"),
+    "exudyn": Capabilities(rows_that_push=True, rows_that_rub=True, package="exudyn"),
     "exudyn-multiplier": Capabilities(package="exudyn"),
     "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
     "petsc": Capabilities(rows_that_push=True, rows_that_rub=True, reduced_models=False),

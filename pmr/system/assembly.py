@@ -137,6 +137,29 @@ class Assembly:
                 (self._add_tables if body.carriers is None else self._add_carried)(name, on, x.T[on], found)
         return ContactRows(C, (F + F.transpose(0, 2, 1)) / 2.0, H, X)
 
+    def slopes(self, x: Array) -> Array:
+        """dC/dx (m, n) of the contacts with their places at x (sides,) m, of bodies on carriers."""
+        found = np.zeros((len(self.system.contacts), self.size))
+        for side, at in zip(self.system.sides, x, strict=True):
+            name, carriers = side.place.body, self.system.bodies[side.place.body].carriers
+            assert carriers is not None
+            slope = self.system.row(side.place).weights(np.array([at]), 1) @ carriers.values
+            found[side.contact, self.coordinates[name]] += side.sign * np.asarray(slope)[0, self.free[name]]
+        return found
+
+    def turned_rows(self, x: Array) -> Array:
+        """What a unit moment on the sides of each contact moves in all contacts, (m, m) 1/N, likewise."""
+        found = np.zeros((len(self.system.contacts),) * 2)
+        for side, at in zip(self.system.sides, x, strict=True):
+            if (known := self._flexibility.get(side.place.body)) is None:
+                continue
+            slope = side.sign * (self.system.row(side.place).weights(np.array([at]), 1) @ known.rows)
+            for number in self.system.sides_of(side.place.body):
+                other = self.system.sides[number]
+                moved = self.system.row(other.place).weights(np.array([x[number]])) @ np.asarray(slope)[0]
+                found[other.contact, side.contact] += other.sign * float(moved[0])
+        return found
+
     def turned(self, x: Array) -> Array:
         """What a unit moment on the sides of each contact, at x (sides,) m, moves in the outputs, (o, m) 1/N."""
         found = np.zeros((_count(self.observed), len(self.system.contacts)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,10 @@ import pmr
 from pmr.fullmodel.build import build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder
 from pmr.scene import Scene
+from pmr.simulation import exudyn
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.native import systems
+from pmr.system.from_scene import system_of
 
 G, LENGTH, AT, MU = 9.80665, 6.0, 0.15, 0.2
 BOX = {"length": LENGTH, "width": 0.26, "height": 0.36, "wall": 0.007}
@@ -192,3 +198,32 @@ def test_both_simulators_of_full_order_rub_alike() -> None:
     assert petsc.other("friction of fly") == pytest.approx(march.other("friction of fly"), abs=1e-7 * size)
     assert petsc.displacement == pytest.approx(march.displacement, abs=1e-7 * np.abs(march.displacement).max())
     assert petsc.energy.strain == pytest.approx(march.energy.strain, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("stiffness", "unilateral"), [(SOFT, False), ("rigid", False), (SOFT, True)])
+def test_exudyn_rubs_as_the_compiled_loop_does(stiffness: float | str, unilateral: bool) -> None:
+    """Stuck at first, then sliding, with what residual flexibility makes of the moments; pads in the same parts."""
+    path = {"kind": "smooth_ramp", "times": [0.0, 0.06], "values": [2.0, 2.03]}
+    pads = {"at": AT, "stiffness": 3e8, "unilateral": unilateral, "friction": MU, "shear_stiffness": 1e7}
+    data = sliding(path, 0.03, step=1e-3).model_dump(mode="json", exclude_unset=True)
+    for section in data["sections"]:
+        section["body"]["material"] = {}
+    data["sections"][1]["joint"] |= {"tail": [pads], "mouth": [pads], "cylinder": {"stiffness": stiffness}}
+    scene = Scene.model_validate(data | {"time": {"end": 0.03, "step": 1e-3, "rho_inf": 0.8}})
+    models = pmr.reduce(scene).reduced
+    assert isinstance(models, Mapping)
+    reduced = system_of(scene, models)
+    given = Excitation.of(scene)
+    start = systems.start_of(reduced, given)
+    march, other = (one(reduced, given, start) for one in (systems.simulate, exudyn.simulate_system))
+    size, friction = np.abs(march.forces).max(), march.friction
+    assert friction is not None and other.friction is not None
+    slid = friction.sum(axis=1) > 0.99 * MU * np.abs(march.forces[:, :2]).sum(axis=1)
+    assert slid.sum() > 5 and (~slid).sum() > 3
+    bound = 1e-4 if unilateral else 1e-7  # pads let go as Exudyn's scheme has it
+    assert other.forces == pytest.approx(march.forces, abs=bound * size)
+    assert other.friction == pytest.approx(friction, abs=bound * size)
+    assert other.energy == pytest.approx(march.energy, rel=bound) and other.work == pytest.approx(
+        march.work, rel=10.0 * bound
+    )

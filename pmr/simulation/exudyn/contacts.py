@@ -86,6 +86,10 @@ class Contacts:
             raise SimulationError(f"which of the contacts {', '.join(self._names)} are closed was not settled")
         return found
 
+    def pressed(self, rows: ContactRows, motion: Array) -> Array:
+        """The same, whether any only pushes or none does."""
+        return self._answers(rows, motion[:, None])[:, 0] if self._pushing is None else self.settled(rows, motion)
+
     def stiffness(self, rows: ContactRows) -> Array:
         """C^T F^-1 C (n, n) of those that were closed when the forces were settled last."""
         closed = rows.of(self.closed)
@@ -111,6 +115,11 @@ class Motion:
     f: Array
     forces: Array
     c: Array
+    # of friction (`pmr.simulation.exudyn.friction`): of n' pads (N, n') N, forces of its moments (N, n) N, gaps (N, m)
+    # m; (N, 0) without any
+    friction: Array
+    w: Array
+    gap: Array
 
     def part(self, steps: slice) -> Motion:
         """Some of its times."""
@@ -126,7 +135,10 @@ class Balance:
 
 
 def followed(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
-    """Fills in the forces of contacts that give way, and balances the energy, some thousand times at once."""
+    """Fills in the forces of contacts that give way, and balances the energy, some thousand times at once.
+
+    Where pads rub these forces are known.
+    """
     m, (n, i) = len(equations.system.contacts), equations.B.shape
     N, block = len(motion.q), max(2, driving.ENTRIES_AHEAD // max(1, m * (n + m + i)))
     stored, work = np.zeros(N), np.zeros(N)
@@ -135,7 +147,8 @@ def followed(equations: Equations, contacts: Contacts, motion: Motion) -> Balanc
         part, rows = motion.part(steps), equations.rows(motion.x[steps])
         g = contacts.gives
         giving = ContactRows(rows.C[:, g], rows.F[:, g][:, :, g], rows.H[:, g], rows.X)
-        part.forces[:, g] = contacts.forces(giving, part.q, part.f)
+        if not part.friction.shape[1]:
+            part.forces[:, g] = contacts.forces(giving, part.q, part.f)
         with np.errstate(over="ignore", invalid="ignore"):
             stored[steps], done = _balanced(equations, rows, part)
         work[steps][1:] = work[first] + np.cumsum(done)
@@ -154,4 +167,6 @@ def _balanced(equations: Equations, rows: ContactRows, motion: Motion) -> tuple[
     work = dot(mean(f), np.diff(moved, axis=0)) + dot(mean(forces), turned)
     if equations.system.terms:
         work += dot(mean(equations.assembly.term_forces(q, motion.v, motion.c)), np.diff(q, axis=0))
+    if motion.friction.shape[1]:
+        work += dot(mean(motion.w), np.diff(q, axis=0)) - dot(mean(forces), np.diff(motion.gap, axis=0))
     return stored + dot(f, f @ equations.assembly.energy) / 2.0, work

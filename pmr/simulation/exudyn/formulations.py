@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.friction import Rows, Rubbing
 from pmr.simulation.exudyn.inputs import Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, matrix, with_contacts
 from pmr.simulation.start import InitialState
 from pmr.system.contact_rows import ContactRows
+from pmr.system.friction import Friction
 
 Array = NDArray[np.float64]
 Start = Mapping[str, InitialState]
@@ -43,8 +45,8 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
     Sparse matrices of which contacts give way, but none only pushes, are handed on to `add_with_multipliers`: springs
     would fill the stiffness anew in every step.
     """
-    n, contacts = equations.size, Contacts(equations, inputs)
-    springs = bool(contacts.gives.any()) and not contacts.push
+    n, contacts, known = equations.size, Contacts(equations, inputs), Friction.of(equations.system.contacts)
+    springs = bool(contacts.gives.any()) and not contacts.push and known is None
     if springs and equations.sparse:
         return add_with_multipliers(mbs, equations, inputs, start)
     rigid = np.flatnonzero(contacts.rigid)
@@ -56,7 +58,11 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
         return np.asarray(B @ np.array(inputs.loads(t)))
 
     steps, given = Steps(held=bool(len(rigid))), {"forceVector": force(0.0)}
-    if contacts.push:
+    finish: Callable[[Any, SystemItems, float], None] = nothing
+    if known is not None:
+        own, finish = _rubbing(Rubbing(equations, contacts, known), equations, inputs, steps, start)
+        given |= own
+    elif contacts.push:
         given |= _pushing(contacts, equations, inputs, steps)
     else:
         given["jacobianUserFunction"] = nothing_beyond_matrices(equations, steps)
@@ -66,6 +72,7 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
 
     def update(mbs: Any, t: float) -> bool:
         nonlocal place_set, loads_set
+        finish(mbs, items, t)
         inputs.begin(t)
         place, loads = inputs.number(t), inputs.loads(t)
         moved = place != place_set
@@ -107,6 +114,55 @@ def _pushing(contacts: Contacts, equations: Equations, inputs: Inputs, steps: St
         return matrix(sp.csr_matrix(stiffness) if equations.sparse else stiffness)
 
     return {"forceUserFunction": force, "jacobianUserFunction": jacobian}
+
+
+def _rubbing(
+    rubbing: Rubbing, equations: Equations, inputs: Inputs, steps: Steps, start: Start
+) -> tuple[dict[str, Any], Callable[[Any, SystemItems, float], None]]:
+    """The same where pads rub; and what ends a step before another one to t begins."""
+    known: tuple[int, Rows] | None = None
+    reached, loads = 0.0, np.array(inputs.loads(0.0))
+
+    def rows(t: float) -> Rows:
+        nonlocal known
+        place = inputs.number(t)
+        if known is None or known[0] != place:
+            known = place, rubbing.rows(inputs.at(t))
+        return known[1]
+
+    def begin() -> None:
+        q = np.concatenate([one.q for one in start.values()])
+        rubbing.begin(rows(0.0), q, np.array(inputs.loads(0.0)))
+
+    def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
+        at = rows(t)
+        found = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)))
+        return found.w - at.giving.C.T @ found.multipliers[rubbing.gives]
+
+    def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
+        steps.check(t)
+        at = rows(t)
+        found = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)))
+        stiffness = factor * rubbing.stiffness(at, found)
+        return matrix(sp.csr_matrix(stiffness) if equations.sparse else stiffness)
+
+    def finish(mbs: Any, items: SystemItems, t: float) -> None:
+        nonlocal reached, loads
+        if t <= 0.0:  # before a simulation is repeated
+            reached = 0.0
+            begin()
+            return
+        if reached > 0.0:
+            q = [mbs.GetNodeOutput(node, exu.OutputVariableType.Coordinates) for node in items.nBodies.values()]
+            rubbing.grip = rubbing.found(rows(reached), np.concatenate(q), loads).grip
+        reached, loads = t, np.array(inputs.loads(t))
+
+    begin()
+    return {"forceUserFunction": force, "jacobianUserFunction": jacobian}, finish
+
+
+def nothing(mbs: Any, items: SystemItems, t: float) -> None:
+    """Where a step leaves nothing for the next one."""
 
 
 def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:

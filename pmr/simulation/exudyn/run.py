@@ -16,6 +16,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, followed
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
+from pmr.simulation.exudyn.friction import Rubbing
 from pmr.simulation.exudyn.inputs import TabulatedInputs
 from pmr.simulation.exudyn.quasi_static import rates, with_quasi_static
 from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, solve, solver_settings, stored
@@ -26,6 +27,7 @@ from pmr.simulation.native import systems
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.body import Trajectory
+from pmr.system.friction import Friction
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -52,7 +54,7 @@ class Run:
         self, system: System, excitation: Excitation, initial: Mapping[str, InitialState], formulation: Formulation
     ) -> None:
         self.system, self._excitation, self._formulation = system, excitation, formulation
-        self._equations = Equations(system)
+        self._equations, self._friction = Equations(system), Friction.of(system.contacts)
         name, add = FORMULATIONS[formulation]
         self._needs = self._equations.needs(self._equations.visited(excitation), excitation.stepping.rho_inf)
         refuse(name, self._needs)
@@ -79,8 +81,10 @@ class Run:
         change(chosen.timeIntegration.newton, self._excitation.options.newton)
         times = self._lengths.times if np.ptp(self._lengths.parts) else None
         seconds = solve(self._mbs, chosen, self._describe, progress, times)
-        motion = self._motion()
-        balanced = followed(self._equations, Contacts(self._equations, self._inputs), motion)
+        motion, contacts = self._motion(), Contacts(self._equations, self._inputs)
+        if self._friction is not None:
+            motion = Rubbing(self._equations, contacts, self._friction).followed(motion)
+        balanced = followed(self._equations, contacts, motion)
         return self._trajectory(motion, balanced, seconds)
 
     def _describe(self, t: float) -> str:
@@ -95,7 +99,8 @@ class Run:
         if self._of_contacts is not None:
             forces[:, self._items.contacts] = self._stored(self._of_contacts)
         v = rates(self._equations, self._lengths.times, q, v)
-        return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c)
+        none = np.zeros((len(q), 0))
+        return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c, none, none, none)
 
     def _stored(self, sensor: Any) -> Array:
         return stored(self._mbs, sensor, self._lengths, self._describe)
@@ -108,14 +113,21 @@ class Run:
         least = balance.round_off(B.T @ (B / inertia[:, None]), motion.f, float(t[1]))
         surplus = balance.surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
         balance.refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving))
-        forces = motion.forces[ends]
+        reaching, rubbed = motion.forces[ends], {}
+        forces, energy, work = reaching, balanced.stored[ends], balanced.work[ends]
+        if (known := self._friction) is not None:
+            friction = motion.friction[ends]
+            forces = reaching + known.along(friction)
+            of_cylinders = known.stored(friction, forces)
+            energy, work = energy + of_cylinders, work + of_cylinders
+            rubbed = {"friction": friction, "moments": known.moments(friction, forces)}
         within = np.maximum.reduceat(motion.forces[1:], ends[:-1], axis=0)
         bodies = {
             name: Trajectory(
                 t,
                 self._equations.whole(name, motion.q[ends]),
                 self._equations.whole(name, motion.v[ends]),
-                system.pressed(name, forces),
+                system.pressed(name, reaching),
                 motion.x[ends][:, system.sides_of(name)],
                 seconds,
                 surplus=surplus,
@@ -124,9 +136,8 @@ class Run:
         }
         peaks = np.where(pushes, np.vstack([forces[:1], within]), forces)
         made = np.concatenate([[1], parts])
-        energy, work = balanced.stored[ends], balanced.work[ends]
         c = motion.c[ends] if system.terms else None
         return SystemTrajectory(
             t, bodies, forces, peaks, motion.f[ends], energy, work, seconds, surplus, made, amplitudes=c,
-            rates=self._excitation.rates,
+            rates=self._excitation.rates, **rubbed,
         )  # fmt: skip

@@ -33,6 +33,7 @@ class Watched:
     """Outputs and contact forces of a system, in a configuration of Exudyn's at its time."""
 
     def __init__(self, mbs: Any, items: SystemItems) -> None:
+        items.equations.system.ensure_frictionless("system")
         self._mbs, self._items, self._contacts = mbs, items, Contacts(items.equations, items.inputs)
         self._held = list(items.contacts)
         self._rest = np.array([k not in items.contacts for k in range(len(self._contacts.gives))])

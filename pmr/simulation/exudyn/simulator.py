@@ -110,6 +110,7 @@ def add_system(
     """
     equations = Equations(system if on is None else with_all_inertia(system))
     if on is not None:
+        system.ensure_frictionless("system")
         loads, terms = driven_by_base(system, loads), terms_on_base(loads, paths, on)
     inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
     name, add = FORMULATIONS[formulation]

@@ -112,6 +112,7 @@ def rubbing(form: SystemForm, paths: Sequence[str]) -> Rubbing | None:
 def start(rubbing: Rubbing, s: Array, multipliers: Array) -> None:
     """At rest without friction, where paths lead to s (P,) m and contacts have multipliers (m,) N."""
     rubbing.s[:] = rubbing.old_s[:] = s[rubbing.path]
+    rubbing.old_multipliers[:] = multipliers
     rubbing.old_drives[:] = np.where(rubbing.cylinders < 0, 0.0, multipliers[rubbing.cylinders])
 
 

@@ -149,7 +149,7 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         own_inputs=np.stack([form.inputs[:-1], form.inputs[1:]], axis=1),
         compliance=system.compliance,
         moves=moves,
-        beside=_beside(system),
+        beside=_beside(system, len(half) if len(slopes) else 0),
         moved_by=moved_by,
         staying=aligned(staying @ values),
         staying_inputs=padded(staying @ inputs),
@@ -241,11 +241,14 @@ def sides(constants: Bodies, paths: int) -> Sides:
     )
 
 
-def _beside(system: System) -> Indices:
-    """The first and behind the last contact on the same bodies as each (m, 2), in whole registers."""
+def _beside(system: System, least: int) -> Indices:
+    """The first and behind the last contact on the same bodies as each (m, 2), in whole registers.
+
+    The last is at `least` so many: moments of pads that rub stand behind all contacts.
+    """
     on = [{side.place.body for side in system.sides if side.contact == k} for k in range(len(system.contacts))]
     found = [[k for k, other in enumerate(on) if own & other] for own in on]
-    ends = [(min(which) // LANES * LANES, -(-(max(which) + 1) // LANES) * LANES) for which in found]
+    ends = [(min(which) // LANES * LANES, max(-(-(max(which) + 1) // LANES) * LANES, least)) for which in found]
     return np.array(ends, np.int64).reshape(-1, 2)
 
 

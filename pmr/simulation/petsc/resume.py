@@ -15,8 +15,8 @@ from pmr.errors import on_first
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
 from pmr.simulation.excitation import Excitation
+from pmr.simulation.grip import Grip
 from pmr.simulation.petsc.checkpoint import Checkpoint, Saved, load, save
-from pmr.simulation.petsc.friction import Grip
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.start import State, whole_start
 from pmr.simulation.start import InitialState

@@ -23,9 +23,9 @@ from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
 from pmr.simulation.excitation import Excitation
+from pmr.simulation.grip import Grip
 from pmr.simulation.native.systems import static_start as equilibrium
 from pmr.simulation.petsc.effective import BlockFactor
-from pmr.simulation.petsc.friction import Grip
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.petsc.terms import Terms
 from pmr.simulation.start import InitialState, check_impulse, check_position, checked, row_drift

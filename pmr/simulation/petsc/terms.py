@@ -19,8 +19,8 @@ from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
+from pmr.simulation.grip import Grip, slid
 from pmr.simulation.native.terms import ACCEPTED, CONVERGED, DIVERGED, LIMIT
-from pmr.simulation.petsc.friction import Grip, slid
 from pmr.simulation.petsc.rows import PathRows
 from pmr.system.friction import Friction
 from pmr.system.terms import first_few

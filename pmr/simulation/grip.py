@@ -1,4 +1,4 @@
-"""Friction of pads (`pmr.system.friction`) in full order, by the law of the compiled loop; the same on every rank."""
+"""What pads hold by friction (`pmr.system.friction`) from step to step, by the law of the compiled loop."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ class Grip:
 def slid(known: Friction, old: Grip, given: Array, s: Array, multipliers: Array, matrix: Array) -> Grip:
     """After a step to s (J,) m that ends with multipliers (m,) N, found under a friction `given` (n,) N.
 
-    `matrix` (m, m) is that of the multipliers.  As `pmr.simulation.native.friction.rub`, where it is explained.
+    `matrix` (m, m) is that of the multipliers, of which the diagonal counts.  As
+    `pmr.simulation.native.friction.rub`, where it is explained.
     """
     forces, limits = np.zeros(len(old.forces)), known.coefficients * np.abs(multipliers[known.pads])
     held, driven = known.totals(given), np.where(known.cylinders < 0, 0.0, multipliers[known.cylinders])
