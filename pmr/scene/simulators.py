@@ -17,7 +17,7 @@ class Needs:
     rigid_pushing: tuple[str, ...] = ()
     giving: tuple[str, ...] = ()  #: Rows that give way
     rigid_moving: tuple[str, ...] = ()  #: Rigid rows that travel along a path
-    rubbing: tuple[str, ...] = ()  #: Rows with friction that does more than add to a cylinder's force
+    rubbing: tuple[str, ...] = ()  #: Rows with friction
     rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
 
