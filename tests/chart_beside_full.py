@@ -15,6 +15,7 @@ from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hoo
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.charting import allowed, postures, stands_of
+from pmr.studies.field_probes import with_fields
 from pmr.studies.figures import boom_arguments
 from pmr.studies.limits import Limit
 
@@ -65,7 +66,9 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     extensions, (count, _) = dict(zip(scene.names[1:], places.T[:-1].tolist(), strict=True)), places.shape
     at = {"extensions": extensions, "luffing": places[:, -1].tolist(), "slewing": [0.0] * count}
     asked: dict[str, Any] = {"up_to": up_to, "error": True}
-    made = postures(boom_arguments(scene) | asked | {"at": at}, {})
+    fields = [name for one in limits if one.of == "field" for name in one.which]
+    made = postures(boom_arguments(scene) | asked | {"at": at, "fields": fields}, {})
+    scene = with_fields(scene, fields, count)
     asked |= {"limits": [one.model_dump(mode="json") for one in limits], "gravity": GRAVITY, "rows": [0, count]}
     cases = [{"weight": 1.0, "load": 1.0, "loads": {}}]
     found = allowed(asked | {"cases": cases, "left": []}, {"postures": made}).arrays

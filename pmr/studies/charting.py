@@ -17,6 +17,7 @@ from pmr.simulation.bent import Bent
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, turned, weights_of
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
+from pmr.studies.field_probes import with_fields
 from pmr.studies.governing import chosen, told
 from pmr.studies.limits import Limit
 from pmr.studies.stops import Stopping
@@ -53,7 +54,8 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     from pmr.reduction.bodies import joined, reduce_bodies
     from pmr.studies import shared
 
-    scene, at = Scene.model_validate(arguments["boom"]), stands_of(arguments)
+    at = stands_of(arguments)
+    scene = with_fields(Scene.model_validate(arguments["boom"]), arguments.get("fields", ()), at.count)
     built = shared.bodies_of(scene)
     full = shared.full_system(scene)
     weights = weights_of(full)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pmr.simulation.bent import Bent
 from pmr.simulation.postures import Postures
 from pmr.studies.allowed import Place
-from pmr.studies.limits import Limit, mises
+from pmr.studies.field_probes import FIELD
+from pmr.studies.limits import Limit, mises, stresses
 from pmr.studies.stops import Stopping
 
 Array = NDArray[np.float64]
@@ -61,14 +62,9 @@ def told(
     return found | {"kinds": np.array(at.force_kinds, dtype=np.str_), "bent.x": bent.x, "bent.section": bent.section}
 
 
-def stresses(at: Postures) -> dict[str, list[int]]:
-    """Numbers of the components at each probe that measures stress."""
-    found = dict[str, list[int]]()
-    for k, (kind, name) in enumerate(zip(at.output_kinds, at.output_names, strict=True)):
-        probe, known, _ = name.rpartition(" stress ")
-        if kind == "probe" and known:
-            found.setdefault(probe, []).append(k)
-    return found
+def _probes(at: Postures) -> dict[str, dict[str, int]]:
+    """Those of the scene itself."""
+    return {probe: one for probe, one in stresses(at).items() if FIELD not in probe}
 
 
 def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
@@ -76,8 +72,7 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
     at, load = place.at, load * (1.0 - BELOW)
     state = place.loaded.state(load)
     shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).loaded.state(load)
-    components = [[at.output_names[i].rpartition(" stress ")[2] for i in one] for one in stresses(at).values()]
-    stress = [mises(state.outputs[i], names) for i, names in zip(stresses(at).values(), components, strict=True)]
+    stress = [float(mises(state.outputs[list(one.values())], tuple(one))) for one in _probes(at).values()]
     used = [place.share(limit)(state) for limit in limits]
     return {
         "forces": state.forces,

@@ -8,6 +8,7 @@ buckling                                  :math:`\gamma \Lambda_{least} / \Lambd
 frequency                                 :math:`\gamma f_{least} / f`, the load as a mass that hangs at the tip
 overturning                               :math:`\gamma M_{load} / M_{rest}` about each edge of the polygon, the
                                           load at the deflected tip
+field                                     :math:`\gamma \sigma_v / \sigma_{most}` of the largest at all points of walls
 luffing                                   :math:`\gamma |M / a| / F_{most}`, moment about the pivot over the arm of
                                           `frame.cylinder`, the load at the deflected tip
 rope                                      :math:`\gamma |T| / T_{most}` of what moves sections that others follow
@@ -30,6 +31,7 @@ from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.scene.ropes import borne
 from pmr.simulation.postures import HOOK, Postures
+from pmr.studies.field_probes import FIELD, WHOLE, bodies_with_field
 from pmr.studies.own_limits import Own, amount_of, check_names, expression_of, function_of
 from pmr.studies.tipping import Mass, Tipping, area
 from pmr.system.from_scene import force_names
@@ -76,6 +78,7 @@ class Limit(BaseModel):
         "rope",
         "function",
         "expression",
+        "field",
     ] = Field(description="What is limited")
     function: str | None = Field(
         default=None, description="Name of a function that an installed package offers as an entry point `pmr.limits`"
@@ -92,7 +95,7 @@ class Limit(BaseModel):
     factor: Positive = Field(default=1.0, description="Of safety, of the user's own choice")
     which: tuple[str, ...] = Field(
         default=("*",),
-        description="Names of probes, pads, cylinders, supports or moved sections, with * for any text; by default all",
+        description="Names of probes, pads, supports, sections or their regions, with * for any text; by default all",
     )
     area: tuple[Positive, Positive] | None = Field(
         default=None, description="Length and width of a pad, m: then `most` is a pressure in Pa"
@@ -135,9 +138,11 @@ class Limit(BaseModel):
             tipping = self.tipping(at, k, amounts, gravity)
             return lambda state: tipping.share(state, self.factor)
         allowed = float(self.most or 0.0) * float(np.prod(self.area or (1.0,))) / self.factor
-        if self.of == "stress":
+        if self.of in ("stress", "field"):
             groups = self._stresses(at)
-            return lambda state: max(mises(state.outputs[i], names) for i, names in groups) / allowed
+            return lambda state: (
+                max(float(mises(state.outputs[i], names).max()) for names, i in groups.items()) / allowed
+            )
         if self.of == "luffing":
             pressed = self._luffing(at, k, np.asarray(amounts))
             return lambda state: abs(pressed(state)) / allowed
@@ -181,6 +186,8 @@ class Limit(BaseModel):
             function_of(self.name, self.function)
         if self.expression is not None:
             check_names(self.name, self.expression, scene)
+        if self.of == "field" and not (known := bodies_with_field(scene)):
+            raise self._nothing(known)
         if self.of not in NAMED:
             return
         known = [
@@ -219,17 +226,23 @@ class Limit(BaseModel):
             raise self._nothing(known)
         return outputs, contacts
 
-    def _stresses(self, at: Postures) -> list[tuple[list[int], tuple[str, ...]]]:
-        """Numbers and names of the components at each probe."""
-        probes = dict[str, dict[str, int]]()
-        for k, name in enumerate(at.output_names):
-            probe, known, component = name.rpartition(" stress ")
-            if at.output_kinds[k] == "probe" and known:
-                probes.setdefault(probe, {})[component] = k
-        found = [(list(one.values()), tuple(one)) for probe, one in probes.items() if self._means(probe)]
+    def _stresses(self, at: Postures) -> dict[tuple[str, ...], NDArray[np.int64]]:
+        """Numbers (p, c) of the components at the probes, by the components' names."""
+        probes, found = stresses(at), dict[tuple[str, ...], list[list[int]]]()
+        for probe, one in probes.items():
+            if self._sees(probe):
+                found.setdefault(tuple(one), []).append(list(one.values()))
         if not found:
-            raise self._nothing(list(probes))
-        return found
+            raise self._nothing([probe for probe in probes if FIELD not in probe])
+        return {names: np.array(one) for names, one in found.items()}
+
+    def _sees(self, probe: str) -> bool:
+        """Whether a probe is one of a limit of stress, or a point of one of the field."""
+        body, known, rest = probe.rpartition(FIELD)
+        if self.of == "stress":
+            return not known and self._means(probe)
+        body = body.removesuffix(": ")
+        return bool(known) and (self._means(body or WHOLE) or self._means(named(body, rest.rpartition(" ")[0])))
 
     def _means(self, name: str) -> bool:
         return any(fnmatchcase(name, pattern) for pattern in self.which)
@@ -257,9 +270,19 @@ class Limit(BaseModel):
         return pressed
 
 
-def mises(components: Array, names: Sequence[str]) -> float:
-    """Von Mises' stress in Pa of components by their names."""
-    return float(np.sqrt(np.maximum(components @ MISES[tuple(names)] @ components, 0.0)))
+def stresses(at: Postures) -> dict[str, dict[str, int]]:
+    """Numbers of the outputs that are components of a stress, by the probe and the component."""
+    found = dict[str, dict[str, int]]()
+    for k, (kind, name) in enumerate(zip(at.output_kinds, at.output_names, strict=True)):
+        probe, known, component = name.rpartition(" stress ")
+        if kind == "probe" and known:
+            found.setdefault(probe, {})[component] = k
+    return found
+
+
+def mises(components: Array, names: Sequence[str]) -> Array:
+    """Von Mises' stress (p,) in Pa of components (p, c) by their names."""
+    return np.asarray(np.sqrt(np.maximum(np.sum(components @ MISES[tuple(names)] * components, axis=-1), 0.0)))
 
 
 def _ratio(part: float, whole: float) -> float:

@@ -9,12 +9,13 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from pmr.errors import InputError
-from pmr.scene import Scene
+from pmr.scene import Scene, load_any
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.charting import MARGIN, governing, in_doubt
-from pmr.studies.limits import Limit
+from pmr.studies.field_probes import with_fields
+from pmr.studies.limits import Limit, mises, stresses
 from pmr.studies.stops import Stopping
 from pmr.studies.tipping import Mass
 
@@ -248,6 +249,27 @@ def test_ropes_bear_by_statics_what_follows() -> None:
         Limit(name="a", of="rope", which=("base",), most=1.0).check(scene)
     with pytest.raises(InputError, match="the scene has no rope to look at"):
         Limit(name="a", of="rope", most=1.0).check(crane())
+
+
+def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
+    """The least load of all probes at a shell's centroids, of one face by name; beams have no field."""
+    changes = ["sections.fly.masses=[]", "frame.second_order=true", "section.mesh.elements=6"]
+    scene = load_any("crane_shell", [*changes, "sections.fly.mesh={size=0.32,along=1.5}"])
+    found = with_fields(with_hook(scene), ["fly"], 1)
+    points = found.sections[-1].probes
+    assert len(points) > 100 and {one.face for one in points} == {"outer", "inner"}
+    at = at_rest(with_fields(scene, ["fly"], 1), [0.5], {"middle": [2.0], "fly": [3.0]})
+    field = Limit(name="a", of="field", which=("fly",), most=100e6)
+    load = loads([field], at)[0]
+    state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G).loaded.state(load)
+    each = [mises(state.outputs[list(one.values())], tuple(one)) for p, one in stresses(at).items() if "field of" in p]
+    assert len(each) == len(points) and max(each) == pytest.approx(100e6, rel=1e-6)
+    with pytest.raises(InputError, match="the scene has no field to look at"):
+        field.check(crane())
+    with pytest.raises(InputError, match="a body or region with walls is allowed"):
+        with_fields(scene, ["base"], 1)
+    with pytest.raises(InputError, match="fewer places or a coarser mesh"):
+        with_fields(scene, ["fly"], 10**6)
 
 
 def telescope(stiff: float, unilateral: bool = False) -> Scene:

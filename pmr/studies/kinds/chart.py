@@ -117,9 +117,12 @@ class Study(StudyBase):
             "slewing": [float(b) for *_, b in points],
         }
         common: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars}
+        fields = sorted({name for limit in self.limits if limit.of == "field" for name in limit.which})
+        common |= {"fields": fields} if fields else {}
         turned = {"turned": sorted({stop.of for stop in self.stops})} if self.stops else {}
         shared = Task("postures", postures, boom_arguments(with_hook(scene)) | common | turned | {"at": at}, cost=10.0)
-        asked = common | {
+        asked: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars}
+        asked |= {
             "limits": [limit.model_dump(mode="json") for limit in self.limits],
             "cases": [case.acting(self.classes) for case in self._in_service],
             "left": [case.acting(self.classes) for case in self._left],

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 ROWS, COLUMNS = 14, 7
 #: Units of what is limited; others have none.
 UNITS = dict.fromkeys(("pad", "cylinder", "support", "luffing", "rope"), "N")
-UNITS |= {"stress": "Pa", "deflection": "m", "frequency": "Hz"}
+UNITS |= {"stress": "Pa", "field": "Pa", "deflection": "m", "frequency": "Hz"}
 #: Arrays of error bars: the sum and its parts.
 PARTS = ("", ".reduction", ".mesh", ".rotation")
 #: Error bars in kg from which on they are shown beside a load.
