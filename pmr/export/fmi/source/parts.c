@@ -100,9 +100,10 @@ static int take_parts(Body *body, const double *given, double time, double step,
 /* A step with inputs `given` (4 DRIVERS,) at the beginning of the communication, `time` after it. */
 static int step_in_parts(Body *body, const double *given, double time, double step)
 {
-    Memory *memory = &body->memory, began = *memory;
+    Memory *memory = &body->memory, began;
     int last = most_halvings(step), level = memory->level < last ? memory->level : last;
     double most;
+    if (last) began = *memory;
     for (;;) {
         double length = step / (1 << level);
         if (set_scheme(body, length, memory->variables[RHO_INF])) return 1;
@@ -113,7 +114,7 @@ static int step_in_parts(Body *body, const double *given, double time, double st
         }
         if (take_parts(body, given, time, step, 1 << level, last > 0, &most)) return 1;
         memory->length = length;
-        if (most <= 1.0 || level == last) break;
+        if (!last || most <= 1.0 || level == last) break;
         *memory = began;
         body_changed(body);
         while (most > 1.0 && level < last) { /* half the length misses an eighth and may miss a half */
