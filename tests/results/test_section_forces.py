@@ -107,3 +107,19 @@ def with_region(scene: Scene, region: str, yield_stress: float) -> Scene:
 def test_envelopes_are_those_of_all_steps(ran: RunResult) -> None:
     envelope = ran.bodies["fly"].envelopes["reduced"]
     assert np.all(envelope.least <= envelope.most) and np.all(envelope.most_at <= 0.1)
+
+
+@pytest.mark.slow
+def test_a_full_model_in_petsc_has_them_too() -> None:
+    """Beside the reduced one, whose own they nearly are; nothing is left at free ends."""
+    short = [one for one in QUICK if not one.startswith(("compare", "time.end", "section.mesh", "recovery"))]
+    more = ["compare.against=['full']", "simulation.full='petsc'", "time.end=0.02", "section.mesh.elements=8"]
+    outcome = pmr.run(load_any(BOOM, [*short, *more, "recovery={every=0.01,frames=2}"]))
+    assert outcome is not None
+    for name, body in outcome.result.bodies.items():
+        full, reduced = (body.envelopes[model] for model in ("full", "reduced"))
+        k = full.names.index("bending moment y")
+        largest = np.abs([full.most[k], full.least[k]]).max()
+        assert np.abs(full.most[k] - reduced.most[k]).max() < 1e-4 * largest, name
+        assert np.abs(full.least[k] - reduced.least[k]).max() < 1e-4 * largest, name
+        assert name == "fly" or abs(full.most[k, -1]) <= 1e-6 * largest
