@@ -29,7 +29,7 @@ from pmr.studies.files import kind_names
 PAGE = Path(__file__).parents[2] / "docs" / "ways.md"
 RIGHT = "+"
 #: Commands that take no scene and no model, and names of Python that do nothing with one, or what `pmr run` does.
-ELSEWHERE = {"new", "matrices", "schema"}
+ELSEWHERE = {"new", "matrices", "schema", "compile"}
 NO_WAY = {
     *("ConvergenceError", "InputError", "SimulationError", "ReducedModel", "RunResult", "System", "__version__"),
     *("from_matrices", "load_scene", "run"),
