@@ -83,6 +83,17 @@ class Outputs(NamedTuple):
     of_rows: Array  # (k, q, o'): X, row after row, highest power first, and W; q = 0 without residual flexibility
 
 
+class Reach(NamedTuple):
+    """Which bodies, contacts and modes have to do with each other: a chain costs no more than its links."""
+
+    # (bodies, 6): of each body the first and behind the last of its modes, of its inputs, and of the contacts on it
+    bodies: Indices
+    moves: Indices  # (m, 2): the first and behind the last mode that a contact holds
+    beside: Indices  # (m, 2): and of the contacts on its bodies, in whole registers: no others share anything with it
+    of_mode: Indices  # (r',): the body of each mode
+    begins: Indices  # (m,): where the rows of `State.factor` begin; before that it is zero, and never looked at
+
+
 class Contact(NamedTuple):
     """Rows that only push, among m rows, and which of all rows hold at present."""
 
@@ -99,6 +110,7 @@ class Contact(NamedTuple):
     force: Array  # (m,) N: multipliers at the end of the step before
     share: Array  # (m,) N: and their part in the acceleration-like a
     impulse: Array  # (m,) N s: what they gave since these are counted, as the scheme weighs forces
+    reach: Any = None  # `State.reach`
 
 
 class State(NamedTuple):
@@ -116,6 +128,7 @@ class State(NamedTuple):
     given: Array
     pushed: Any = None  # (m',) m: H f, how far these inputs move the rows by themselves; None where `couplings` do it
     contact: Contact | None = None  # None, a type of its own to the compiler, where all rows hold both ways
+    reach: Any = None  # `Reach`; None where few bodies are taken as if all contacts held all modes
 
 
 class Drive(NamedTuple):

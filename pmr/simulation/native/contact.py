@@ -20,6 +20,8 @@ complementarity problems, Computers and Operations Research 21, 1994.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,10 +39,11 @@ from pmr.simulation.native.arrays import (
     State,
 )
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
-from pmr.simulation.native.rows import factorise, solve
+from pmr.simulation.native.rows import factorise, held, solve
 from pmr.simulation.native.simd import LANES, load, store
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 #: Times that all wrong rows may change sides without leaving fewer wrong ones.
 CHANCES = 3
@@ -119,18 +122,20 @@ def let_go(contact: Contact, scheme: Scheme, state: State) -> bool:
     for k in range(len(state.multipliers)):
         if contact.closed[k] or (contact.force[k] == 0.0 and contact.share[k] == 0.0):
             continue
-        _take_back(contact.memory, scheme, state.modes, state.modes[ROW + k], contact.force[k], contact.share[k])
+        first, last = held(contact.reach, k, state.modes[ROW + k])
+        _take_back(contact, scheme, state.modes, k, first, last)
         contact.force[k] = contact.share[k] = 0.0
         found = True
     return found
 
 
 @inlined
-def _take_back(memory: Memory, scheme: Scheme, modes: Array, row: Array, force: float, share: float) -> None:
+def _take_back(contact: Contact, scheme: Scheme, modes: Array, k: int, first: int, last: int) -> None:
+    memory, row, force, share = contact.memory, modes[ROW + k], contact.force[k], contact.share[k]
     of_z = memory.z_from_force * force + memory.z_from_share * share
     of_v = memory.v_from_force * force + memory.v_from_share * share
     of_a = memory.a_from_force * force + memory.a_from_share * share
-    for n in range(0, len(row), LANES):
+    for n in range(first, last, LANES):
         c = load(row, n)
         store(modes[Z_NEXT], n, load(modes[Z_NEXT], n) + c * of_z)
         store(modes[V_NEXT], n, load(modes[V_NEXT], n) + c * of_v)
@@ -164,20 +169,21 @@ def _solve_closed(contact: Contact, matrix: Array, factor: Array, multipliers: A
     """Multipliers with w = 0 at the closed rows and zero at the others; 0, or a dependent row from 1."""
     numbers, entries = contact.numbers, contact.entries
     if contact.factored[0] == STALE:
-        count = 0
+        count, begin = 0, 0
         for k in range(len(multipliers)):
             if contact.closed[k]:
                 numbers[count] = k
-                for l in range(count + 1):
+                begin = _first_beside(contact.reach, numbers, k, begin, count)
+                for l in range(begin, count + 1):
                     entries[l] = matrix[k, numbers[l]]
-                if not factorise(entries, factor, count):
+                if not factorise(contact.reach, entries, factor, count, begin):
                     return k + 1
                 count += 1
         contact.factored[0] = count
     count = contact.factored[0]
     for n in range(count):
         entries[n] = contact.excess[numbers[n]]
-    solve(factor, entries[:count])
+    solve(contact.reach, factor, entries[:count])
     for k in range(len(multipliers)):
         multipliers[k] = 0.0
     for n in range(count):
@@ -186,11 +192,35 @@ def _solve_closed(contact: Contact, matrix: Array, factor: Array, multipliers: A
 
 
 @inlined
+def _first_beside(reach: Any, numbers: Indices, k: int, begin: int, count: int) -> int:
+    """Which of the first `count` ascending numbers of contacts is the first on the bodies of contact k.
+
+    It is sought from `begin` on, where it was for the one before.
+    """
+    if reach is None:  # decided when compiled
+        return 0
+    while begin > 0 and numbers[begin - 1] >= reach.beside[k, 0]:
+        begin -= 1
+    while begin < count and numbers[begin] < reach.beside[k, 0]:
+        begin += 1
+    return max(begin, 0)
+
+
+@inlined
+def _is_beside(reach: Any, k: int, l: int) -> bool:
+    """Whether contact l may be on the bodies of contact k, or one before those."""
+    if reach is None:
+        return True
+    return bool(l < reach.beside[k, 1])
+
+
+@inlined
 def _count_wrong(contact: Contact, matrix: Array, multipliers: Array) -> int:
     """Number of rows that pull, or would have to push, each of which is marked."""
     largest, wrong = 0.0, 0
     for k in range(len(multipliers)):
         largest = max(largest, abs(multipliers[k]))
+    begin, count = 0, contact.factored[0]
     for k in range(len(multipliers)):
         contact.wrong[k] = False
         if contact.pushes[k]:
@@ -198,8 +228,11 @@ def _count_wrong(contact: Contact, matrix: Array, multipliers: Array) -> int:
                 contact.wrong[k] = multipliers[k] < -ROUND_OFF * largest
             else:
                 gap, size = -contact.excess[k], abs(contact.excess[k])
-                for n in range(contact.factored[0]):
+                begin = _first_beside(contact.reach, contact.numbers, k, begin, count)
+                for n in range(begin, count):
                     l = contact.numbers[n]
+                    if not _is_beside(contact.reach, k, l):
+                        break
                     part = matrix[max(k, l), min(k, l)] * multipliers[l]
                     gap += part
                     size += abs(part)

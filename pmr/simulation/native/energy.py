@@ -88,9 +88,8 @@ def _turned(bodies: Bodies, state: State, sides: Sides, k: int) -> Any:
     z, old_z, row, old, turned = state.modes[Z], sides.old_z, state.modes[ROW + k], sides.old_rows[k], spread(0.0)
     for n in range(bodies.moves[k, 0], bodies.moves[k, 1], LANES):
         turned = turned + (load(row, n) - load(old, n)) * (load(z, n) + load(old_z, n))
-    for n in range(
-        bodies.beside[k, 0], bodies.beside[k, 1], LANES
-    ):  # G = N + N^T, of which a quadratic form takes twice either
+    # G = N + N^T, of which a quadratic form takes twice either
+    for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
         changed = load(sides.half[k], n) - load(sides.old_half[k], n)
         turned = turned - changed * (load(sides.forces, n) + load(sides.old_forces, n))
     return turned

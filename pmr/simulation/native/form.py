@@ -21,6 +21,7 @@ from pmr.simulation.native.arrays import (
     Contact,
     Divided,
     Modes,
+    Reach,
     Scheme,
     State,
     Tables,
@@ -33,6 +34,9 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+#: So many bodies in a chain are no quicker by their own contacts alone: looking up which these are takes as long.
+SHORT = 3
 
 
 @dataclass(frozen=True)
@@ -176,11 +180,35 @@ class SystemForm:
         found[self.quasi_static] = 0.0
         return found
 
+    @cached_property
+    def joined(self) -> list[list[int]]:
+        """Numbers of the bodies, ascending, that each contact is on."""
+        names, found = list(self.forms), [set[int]() for _ in self.modal.contacts]
+        for side in self.modal.sides:
+            found[side.contact].add(names.index(side.place.body))
+        return [sorted(on) for on in found]
+
+    @cached_property
+    def reach(self) -> Reach:
+        """Of bodies whose contacts have places of their own."""
+        on = [[k for k, own in enumerate(self.joined) if body in own] for body in range(len(self.forms))]
+        contacts = [(min(which), max(which) + 1) if which else (0, 0) for which in on]
+        ends = [(min(on[body][0] for body in own), max(on[body][-1] for body in own) + 1) for own in self.joined]
+        bodies = [self.starts[:-1], self.starts[1:], self.inputs[:-1], self.inputs[1:], *np.transpose(contacts)]
+        return Reach(
+            bodies=np.stack(bodies, axis=1).astype(np.int64),
+            moves=_pairs([(self.starts[own[0]], self.starts[own[-1] + 1]) for own in self.joined]),
+            beside=_pairs([(first // LANES * LANES, last + -last % LANES) for first, last in ends]),
+            of_mode=np.repeat(np.arange(len(self.forms)), np.diff(self.starts)),
+            begins=np.zeros(len(self.joined), np.int64),
+        )
+
     def state(self, scheme: Scheme, contact: Contact | None, shares: int) -> State:
         """At rest, before the rows are evaluated; `shares` as many as `State` says."""
         m, (i, r) = len(self.modal.contacts), self.modes.B.shape
         modes = np.zeros((ROW + max(m, 1), r))
         modes[: INPUT + 1] = self.constant_modes(scheme)
+        reach = self.reach if len(self.forms) > SHORT else None
         return State(
             modes=aligned(modes),
             multipliers=np.zeros(m),
@@ -192,13 +220,18 @@ class SystemForm:
             shares=np.zeros(shares),
             given=aligned(np.zeros(r if self.on_tables is None else 0)),
             pushed=None if self.on_tables is not None else aligned(np.zeros(m + -m % LANES)),
-            contact=contact,
+            contact=None if contact is None else contact._replace(reach=reach),
+            reach=reach,
         )
 
 
 def _beside(form: ModalForm) -> tuple[int, int]:
     """Zeros before and behind the modes of a body."""
     return 0, -form.body.size % LANES
+
+
+def _pairs(found: Sequence[tuple[int, int]]) -> Indices:
+    return np.array(found, np.int64).reshape(-1, 2)
 
 
 def starts(sizes: Sequence[int]) -> Indices:

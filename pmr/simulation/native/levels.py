@@ -37,7 +37,7 @@ from pmr.simulation.native.arrays import (
     Z,
 )
 from pmr.simulation.native.compilation import inlined
-from pmr.simulation.native.rows import dot, solve
+from pmr.simulation.native.rows import dot, dot_held, held, of_body, solve
 from pmr.simulation.native.simd import LANES, load, store
 from pmr.simulation.native.terms import add
 
@@ -113,6 +113,7 @@ def contact_of(contact: Contact | None, levels: Levels, level: int) -> Contact |
         contact.force,
         contact.share,
         contact.impulse,
+        contact.reach,
     )
 
 
@@ -178,23 +179,45 @@ def predict(
 @inlined
 def accelerate(modes: Modes, terms: Any, state: State, f: Array, a: Array) -> None:
     """Accelerations (r',) of the modes in the present state under loads f (i,)."""
-    z, v, diagonal = state.modes[Z], state.modes[V], len(modes.damping) == 1
-    for n in range(0, len(a), LANES):
-        value = load(modes.stiffness, n) * load(z, n)
-        if diagonal:
-            value = value + load(modes.damping[0], n) * load(v, n)
-        for l in range(len(f)):
-            value = value - load(modes.B[l], n) * f[l]
-        store(a, n, value * -1.0)
+    v, diagonal = state.modes[V], len(modes.damping) == 1
+    _accelerate_free(state.reach, modes, state, f, a)
     for k in range(len(state.multipliers)):
         multiplier = state.multipliers[k]
         if multiplier != 0.0:  # open contacts have none
-            for n in range(0, len(a), LANES):
+            first, last = held(state.reach, k, a)
+            for n in range(first, last, LANES):
                 store(a, n, load(a, n) - load(state.modes[ROW + k], n) * multiplier)
     if not diagonal:
         for n in range(len(a)):
-            a[n] -= dot(modes.damping[n], v)
+            first, last = of_body(state.reach, n, a)
+            a[n] -= dot(modes.damping[n, first:last], v[first:last])
     add(terms, a)
+
+
+@inlined
+def _accelerate_free(reach: Any, modes: Modes, state: State, f: Array, a: Array) -> None:
+    """The same without contacts, terms and damping that couples modes; each load acts on its own body."""
+    if reach is None:  # decided when compiled
+        _accelerate_some(modes, state, f, a, 0, len(a), 0, len(f))
+    else:
+        for body in range(len(reach.bodies)):
+            own = reach.bodies[body]
+            _accelerate_some(modes, state, f, a, own[0], own[1], own[2], own[3])
+
+
+@inlined
+def _accelerate_some(
+    modes: Modes, state: State, f: Array, a: Array, begin: int, end: int, first: int, last: int
+) -> None:
+    """Of some modes under some of the loads."""
+    z, v, diagonal = state.modes[Z], state.modes[V], len(modes.damping) == 1
+    for n in range(begin, end, LANES):
+        value = load(modes.stiffness, n) * load(z, n)
+        if diagonal:
+            value = value + load(modes.damping[0], n) * load(v, n)
+        for l in range(max(first, 0), last):
+            value = value - load(modes.B[l], n) * f[l]
+        store(a, n, value * -1.0)
 
 
 @inlined
@@ -218,12 +241,14 @@ def missed(
         largest = max(largest, state.multipliers[k])
         if contact.closed[k] != control.closed[k]:
             impulse = (state.multipliers[k] - control.force[k]) * (5.0 * h * h / 12.0)
-            for n in range(0, len(old), LANES):
+            first, last = held(state.reach, k, old)
+            for n in range(first, last, LANES):
                 store(old, n, load(old, n) - load(state.modes[ROW + k], n) * impulse)
     count = contact.factored[0]
     for n in range(count):
-        contact.entries[n] = dot(state.modes[ROW + contact.numbers[n]], old)
-    solve(state.factor, contact.entries[:count])
+        k = contact.numbers[n]
+        contact.entries[n] = dot_held(state.reach, k, state.modes[ROW + k], old)
+    solve(state.reach, state.factor, contact.entries[:count])
     for n in range(count):
         most = max(most, abs(contact.entries[n]))
     for n in range(0, len(old), LANES):

@@ -78,7 +78,7 @@ def _on(loop: Loop, level: int) -> Loop:
     state, levels = loop.state, loop.levels
     now = State(
         state.modes, state.multipliers, state.position, state.interval, state.couplings, state.factor, state.weighted,
-        state.shares, state.given, state.pushed, contact_of(state.contact, levels, level),
+        state.shares, state.given, state.pushed, contact_of(state.contact, levels, level), state.reach,
     )  # fmt: skip
     tables = tables_of(loop.tables, levels, level)
     divided = divided_of(levels, level)

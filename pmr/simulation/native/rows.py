@@ -8,6 +8,8 @@ are polynomials between the breaks; S and dq are explained in `pmr.simulation.na
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,30 +60,71 @@ def find_interval(breaks: Array, s: float, j: int) -> int:
 
 @inlined
 def dot(a: Array, b: Array) -> float:
-    """Inner product of two rows of `State.modes`; in two sums, for each addition has to wait for the one before."""
+    """Inner product of two rows of `State.modes`."""
+    return _dot(a, b, 0, len(a))
+
+
+@inlined
+def _dot(a: Array, b: Array, first: int, last: int) -> float:
+    """That of some modes; in two sums, for each addition has to wait for the one before."""
     odd, even = spread(0.0), spread(0.0)
-    r = len(a)
-    if r % (2 * LANES):
-        r -= LANES
-        odd = load(a, r) * load(b, r)
-    for n in range(0, r, 2 * LANES):
+    if (last - first) % (2 * LANES):
+        last -= LANES
+        odd = load(a, last) * load(b, last)
+    for n in range(first, last, 2 * LANES):
         even = even + load(a, n) * load(b, n)
         odd = odd + load(a, n + LANES) * load(b, n + LANES)
     return total(even + odd)
 
 
 @inlined
-def solve(factor: Array, x: Array) -> None:
+def dot_held(reach: Any, k: int, row: Array, x: Array) -> float:
+    """Inner product of row k of the contacts and x (r',), over the modes that the contact holds."""
+    if reach is None:  # decided when compiled
+        return dot(row, x)
+    return _dot(row, x, reach.moves[k, 0], reach.moves[k, 1])
+
+
+@inlined
+def held(reach: Any, k: int, row: Array) -> tuple[int, int]:
+    """The first and behind the last mode that contact k holds with its row (r',)."""
+    if reach is None:
+        return 0, len(row)
+    return reach.moves[k, 0], reach.moves[k, 1]
+
+
+@inlined
+def of_body(reach: Any, n: int, row: Array) -> tuple[int, int]:
+    """The first and behind the last mode of the body that mode n is of."""
+    if reach is None:
+        return 0, len(row)
+    body = reach.of_mode[n]
+    return reach.bodies[body, 0], reach.bodies[body, 1]
+
+
+@inlined
+def solve(reach: Any, factor: Array, x: Array) -> None:
     """Forward and backward substitution in place."""
     m = len(x)
     for k in range(m):
-        for n in range(k):
-            x[k] -= factor[k, n] * x[n]
+        value = x[k]
+        for n in range(_begin(reach, k), k):
+            value -= factor[k, n] * x[n]
+        x[k] = value
     for k in range(m):
         x[k] *= factor[k, k]
     for k in range(m - 1, 0, -1):  # by rows, as they stand in memory: nothing waits for a sum
-        for n in range(k):
-            x[n] -= factor[k, n] * x[k]
+        value = x[k]
+        for n in range(_begin(reach, k), k):
+            x[n] -= factor[k, n] * value
+
+
+@inlined
+def _begin(reach: Any, k: int) -> int:
+    """Where row k of the factor begins."""
+    if reach is None:
+        return 0
+    return max(int(reach.begins[k]), 0)  # said to the compiler, that would count negative numbers from the end
 
 
 @inlined
@@ -103,21 +146,31 @@ def _evaluate(c: Array, x: float, values: Array) -> None:
 def add_to_factor(contact: Contact | None, state: State, k: int) -> bool:
     """Row k joins the factor, where it is known to hold; False if it depends on those before it."""
     if contact is None:
-        return factorise(state.couplings[k], state.factor, k)
+        return factorise(state.reach, state.couplings[k], state.factor, k, _beside(state.reach, k))
     contact.factored[0] = -1  # which rows hold follows later, in `pmr.simulation.native.contact`
     return True
 
 
 @inlined
-def factorise(entries: Array, factor: Array, k: int) -> bool:
+def _beside(reach: Any, k: int) -> int:
+    """The first contact that shares anything with contact k."""
+    if reach is None:
+        return 0
+    return max(min(int(reach.beside[k, 0]), k), 0)
+
+
+@inlined
+def factorise(reach: Any, entries: Array, factor: Array, k: int, begin: int) -> bool:
     """Row k of the factor L diag(d) L^T from the matrix's entries (k + 1,); False if it depends on those before it.
 
-    Where the matrix begins with zeros so does the factor: contacts of a chain are coupled to their neighbours alone.
+    Where the matrix begins with zeros so does the factor: contacts of a chain are coupled to their neighbours alone,
+    its matrix is block tridiagonal, and the factor takes as long as there are links.  The entries before `begin` are
+    known to be zero.
     """
-    begin = 0
     while begin < k and entries[begin] == 0.0:
         factor[k, begin] = 0.0
         begin += 1
+    _begin_at(reach, factor, k, begin)
     for l in range(begin, k):
         entry = entries[l]
         for n in range(begin, l):
@@ -130,3 +183,14 @@ def factorise(entries: Array, factor: Array, k: int) -> bool:
         factor[k, l] = entry
     factor[k, k] = 1.0 / pivot
     return pivot > SINGULAR * entries[k]
+
+
+@inlined
+def _begin_at(reach: Any, factor: Array, k: int, begin: int) -> None:
+    """Note where a row begins; those it meets are zero from there on, which a chain's are that is in order."""
+    if reach is not None:
+        reach.begins[k] = begin
+        if k > 0 and begin < reach.begins[k - 1]:
+            for l in range(begin, k):
+                for n in range(begin, reach.begins[l]):
+                    factor[l, n] = 0.0

@@ -39,7 +39,7 @@ class Polynomials(NamedTuple):
     touched: Indices  # [interval, entry]: numbers of the body's carriers
     first_touched: Indices
     width: Indices
-    beside: Indices  # (q,): the first side on the same body
+    beside: Indices  # (q, 2): the first and behind the last side on the same body
 
 
 class Bodies(NamedTuple):
@@ -57,9 +57,9 @@ class Bodies(NamedTuple):
     modes: Indices  # (bodies + 1,): likewise, in whole vector registers
     own_inputs: Indices  # (bodies, 2): the first and behind the last input that acts on a body
     compliance: Array  # (m,) m/N
-    moves: Indices  # (m, 2): the first and behind the last mode that a contact holds
-    beside: Indices  # (m, 2): and of the contacts on its bodies, in whole registers: no others share anything with it
-    moved_by: Indices  # (m, 2): and of the inputs on its bodies, the first a register's
+    moves: Indices  # (m, 2): as in `Reach`
+    beside: Indices  # (m, 2): likewise, and of moments of pads that rub
+    moved_by: Indices  # (m, 2): the first and behind the last input on a contact's bodies, the first a register's
     staying: Array  # (m, r'): rows of the sides that stay where they are
     staying_inputs: Array  # (m, i') m/N: H of these
     staying_half: Array  # (m, m') m/N: half of G between these; all of what they measure of moments of pads that rub
@@ -125,12 +125,8 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         flexibility.append(np.zeros((0, 0)) if left is None else left.rows)
         if left is not None:
             inputs[rows, own], energy[own, own] = left.inputs, left.energy
-    m, names = len(system.contacts), list(system.bodies)
-    moves, moved_by = np.zeros((m, 2), np.int64), np.zeros((m, 2), np.int64)
-    for k in range(m):
-        on = [names.index(side.place.body) for side in system.sides if side.contact == k]
-        moves[k] = form.starts[min(on)], form.starts[max(on) + 1]
-        moved_by[k] = form.inputs[min(on)] // LANES * LANES, form.inputs[max(on) + 1]
+    m = len(system.contacts)
+    moved_by = [(form.inputs[on[0]] // LANES * LANES, form.inputs[on[-1] + 1]) for on in form.joined]
     staying, slopes = _staying(form, carriers), _staying_slopes(form, carriers)
     both = np.vstack([staying, slopes])
     answers, half = np.zeros((K, len(both) + -len(both) % LANES)), np.full(len(both) + -len(both) % LANES, 0.5)
@@ -148,9 +144,9 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         modes=form.starts,
         own_inputs=np.stack([form.inputs[:-1], form.inputs[1:]], axis=1),
         compliance=system.compliance,
-        moves=moves,
-        beside=_beside(system, len(half) if len(slopes) else 0),
-        moved_by=moved_by,
+        moves=form.reach.moves,
+        beside=_beside(form, len(half) if len(slopes) else 0),
+        moved_by=np.array(moved_by, np.int64).reshape(-1, 2),
         staying=aligned(staying @ values),
         staying_inputs=padded(staying @ inputs),
         staying_half=aligned(staying @ answers * half),
@@ -241,20 +237,17 @@ def sides(constants: Bodies, paths: int) -> Sides:
     )
 
 
-def _beside(system: System, least: int) -> Indices:
-    """The first and behind the last contact on the same bodies as each (m, 2), in whole registers.
-
-    The last is at `least` so many: moments of pads that rub stand behind all contacts.
-    """
-    on = [{side.place.body for side in system.sides if side.contact == k} for k in range(len(system.contacts))]
-    found = [[k for k, other in enumerate(on) if own & other] for own in on]
-    ends = [(min(which) // LANES * LANES, max(-(-(max(which) + 1) // LANES) * LANES, least)) for which in found]
-    return np.array(ends, np.int64).reshape(-1, 2)
+def _beside(form: SystemForm, least: int) -> Indices:
+    """As in `Reach`, the last at `least` so many: moments of pads that rub stand behind all contacts, (m, 2)."""
+    found = form.reach.beside.copy()
+    found[:, 1] = np.maximum(found[:, 1], least)
+    return found
 
 
 def _polynomials(system: System, paths: Sequence[str]) -> Polynomials:
     sides, names = [side for side in system.sides if side.place.path is not None], list(system.bodies)
     rows, bodies = [system.row(side.place) for side in sides], [side.place.body for side in sides]
+    last = {body: number + 1 for number, body in enumerate(bodies)}
     powers = max((len(row.coefficients) for row in rows), default=1)
     c = []
     for row, side in zip(rows, sides, strict=True):
@@ -275,5 +268,5 @@ def _polynomials(system: System, paths: Sequence[str]) -> Polynomials:
         touched=np.concatenate([np.empty(0, np.int64), *(row.touched.ravel() for row in rows)]),
         first_touched=starts([row.touched.size for row in rows])[:-1],
         width=np.array([row.touched.shape[1] for row in rows], np.int64),
-        beside=np.array([bodies.index(body) for body in bodies], np.int64),
+        beside=np.array([(bodies.index(body), last[body]) for body in bodies], np.int64).reshape(-1, 2),
     )

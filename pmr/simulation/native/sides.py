@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import ROW, UNIT, Divided, Modes, Scheme, State
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
-from pmr.simulation.native.rows import add_to_factor, dot
+from pmr.simulation.native.rows import add_to_factor, dot, of_body
 from pmr.simulation.native.side_arrays import Bodies, Polynomials, Sides
 from pmr.simulation.native.simd import LANES, entry, load, spread, store, total, totals
 
@@ -78,7 +78,7 @@ def _enter(bodies: Bodies, sides: Sides, a: int) -> None:
     rows, body, width = bodies.rows, bodies.rows.body[a], bodies.rows.width[a]
     first = rows.first_coefficient[a] + sides.interval[a] * width
     touched = rows.first_touched[a] + sides.interval[a] * width
-    flexible = bodies.first_flexibility[body + 1] > bodies.first_flexibility[body]
+    flexible, k = bodies.first_flexibility[body + 1] > bodies.first_flexibility[body], rows.contact[a]
     for p in range(sides.powers.shape[1]):
         for n in range(bodies.modes[body], bodies.modes[body + 1], LANES):
             value = spread(0.0)
@@ -88,7 +88,7 @@ def _enter(bodies: Bodies, sides: Sides, a: int) -> None:
             store(sides.of_modes[a, p], n, value)
         if not flexible:
             continue
-        for n in range(0, sides.half.shape[1], LANES):
+        for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
             value = spread(0.0)
             for l in range(width):
                 at = bodies.carriers[body] + rows.touched[touched + l]
@@ -102,7 +102,7 @@ def _enter(bodies: Bodies, sides: Sides, a: int) -> None:
             store(sides.of_inputs[a, p], n, value)
     if not flexible:
         return
-    for c in range(rows.beside[a], len(sides.interval)):
+    for c in range(rows.beside[a, 0], rows.beside[a, 1]):
         if rows.body[c] == body and (c <= a or not sides.entered[c]):
             _multiply(bodies, sides, max(a, c), min(a, c))
 
@@ -162,7 +162,7 @@ def _add_side(bodies: Bodies, state: State, sides: Sides, a: int) -> None:
         for p in range(powers):
             value = value + load(sides.of_staying[a, p], n) * sides.powers[a, p]
         store(sides.half[k], n, value)
-    for c in range(rows.beside[a], a):
+    for c in range(rows.beside[a, 0], a):
         if rows.body[c] == body:
             sides.half[k, rows.contact[c]] += _between(sides, a, c)
     sides.half[k, k] += _between(sides, a, a) / 2.0
@@ -184,11 +184,13 @@ def _between(sides: Sides, a: int, c: int) -> float:
 def _couple_contact(bodies: Bodies, divided: Divided, scheme: Scheme, state: State, sides: Sides, k: int) -> None:
     """Row k of the contacts' matrix, up to its diagonal."""
     row, unit, weighted = state.modes[ROW + k], state.modes[UNIT], state.weighted[k]
+    begin, end = bodies.moves[k, 0], bodies.moves[k, 1]
     if len(divided.damped) > 0:
-        for n in range(len(row)):
-            weighted[n] = dot(divided.damped[2, n], row)
+        for n in range(begin, end):
+            first, last = of_body(state.reach, n, row)
+            weighted[n] = dot(divided.damped[2, n, first:last], row[first:last])
     else:
-        for n in range(0, len(row), LANES):
+        for n in range(begin, end, LANES):
             store(weighted, n, load(unit, n) * load(row, n))
     for first in range(bodies.beside[k, 0], k + 1, LANES):  # four at once, those behind the row itself without use
         _couple_four(bodies, state, sides, k, first, scheme.z_gain)
@@ -220,7 +222,8 @@ def give(modes: Modes, bodies: Bodies, divided: Divided, state: State, sides: Si
     press(modes, bodies, state, sides, f)
     if len(divided.damped) > 0:
         for n in range(len(sides.push)):
-            state.given[n] = dot(divided.damped[2, n], sides.push)
+            first, last = of_body(state.reach, n, sides.push)
+            state.given[n] = dot(divided.damped[2, n, first:last], sides.push[first:last])
     else:
         for n in range(0, len(sides.push), LANES):
             store(state.given, n, load(state.modes[UNIT], n) * load(sides.push, n))

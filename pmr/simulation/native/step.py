@@ -49,7 +49,7 @@ from pmr.simulation.native.arrays import (
 from pmr.simulation.native.compilation import inlined
 from pmr.simulation.native.contact import let_go, remember, settle
 from pmr.simulation.native.quasi_static import forget
-from pmr.simulation.native.rows import dot, solve
+from pmr.simulation.native.rows import dot, dot_held, of_body, solve
 from pmr.simulation.native.simd import LANES, load, spread, store
 from pmr.simulation.native.terms import AGAIN, LAST, expect, finish, gap, push, revise
 
@@ -67,7 +67,7 @@ def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, quasi_st
     """
     m, i, coupled = len(state.multipliers), len(f), len(divided.damped) > 0
     if coupled:
-        _couple(divided, scheme, state.modes)
+        _couple(state.reach, divided, scheme, state.modes)
     _push_given(scheme, state)
     expect(terms, divided, state, f, c)
     push(terms, scheme, state.modes)
@@ -75,7 +75,7 @@ def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, quasi_st
     if failed:
         return failed
     if m > 1 or i > 1 or coupled or terms is not None or len(state.given) > 0:
-        _add_others(divided, state, f)
+        _add_others(state.reach, divided, state, f)
     finish(terms, state.modes)
     force = f[0] if i > 0 and len(state.given) == 0 else 0.0
     _advance(scheme, state.modes, force, multiplier)
@@ -91,12 +91,12 @@ def _find_multipliers(
         return _find_in_contact(contact, divided, scheme, state, terms, quasi_static, f)
     m, multipliers, first, found = len(state.multipliers), state.multipliers, 0.0, AGAIN
     while found == AGAIN or found == LAST:
-        violation = _violate(state.pushed, state, terms, f)
+        violation = _violate(state.pushed, state.reach, state, terms, f)
         if m == 1:  # as `solve` would do, without the way through memory
             first = violation * state.factor[0, 0]
             multipliers[0] = first
         elif m > 1:
-            solve(state.factor, multipliers)
+            solve(state.reach, state.factor, multipliers)
             first = multipliers[0]
         found = FINISHED if found == LAST else revise(terms, divided, scheme, state)
     return found, first
@@ -108,7 +108,7 @@ def _find_in_contact(
 ) -> tuple[int, float]:
     """The same where rows only push; as often as rows let go, each of them once at most, and as terms ask for."""
     while True:
-        _violate(state.pushed, state, terms, f)
+        _violate(state.pushed, state.reach, state, terms, f)
         failed = settle(contact, state.couplings, state.factor, state.multipliers)
         if failed == FINISHED:
             failed = revise(terms, divided, scheme, state)
@@ -119,17 +119,17 @@ def _find_in_contact(
             return failed, state.multipliers[0]
         forget(quasi_static, scheme, state.modes)
         if len(divided.damped) > 0:
-            _couple(divided, scheme, state.modes)
+            _couple(state.reach, divided, scheme, state.modes)
             _push_given(scheme, state)
             push(terms, scheme, state.modes)
 
 
 @inlined
-def _violate(pushed: Any, state: State, terms: Any, f: Array) -> float:
+def _violate(pushed: Any, reach: Any, state: State, terms: Any, f: Array) -> float:
     """How far the free motion violates the rows, in place of their multipliers; returns the last one, or 0."""
     m, multipliers, violation = len(state.multipliers), state.multipliers, 0.0
     for k in range(m):
-        violation = dot(state.modes[ROW + k], state.modes[Z_FREE]) - gap(terms, k)
+        violation = dot_held(reach, k, state.modes[ROW + k], state.modes[Z_FREE]) - gap(terms, k)
         if pushed is not None:  # decided when compiled
             violation += pushed[k]
         else:
@@ -167,17 +167,44 @@ def _push_given(scheme: Scheme, state: State) -> None:
 
 
 @inlined
-def _couple(divided: Divided, scheme: Scheme, modes: Array) -> None:
+def _couple(reach: Any, divided: Divided, scheme: Scheme, modes: Array) -> None:
     """Stiffness and a damping that couples the modes: the table's STIFFNESS, DAMPING and UNIT are zero then."""
     for n in range(divided.damped.shape[1]):
-        forces = dot(divided.damped[0, n], modes[Z_NEXT]) + dot(divided.damped[1, n], modes[V_NEXT])
+        first, last = of_body(reach, n, modes[OTHERS])
+        z, v = modes[Z_NEXT, first:last], modes[V_NEXT, first:last]
+        forces = dot(divided.damped[0, n, first:last], z) + dot(divided.damped[1, n, first:last], v)
         modes[OTHERS, n] = -forces
         modes[Z_FREE, n] = modes[Z_NEXT, n] - scheme.z_gain * forces
 
 
 @inlined
-def _add_others(divided: Divided, state: State, f: Array) -> None:
+def _add_others(reach: Any, divided: Divided, state: State, f: Array) -> None:
     """Accelerations by inputs and rows after the first ones, which ride along in `_advance`."""
+    if reach is None:  # decided when compiled
+        _add_all(divided, state, f)
+    else:
+        for body in range(len(reach.bodies)):
+            own = reach.bodies[body]
+            _add_some(divided, state, own[0], own[1], own[4], own[5])
+
+
+@inlined
+def _add_some(divided: Divided, state: State, begin: int, end: int, first: int, last: int) -> None:
+    """Of the modes of a body, which some contacts hold and `State.given` moves."""
+    others, unit, coupled = state.modes[OTHERS], state.modes[UNIT], len(divided.damped) > 0
+    for n in range(begin, end, LANES):
+        value, held = load(state.given, n), spread(0.0)
+        if coupled:
+            value = value + load(others, n)
+        for k in range(max(first, 0 if coupled else 1), last):
+            row = state.weighted[k] if coupled else state.modes[ROW + k]
+            held = held + load(row, n) * state.multipliers[k]
+        store(others, n, value - (held if coupled else held * load(unit, n)))
+
+
+@inlined
+def _add_all(divided: Divided, state: State, f: Array) -> None:
+    """The same where all contacts hold all modes."""
     others, unit, coupled = state.modes[OTHERS], state.modes[UNIT], len(divided.damped) > 0
     r = len(others)
     if not coupled:

@@ -43,7 +43,7 @@ from pmr.simulation.native.arrays import (
 )
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
 from pmr.simulation.native.form import SystemForm, starts
-from pmr.simulation.native.rows import dot
+from pmr.simulation.native.rows import dot, of_body
 from pmr.simulation.native.simd import LANES, aligned, entry, load, spread, store
 
 Array = NDArray[np.float64]
@@ -267,7 +267,7 @@ def expect(terms: Any, divided: Divided, state: State, f: Array, c: Any) -> None
             for l in range(len(f)):
                 value = value + load(divided.B[l], n) * f[l]
             store(terms.given, n, value)
-        _divide(terms, divided, state.modes)
+        _divide(state.reach, terms, divided, state.modes)
 
 
 @inlined
@@ -298,7 +298,7 @@ def revise(terms: Any, divided: Divided, scheme: Scheme, state: State) -> int:
     """Find w anew from the multipliers: SETTLED, AGAIN or for the LAST time where these have to follow, UNCONVERGED."""
     if terms is None:
         return SETTLED
-    _reach(terms, divided, scheme, state)
+    _reach(state.reach, terms, divided, scheme, state)
     _find_forces(terms, state)
     change, size = 0.0, 0.0
     for n in range(len(terms.force)):
@@ -323,7 +323,7 @@ def revise(terms: Any, divided: Divided, scheme: Scheme, state: State) -> int:
         return SETTLED
     if last:
         return UNCONVERGED
-    _take(terms, divided, scheme, state.modes)
+    _take(state.reach, terms, divided, scheme, state.modes)
     numbers[TRUSTED] += 1.0
     known = not giving and 0.0 < numbers[SHRINKS] and numbers[TRUSTED] < MOST_TRUSTED
     if known and change * numbers[SHRINKS] <= (FORESEEN * CONVERGED) ** 2 * largest:
@@ -399,21 +399,35 @@ def _find_forces(terms: Terms, state: State) -> None:
 
 
 @inlined
-def _divide(terms: Terms, divided: Divided, modes: Array) -> None:
+def _divide(reach: Any, terms: Terms, divided: Divided, modes: Array) -> None:
     """S^-1 w."""
     if len(divided.damped) > 0:
         for n in range(len(terms.force)):
-            terms.divided[n] = dot(divided.damped[2, n], terms.force)
+            first, last = of_body(reach, n, terms.force)
+            terms.divided[n] = dot(divided.damped[2, n, first:last], terms.force[first:last])
     else:
         for n in range(0, len(terms.force), LANES):
             store(terms.divided, n, load(modes[UNIT], n) * load(terms.force, n))
 
 
 @inlined
-def _reach(terms: Terms, divided: Divided, scheme: Scheme, state: State) -> None:
+def _reach(reach: Any, terms: Terms, divided: Divided, scheme: Scheme, state: State) -> None:
     """Z and z' at the end of the step with the present multipliers and w."""
+    if reach is None:  # decided when compiled
+        _reach_some(terms, divided, scheme, state, 0, len(terms.force), 0, len(state.multipliers))
+    else:
+        for body in range(len(reach.bodies)):
+            own = reach.bodies[body]
+            _reach_some(terms, divided, scheme, state, own[0], own[1], own[4], own[5])
+
+
+@inlined
+def _reach_some(
+    terms: Terms, divided: Divided, scheme: Scheme, state: State, begin: int, end: int, first: int, last: int
+) -> None:
+    """The same of some modes, which some contacts hold."""
     modes, coupled, given = state.modes, len(divided.damped) > 0, len(terms.given) == 0
-    for n in range(0, len(terms.force), LANES):
+    for n in range(begin, end, LANES):
         z, v = load(modes[Z_NEXT], n), load(modes[V_NEXT], n)
         a = load(state.given if given else terms.given, n) + load(terms.divided, n)
         if coupled:
@@ -421,7 +435,7 @@ def _reach(terms: Terms, divided: Divided, scheme: Scheme, state: State) -> None
         else:
             a = a - load(modes[STIFFNESS], n) * z - load(modes[DAMPING], n) * v
         held = spread(0.0)
-        for k in range(len(state.multipliers)):
+        for k in range(max(first, 0), last):
             row = state.weighted[k] if coupled else modes[ROW + k]
             held = held + load(row, n) * state.multipliers[k]
         a = a - (held if coupled else held * load(modes[UNIT], n))
@@ -430,11 +444,11 @@ def _reach(terms: Terms, divided: Divided, scheme: Scheme, state: State) -> None
 
 
 @inlined
-def _take(terms: Terms, divided: Divided, scheme: Scheme, modes: Array) -> None:
+def _take(reach: Any, terms: Terms, divided: Divided, scheme: Scheme, modes: Array) -> None:
     """The new w instead of the old one."""
     for n in range(0, len(terms.force), LANES):
         store(modes[Z_FREE], n, load(modes[Z_FREE], n) - load(terms.divided, n) * scheme.z_gain)
         store(terms.force, n, load(terms.new_force, n))
     friction.take(terms.rubbing)
-    _divide(terms, divided, modes)
+    _divide(reach, terms, divided, modes)
     push(terms, scheme, modes)

@@ -18,7 +18,7 @@ from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, SmoothRamp
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import systems
+from pmr.simulation.native import form, systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import bodies
@@ -117,6 +117,27 @@ def test_contacts_of_a_chain_are_coupled_to_their_neighbours_alone() -> None:
     inside = np.array([(first <= np.arange(len(shared))) & (np.arange(len(shared)) < last) for first, last in ranges])
     assert np.all(shared[~inside] == 0.0)
     assert np.any(~inside)
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+@pytest.mark.parametrize("clearance", [None, 1e-4])
+@pytest.mark.parametrize("step", [1, -1])
+def test_a_chain_link_by_link_moves_as_all_at_once(
+    monkeypatch: pytest.MonkeyPatch, clearance: float | None, step: int
+) -> None:
+    """Four sections whose contacts are numbered along the boom or against it, with the sums over all modes beside."""
+    system = reduced(Nested(4, elements=8, clearance=clearance), 3)
+    first, *others = system.contacts
+    system = replace(system, contacts=(first, *others[::step]))
+    found = []
+    for short in (form.SHORT, len(system.bodies)):
+        monkeypatch.setattr(form, "SHORT", short)
+        found.append(from_statics(system, quickly(system, end=0.1)))
+    link_by_link, at_once = found
+    np.testing.assert_allclose(link_by_link.forces, at_once.forces, rtol=0.0, atol=1e-9 * np.abs(at_once.forces).max())
+    for name, body in at_once.bodies.items():
+        np.testing.assert_allclose(link_by_link.bodies[name].q, body.q, rtol=0.0, atol=1e-9 * np.abs(body.q).max())
 
 
 @pytest.mark.slow
