@@ -97,7 +97,9 @@ def arrays_at_rest(
         "luffing": luffing,
         "slewing": [0.0] * len(luffing),
     }
-    arguments = boom_arguments(with_hook(scene)) | {"up_to": 1e6, "error": False, "at": at, "turned": ["luffing"]}
+    assert scene.frame is not None
+    turned = ["luffing"] if scene.frame.slewing is None else ["luffing", "slewing"]
+    arguments = boom_arguments(with_hook(scene)) | {"up_to": 1e6, "error": False, "at": at, "turned": turned}
     return postures(arguments, {}).arrays
 
 

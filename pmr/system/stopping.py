@@ -23,8 +23,8 @@ from pmr.system.loaded import Form
 
 Array = NDArray[np.float64]
 
-#: Periods of the lowest frequency after the stop, and at how many times the boom is looked at.
-PERIODS, SAMPLES = 2.0, 400
+#: Periods of the lowest frequency that are looked at from the start of the stop and from its end, at how many times each.
+PERIODS, SAMPLES = 2.0, 300
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ def stopping(form: Form, load: float, acting: Acting, duration: float) -> Swing 
     each = zip((acting.b, acting.g, acting.direct), resisting, strict=True)
     outputs, forces = _at_rest(form, load, [np.column_stack(pair) for pair in each])
     omega = 1.0 / np.sqrt(inertia)
-    t = np.linspace(0.0, duration + PERIODS * 2.0 * np.pi / float(omega.min()), SAMPLES)
-    t = np.sort(np.append(t, duration))
+    looked = PERIODS * 2.0 * np.pi / float(omega.min())  # however long the stop lasts: else its samples miss the peaks
+    t = np.append(np.linspace(0.0, min(duration, looked), SAMPLES), duration + np.linspace(0.0, looked, SAMPLES))
     lasts, after = t <= duration, np.maximum(t - duration, 0.0)
     accelerations = np.cos(np.outer(t, omega)) - np.where(lasts[:, None], 0.0, np.cos(np.outer(after, omega)))
     shares = np.column_stack([lasts, -accelerations * (amplitude * omega**2)])

@@ -15,6 +15,9 @@ from pmr.errors.plugins import offered
 from pmr.report.studies.document import page
 from pmr.scene import load_any
 from pmr.studies import files, shared
+from pmr.studies.call import compute, save
+from pmr.studies.engine.pools import local_pool
+from pmr.studies.engine.runner import Progress
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
 from pmr.studies.results import StudyResults
@@ -182,6 +185,30 @@ def test_made_twice_it_is_the_same_to_the_byte(small: StudyResults, folder: Path
     (tmp_path / "scene.toml").write_text(SCENE)
     finished(tmp_path, STUDY)
     assert (tmp_path / "chart.csv").read_bytes() == (folder / "chart.csv").read_bytes()
+
+
+def test_cut_off_and_called_again_it_is_the_same_to_the_byte(folder: Path, tmp_path: Path) -> None:
+    """By workers: what was there stays, what was not is computed, and the table is that of a chart made at once."""
+    (folder / "resumed.toml").write_text(
+        STUDY.replace("count = 4 }", "count = 1 }").replace("count = 3 }", "count = 4 }")
+    )
+    project, made, cut = files.load(folder / "resumed.toml"), tmp_path / "made", tmp_path / "cut"
+
+    def leave(progress: Progress) -> None:
+        if progress.done > 1:  # what all four rows need, and the first of them
+            raise KeyboardInterrupt
+
+    with local_pool(1) as pool, pytest.raises(KeyboardInterrupt):
+        compute(project, cut, pool, leave)
+    there = {file: file.stat().st_mtime_ns for file in (cut / "tasks").glob("*.npz")}
+    assert 2 <= len(there) <= 3  # another row was on its way
+    with local_pool(1) as pool:
+        again = compute(project, cut, pool, lambda progress: None)
+        save(project, again, cut)
+        save(project, compute(project, made, pool, lambda progress: None), made)
+    assert again.computed == 5 - len(there) and again.is_complete
+    assert {file: file.stat().st_mtime_ns for file in there} == there
+    assert (cut / "chart.csv").read_bytes() == (made / "chart.csv").read_bytes()
 
 
 def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyResults, folder: Path) -> None:
