@@ -23,7 +23,7 @@ from pmr.system.loaded import Form
 
 Array = NDArray[np.float64]
 
-#: Periods of the lowest frequency that are looked at from the start of the stop and from its end, at how many times each.
+#: Periods of the lowest frequency that are looked at, from the start of the stop and from its end, and times in each.
 PERIODS, SAMPLES = 2.0, 300
 
 
