@@ -27,7 +27,10 @@ CALLED = {
     "rope": "largest rope force",
     "support": "largest force of a support",
     "moment": "largest moment of a support",
+    "force on the machine": "largest force of all supports together",
+    "moment on the machine": "largest moment of all supports, about the pivot",
 }
+MOMENTS = ("moment", "moment on the machine")
 #: Of the largest force: what is below is round-off.
 ROUND_OFF = 1e-9
 
@@ -72,11 +75,14 @@ def _forces(result: RunResult) -> Rows:
     held = {_directed(result, one["name"]): one for one in summary.get("reactions", ()) if not _at_pivot(result, one)}
     ropes = {f"rope of {one['name']}, all strands": one["force"] for one in summary.get("ropes", ()) if one["follows"]}
     pulled = {f"cylinder of {one['name']}": one["force"] for one in summary.get("ropes", ()) if not one["follows"]}
+    pivot = {one["name"].removeprefix("pivot "): one for one in summary.get("reactions", ()) if _at_pivot(result, one)}
     listed = {
         "cylinder": {f"{name}, which pulls the ropes": one for name, one in pulled.items()},
         "rope": ropes,
         "support": {name: one for name, one in held.items() if one["unit"] == "N"},
         "moment": {name: one for name, one in held.items() if one["unit"] == "N m"},
+        "force on the machine": {f"along {axis}": pivot[axis] for axis in "xyz" if axis in pivot},
+        "moment on the machine": {f"about {axis}": pivot[f"r{axis}"] for axis in "xyz" if f"r{axis}" in pivot},
     }
     for kind, called in CALLED.items():
         if found := listed.get(kind):
@@ -84,7 +90,7 @@ def _forces(result: RunResult) -> Rows:
             end = "max" if one["max"] >= -one["min"] else "min"
             if abs(one[end]) > 0.0:
                 when = f"at {_rounded(one[f't_{end}'])}{SPACE}s, {_at(result, one[f's_{end}'])}"
-                yield called, f"{quantity(one[end], 'N m' if kind == 'moment' else 'N')}, {name}, {when}"
+                yield called, f"{quantity(one[end], one['unit'] if kind in MOMENTS else 'N')}, {name}, {when}"
         else:
             yield from _largest(result, kind, called)
 
@@ -127,7 +133,8 @@ def _luffing(result: RunResult) -> Rows:
         end = "max" if force["max"] >= -force["min"] else "min"
         when = f"at {_rounded(force[f't_{end}'])}{SPACE}s, {_at(result, force[f's_{end}'])}"
         stroke = between(length["min"], length["max"], f"{SPACE}m long")
-        yield "cylinder that raises it, along itself", f"{quantity(force[end], 'N')}, {when}; {stroke}"
+        way = "pushes" if end == "max" else "pulls"
+        yield "luffing cylinder, along itself", f"{quantity(abs(force[end]), 'N')}, it {way}, {when}; {stroke}"
 
 
 def _deflection(result: RunResult) -> Rows:

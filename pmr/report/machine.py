@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pmr.report.numbers import SPACE, plain, quantity
+from pmr.report.numbers import SPACE, plain, quantity, significant
 from pmr.report.parameters import by_face, stiff
 from pmr.report.subject import loads_as_asked, spoken
 from pmr.results import RunResult
@@ -30,6 +30,7 @@ def rows(result: RunResult) -> Rows:
         most = float(values[np.argmax(np.abs(values))]) if len(values) else 0.0
         yield named(load.body, load.name), f"up to {quantity(most, load.unit)} {load.where}"
     scene = result.scene
+    yield "weight of the boom", _weight(result)
     if scene.frame is not None:
         for name, angle in zip(("luffing", "slewing"), scene.frame.angles, strict=True):
             low, high = np.rad2deg(angle.bounds(0.0, scene.time.end))
@@ -108,6 +109,11 @@ def _support(support: Support) -> str:
     if all(direction.startswith("r") for direction in support.held):
         stiffness = stiffness.replace("kN/mm", f"MN{SPACE}m/rad")  # 1e6 N m/rad are called so
     return f"{support.name} {along} {where}, {stiffness}".strip()
+
+
+def _weight(result: RunResult) -> str:
+    gravity = result.scene.gravity
+    return "left out" if gravity is None else f"included, {significant(gravity.acceleration)}{SPACE}m/s²"
 
 
 def _kg(mass: float) -> str:

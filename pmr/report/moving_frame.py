@@ -20,23 +20,16 @@ def frame(result: RunResult) -> str:
     buckling = result.summary.get("buckling", {"factor": None})
     if not found["second_order"]:
         size = f" ({percent(buckling['share'])} of the stiffness at most)" if "share" in buckling else ""
-        turning = (
-            ""
-            if found["gyroscopic"] is None
-            else (
-                f", with {percent(found['gyroscopic'])} (gyroscopic) and {percent(found['centrifugal'])} (centrifugal) "
-                "of the stiffness at the lowest frequency"
-            )
-        )
-        return (
-            f"{turns}{axes}Axial forces are not followed: that they bend what is bent is left out{size}{turning}; "
-            "frame.second_order keeps all of it."
-        )
+        left_out = f"the bending by axial forces{size}"
+        if found["gyroscopic"] is not None:
+            turning = f"{percent(found['gyroscopic'])}) and centrifugal forces ({percent(found['centrifugal'])}"
+            left_out += f", and gyroscopic forces ({turning} of the stiffness at the lowest frequency)"
+        return f"{turns}{axes}Second order is left out: {left_out}; frame.second_order includes it."
     factor = buckling["factor"]
     if factor is None:
-        return f"{turns}{axes}Second order is kept; no axial force presses."
+        return f"{turns}{axes}Second order is included; no axial force compresses the boom."
     return (
-        f"{turns}{axes}Second order is kept: the boom would buckle under {significant(factor)} times its "
+        f"{turns}{axes}Second order is included: the boom would buckle under {significant(factor)} times its "
         f"axial forces, at t = {plain(round(buckling['t'], 3))}{SPACE}s, with every pad closed.{_share(factor)}"
     )
 

@@ -198,7 +198,7 @@ def accuracy(result: RunResult) -> Iterator[str]:
     if (force := errors.get("reduced_vs_full", {}).get("pad_force")) is not None:
         yield f"The error of the {forces_called(result)} is {percent(force)}."
         if slow := _apart_from_blows(result):
-            yield f"At each kink of the path the slider strikes, as hard as the step is short; {slow} are left."
+            yield f"At each kink of the path the slider strikes, harder in a shorter step; apart from that, {slow}."
     largest, most = result.summary.get("max_displacement"), result.summary.get("max_error")
     if largest is not None and most is not None:
         yield f"The largest difference is {length(most)} where displacements reach {length(largest)}."
@@ -234,7 +234,7 @@ def speed(result: RunResult) -> Iterator[str]:
         return
     full, who = quantity(result.responses["full"].seconds, "s"), simulators(result)
     by = f" ({who})" if who else ""
-    yield f"{took}, {paced}; that of the full model took {full}, {significant(ratio, 2)} times as long{by}."
+    yield f"{took}, {paced}; the full model took {full}, {significant(ratio, 2)} times as long{by}."
 
 
 def stress(result: RunResult) -> Iterator[str]:

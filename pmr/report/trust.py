@@ -9,6 +9,7 @@ from typing import Any
 from pmr.report.blocks import Table
 from pmr.report.model_error import CALLED as MODELS
 from pmr.report.numbers import SPACE, percent, plain
+from pmr.report.subject import along
 from pmr.results import RunResult
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
@@ -49,7 +50,8 @@ def table(result: RunResult) -> Table:
     rows = (*said.items(), *((name, "; ".join(dict.fromkeys(parts))) for name, parts in missing.items() if parts))
     bars = {name: min(max(log10(share / LEAST) / decades, 0.01), 1.0) for name, share in known.items()}
     top = f"{plain(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
-    note = f"Bars go from {plain(100.0 * LEAST)}{SPACE}% to {top}, and each mark is ten times the one before."
+    note = f"Errors of displacements {along(result)}; forces and stresses may be further off. Bars go from "
+    note += f"{plain(100.0 * LEAST)}{SPACE}% to {top}, and each mark is ten times the one before."
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
 
 

@@ -93,6 +93,7 @@ def test_every_part_that_is_known_has_a_bar_on_one_scale(make_space: MakeSpace) 
     budget = {"mesh": {"beam": 1e-3}, "model": {"beside": "shell", "beam": 0.1, "frequency": 0.02}}
     found = trust(make_space, budget=budget, step={"beam": 1e-4})
     assert found.marks == 5 and "0.001\u00a0% to 100\u00a0%" in found.note
+    assert "displacements along the beam" in found.note
     assert found.bars == pytest.approx({"model": 0.8, "mesh": 0.4, "time step": 0.2, "reduction": 0.460206}, abs=1e-6)
     far = trust(make_space, budget={"model": {"beside": "shell", "beam": 7.0}})
     assert far.marks == 6 and "1000\u00a0%" in far.note and 0.9 < far.bars["model"] < 1.0
@@ -118,6 +119,33 @@ def test_supports_bear_forces_and_moments_each_in_its_unit(result: RunResult) ->
     carries = rows(replace(result, summary=result.summary | {"reactions": reactions}), "What it carries")
     assert carries["largest force of a support"].startswith(f"\u221220.0{SPACE}kN, cylinder along x, at 0.2{SPACE}s")
     assert carries["largest moment of a support"].startswith(f"30.0{SPACE}kN m, pin rz, at 0.1{SPACE}s")
+
+
+def test_the_machine_bears_all_supports_together(make_space: MakeSpace) -> None:
+    """Of a boom in a frame, beside what each support bears; the luffing cylinder has a row of its own."""
+    ramp = {"kind": "smooth_ramp", "times": [0.0, 1.0], "values": [0.0, 1.0]}
+    least, most = {"t_min": 0.2, "s_min": 2.0}, {"t_max": 0.1, "s_max": 1.5}
+    reactions = [
+        {"name": "pivot z", "unit": "N", "min": -16e3, "max": -9e3, **least, **most},
+        {"name": "pivot ry", "unit": "N m", "min": 62e3, "max": 87e3, **least, **most},
+        {"name": "pivot cylinder", "unit": "N", "min": 59e3, "max": 102e3, **least, **most},
+    ]
+    result = make_space(frame={"luffing": ramp, "pivot": [0.0, 0.0, 0.0]}, summary=SUMMARY | {"reactions": reactions})
+    carries = rows(result, "What it carries")
+    force = carries["largest force of all supports together"]
+    moment = carries["largest moment of all supports, about the pivot"]
+    assert force.startswith(f"\u221216.0{SPACE}kN, along z, at 0.2{SPACE}s")
+    assert moment.startswith(f"87.0{SPACE}kN m, about y, at 0.1{SPACE}s")
+    luffing = {"force": {"min": -5e4, "max": 1e3, **least, **most}, "length": {"min": 1.5, "max": 2.0}}
+    pulled = make_space(summary=SUMMARY | {"luffing_cylinder": luffing})
+    pulls = rows(pulled, "What it carries")["luffing cylinder, along itself"]
+    assert pulls.startswith(f"50.0{SPACE}kN, it pulls, at 0.2{SPACE}s")
+
+
+def test_whether_the_weight_is_in_the_figures_is_said(make_space: MakeSpace) -> None:
+    light = make_space(gravity={"acceleration": 1.62})
+    assert rows(light, "What was asked")["weight of the boom"] == f"included, 1.62{SPACE}m/s²"
+    assert rows(make_space(gravity=None), "What was asked")["weight of the boom"] == "left out"
 
 
 def test_a_boom_stands_as_it_is_raised_with_a_ring_where_it_is_stressed_most(make_space: MakeSpace) -> None:

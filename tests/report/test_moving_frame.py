@@ -48,10 +48,10 @@ def test_nothing_is_said_of_a_frame_that_there_is_not() -> None:
 def test_what_is_left_out_is_said_with_its_size() -> None:
     text = said(frame={**TURNING, "second_order": False})
     assert "raised between 0° and 60°" in text and "slewed" not in text
-    assert "left out" in text and "2.00\u00a0% (gyroscopic)" in text
+    assert "left out" in text and "gyroscopic forces (2.00\u00a0%)" in text
 
 
-@pytest.mark.parametrize(("factor", "expected"), [(3.2, "3.2"), (None, "no axial force presses")])
+@pytest.mark.parametrize(("factor", "expected"), [(3.2, "3.2"), (None, "no axial force compresses")])
 def test_second_order_is_said_with_the_buckling_factor(factor: float | None, expected: str) -> None:
     text = said(frame={**TURNING, "second_order": True}, buckling={"factor": factor, "t": 10.0})
     assert expected in text and "left out" not in text
