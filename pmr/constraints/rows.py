@@ -48,6 +48,13 @@ class Row:
     def _polynomial(self) -> PPoly:
         return PPoly(*(np.require(array, requirements="W") for array in (self.coefficients, self.breaks)))
 
+    @property
+    def slope(self) -> Row:
+        """Its derivative with respect to s, as a row of the same carriers."""
+        degree = len(self.coefficients) - 1
+        lowered = self.coefficients[:-1] * np.arange(degree, 0.0, -1.0)[:, None, None]
+        return replace(self, coefficients=lowered if degree else np.zeros_like(self.coefficients))
+
     def weights(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
         """b(s), or its derivative with respect to s, at each of the s (T,) m as a sparse matrix (T, K).
 

@@ -51,6 +51,13 @@ def test_a_row_is_its_weights_times_its_carriers(s: float, derivative: int) -> N
     assert dense(row, s, derivative) == pytest.approx(b @ row.carriers.toarray()[row.touched[j]], abs=1e-13)
 
 
+def test_the_slope_of_a_row_is_a_row() -> None:
+    """Of a cubic its derivative, of a row that stays nothing, on the same carriers."""
+    for row in (random_row(), carried_row(), fixed_row("w", carrier(3, 1.0, 12), (0.0, 1.5))):
+        for s in (0.3, 1.2):
+            assert dense(row.slope, s) == pytest.approx(dense(row, s, derivative=1), abs=1e-13)
+
+
 def test_finer_breaks_keep_the_row_and_its_carriers() -> None:
     row = carried_row()
     finer = row.refined(np.array([0.0, 0.1, 0.4, 0.5, 1.0, 1.25, 1.5]))

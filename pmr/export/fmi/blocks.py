@@ -8,6 +8,9 @@ With the sides a of a contact, each of them :math:`b_a(x_a) U` on its body's car
 over the blocks k of sides that travel along one path on one body; what stays is in the constants.  The last sum is over
 blocks of one body on different paths: no table in one variable holds it.  A body on one path is one block, with its own
 tables.
+
+Behind the m contacts stand the n pads that rub (`pmr.system.friction`), each with the row C' of its contact, on which
+its moment acts: m + n rows in all.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.modal import ModalForm, inertia_share, modal_form
 from pmr.system.contacts import ALONE, SLIDER
+from pmr.system.friction import Friction
 from pmr.system.system import Side, System
 
 Array = NDArray[np.float64]
@@ -135,15 +139,15 @@ class Block:
 class Constants:
     """What sides that stay contribute, and in F the contacts' compliance."""
 
-    C: Array  # (m, r)
-    F: Array  # (m, m) m/N
-    H: Array  # (m, i) m/N
-    X: Array  # (m, o) m/N
+    C: Array  # (m + n, r)
+    F: Array  # (m + n, m + n) m/N
+    H: Array  # (m + n, i) m/N
+    X: Array  # (m + n, o) m/N
 
 
 @dataclass(frozen=True)
 class Arrangement:
-    """The rows of a system in modal form, of m contacts."""
+    """The rows of a system in modal form, of m contacts and n pads among them that rub."""
 
     system: System
     parts: tuple[Part, ...]
@@ -151,6 +155,13 @@ class Arrangement:
     ranges: tuple[tuple[float, float], ...]  # m, of the paths
     blocks: tuple[Block, ...]
     constants: Constants
+    friction: Friction | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all rows, (m + n,)."""
+        names = self.system.contact_names
+        return names if self.friction is None else (*names, *(f"moment of {names[k]}" for k in self.friction.pads))
 
     @property
     def whole(self) -> bool:
@@ -160,25 +171,33 @@ class Arrangement:
         return alone and min(self.constants.H.shape) > 0
 
     @property
+    def is_differential(self) -> bool:
+        """Whether an ordinary differential equation is left: no contact is rigid, and nothing rubs."""
+        return bool(self.gives_way.all()) and self.friction is None
+
+    @property
     def gives_way(self) -> NDArray[np.bool_]:
         """Which of the contacts (m,) have residual flexibility or a compliance; the others are rigid."""
         gives = np.diagonal(self.constants.F) != 0.0
         for block in self.blocks:
             gives[block.contacts] |= np.any(block.between.c != 0.0, axis=(0, 1, 3))
-        return gives
+        return gives[: len(self.system.contacts)]
 
 
 def arrangement(system: System) -> Arrangement:
     """All rows of a system; an InputError is raised as for `modal_form`, or if a body is not reduced."""
-    parts, m = _parts(system), len(system.contacts)
+    parts, friction = _parts(system), Friction.of(system.contacts)
+    compliance = np.pad(system.compliance, (0, 0 if friction is None else len(friction.pads)))
+    m = len(compliance)
     r, i, o = (getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs"))
-    constants = Constants(np.zeros((m, r)), np.diag(system.compliance), np.zeros((m, i)), np.zeros((m, o)))
+    constants = Constants(np.zeros((m, r)), np.diag(compliance), np.zeros((m, i)), np.zeros((m, o)))
     if _has_tables(system):
         on, domain = system.paths or (SLIDER,), parts[0].form.body.domain
         return Arrangement(system, parts, on, (domain,), (_of_tables(system, parts[0]),), constants)
     paths, ranges, blocks = system.paths, tuple(system.ranges[path] for path in system.paths), list[Block]()
+    of_all = [*system.sides, *_pressed(system, friction)]
     for part in parts:
-        sides = [side for side in system.sides if side.place.body == part.name]
+        sides = [side for side in of_all if side.place.body == part.name]
         stays = [side for side in sides if side.place.path is None]
         weights = np.array([_stays(system, side) for side in stays]).reshape(len(stays), len(part.values))
         _add_constants(part, stays, weights, constants)
@@ -187,7 +206,7 @@ def arrangement(system: System) -> Arrangement:
             own = [side for side in sides if side.place.path == paths[k]]
             block = _of_sides(part, k, own, [_travels(system, side) for side in own], ranges[k], stays, weights)
             blocks.append(block if len(travelled) > 1 else replace(block, on_carriers=()))
-    return Arrangement(system, parts, paths, ranges, tuple(blocks), constants)
+    return Arrangement(system, parts, paths, ranges, tuple(blocks), constants, friction)
 
 
 def _parts(system: System) -> tuple[Part, ...]:
@@ -254,9 +273,22 @@ def _of_sides(
     return Block(part, path, contacts, of_stays, between=between, on_carriers=tuple(rows), **tables)
 
 
+def _pressed(system: System, friction: Friction | None) -> list[Side]:
+    """The sides of pads that rub, on which their moments act, numbered behind the contacts."""
+    pads = [] if friction is None else friction.pads.tolist()
+    m, sides = len(system.contacts), system.sides
+    return [Side(m + k, side.place, side.sign) for k, pad in enumerate(pads) for side in sides if side.contact == pad]
+
+
+def _row(system: System, side: Side) -> Row:
+    """The row of a side in x: of one that a moment acts on, C'."""
+    row = system.row(side.place)
+    return row if side.contact < len(system.contacts) else row.slope
+
+
 def _travels(system: System, side: Side) -> Row:
     """The row of a side over its path coordinate s, x = at + rate s, with its sign."""
-    row, place = system.row(side.place), side.place
+    row, place = _row(system, side), side.place
     c, breaks, touched = row.coefficients, row.breaks, row.touched
     if place.rate < 0.0:  # the intervals begin at their other end
         shifted = PPoly(c, breaks).c.copy()
@@ -276,7 +308,7 @@ def _travels(system: System, side: Side) -> Row:
 
 def _stays(system: System, side: Side) -> Array:
     """Weights (K,) of a side that stays, with its sign."""
-    return np.asarray(side.sign * system.row(side.place).weights(side.place.at).toarray()[0])
+    return np.asarray(side.sign * _row(system, side).weights(side.place.at).toarray()[0])
 
 
 def _add_constants(part: Part, stays: Sequence[Side], weights: Array, constants: Constants) -> None:

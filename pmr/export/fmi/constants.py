@@ -37,11 +37,6 @@ class Constants:
     macros: dict[str, object]  #: Of model.h
     arrays: dict[str, Array]  #: Of model.c by their declarations
 
-    @property
-    def model_exchange(self) -> bool:
-        """Whether an ordinary differential equation is left: no row is rigid."""
-        return bool(self.rows.gives_way.all())
-
 
 def constants(system: System) -> Constants:
     """Modal form and tables of a system."""
@@ -54,12 +49,13 @@ def constants(system: System) -> Constants:
     of_terms, reacting = _terms(rows), [k for part in rows.parts for k in _reactions(part)]
     if drivers.frame is not None:
         o += 3  # the place of the tip
-    clearance = system.clearance
+    clearance = np.pad(system.clearance, (0, m - len(system.contacts)), constant_values=np.nan)
     pushes = ~np.isnan(clearance)
     laid_out, arrays = _laid_out(rows)
     macros: dict[str, object] = {
         "MODES": r,
         "ROWS": max(m, 1),
+        "CONTACTS": max(len(system.contacts), 1),
         "INPUTS": max(i, 1),
         "OUTPUTS": max(o, 1),
         "TIP": o - 3,
@@ -68,7 +64,7 @@ def constants(system: System) -> Constants:
         "PATHS": max(len(rows.paths), 1),
         "DAMPING_COUPLES": int(coupled),
         "DAMPING_SIZE": r ** (2 if coupled else 1),
-        "MODEL_EXCHANGE": int(gives_way.all()),
+        "MODEL_EXCHANGE": int(rows.is_differential),
         "BEYOND_ENDS": BEYOND_ENDS,
     }
     of_bodies = {name: scipy.linalg.block_diag(*(getattr(body, name) for body in bodies)) for name in "DB"}
@@ -90,12 +86,31 @@ def constants(system: System) -> Constants:
         "const double direct[INPUTS][OUTPUTS]": _present(direct, max(o, 1)),
         "const double clearance[ROWS]": _present(np.where(pushes, clearance, 0.0), 1),
         "const int pushes[ROWS]": _present(pushes.astype(int), 1),
-        "const int gives_way[ROWS]": gives_way.astype(int) if m else np.ones(1, int),
+        "const int gives_way[ROWS]": np.pad(gives_way, (0, m - len(gives_way))).astype(int) if m else np.ones(1, int),
         "const int quasi_static[MODES]": np.concatenate([_is_quasi_static(part) for part in rows.parts]).astype(int),
         "const int reaction_outputs[REACTIONS + 1]": np.array([*reacting, -1]),
         "const double reaction_rates[REACTIONS + 1][MODES]": np.vstack([of_rates[:, reacting].T, np.zeros(r)]),
     }
-    return Constants(rows, drivers, macros | drivers.macros | laid_out, arrays | drivers.arrays | of_terms)
+    of_friction, of_pads = _rubbing(rows)
+    macros |= drivers.macros | laid_out | of_friction
+    return Constants(rows, drivers, macros, arrays | drivers.arrays | of_terms | of_pads)
+
+
+def _rubbing(rows: Arrangement) -> tuple[dict[str, object], dict[str, Array]]:
+    """Macros and arrays of the pads that rub and of their joints (friction.h)."""
+    if (known := rows.friction) is None:
+        return {"PADS": 0, "JOINTS": 0}, {}
+    arrays = {
+        "const int joint_paths[JOINTS]": np.array([rows.paths.index(name) for name in known.joints]),
+        "const int joint_cylinders[JOINTS]": known.cylinders,
+        "const double joint_gives[JOINTS]": known.gives,
+        "const int first_pad[JOINTS + 1]": known.first,
+        "const int pad_contacts[PADS]": known.pads,
+        "const double pad_coefficients[PADS]": known.coefficients,
+        "const double pad_stiffness[PADS]": known.stiffness,
+        "const double pad_arms[PADS]": known.arms,
+    }
+    return {"PADS": len(known.pads), "JOINTS": len(known.joints)}, arrays
 
 
 def _reactions(part: Part) -> list[int]:
@@ -172,14 +187,22 @@ def source_text(
     }
     macros = [f"#define {name} {value}" for name, value in (constants.macros | of_contacts).items()]
     parts = [f"{declaration} = {_listed(array)};" for declaration, array in arrays.items()]
-    texts = {"row_names[ROWS]": constants.rows.system.contact_names, "path_names[PATHS]": path_names}
+    texts = {"row_names[ROWS]": constants.rows.names, "path_names[PATHS]": path_names}
     for name, words in texts.items():
         parts.append(f"const char *const {name} = {{{', '.join(map(c_string, words or ('none',)))}}};")
     digest = hashlib.sha256("\n".join([*macros, *parts]).encode()).hexdigest()
     token = "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32)))
     parts.append(f"const char *const model_token = {c_string('{' + token + '}')};")
     header = ["/* Sizes of the model. */", "#ifndef MODEL_H", "#define MODEL_H", "", *macros, "", "#endif", ""]
-    text = ["/* Constants of the model. */", '#include "drive.h"', '#include "rows.h"', "", *parts, ""]
+    text = [
+        "/* Constants of the model. */",
+        '#include "drive.h"',
+        '#include "friction.h"',
+        '#include "rows.h"',
+        "",
+        *parts,
+        "",
+    ]
     return Source("\n".join(header), "\n".join(text), "{" + token + "}")
 
 

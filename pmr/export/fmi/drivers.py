@@ -31,7 +31,7 @@ class Drivers:
         """Of a system; an InputError is raised where it has terms, but no scene whose frame drives them."""
         frame = MovingFrame.of(rows.system)
         if frame is None:
-            rows.system.ensure_constant("system")
+            rows.system.ensure_without_terms("system")
         elif missing := [path for path in frame.paths if path not in rows.paths]:
             raise InputError(
                 "system", "paths", missing[0], f"a path that pads travel on is allowed: {', '.join(rows.paths)}"

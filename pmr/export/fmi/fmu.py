@@ -85,7 +85,7 @@ def write_fmu(
     Arguments and errors as for `write`, and an InputError is raised if the file is neither.
     """
     npz_path = Path(npz_path)
-    system = System.load(npz_path).ensure_frictionless(npz_path.name)
+    system = System.load(npz_path)
     return write(system, recorded(system, npz_path.name), target, version, platforms)
 
 
@@ -96,7 +96,7 @@ def write(
     version: str = "3",
     platforms: Sequence[Platform] = PLATFORMS,
 ) -> Path:
-    """Write a system as an FMU for Co-Simulation and, where no row is rigid, Model Exchange.
+    """Write a system as an FMU for Co-Simulation and, where no row is rigid and nothing rubs, Model Exchange.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def write(
 
 def contents(system: System, scene: Recorded, name: str, version: str) -> Contents:
     """Description, source and reference trajectory of a system whose binaries are called `name`; errors as `write`."""
-    found = constants(system.ensure_frictionless(name))
+    found = constants(system)
     run = reference(found.drivers, scene)
     listed = variables(found.drivers, run.start_values, run.nominal)
     paths = [variable.name for variable in listed if variable.within is not None]
@@ -146,7 +146,7 @@ def contents(system: System, scene: Recorded, name: str, version: str) -> Conten
         identifier=plain if re.match(r"[A-Za-z_]", plain) else f"model_{plain}",
         title=scene.title,
         token=source.token,
-        model_exchange=found.model_exchange,
+        model_exchange=found.rows.is_differential,
         sources=sorted(name for name in files if name.endswith(".c")),
         end=run.stepping.end,
         step=run.stepping.step,

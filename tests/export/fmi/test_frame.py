@@ -49,8 +49,9 @@ SHIP = (
     "frame.base.rz={kind='sine',amplitude=3.0,frequency=0.7}",
 )
 GIVES_WAY = ("section.joint.cylinder.stiffness=5e7",)
-#: Changes of the crane, and version of the interface: in second order on a ship, and in first order with springs alone.
-KINDS = {"ship": ((*CRANE, *SHIP), "3"), "springs": ((*CRANE, *GIVES_WAY), "2")}
+RUBS = (*GIVES_WAY, *(f"section.joint.{ring}.0.friction=0.2" for ring in ("tail", "mouth")))
+#: Changes of the crane, and version of the interface: on a ship, with springs alone, and with pads that rub.
+KINDS = {"ship": ((*CRANE, *SHIP), "3"), "springs": ((*CRANE, *GIVES_WAY), "2"), "rubbing": ((*CRANE, *RUBS), "3")}
 pytestmark = [pytest.mark.slow, pytest.mark.numerical]
 
 
@@ -204,8 +205,8 @@ def test_the_tip_is_where_it_is_in_space(made: Made) -> None:
 
 def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
     """M q'' = B f - D q' - K q - sum c (V q' + G q) - C^T lambda, lambda of springs, in NumPy."""
-    if not made.drivers.rows.gives_way.all():
-        with pytest.raises(CallError, match="rigid rows leave no differential equation"):
+    if not made.drivers.rows.is_differential:
+        with pytest.raises(CallError, match="rigid rows or friction leave no differential equation"):
             Instance(made.library, model_exchange=True)
         return
     rng, system, assembly = np.random.default_rng(5), made.system, Assembly(made.system)
@@ -238,7 +239,7 @@ def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
 
 def test_derivatives_along_each_direction(made: Made) -> None:
     """Against central differences, of angles and their rates too; between breaks of the rows."""
-    if not made.drivers.rows.gives_way.all():
+    if not made.drivers.rows.is_differential:
         return
     outputs = [name for name in made.library.named("output") if "reaction" not in name]
     groups = [

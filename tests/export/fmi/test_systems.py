@@ -181,7 +181,7 @@ def test_it_starts_in_equilibrium_unless_told_to_be_at_rest(made: Made) -> None:
 def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
     """Contacts as springs, K + C^T F^-1 C, at places where a section slides on two others."""
     if not arrangement(made.system).gives_way.all():
-        with pytest.raises(CallError, match="rigid rows leave no differential equation"):
+        with pytest.raises(CallError, match="rigid rows or friction leave no differential equation"):
             Instance(made.library, model_exchange=True)
         return
     rng, system, assembly = np.random.default_rng(5), made.system, Assembly(made.system)

@@ -7,13 +7,10 @@
 #include "contact.h"
 #include "dense.h"
 #include "drive.h"
+#include "friction.h"
 #include "rows.h"
 
-/* Change of the forces of terms, over the largest so far, that counts as none, and that is accepted after the last of the
-   times that they are found in a step; a change so many times as large diverges. */
-#define CONVERGED 1e-11
-#define ACCEPTED 1e-8
-#define MOST_TIMES 100
+/* A change of the forces of terms that is so many times as large as these diverges. */
 #define DIVERGED 1e6
 
 int fail(Body *body, const char *why)
@@ -144,6 +141,8 @@ int find_multipliers(Body *body)
     if (place(body)) return 1;
     find_drive(body, VALUES, NULL);
     add_motion(rows, u + STATES, body->drive.f, NULL, motion);
+    take_friction(body);
+    subtract_friction(body, rows->F, motion);
     if (settle(body, rows->F, motion, gives_way, body->multipliers)) return 1;
     for (k = 0; k < ROWS; k++)
         if (!gives_way[k]) body->multipliers[k] = body->memory.multipliers[k];
@@ -157,7 +156,7 @@ void body_reset(Body *body)
     int k;
     memset(body, 0, sizeof *body);
     memcpy(body->memory.variables, start_values, sizeof start_values);
-    for (k = 0; k < ROWS; k++) body->memory.closed[k] = !pushes[k];
+    for (k = 0; k < ROWS; k++) body->memory.closed[k] = k < CONTACTS && !pushes[k];
 }
 
 int body_evaluate(Body *body)
@@ -176,7 +175,8 @@ int body_evaluate(Body *body)
     add_global(u + STATES, body->drive.f, u + DISPLACEMENTS);
     add_local(body, NULL, NULL, body->multipliers, -1.0, u + DISPLACEMENTS);
     add_outputs(body, NULL, v, pushed, u);
-    memcpy(u + FORCES, body->multipliers, sizeof body->multipliers);
+    memcpy(u + FORCES, body->multipliers, CONTACTS * sizeof(double));
+    add_to_cylinders(body, u + FORCES);
     body->fresh = 1;
     return 0;
 }
@@ -260,7 +260,7 @@ int body_differentiate(Body *body, const double *seed, double *answer)
     add_local(body, of_s, NULL, body->rates, -1.0, answer + VELOCITIES);
     add_local(body, ds, of_s, multipliers, -1.0, answer + VELOCITIES);
     add_output_rates(body, seed, answer);
-    memcpy(answer + FORCES, forces, sizeof forces);
+    memcpy(answer + FORCES, forces, CONTACTS * sizeof(double));
     return 0;
 }
 
@@ -328,8 +328,8 @@ static int find_step(Body *body, double pulled[ROWS][MODES], const double *z0, c
 {
     const Scheme *scheme = body->scheme;
     double forces[MODES], rest[MODES] = {0.0}, z[MODES], v[MODES], motion[ROWS];
-    int all[ROWS], again, times, k, n;
-    for (k = 0; k < ROWS; k++) all[k] = 1;
+    int all[ROWS], again, rubs, times, k, n;
+    for (k = 0; k < ROWS; k++) all[k] = k < CONTACTS;
     for (n = 0; n < MODES; n++) rest[n] = quasi_static[n] ? 0.0 : z0[n];
     free_forces(body->drive.f, rest, v0, forces);
     for (times = 1;; times++) {
@@ -338,6 +338,7 @@ static int find_step(Body *body, double pulled[ROWS][MODES], const double *z0, c
         for (n = 0; n < MODES; n++) z[n] = z0[n] + scheme->dz * acceleration[n];
         memset(motion, 0, sizeof motion);
         add_motion(&body->place.rows, z, body->drive.f, NULL, motion);
+        subtract_friction(body, body->A, motion);
         if (settle(body, body->A, motion, all, body->multipliers)) return 1;
         subtract_rows(pulled[0], body->multipliers, acceleration);
         for (n = 0; n < MODES; n++) {
@@ -348,7 +349,9 @@ static int find_step(Body *body, double pulled[ROWS][MODES], const double *z0, c
         if (again < 0)
             return fail(body, "second order does not converge: beyond the buckling load, or with a step too long for what "
                               "tension and spin make of the frequencies");
-        if (!again) return 0;
+        rubs = revise_friction(body, times);
+        if (rubs < 0) return fail(body, "friction does not converge: pads close and open again and again within a step");
+        if (!again && !rubs) return 0;
     }
 }
 
@@ -362,7 +365,7 @@ int take_step(Body *body)
     int all[ROWS], k, l, n;
     if (place(body)) return 1;
     find_drive(body, VALUES, NULL);
-    for (k = 0; k < ROWS; k++) all[k] = 1;
+    for (k = 0; k < ROWS; k++) all[k] = k < CONTACTS;
     for (k = 0; k < ROWS; k++) over_S(scheme, rows->C[k], pulled[k]);
     for (k = 0; k < ROWS; k++)
         for (l = 0; l <= k; l++) {
@@ -371,6 +374,7 @@ int take_step(Body *body)
             body->A[k][l] = body->A[l][k] = rows->F[k][l] + scheme->dz * sum;
         }
     expect_terms(memory, pushed);
+    take_friction(body);
     do {
         predict(body, z0, v0, a0);
         if (find_step(body, pulled, z0, v0, pushed, acceleration)) return 1;
@@ -386,5 +390,6 @@ int take_step(Body *body)
     memcpy(memory->pushed[0], pushed, sizeof pushed);
     memcpy(memory->multipliers, body->multipliers, sizeof memory->multipliers);
     remember(body);
+    remember_friction(body);
     return 0;
 }

@@ -4,13 +4,15 @@
        y = O z + W f - X(s) lambda
 
    z are coordinates of modes with a modal mass of 1 kg, in m, one body after the other; s are the path coordinates; each
-   contact is a row of C.  Where a frame moves, forces -T(t) (z, z') of terms that vary in time stand on the right too. */
+   contact is a row of C, and behind these each pad that rubs has one, C' of it, on which its moment acts (friction.h).
+   Where a frame moves, forces -T(t) (z, z') of terms that vary in time stand on the right too. */
 #ifndef BODY_H
 #define BODY_H
 
 #include <stddef.h>
 
-/* MODES, ROWS, INPUTS, OUTPUTS, PATHS, 1 where there is none; BLOCKS and PAIRS of rows.h.  BEYOND_ENDS: share of a path by
+/* MODES, CONTACTS, INPUTS, OUTPUTS, PATHS, 1 where there is none; ROWS: contacts and PADS that rub, in JOINTS; BLOCKS and
+   PAIRS of rows.h.  BEYOND_ENDS: share of a path by
    which s may lie beyond its ends, where it is taken then.  DRIVERS: inputs of the unit, the paths and the loads first.
    FRAME: a frame moves, and the outputs from TIP on are the place of the tip of TIP_SECTION in space; TERMS that vary in time;
    REACTIONS of rigid supports. */
@@ -24,7 +26,7 @@ extern const double shapes[MODES][OUTPUTS];
 extern const double direct[INPUTS][OUTPUTS];
 extern const double clearance[ROWS];  /* of rows that only push */
 extern const int pushes[ROWS];
-extern const int gives_way[ROWS]; /* F has entries there; other rows are rigid */
+extern const int gives_way[ROWS]; /* F has entries there; other contacts are rigid */
 extern const double nominal[2 * MODES];
 extern const double start_values[1 + 4 * DRIVERS + 3]; /* of the variables up to START */
 extern const int quasi_static[MODES]; /* modes without inertia, which a step lets follow at once */
@@ -48,9 +50,15 @@ enum {
     DISPLACEMENTS = DERIVATIVES + 2 * MODES,
     VELOCITIES = DISPLACEMENTS + OUTPUTS,
     FORCES = VELOCITIES + OUTPUTS,
-    VARIABLES = FORCES + ROWS
+    VARIABLES = FORCES + CONTACTS
 };
 enum { PUSHED = MODES + REACTIONS };
+
+/* Change of what is iterated in a step, forces of terms and friction, over the largest so far, that counts as none, and that is
+   accepted after the last of the times that they are found. */
+#define CONVERGED 1e-11
+#define ACCEPTED 1e-8
+#define MOST_TIMES 100
 
 /* All that a simulation remembers: copied as it is to save and restore one. */
 typedef struct {
@@ -62,11 +70,14 @@ typedef struct {
     double multipliers[ROWS];   /* of the last step */
     double force[ROWS];         /* of rows that push, in the last step, and their share in `alike` */
     double share[ROWS];
-    double closed[ROWS]; /* 1 where a row holds */
+    double closed[ROWS]; /* 1 where a row holds; 0 of moments, which are known */
     double pushed[4][MODES]; /* forces of terms at the ends of the last steps, the last one first */
     double largest;          /* square of the largest of these so far */
     double accelerated[MODES]; /* z'' before the next part, and the largest multiplier so far (parts.c) */
     double largest_force;
+    double friction[PADS + 1];  /* of pads, N; forces of their cylinders with it, and paths, at the end of the last step */
+    double drives[JOINTS + 1], travelled[JOINTS + 1];
+    double largest_friction;
     double length; /* of the last part, s; 0 at the start */
     int level;     /* how often the next step is halved */
 } Memory;
@@ -124,6 +135,7 @@ typedef struct {
     int fresh;   /* derivatives and displacements belong to states and inputs */
     int moving;  /* velocities do */
     double multipliers[ROWS], rates[ROWS];
+    double friction[PADS + 1]; /* within a step */
     char message[400];
 } Body;
 

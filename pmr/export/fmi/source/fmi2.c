@@ -61,7 +61,7 @@ EXPORT void *fmi2Instantiate(const char *name, fmi2Type type, const char *guid, 
     if (!same_text(guid, model_token) || (type == fmi2ModelExchange && !MODEL_EXCHANGE)) {
         if (callbacks && callbacks->logger)
             callbacks->logger(callbacks->environment, name, fmi2Error, "logStatusError",
-                              same_text(guid, model_token) ? "rigid rows leave no differential equation: Co-Simulation is allowed"
+                              same_text(guid, model_token) ? "rigid rows or friction leave no differential equation: Co-Simulation is allowed"
                                                            : "the GUID is that of another model");
         return NULL;
     }

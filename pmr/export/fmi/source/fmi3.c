@@ -58,7 +58,7 @@ EXPORT void *fmi3InstantiateModelExchange(const char *name, const char *token, c
     if (!MODEL_EXCHANGE) {
         if (logger)
             logger(environment, fmi3Error, "logStatusError",
-                   "rigid rows leave no differential equation: Co-Simulation is allowed");
+                   "rigid rows or friction leave no differential equation: Co-Simulation is allowed");
         return NULL;
     }
     return instance_of(token, environment, logger);

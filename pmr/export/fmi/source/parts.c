@@ -62,7 +62,7 @@ static int missed(Body *body, const double *closed, const double *multipliers, d
     for (n = 0; n < MODES; n++) e[n] = (memory->acceleration[n] - memory->accelerated[n]) * (h * h / 12.0);
     for (k = 0; k < ROWS; k++) {
         double impulse = (memory->multipliers[k] - multipliers[k]) * (5.0 * h * h / 12.0);
-        all[k] = 1;
+        all[k] = k < CONTACTS;
         memory->largest_force = fmax(memory->largest_force, memory->multipliers[k]);
         if (memory->closed[k] == closed[k]) continue;
         for (n = 0; n < MODES; n++) e[n] -= body->place.rows.C[k][n] * impulse;

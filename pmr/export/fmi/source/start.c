@@ -4,6 +4,7 @@
 #include "contact.h"
 #include "dense.h"
 #include "drive.h"
+#include "friction.h"
 #include "rows.h"
 
 /* Share of its terms by which given states may move a rigid row. */
@@ -78,7 +79,7 @@ static int find_equilibrium(Body *body)
     double largest = 0.0, off = 0.0;
     const double zero[MODES] = {0.0};
     int wrong[ROWS], fewest = ROWS + 1, chances = CHANCES, tries, k, n;
-    for (k = 0; k < ROWS; k++) body->memory.closed[k] = 1.0;
+    for (k = 0; k < ROWS; k++) body->memory.closed[k] = k < CONTACTS;
     for (n = 0; n < MODES; n++) forces[n] = 1.0;
     if (solve_held(body, 0.0, forces, NULL, x)) return fail(body, "no static start: nothing holds the body");
     for (n = 0; n < MODES; n++) {
@@ -114,6 +115,8 @@ static int find_equilibrium(Body *body)
     return 0;
 }
 
+static int is_rigid(int k) { return k < CONTACTS && !gives_way[k]; }
+
 /* Rows that are rigid: A x = b with A = C C^T there, x in place of b and zero at the others. */
 static int solve_rigid(Body *body, double *x)
 {
@@ -121,10 +124,10 @@ static int solve_rigid(Body *body, double *x)
     double A[ROWS * ROWS];
     int k, l, n;
     for (k = 0; k < ROWS; k++) {
-        if (gives_way[k]) x[k] = 0.0;
+        if (!is_rigid(k)) x[k] = 0.0;
         for (l = 0; l < ROWS; l++) {
-            A[k * ROWS + l] = k == l && gives_way[k];
-            if (gives_way[k] || gives_way[l]) continue;
+            A[k * ROWS + l] = k == l && !is_rigid(k);
+            if (!is_rigid(k) || !is_rigid(l)) continue;
             for (n = 0; n < MODES; n++) A[k * ROWS + l] += rows->C[k][n] * rows->C[l][n];
         }
     }
@@ -142,7 +145,7 @@ static int take_given(Body *body)
     for (k = 0; k < ROWS; k++) {
         const double *C = body->place.rows.C[k], *turned = moving.C[k];
         double moved = 0.0, largest = 0.0, rate = 0.0, fastest = 0.0;
-        if (gives_way[k] || pushes[k]) continue;
+        if (!is_rigid(k) || pushes[k]) continue;
         for (n = 0; n < MODES; n++) {
             const double along = turned[n] * z[n];
             moved += C[n] * z[n];
@@ -198,6 +201,8 @@ int body_start(Body *body)
         subtract_rows(rows->C[0], x, v);
     }
     memset(memory->multipliers, 0, sizeof memory->multipliers);
+    memset(memory->friction, 0, sizeof memory->friction);
+    memory->largest_friction = 0.0;
     if (find_multipliers(body)) return 1;
     free_forces(body->drive.f, z, v, memory->acceleration);
     push(body, memory->acceleration);
@@ -213,6 +218,9 @@ int body_start(Body *body)
         memory->force[k] = memory->share[k] = pushes[k] ? body->multipliers[k] : 0.0;
     }
     memcpy(memory->alike, memory->acceleration, sizeof memory->alike);
+    take_friction(body);
+    memcpy(body->multipliers, memory->multipliers, sizeof body->multipliers);
+    remember_friction(body);
     body_changed(body);
     return 0;
 }
