@@ -21,7 +21,7 @@ import pmr
 from pmr.cli.app import app
 from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.scene import Reduction
-from pmr.scene.built import ModelName
+from pmr.scene.built import OwnModel
 from pmr.scene.joints import Joint
 from pmr.scene.simulators import SIMULATORS
 from pmr.studies.files import kind_names
@@ -84,7 +84,7 @@ def test_every_way_and_every_kind_is_in_the_manual() -> None:
 
 def test_every_model_basis_and_joint_is_among_the_kinds() -> None:
     scenes = [kind.scene for kind in KINDS.values() if not kind.has_sections]
-    assert {scene["body"]["model"] for scene in scenes} == {*get_args(ModelName)} - {"auto"}
+    assert {scene["body"]["model"] for scene in scenes} == {*get_args(OwnModel)} - {"auto"}
     bases = get_args(Reduction.model_fields["basis"].annotation)
     assert {scene["reduction"].get("basis", "free_modes") for scene in scenes} == {*bases}
     joints = [kind.scene["section"]["joint"] for kind in KINDS.values() if kind.has_sections]
