@@ -23,15 +23,15 @@ Array = NDArray[np.float64]
 #: What no estimate covers; a run's ``step`` has the figure of the time step.
 NEVER = "stresses away from probes"
 #: What it does not cover with second order of a body with too many carriers (`pmr.reduced.attachment.knows_matrices`).
-SECOND_ORDER = "what axial forces and the frame do to what the coordinates leave out, forces of pads most of all"
+SECOND_ORDER = "effects of axial forces and the frame on the residual part, most of all on pad forces"
 #: Why there is no estimate of forces.
-IMPACTS = "forces of sliders: at a kink of the path a rigid slider strikes the beam, as hard as the step is short"
+IMPACTS = "forces of sliders: at a kink of the path a rigid slider strikes the beam, harder in a shorter step"
 RINGING = (
     "forces of sliders: most of what a richer model adds to them changes its sign with every step; "
     "time.rho_inf = 0.8 or less damps it"
 )
 JUMPS = (
-    "forces of sliders: where a load sets in at once, damping of the modes that are left out takes a share of it "
+    "forces of sliders: where a load sets in at once, damping of the modes that are left out bears a part of it at "
     "first, which no model here has"
 )
 #: Share of critical damping of the first mode that is left out above which that share counts.

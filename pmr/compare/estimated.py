@@ -152,7 +152,7 @@ def warnings(
             f"the estimated error is {rounded(beam)} times the motion: too few coordinates, or a motion that grows"
         )
     if beam > 0.0 and chi > REACHED:
-        found.append(f"load or slide reach the first truncated mode (chi = {chi:.2f}): more coordinates are worth most")
+        found.append(f"load or slide excite the first truncated mode (chi = {chi:.2f}): more coordinates help most")
     for model in [models[ALONE]] if ALONE in models else []:
         fastest = stepping.step * float(np.sqrt(np.max(modal_form(model).omega2, initial=0.0)))
         if stepping.rho_inf == 1.0 and fastest > RESOLVED and model.moving:

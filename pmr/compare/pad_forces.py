@@ -122,7 +122,7 @@ def missing(scene: Scene) -> list[str]:
         f"{', '.join(still)}: planar beams without coordinates along x (body.profile.axial is false), so that "
         "reactions and cylinder forces along it are not computed"
     )
-    of_points = f"what supports of all points ({', '.join(points)}) bear is not computed; points = 'mean' tells it"
+    of_points = f"forces of supports with points = 'all' ({', '.join(points)}) are not computed, with 'mean' they are"
     return [along] * bool(still) + [of_points] * bool(points)
 
 
@@ -226,9 +226,9 @@ def _kinked(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
         return []
     most, t, name = max(given)
     return [
-        f"extensions have kinks, where cylinders give impulses, up to {most:.4g} N s: {name} at {t:g} s; how high its "
-        "force and those of pads are there depends on the step, on stiffnesses and on the number of coordinates, so "
-        "they are none to size by (cylinders in summary.json have all impulses; a smooth_ramp has no kinks)"
+        f"extensions have kinks, where cylinders give impulses, up to {most:.4g} N s: {name} at {t:g} s; the height of "
+        "cylinder and pad forces there depends on the step, on stiffnesses and on the number of coordinates, so size "
+        "nothing by them (cylinders in summary.json have all impulses; a smooth_ramp has no kinks)"
     ]
 
 

@@ -31,7 +31,7 @@ def utilisation(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part
     if not found:
         return Part()
     used = found["reduced"]
-    over = f"the largest stress is {used['value']:.3g} of the yield stress; the model is elastic and does not know it"
+    over = f"the largest stress is {used['value']:.3g} times the yield stress, but the model stays elastic"
     return Part({"utilisation": found}, [over] * (used["value"] > 1.0))
 
 

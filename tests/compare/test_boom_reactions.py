@@ -215,7 +215,7 @@ def test_what_a_clamp_of_all_points_bears_is_said_to_be_missing() -> None:
     clamp = "sections.base.supports=[{kind='clamped',points='all'}]"
     outcome = pipeline.run(scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, clamp]))
     assert outcome is not None and "reactions" not in outcome.result.summary
-    said = "what supports of all points (base: tail) bear is not computed"
+    said = "forces of supports with points = 'all' (base: tail) are not computed"
     assert any(line.startswith(said) for line in outcome.result.summary["warnings"])
 
 

@@ -90,7 +90,7 @@ def test_each_region_is_compared_with_its_own_yield_stress() -> None:
     found = utilisation(softer, stresses)
     assert found.figures["utilisation"]["reduced"]["region"] == "bottom"
     assert found.figures["utilisation"]["reduced"]["value"] == pytest.approx(200.0 / 180.0)
-    assert len(found.warnings) == 1 and "1.11 of the yield stress" in found.warnings[0]
+    assert len(found.warnings) == 1 and "1.11 times the yield stress" in found.warnings[0]
     stiffer = with_region(scene, "top", 900e6)
     assert utilisation(stiffer, stresses).figures["utilisation"]["reduced"]["region"] == "bottom"
 
