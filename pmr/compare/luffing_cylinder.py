@@ -14,17 +14,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.pivot import AT_PIVOT
 from pmr.compare.summary import Part
 from pmr.results import Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Scene
-from pmr.scene.built import reaction_of
+from pmr.scene.pivot import CYLINDER, MOMENT
 
 Array = NDArray[np.float64]
-
-#: The moment that it carries, and what its force is called among what acts on the machine.
-MOMENT, FORCE = reaction_of(f"{AT_PIVOT} ry"), reaction_of(f"{AT_PIVOT} cylinder")
 
 
 def with_force(scene: Scene, response: Response) -> Response:
@@ -37,7 +33,7 @@ def with_force(scene: Scene, response: Response) -> Response:
     return replace(
         response,
         others=np.hstack([response.others, force[:, None]]),
-        other_names=(*response.other_names, FORCE),
+        other_names=(*response.other_names, CYLINDER),
         other_units=(*response.other_units, "N"),
         kinds=(*response.kinds, "reaction"),
         bodies=(*response.bodies, scene.names[0]),
@@ -46,10 +42,10 @@ def with_force(scene: Scene, response: Response) -> Response:
 
 def part(scene: Scene, response: Response) -> Part:
     """``luffing_cylinder``: ``force`` N, ``length`` m, ``speed`` m/s, ``power`` W: extremes, when and where."""
-    if scene.frame is None or scene.frame.cylinder is None or FORCE not in response.other_names:
+    if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return Part()
     t, along = response.t, scene.along(response.t)
-    angle, force = scene.frame.angles[0], response.other(FORCE)
+    angle, force = scene.frame.angles[0], response.other(CYLINDER)
     length, arm = scene.frame.cylinder.length(angle.value(t))
     speed = arm * angle.rate(t)
     found = {"force": force, "length": length, "speed": speed, "power": force * speed}

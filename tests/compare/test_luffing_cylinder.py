@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare.luffing_cylinder import FORCE
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.frame import LuffingCylinder
+from pmr.scene.pivot import CYLINDER
 
 G, LENGTH, MASS = 9.80665, 6.0, 250.0
 FOOT, LUG = [0.5, -1.0], [1.5, -0.2]
@@ -48,7 +48,7 @@ def raised(luffing: dict[str, object], foot: list[float] = FOOT, lug: list[float
 
 def simulated(scene: Scene) -> tuple[pmr.Response, np.ndarray]:
     found = pmr.simulate(scene, pmr.reduce(scene).reduced)
-    return found, found.other(FORCE)
+    return found, found.other(CYLINDER)
 
 
 @pytest.mark.parametrize("angle", [-0.2, 0.3, 1.2])

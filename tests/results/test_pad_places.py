@@ -25,13 +25,12 @@ def test_a_pad_lies_on_its_slanted_face(face: str) -> None:
 
 def test_slanted_pads_press_on_the_machine_along_their_normals() -> None:
     """Force n and moment r x n about the pivot of each unit force."""
-    from pmr.compare.pivot import _pressed
-    from pmr.scene.members import member_at
+    from pmr.scene.pivot import pressed_on_ground
 
     faces = "{'bottom left'=[0.02],'top right'=[-0.01],top=[0.05]}"
     file = Path(__file__).parents[2] / "workflows" / "boom_octagonal.toml"
     boom = scenes.load_any(file, [f"sections.base.pads=[{{name='ring',at=1.2,width=0.03,faces={faces}}}]"])
-    found = {one.names[1]: one.wrench for one in _pressed(boom, member_at(boom), np.zeros(1))}
+    found = {one.names[1]: one.wrench for one in pressed_on_ground(boom, {name: np.zeros(1) for name in boom.paths})}
     sides = boom.sections[0].body.box.faces
     for face, across in (("bottom left", 0.02), ("top right", -0.01), ("top", 0.05)):
         n = np.array([0.0, *sides[face].normal])

@@ -27,8 +27,10 @@ from pmr.constraints.polynomials import columns, common_breaks, rebased, same_de
 from pmr.constraints.rows import Row
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
+from pmr.scene.built import reaction_of
 from pmr.simulation.modal import ModalForm, inertia_share, modal_form
-from pmr.system.contacts import ALONE, SLIDER
+from pmr.system.body import force_outputs, names_of, units_of
+from pmr.system.contacts import ALONE, SLIDER, named
 from pmr.system.friction import Friction
 from pmr.system.system import Side, System
 
@@ -86,6 +88,17 @@ class Part:
     modes: slice
     inputs: slice
     outputs: slice  # those of the body, then reactions of its supports
+
+    @property
+    def output_names(self) -> list[tuple[str, str, bool]]:
+        """Names and units of its outputs in their order, and whether each has a rate: forces have none."""
+        names, units = names_of(self.body), units_of(self.body)
+        found = [
+            (named(self.name, name), unit, not is_force)
+            for name, unit, is_force in zip(names, units, force_outputs(self.body).tolist(), strict=True)
+        ]
+        supports = zip(self.supports.names, self.supports.units, strict=True)
+        return [*found, *((reaction_of(named(self.name, name)), unit, False) for name, unit in supports)]
 
     @property
     def shapes(self) -> Array:

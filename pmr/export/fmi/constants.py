@@ -17,6 +17,7 @@ from pmr.constraints.rows import Row
 from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.blocks import Arrangement, Block, Part, arrangement
 from pmr.export.fmi.drivers import Drivers
+from pmr.export.fmi.luffing import luffing
 from pmr.simulation import contact_step
 from pmr.system.system import System
 
@@ -49,6 +50,8 @@ def constants(system: System) -> Constants:
     of_terms, reacting = _terms(rows), [k for part in rows.parts for k in _reactions(part)]
     if drivers.frame is not None:
         o += 3  # the place of the tip
+    raised = luffing(drivers)
+    o += raised is not None
     clearance = np.pad(system.clearance, (0, m - len(system.contacts)), constant_values=np.nan)
     pushes = ~np.isnan(clearance)
     laid_out, arrays = _laid_out(rows)
@@ -58,7 +61,8 @@ def constants(system: System) -> Constants:
         "CONTACTS": max(len(system.contacts), 1),
         "INPUTS": max(i, 1),
         "OUTPUTS": max(o, 1),
-        "TIP": o - 3,
+        "TIP": o - 3 - (raised is not None),
+        "LUFFING": 0 if raised is None else len(raised.sources),
         "REACTIONS": len(reacting),
         "TERMS": len(rows.system.terms),
         "PATHS": max(len(rows.paths), 1),
@@ -93,7 +97,9 @@ def constants(system: System) -> Constants:
     }
     of_friction, of_pads = _rubbing(rows)
     macros |= drivers.macros | laid_out | of_friction
-    return Constants(rows, drivers, macros, arrays | drivers.arrays | of_terms | of_pads)
+    return Constants(
+        rows, drivers, macros, arrays | drivers.arrays | of_terms | of_pads | ({} if raised is None else raised.arrays)
+    )
 
 
 def _rubbing(rows: Arrangement) -> tuple[dict[str, object], dict[str, Array]]:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.drivers import Drivers
-from pmr.scene.built import force_of, reaction_of
+from pmr.export.fmi.luffing import luffing
+from pmr.scene.built import force_of
+from pmr.scene.pivot import CYLINDER
 from pmr.simulation.moving import AXES
-from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import SLIDER, named
 
 Array = NDArray[np.float64]
@@ -131,14 +132,12 @@ def _given(drivers: Drivers, names: _Names, start: Array) -> Iterator[Variable]:
 def outputs_of(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
     """Names and units of the outputs in their order, and whether each has a rate: forces have none."""
     for part in drivers.rows.parts:
-        forces = force_outputs(part.body).tolist()
-        for name, unit, is_force in zip(names_of(part.body), units_of(part.body), forces, strict=True):
-            yield named(part.name, name), unit, not is_force
-        for name, unit in zip(part.supports.names, part.supports.units, strict=True):
-            yield reaction_of(named(part.name, name)), unit, False
+        yield from part.output_names
     if drivers.frame is not None:
         for axis in "XYZ":
             yield f"tip in space {axis}", "m", True
+    if luffing(drivers) is not None:
+        yield CYLINDER, "N", False
 
 
 def _observed(drivers: Drivers, names: _Names, first: int) -> Iterator[Variable]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import contents
 from pmr.export.fmi.variables import path_names
 from pmr.scene import Scene, load_any
+from pmr.scene.pivot import CYLINDER
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame
@@ -157,13 +159,11 @@ def test_the_reference_that_it_carries_is_that_of_the_run(made: Made) -> None:
 
 
 def test_reactions_are_those_of_the_run(made: Made) -> None:
-    """Of the pin, with inertia and second order, from the modes' equations."""
+    """Of the pin, from the modes' equations, and of the cylinder by its hinges; with inertia and second order."""
     response = pmr.simulate(made.scene, made.system)
-    names = [f"reaction_of_base_{name}" for name in ("pin_x", "pin_y", "pin_z", "pin_rx", "pin_rz")]
-    columns = [
-        response.other_names.index(f"reaction of base: {name.replace('_', ' ')}")
-        for name in ("pin_x", "pin_y", "pin_z", "pin_rx", "pin_rz")
-    ]
+    told = [*(f"reaction of base: pin {axis}" for axis in ("x", "y", "z", "rx", "rz")), CYLINDER]
+    names = [re.sub("[: ]+", "_", name) for name in told]
+    columns = [response.other_names.index(name) for name in told]
     assert response.others is not None
     expected = response.others[:, columns]
     (inputs, table), instance, found = made.table("in"), made.started(), []

@@ -174,9 +174,9 @@ int body_evaluate(Body *body)
 #endif
     add_global(u + STATES, body->drive.f, u + DISPLACEMENTS);
     add_local(body, NULL, NULL, body->multipliers, -1.0, u + DISPLACEMENTS);
-    add_outputs(body, NULL, v, pushed, u);
     memcpy(u + FORCES, body->multipliers, CONTACTS * sizeof(double));
     add_to_cylinders(body, u + FORCES);
+    add_outputs(body, NULL, v, pushed, u);
     body->fresh = 1;
     return 0;
 }
@@ -252,6 +252,7 @@ int body_differentiate(Body *body, const double *seed, double *answer)
     add_global(of_z, of_f, answer + DISPLACEMENTS);
     add_local(body, NULL, NULL, forces, -1.0, answer + DISPLACEMENTS);
     add_local(body, of_s, NULL, multipliers, -1.0, answer + DISPLACEMENTS);
+    memcpy(answer + FORCES, forces, CONTACTS * sizeof(double));
     add_outputs(body, seed, of_v, pushed, answer);
     add_global(of_v, of_df, answer + VELOCITIES);
     add_local(body, NULL, NULL, rates, -1.0, answer + VELOCITIES);
@@ -260,7 +261,6 @@ int body_differentiate(Body *body, const double *seed, double *answer)
     add_local(body, of_s, NULL, body->rates, -1.0, answer + VELOCITIES);
     add_local(body, ds, of_s, multipliers, -1.0, answer + VELOCITIES);
     add_output_rates(body, seed, answer);
-    memcpy(answer + FORCES, forces, CONTACTS * sizeof(double));
     return 0;
 }
 

@@ -14,8 +14,8 @@
 /* MODES, CONTACTS, INPUTS, OUTPUTS, PATHS, 1 where there is none; ROWS: contacts and PADS that rub, in JOINTS; BLOCKS and
    PAIRS of rows.h.  BEYOND_ENDS: share of a path by
    which s may lie beyond its ends, where it is taken then.  DRIVERS: inputs of the unit, the paths and the loads first.
-   FRAME: a frame moves, and the outputs from TIP on are the place of the tip of TIP_SECTION in space; TERMS that vary in time;
-   REACTIONS of rigid supports. */
+   FRAME: a frame moves, and the outputs from TIP on are the place of the tip of TIP_SECTION in space and, of
+   LUFFING forces, that of the cylinder that raises the boom; TERMS that vary in time; REACTIONS of rigid supports. */
 #include "model.h"
 
 /* Constants of the model (model.c); rows.h has those of the rows. */

@@ -231,6 +231,32 @@ static void find_tip(const Body *body, const double *seed, const double *along, 
         for (k = 0; k < 3; k++) tip[i] = plus(tip[i], times(body->drive.turned[i][k], r[k]));
     }
 }
+
+#if LUFFING
+/* Force of the cylinder that raises the boom: the moment about the pivot over what its length grows by for each radian. */
+static Number find_luffing(const double *u, const double *seed, const double *found)
+{
+    const double *foot = luffing_hinges, *lug = luffing_hinges + 2;
+    Number phi = driver(u, seed, angle_drivers[0], 0), s = sine(phi), c = cosine(phi), moment = none, square, turned, arm;
+    Number at[2], own[2];
+    int k, p;
+    at[0] = minus(scaled(lug[0], c), scaled(lug[1], s));
+    at[1] = plus(scaled(lug[0], s), scaled(lug[1], c));
+    for (k = 0; k < 2; k++) own[k] = minus(at[k], scaled(foot[k], one));
+    square = plus(times(own[0], own[0]), times(own[1], own[1]));
+    turned = minus(times(own[1], at[0]), times(own[0], at[1]));
+    arm = times(turned, chained(square, pow(square.value, -0.5), -0.5 * pow(square.value, -1.5), 0.75 * pow(square.value, -2.5)));
+    for (k = 0; k < LUFFING; k++) {
+        int number = luffing_sources[k] < 0 ? FORCES - 1 - luffing_sources[k] : DISPLACEMENTS + luffing_sources[k];
+        Number force = none, lever = scaled(luffing_moments[k][0], one);
+        force.value = u[number];
+        if (seed) force.along = found[number];
+        for (p = 0; p < PATHS; p++) lever = plus(lever, scaled(luffing_moments[k][1 + p], driver(u, seed, p, 0)));
+        moment = plus(moment, times(force, lever));
+    }
+    return times(moment, chained(arm, 1.0 / arm.value, -1.0 / (arm.value * arm.value), 0.0));
+}
+#endif
 #endif
 
 #if TERMS
@@ -312,6 +338,10 @@ void add_outputs(const Body *body, const double *seed, const double *v, const do
         Number tip[3];
         find_tip(body, seed, found, tip);
         for (k = 0; k < 3; k++) found[DISPLACEMENTS + TIP + k] += seed ? tip[k].along : tip[k].value;
+#if LUFFING
+        tip[0] = find_luffing(body->memory.variables, seed, found);
+        found[DISPLACEMENTS + TIP + 3] += seed ? tip[0].along : tip[0].value;
+#endif
     }
 #else
     (void)body;

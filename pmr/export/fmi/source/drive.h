@@ -24,6 +24,13 @@ extern const int quantities[QUANTITIES][3];
 extern const double factors[];
 extern const int products[][3];
 extern const int first_product[INPUTS + TERMS + 1];
+#if LUFFING
+/* Of the cylinder that raises the boom x and z of foot and lug in m; its forces, numbers of outputs or -1 - k of contact k; and the
+   moment about the pivot of a unit of each, in m, and what a metre of each path adds. */
+extern const double luffing_hinges[4];
+extern const int luffing_sources[LUFFING];
+extern const double luffing_moments[LUFFING][1 + PATHS];
+#endif
 #endif
 /* Entries of T for an amplitude of 1, those of one term after the other: where they stand, and their values. */
 #if TERMS
@@ -45,7 +52,8 @@ void find_drive(Body *body, int what, const double *seed);
 void subtract_terms(double T[PUSHED][2 * MODES], const double *x, double *forces);
 
 /* Add to the outputs in `found` (VARIABLES,), or where there is a seed to how they change along it, what rows and loads do
-   not have of them: the place of the tip, and of reactions what rates of the modes and `pushed` (PUSHED,) by terms make. */
+   not have of them: the place of the tip, the force of the cylinder that raises
+   the boom, from all others, and of reactions what rates of the modes and `pushed` (PUSHED,) by terms make. */
 void add_outputs(const Body *body, const double *seed, const double *v, const double *pushed, double *found);
 void add_output_rates(const Body *body, const double *seed, double *found);
 

@@ -1,0 +1,95 @@
+"""What stands between a boom and the ground, and what a unit of its force makes about the pivot of the frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.scene.built import force_of, reaction_of
+from pmr.scene.choice import directions
+from pmr.scene.members import Member, members
+from pmr.scene.names import SLIDER, named
+from pmr.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+#: What force and moment at the pivot are called, by their directions, and what the cylinder bears that raises the boom.
+AT_PIVOT = "pivot"
+MOMENT, CYLINDER = reaction_of(f"{AT_PIVOT} ry"), reaction_of(f"{AT_PIVOT} cylinder")
+#: Faces that every body has: along which axis out of them, and the sense.
+OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right": ("y", -1.0)}
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """Force and moment (T, 6), by unit of a force that a run has under one of some names."""
+
+    names: tuple[str, ...]
+    wrench: Array
+
+
+def pressed_on_ground(scene: Scene, along: Mapping[str, Array]) -> list[Pressed]:
+    """All of it, where the scene's paths, by their names, are (T,) m."""
+    return [one for member in members(scene) for one in _pressed(scene, member, along)]
+
+
+def _pressed(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[Pressed]:
+    """What stands between a body and the ground."""
+    body, moves = scene.names[member.number], directions(member)
+    count = len(next(iter(along.values())))
+    travelled = np.zeros(count) if member.jointed else along[SLIDER]
+    tail = np.array(scene.frame.place if scene.frame else (0.0, 0.0, 0.0)) + np.zeros((count, 3))
+    for name in scene.names[1 : member.number + 1]:
+        tail[:, 0] += along[name]
+    for support in member.part.supports:
+        at = member.part.place(support.on)
+        for held in support.held:
+            if at is None:
+                yield Pressed((), tail)  # a place that only a mesh knows
+            elif held in moves:
+                place = tail + [at, 0.0, 0.0]
+                yield Pressed(_names(body, support.row_name(held)), _wrench(place, held))
+    for ring in member.part.pads:
+        for name, face, across in ring.places:
+            place = tail + [ring.at, 0.0, 0.0]
+            place[:, 0] += travelled * ring.moving
+            if face in OUTWARDS:
+                direction, sign = OUTWARDS[face]
+                place[:, 1 if direction == "z" else 2] += across
+                if direction in moves:
+                    yield Pressed(_names(body, name), sign * _wrench(place, direction))
+                continue
+            box = member.part.body.box
+            if box is None:
+                yield Pressed((), tail)  # a face that only a mesh knows
+                continue
+            side = box.faces[face]
+            place[:, 1:] += across * side.across
+            yield Pressed(
+                _names(body, name), sum(n * _wrench(place, d) for n, d in zip(side.normal, "yz", strict=True))
+            )
+    for name, ahead in zip(member.point_names, member.points, strict=True) if not member.jointed else ():
+        place = tail + np.outer(travelled + ahead, [1.0, 0.0, 0.0])
+        yield Pressed(_names(body, name), _wrench(place, "z"))
+
+
+def _names(body: str, what: str) -> tuple[str, ...]:
+    """What a force between a body and the ground may be called, from a body, a contact or a row that always holds."""
+    return (
+        named(body, force_of(what)),
+        force_of(f"{body} {what}"),
+        reaction_of(named(body, what)),
+    )
+
+
+def _wrench(place: Array, direction: str) -> Array:
+    """Force and moment (T, 6) about the pivot of a unit force, or moment, at a place (T, 3) m from it."""
+    axis, found = np.eye(3)["xyz".index(direction[-1])], np.zeros((len(place), 6))
+    if direction.startswith("r"):
+        found[:, 3:] = axis
+    else:
+        found[:, :3], found[:, 3:] = axis, np.cross(place, axis)
+    return found
