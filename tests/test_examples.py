@@ -185,6 +185,7 @@ def load_chart(found: Found) -> None:
     assert {name for name, _ in lighter} == {"luffing cylinder", "tip", "tipping"}
     for (limit, load), (other, more) in zip(lighter, heavier, strict=True):
         assert more > load if limit == "tipping" else (other, more) == (limit, load)
+    assert {row["governed by"] for row in found["lift"]} == {"stress", "tip", "pads"}
     assert "What the crane carries" in found["report"] and "<svg" in found["report"]
 
 

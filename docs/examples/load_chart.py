@@ -5,6 +5,7 @@ A load chart, and what a heavier carrier changes
 What a crane's boom carries at every extension and angle, limit by limit.  :doc:`/tutorials/load_chart` goes there from
 an empty folder; here the chart is computed twice, on carriers of 14 and 20 tonnes.  Where the boom is far out and low
 the machine tips, so there the heavier one carries more.  Elsewhere the luffing cylinder governs, and nothing changes.
+Last comes the chart of a boom lift whose geometry is published: there stress, the tip and the pads govern.
 """
 
 import csv
@@ -45,15 +46,24 @@ machine = [{ name = "carrier", mass = MASS, at = [-0.5, 0.0, -1.0] }]
 """
 carriers = [14000.0, 20000.0]  # kg
 charts = {}
+
+
+def rows(out: Path) -> list[dict[str, str]]:
+    """The points of a chart."""
+    with (out / "chart.csv").open() as table:
+        return list(csv.DictReader(table))
+
+
 with TemporaryDirectory() as folder:
     CliRunner().invoke(app, ["new", "crane", f"{folder}/crane"])  # as `pmr new crane crane` does
     for mass in carriers:
         file, out = Path(folder, f"{mass:.0f}.toml"), Path(folder, f"{mass:.0f}")
         file.write_text(STUDY.replace("MASS", str(mass)))
         CliRunner().invoke(app, ["study", str(file), "--out", str(out)])  # as `pmr study 14000.toml` does
-        with (out / "chart.csv").open() as table:
-            charts[mass] = list(csv.DictReader(table))
+        charts[mass] = rows(out)
         report = page(out)
+    CliRunner().invoke(app, ["study", "chart_boom_lift", "--out", f"{folder}/lift"])  # a study that comes with `pmr`
+    lift = rows(Path(folder, "lift"))
 
 # %%
 figure, both = plt.subplots(1, 2, figsize=(9, 4), sharey=True, layout="constrained")
@@ -68,5 +78,20 @@ both[0].legend()
 plt.show()
 
 # %%
-# The page of the report for the heavier carrier: load over radius and height.  A pointer on the picture shows what each
-# limit allows.
+# The boom lift's platform, over radius and height: the overlap of its sections shrinks from 35 to 5 % of the last one.
+# Pads that are close to each other bear many times the load, so fully out it may not be lowered far, even empty.
+figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
+for name, marker in (("stress", "o"), ("tip", "s"), ("pads", "^")):
+    chosen = [row for row in lift if row["governed by"] == name]
+    radius, height, load = (
+        np.array([float(row[key]) for row in chosen]) for key in ("radius [m]", "height [m]", "load [kg]")
+    )
+    shown = axes.scatter(radius, height, c=load, marker=marker, vmin=0.0, vmax=1000.0, label=f"{name} governs")
+axes.set(xlabel="radius in m", ylabel="height in m", aspect="equal")
+axes.legend()
+figure.colorbar(shown, label="load in kg", extend="max")
+plt.show()
+
+# %%
+# The page of the report for the crane on the heavier carrier: load over radius and height.  A pointer on the picture
+# shows what each limit allows.

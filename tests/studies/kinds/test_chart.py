@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from finished import finished
+from finished import WORKFLOWS, finished
 
 from pmr.errors import InputError
 from pmr.errors.plugins import offered
@@ -215,6 +215,27 @@ def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyRes
     text = page(folder)
     assert text.count("<title>radius") == 12
     assert "Limits, the number of points" in text and "It carries " in text
+
+
+BOOM_LIFT = f"""
+extends = "{WORKFLOWS / "studies" / "chart_boom_lift.toml"}"
+luffing = [0.0]
+extensions = [{{ mid = 3.5227, fly = 3.2177 }}, {{ mid = 4.1944, fly = 3.8894 }}, {{ mid = 4.8661, fly = 4.5611 }}]
+error_bars = false
+"""
+
+
+def test_a_level_boom_lift_carries_on_its_pads_what_moments_about_a_tail_say(tmp_path: Path) -> None:
+    """F d = g (P a + sum of m r), from the middle section's tail, d its overlap: the load P where F is 80 kN."""
+    finished(tmp_path, BOOM_LIFT)
+    (lengths, masses), found = zip(*((4.785, 74.5897), (4.478, 59.1528)), strict=True), rows(tmp_path)
+    for row in found:
+        d, fly = 5.09 - float(row["extension mid [m]"]), float(row["extension fly [m]"])
+        own = masses[0] * lengths[0] / 2.0 + masses[1] * (fly + lengths[1] / 2.0)
+        expected = (80e3 * d / 9.80665 - own) / (fly + lengths[1]) - 182.0
+        assert float(row["pads [kg]"]) == pytest.approx(max(expected, 0.0), rel=1e-6)
+    assert [row["governed by"] for row in found] == ["stress", "tip", "pads"]
+    assert found[-1]["load [kg]"] == "0"  # fully out it may not be lowered so far
 
 
 OWN = """
