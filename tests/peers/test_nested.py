@@ -22,14 +22,15 @@ from pmr.simulation import Excitation
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SIZE, ALONG, LENGTH, FROM_END, STIFFNESS = 0.05, 0.1, 6.0, 0.15, 3e8  # m; N/m
+Box = tuple[float, float, float]
 #: Width, height and wall in m: multiples of `SIZE`, so that both programs have the same rectangles.
 OUTER, INNER = (0.30, 0.40, 8e-3), (0.25, 0.35, 7e-3)
 #: Axis of a pad's normal, which side of it, place across in m.
 RING = [(2, side, y) for side in (-1.0, 1.0) for y in (-0.06, 0.06)] + [(1, side, 0.0) for side in (1.0, -1.0)]
 
 
-def tube(box: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A section by itself as points, 8-node rectangles and nodes of its tail, around the section."""
+def tube(box: Box, size: float, along: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A section by itself as points, 8-node rectangles and nodes of its tail and its tip, around the section."""
     width, height, _ = box
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [width / 2, height / 2]
     at = np.cumsum([0.0, width, height, width, height]) / (2 * (width + height))
@@ -37,19 +38,19 @@ def tube(box: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.nd
     def place(u: np.ndarray, v: np.ndarray) -> np.ndarray:
         return np.column_stack([LENGTH * u, *(np.interp(v, at, corners[:, i]) for i in (0, 1))])
 
-    counts = round(LENGTH / ALONG), round(2 * (width + height) / SIZE)
+    counts = round(LENGTH / along), round(2 * (width + height) / size)
     points, quads, number = grid(place, counts, closed=True)
-    return points, quads, number[0, :-1]
+    return points, quads, number[0, :-1], number[-1, :-1]
 
 
-def peer(extension: float) -> Deck:
+def peer(extension: float, boxes: tuple[Box, Box] = (OUTER, INNER), size: float = SIZE, along: float = ALONG) -> Deck:
     """The outer section clamped, the inner one on twelve pads and a rigid cylinder."""
-    (points, quads, tail), (own, inner_quads, inner_tail) = tube(OUTER), tube(INNER)
+    (points, quads, tail, _), (own, inner_quads, inner_tail, tip) = (tube(box, size, along) for box in boxes)
     first = len(points)
     means = []
     for at, outer_at in ((FROM_END, extension + FROM_END), (LENGTH - FROM_END - extension, LENGTH - FROM_END)):
         for normal, side, across in RING:
-            half = [box[normal - 1] / 2.0 * side for box in (OUTER, INNER)]
+            half = [box[normal - 1] / 2.0 * side for box in boxes]
             around = Patch(normal, half[0], outer_at, across, extension + FROM_END).shares(points, quads)
             within = Patch(normal, half[1], at, across, FROM_END).shares(own, inner_quads)
             means.append(Mean(np.concatenate([-around, within]), normal + 1, STIFFNESS))
@@ -58,8 +59,8 @@ def peer(extension: float) -> Deck:
     return Deck(
         np.vstack([points, own + [extension, 0.0, 0.0]]),
         np.vstack([quads, inner_quads + first]),
-        np.repeat([OUTER[2], INNER[2]], [len(quads), len(inner_quads)]),
-        sets={"TAIL": np.unique(tail)},
+        np.repeat([boxes[0][2], boxes[1][2]], [len(quads), len(inner_quads)]),
+        sets={"TAIL": np.unique(tail), "TIP": tip + first},
         held=[("TAIL", 1, 6)],
         means=[*means, Mean(cylinder, 1, np.inf)],
     )
@@ -76,7 +77,7 @@ def ours(extension: float) -> np.ndarray:
     boom = scenes.load_any(WORKFLOWS / "boom_three_shell.toml", changes)
     boom = boom.model_copy(update={"sections": boom.sections[:2]})
     full = FullOrder.of(boom, models_of(build_bodies(boom)))
-    return full.frequencies(Excitation.of(boom).s[:1], CURVES)[0]
+    return full.frequencies(Excitation.of(boom).s[:1], CURVES, np.empty((1, 0)))[0]
 
 
 NAMED = {"base": OUTER, "middle": INNER, "fly": (0.20, 0.30, 6e-3)}

@@ -25,6 +25,7 @@ from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.charting import MARGIN, governing, in_doubt
 from pmr.studies.field_probes import with_fields
+from pmr.studies.governing import chosen
 from pmr.studies.limits import Limit, mises, stresses
 from pmr.studies.stops import Stopping
 from pmr.studies.tipping import Mass
@@ -428,3 +429,11 @@ def test_another_limit_may_govern_within_the_error_bars() -> None:
     assert governing(load).tolist() == [0, 0]
     assert in_doubt(load, error).tolist() == [[True, True, False], [False, False, False]]
     assert governing(np.full((1, 2), np.nan)).tolist() == [-1]
+
+
+def test_the_page_of_a_limit_shows_where_it_governs_the_largest_load() -> None:
+    """Not where it allows more but another one less, nor where nothing is carried."""
+    load = np.array(
+        [[10.0, 20.0, np.nan], [30.0, 40.0, np.nan], [60.0, 8.0, 90.0], [90.0, 9.0, 90.0], [5.0, 50.0, 0.0]]
+    )
+    assert chosen(load).tolist() == [1, 3, -1]
