@@ -322,7 +322,7 @@ def test_steps_take_no_memory(few: ReducedModel) -> None:
     gc.collect()
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
-    assert grown < 200  # the step counter
+    assert grown < len(inputs[50:])  # less than a byte a step: what is kept of each takes more
 
 
 def test_what_is_not_settled_is_named_with_time_and_place(few: ReducedModel, monkeypatch: pytest.MonkeyPatch) -> None:

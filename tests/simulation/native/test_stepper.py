@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import tracemalloc
 from dataclasses import replace
 
@@ -91,12 +92,14 @@ def test_steps_take_no_memory(small: ReducedModel) -> None:
     tracemalloc.start()
     for _ in range(10):
         stepper.step(2.0, F)
+    gc.collect()
     before = tracemalloc.get_traced_memory()[0]
     for _ in range(1000):
         stepper.step(2.0, F)
+    gc.collect()
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
-    assert grown < 200  # the step counter
+    assert grown < 1000  # less than a byte a step: what is kept of each takes more
 
 
 def test_what_cannot_be_stepped_is_refused(small: ReducedModel) -> None:
