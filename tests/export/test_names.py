@@ -93,5 +93,5 @@ def test_names_are_names_to_whoever_reads_a_file(plain: ReducedModel, number: in
             assert len({len(row) for row in csv.reader(io.StringIO(fmu.texts[name]))}) == 1
         code = fmu.sources["model.c"]
         assert code.isascii() and code.count("#") == len(
-            re.findall(r'^#include "(?:drive|rows)\.h"$', code, re.MULTILINE)
+            re.findall(r'^#include "(?:drive|friction|rows)\.h"$', code, re.MULTILINE)
         )
