@@ -12,15 +12,16 @@ from pmr.errors import environment
 
 #: Scenes to start from (`pmr new`) that together take the loops of one body and of several.
 KINDS = ("boom", "telescope")
-#: s: so short that to compile takes nearly all of the time.
-END = 0.02
+#: s: so short that nearly all of the time goes into compiling, and a multiple of `recovery.every` of all of them.
+END = 0.1
 
 
 def compile_() -> None:
-    """Compile what first runs take, once after an installation: `make setup` does it, pip can't.
+    """Compile the simulator once after an installation by pip; `make setup` has done it already.
 
-    That are the loops of one body and of several, the forms of beams and boxes, and the list of fonts. All of it is
-    stored on disk and found again until pmr, Numba or the processor change. Without it the first run takes longer.
+    It compiles the loops of one body and of several and the finite-element forms of beams and boxes, and makes the list
+    of fonts. The results are stored on disk and serve until pmr, Numba or the processor change. Without this command
+    the first run compiles, and takes longer.
 
     Example:
 

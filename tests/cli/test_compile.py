@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from processes import called
 
+from pmr import scene as scenes
 from pmr.cli import compile as command
 from pmr.cli.new import TEMPLATES, kinds
 
@@ -16,6 +17,11 @@ def test_it_runs_scenes_to_start_from_of_one_body_and_of_several() -> None:
     several = {kind: "[[sections]]" in (TEMPLATES / f"{kind}.toml").read_text() for kind in command.KINDS}
     assert set(command.KINDS) <= set(kinds())
     assert set(several.values()) == {False, True}
+
+
+@pytest.mark.parametrize("kind", command.KINDS)
+def test_these_scenes_may_be_as_short_as_they_are_run(kind: str) -> None:
+    assert scenes.load_any(TEMPLATES / f"{kind}.toml", [f"time.end={command.END}"]).time.end == command.END
 
 
 @pytest.mark.slow
