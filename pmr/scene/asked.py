@@ -39,26 +39,30 @@ def _or_ratio(schema: dict[str, Any]) -> None:
     about = "Damping ratio at the two frequencies"
     ratio = {"type": "number", "minimum": 0.0, "unit": "1", "description": about, "default": None}
     two = {"type": "array", "items": hertz, "minItems": 2, "maxItems": 2, "default": None}
-    schema["properties"] |= {"ratio": ratio, "frequencies": two | {"description": "Where that ratio holds, ascending"}}
+    schema["properties"] |= {
+        "ratio": ratio,
+        "frequencies": two | {"description": "The two frequencies at which the ratio holds, in ascending order"},
+    }
     schema["dependencies"] = {"ratio": ["frequencies"], "frequencies": ["ratio"]}
     schema["not"] = {"required": ["ratio"], "anyOf": [{"required": ["mass"]}, {"required": ["stiffness"]}]}
 
 
 class Damping(Section):
-    """Rayleigh damping D = mass M + stiffness K; or given as a `ratio` at two `frequencies` in Hz.
+    """Rayleigh damping D = a M + b K: `mass` is a and `stiffness` is b, or both follow from a damping `ratio`.
 
-    Less in between, more outside: zeta = (a / omega + b omega) / 2 at both gives a = 2 zeta omega_1 omega_2 /
-    (omega_1 + omega_2) and b = 2 zeta / (omega_1 + omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.
-    A scene that extends another one may say it in either way: keys of the other way are not taken over.
+    The ratio holds at two `frequencies` in Hz; in between it is lower, outside it is higher.  With zeta = (a / omega +
+    b omega) / 2 at both frequencies, a = 2 zeta omega_1 omega_2 / (omega_1 + omega_2) and b = 2 zeta / (omega_1 +
+    omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.  A scene that extends another one may use the
+    other pair of keys: those of the first pair are then dropped.
     """
 
     model_config = ConfigDict(json_schema_extra=_or_ratio)
 
     mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("1/s", 0.0, 1e9)] = Field(
-        default=0.0, description="Share of the mass matrix M in D"
+        default=0.0, description="Factor of the mass matrix M in D"
     )
     stiffness: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e6)] = Field(
-        default=0.0, description="Share of the stiffness matrix K in D"
+        default=0.0, description="Factor of the stiffness matrix K in D"
     )
 
     @model_validator(mode="before")
@@ -83,7 +87,8 @@ class TimeChoice(Section):
     end: Annotated[float, Field(gt=0.0, strict=True), Quantity("s", 1e-9, 1e9)] = Field(description="Simulated time")
     step: Time = Field(description="Time step")
     rho_inf: Annotated[float, Field(ge=0.0, le=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
-        default=0.9, description="Spectral radius at infinite frequency: 1 damps nothing"
+        default=0.9,
+        description="Spectral radius of generalized-alpha at infinite frequency: 1 has no numerical damping",
     )
 
     @property
@@ -92,20 +97,24 @@ class TimeChoice(Section):
 
 
 class Observe(Section):
-    """Where the motion is compared and drawn: places along the axis, and a group at the end, whose mean counts.
+    """Where the motion is compared and drawn: places along the axis, and the mean of a group at the end, the tip.
 
-    Without `start` and `end` the places are a beam's nodes; of more than a thousand every second, third ...
+    Without `start` and `end` the places are a beam's nodes; of more than a thousand nodes every second, third and so
+    on.
     """
 
     start: Place | None = Field(default=None, description="First place along the axis")
     end: Place | None = Field(default=None, description="Last place along the axis")
     count: Annotated[int, Field(ge=1, strict=True), Quantity("1", 1, 10_000)] = Field(
-        default=29, description="How many places there are from start to end"
+        default=29, description="Number of places, evenly spaced from start to end"
     )
-    tip: Name = Field(default="tip", description="The group at the end")
-    rotation: Switch = Field(default=False, description="Whether the tip's rotation is observed too")
+    tip: Name = Field(
+        default="tip",
+        description="Group at the end of the boom whose mean motion is reported as the tip",
+    )
+    rotation: Switch = Field(default=False, description="Whether the tip's rotation is recorded too, in rad")
     frequency_response: Switch = Field(
-        default=False, description="Whether the tip's response to each load in frequency is found along the path"
+        default=False, description="Whether the frequency response of the tip to each load is computed along the path"
     )
 
     @model_validator(mode="after")
@@ -127,30 +136,36 @@ class Observe(Section):
 
 
 class Recovery(Section):
-    """Full fields from reduced coordinates: displacement and, if asked for, stress, every so many seconds."""
+    """Fields of displacement and stress on the whole mesh, computed from the reduced coordinates at some times."""
 
-    every: Time = Field(default=0.02, description="Time between two of them")
-    stress: Switch = Field(default=True, description="Whether stresses are asked for")
-    frames: Count = Field(default=101, description="Of the fields that are stored, for pictures")
-    components: Switch = Field(default=False, description="Whether signed stresses are stored beside von Mises'")
-    series: Switch = Field(default=True, description="Whether a series of fields is written that ParaView opens")
+    every: Time = Field(default=0.02, description="Time between two fields")
+    stress: Switch = Field(default=True, description="Whether stresses are computed too")
+    frames: Count = Field(default=101, description="Number of fields that are stored, for pictures")
+    components: Switch = Field(
+        default=False,
+        description="Whether the stress components are stored beside the von Mises stress",
+    )
+    series: Switch = Field(default=True, description="Whether the fields are written as a series for ParaView")
 
 
 class Repeated(Section):
     """A line of a load spectrum."""
 
-    cycles: Positive = Field(description="How often the simulated cycle comes, with this share of its stresses")
-    factor: Positive = Field(default=1.0, description="Of all stresses")
+    cycles: Positive = Field(description="How often the simulated cycle occurs with its stresses times `factor`")
+    factor: Positive = Field(default=1.0, description="Factor on all stresses")
 
 
 class Fatigue(Section):
-    """An S-N line, and how often what is simulated is gone through: the damage at each probe that measures stress."""
+    """Fatigue damage at each probe that measures stress, from an S-N line and the number of simulated cycles."""
 
-    slope: Positive = Field(description="m of the line, in logarithms")
-    reference: Pressure = Field(description="Range of a stress that is endured 2e6 times")
-    cut_off: Pressure | None = Field(default=None, description="Range below which a cycle does no damage")
-    cycles: Positive = Field(default=1.0, description="How often the simulated cycle comes")
-    spectrum: tuple[Repeated, ...] = Field(default=(), description="In place of `cycles`: with shares of its stresses")
+    slope: Positive = Field(description="Exponent m of the S-N line, N proportional to range^-m")
+    reference: Pressure = Field(description="Stress range that is endured 2e6 times")
+    cut_off: Pressure | None = Field(default=None, description="Stress range below which a cycle does no damage")
+    cycles: Positive = Field(default=1.0, description="How often the simulated cycle occurs")
+    spectrum: tuple[Repeated, ...] = Field(
+        default=(),
+        description="Load spectrum, in place of `cycles`: a number of cycles for each factor on the stresses",
+    )
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Fatigue:
@@ -165,40 +180,54 @@ class Fatigue(Section):
 
 
 class Reduction(Section):
-    """What the reduced model's `coordinates` multiply.
+    """The basis of the reduced model and the number of its `coordinates`.
 
-    `basis`: ``free_modes``, the lowest eigenmodes with all that slides released (free-interface modes);
-    ``eigenmodes`` takes `modes` of them with the slider held at each of several `positions`, compressed by POD;
-    ``paper`` does the same as Weyrer et al. do, for whom every row of a support costs a coordinate, the weakest of the
-    basis (`pmr.reduction.galerkin`); ``file`` reads vectors from a `file`.  Any model can have any of them.
+    `basis` ``free_modes`` takes the lowest eigenmodes without sliders and moving pads (free-interface modes).
+    ``eigenmodes`` takes `modes` eigenmodes with the slider held at each of several `positions`, and compresses them by
+    POD.  ``paper`` does the same as Weyrer et al.: there each row of a support removes a coordinate, the weakest of the
+    basis (`pmr.reduction.galerkin`).  ``file`` reads vectors from a `file`.  Every structural model may have each of
+    these.
 
-    `flexibility` adds what the basis leaves out, quasi-static, as tables in s: far fewer coordinates do then, 6 being
-    the default for free modes, which have it unless the scene says otherwise.
+    `flexibility` adds the static flexibility of the modes that the basis leaves out, as tables in s.  Far fewer
+    coordinates are then enough.  Free modes have it by default, and 6 coordinates.
 
-    For free modes with flexibility, `estimate` adds an error estimate that needs no full model but a second simulation
-    with four modes more, and attachment modes for the loads of the first one.
+    `estimate` computes the error of free modes with flexibility.  It needs no full model; it simulates a second time,
+    with four modes more and with attachment modes for the loads of the first simulation.
 
-    `ports` are places where something is to be hung on the reduced body, in Exudyn say: attachment modes for all forces
-    and moments there join the coordinates, which then answer to them exactly at rest.
+    `ports` are places to which other bodies will be attached, in Exudyn for example.  Attachment modes for all forces
+    and moments there join the coordinates, so that the static answer to them is exact.
     """
 
-    basis: BasisName = Field(default="free_modes", description="See above; or one of an installed package")
-    file: ExistingFile | None = Field(
-        default=None, description="npz file with an array V: a column a vector on the full model's coordinates"
+    basis: BasisName = Field(
+        default="free_modes",
+        description="Which vectors the coordinates multiply (see above), or the name of one that an installed "
+        "package adds",
     )
-    flexibility: Switch = Field(default=False, description="Residual flexibility; true by default for free modes")
-    estimate: Switch = Field(default=True, description="Whether the error is estimated")
+    file: ExistingFile | None = Field(
+        default=None, description="npz file with an array V, whose columns are vectors on the full model's coordinates"
+    )
+    flexibility: Switch = Field(
+        default=False,
+        description="Whether residual flexibility is added; true by default for free modes",
+    )
+    estimate: Switch = Field(default=True, description="Whether the error of the reduction is estimated")
     snapshots: Count = Field(default=5, description="Slider positions at which eigenmodes are taken")
     modes: Count = Field(default=6, description="Eigenmodes at each position")
-    coordinates: Count = Field(default=20, description="Of the reduced model; 6 for free modes with flexibility")
+    coordinates: Count = Field(
+        default=20,
+        description="Number of coordinates of the reduced model; 6 for free modes with flexibility",
+    )
     positions: Literal["nodes", "path"] | Annotated[tuple[Distance, ...], Field(min_length=1)] = Field(
-        default="path", description="Evenly over the path, at a beam's nodes, or as listed"
+        default="path", description="Slider positions: evenly over the path, at a beam's nodes, or as listed"
     )
     ports: tuple[str | Place, ...] = Field(
-        default=(), description="Named groups or places along x, for attachment modes"
+        default=(), description="Named groups or places along x that get attachment modes"
     )
-    solver: Literal["auto", "dense", "slepc"] = Field(default="auto", description="Of eigenproblems")
-    product: Literal["euclidean", "mass"] = Field(default="euclidean", description="In which a basis is orthonormal")
+    solver: Literal["auto", "dense", "slepc"] = Field(default="auto", description="Solver of eigenvalue problems")
+    product: Literal["euclidean", "mass"] = Field(
+        default="euclidean",
+        description="Inner product in which the basis is orthonormal",
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -232,21 +261,27 @@ class Reduction(Section):
 
 
 class Simulation(Section):
-    """Who simulates.
+    """Programs that simulate the models.
 
-    The reduced model goes through every one of `simulators`: the first one's motion is compared and drawn, the others
-    say how far they agree with it.  ``march`` is the compiled engine, ``exudyn-callback`` the paper's way.  With
-    residual flexibility ``exudyn`` has springs that travel in place of constraints, ``exudyn-multiplier`` constraints.
-    The full model goes through one that fits its size; ``petsc``, for large ones, works on all ranks.
+    The reduced model is simulated by each of `simulators`.  The results are those of the first one; of the others the
+    difference to it is reported.  ``march`` is pmr's own compiled integrator, ``exudyn-callback`` is the way of the
+    paper.  With residual flexibility ``exudyn`` uses springs that travel, ``exudyn-multiplier`` constraints.
+
+    `full` simulates the full model; by default it is chosen by size.  ``petsc``, for large models, uses all MPI ranks.
     """
 
     simulators: tuple[SimulatorName, ...] = Field(
-        default=("march",), min_length=1, description="Of the reduced model, the first one counts"
+        default=("march",),
+        min_length=1,
+        description="Simulators of the reduced model; the results are those of the first one",
     )
-    repeats: Count = Field(default=3, description="Of each simulator of the reduced model; seconds are the least")
-    full: Literal["auto", "march", "exudyn", "petsc"] = Field(default="auto", description="Of the full model")
+    repeats: Count = Field(
+        default=3,
+        description="Runs of each simulator of the reduced model; the shortest time is reported",
+    )
+    full: Literal["auto", "march", "exudyn", "petsc"] = Field(default="auto", description="Simulator of the full model")
     newton: dict[str, bool | int | float] = Field(
-        default={}, description="Exudyn's settings of Newton's method by their own names, as relativeTolerance"
+        default={}, description="Exudyn's settings of Newton's method, by Exudyn's names, such as relativeTolerance"
     )
 
     @field_validator("simulators")
@@ -260,26 +295,36 @@ class Simulation(Section):
 class Compare(Section):
     """References to compare the reduced model with."""
 
-    against: tuple[Literal["full", "ancf"], ...] = Field(default=("full",), description="Which ones")
-    ancf_elements: Count = Field(default=20, description="Of the ANCF cable")
+    against: tuple[Literal["full", "ancf"], ...] = Field(
+        default=("full",),
+        description="Models that the reduced one is compared with",
+    )
+    ancf_elements: Count = Field(default=20, description="Number of elements of the ANCF cable")
     richer: Literal["none", "next", "beam3d", "shell"] = Field(
-        default="none", description="Structural model beside which the error of the scene's own one is measured"
+        default="none", description="Richer structural model with which the error of the scene's own one is measured"
     )
     model_tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
-        default=0.05, description="Largest error of the structural model that body.model = 'auto' may choose"
+        default=0.05, description="Allowed error of the structural model that body.model = 'auto' may choose"
     )
 
 
 class _Ordered(Section):
-    outputs: tuple[OutputKind, ...] = Field(default=("beam", "tip"), min_length=1, description="Where errors count")
-    mesh: Switch = Field(default=True, description="Whether the part of the mesh is found out")
+    outputs: tuple[OutputKind, ...] = Field(
+        default=("beam", "tip"),
+        min_length=1,
+        description="Outputs whose errors have to be small enough",
+    )
+    mesh: Switch = Field(
+        default=True,
+        description="Whether the error of the mesh is included, estimated with a second, finer mesh",
+    )
 
 
 class Accuracy(_Ordered):
-    """An error that is allowed, instead of coordinates and step, which are chosen to hold it.
+    """An allowed error; number of coordinates and time step are chosen so that it holds.
 
-    `tolerance` is that of the reduction and the step together, in each of the `outputs`; the search for a step begins
-    at `time.step`.  With `mesh` the part of the mesh, found out by a second one with shorter cells, counts, too.
+    `tolerance` is the allowed error of reduction and step together, in each of the `outputs`.  With `mesh` the error of
+    the mesh is included; a second mesh with shorter cells measures it.  The search for a step begins at `time.step`.
     """
 
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
@@ -288,18 +333,18 @@ class Accuracy(_Ordered):
 
 
 class Budget(_Ordered):
-    """The other way round: what a model may cost, one of three; the best one within it is chosen, and its error said.
+    """The allowed cost of the reduced model, by one of three keys; the best model within it is chosen, with its error.
 
-    `real_time` is simulated over computed time; both times are those of `march` on the machine in use.  Coordinates
-    are those of all bodies together.
+    `coordinates` counts those of all bodies together.  `microseconds_per_step` and `real_time` (simulated over
+    computing time) are measured with `march` on the machine in use.
     """
 
-    coordinates: Count | None = Field(default=None, description="Most coordinates")
+    coordinates: Count | None = Field(default=None, description="Largest number of coordinates")
     microseconds_per_step: Annotated[float, Field(gt=0.0, strict=True), Quantity("us", 0.0, 1e9)] | None = Field(
-        default=None, description="Longest time of a step"
+        default=None, description="Longest computing time of a step"
     )
     real_time: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 0.0, 1e12)] | None = Field(
-        default=None, description="Least multiple of real time"
+        default=None, description="Smallest ratio of simulated to computing time"
     )
 
     @model_validator(mode="after")
@@ -312,18 +357,24 @@ class Budget(_Ordered):
 class PublishedFrequency(Section):
     """The first natural frequency of a boom that reaches so far."""
 
-    reach: Length = Field(description="Of the tip from the base's tail")
+    reach: Length = Field(description="Distance of the tip from the base's tail")
     first: Frequency = Field(description="Lowest natural frequency")
 
 
 class Published(Section):
     """Figures from a publication, shown beside ours."""
 
-    source: str = Field(description="Where they stand")
-    errors: dict[Pair, dict[Literal["tip", "beam"], Share]] = Field(default={}, description="As fractions")
-    max_displacement: Distance | None = Field(default=None, description="Largest displacement")
-    max_error: Distance | None = Field(default=None, description="Largest error")
-    frequencies: tuple[PublishedFrequency, ...] = Field(default=(), description="First ones of a boom, at rest")
+    source: str = Field(description="The publication")
+    errors: dict[Pair, dict[Literal["tip", "beam"], Share]] = Field(
+        default={},
+        description="Published errors, as fractions",
+    )
+    max_displacement: Distance | None = Field(default=None, description="Published largest displacement")
+    max_error: Distance | None = Field(default=None, description="Published largest error")
+    frequencies: tuple[PublishedFrequency, ...] = Field(
+        default=(),
+        description="Published first natural frequencies of a boom at rest",
+    )
     remarks: tuple[str, ...] = Field(default=(), description="Where and why our figures differ, for the report")
 
     @property

@@ -56,35 +56,44 @@ class Box(BoxProfile):
     frames: tuple[Size, ...] = Field(
         default=(), description="Places along x where a shell is stiffened by a transverse plate all around"
     )
-    frame_depth: Distance = Field(default=0.0, description="How deep these plates are")
+    frame_depth: Distance = Field(default=0.0, description="How far these plates reach inwards from the wall")
 
 
 class Region(Section):
-    """What a named region of the mesh is made of, where it differs from the rest."""
+    """Material and thickness of a named region of the mesh, where they differ from the rest."""
 
-    material: Material | None = Field(default=None, description="Its material")
-    thickness: Length | None = Field(default=None, description="Its thickness, in a shell")
+    material: Material | None = Field(default=None, description="Material of the region")
+    thickness: Length | None = Field(default=None, description="Thickness of the region, in a shell")
 
 
 class Body(Section):
-    """What slides: a box boom, a beam by its stiffnesses, or whatever the mesh file holds.
+    """A section: a box boom, a beam given by its stiffnesses, or the mesh of a file.
 
-    `model` ``auto`` takes the smallest one that a run measures to be near enough to a shell.
+    `model` ``auto`` takes the smallest model that is near enough to a shell; a run measures which one that is.
     """
 
-    model: ModelName = Field(default="auto", description="Structural model; auto: the smallest that will do")
-    material: Material = Field(default=Material(), description="Of all that no region says otherwise of")
+    model: ModelName = Field(
+        default="auto",
+        description="Structural model; `auto` takes the smallest that is near enough to a shell",
+    )
+    material: Material = Field(default=Material(), description="Material, except in regions that have their own")
     box: Box | None = Field(default=None, description="A box boom by its dimensions")
     profile: Profile | None = Field(default=None, description="A planar beam by its stiffnesses")
-    thickness: Length | None = Field(default=None, description="Of a shell that is read from a file")
-    regions: dict[Name, Region] = Field(default={}, description="Named regions of the mesh that differ from the rest")
-    shear: Switch = Field(default=True, description="Shear deformation and rotary inertia of beams in space")
+    thickness: Length | None = Field(default=None, description="Thickness of a shell whose mesh is read from a file")
+    regions: dict[Name, Region] = Field(
+        default={},
+        description="Named regions of the mesh with a material or thickness of their own",
+    )
+    shear: Switch = Field(default=True, description="Whether beams in space have shear deformation and rotary inertia")
     shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
         default=5.0 / 6.0, description="Shear correction factor kappa of shells"
     )
-    section: BeamSection | None = Field(default=None, description="Of a beam in space, by default that of the box")
+    section: BeamSection | None = Field(
+        default=None,
+        description="Cross-section of a beam in space; by default that of the box",
+    )
     walls: Literal["rigid", "give"] = Field(
-        default="rigid", description="Whether the walls of a box that is a beam give way under its pads"
+        default="rigid", description="Whether the local compliance of the walls under pads is added to a beam"
     )
 
     @model_validator(mode="after")
@@ -103,38 +112,54 @@ class Body(Section):
 
 
 class MeshChoice(Section):
-    """How fine the mesh is, or a file that holds it (anything meshio reads).
+    """How fine the mesh is, or a file that holds a mesh, in any format of meshio.
 
-    A box boom takes `size` and `along`; beams take `elements`.  A file holds a chain of lines for a planar beam, else
-    cells with named groups: tail and tip, bottom, top, left (+y) and right, as far as pads, loads and supports name
-    them.
+    A box boom takes `size` and `along`; beams take `elements`.  A file for a planar beam holds a chain of lines.  Any
+    other file holds cells with named groups for what pads, loads and supports refer to: tail and tip, bottom, top, left
+    (+y) and right.
     """
 
-    size: Size = Field(default=0.1, description="Edge length of cells around the section")
-    along: Size | None = Field(default=None, description="Edge length along the axis, by default the same")
-    tail_layer: Distance = Field(default=0.0, description="Length of a layer of cells at the tail")
-    cells: Literal["hexahedra", "tetrahedra"] = Field(default="hexahedra", description="Of a solid")
-    elements: Count = Field(default=60, description="Of a beam")
+    size: Size = Field(default=0.1, description="Edge length of cells along the circumference of the section")
+    along: Size | None = Field(default=None, description="Edge length of cells along the axis (by default as `size`)")
+    tail_layer: Distance = Field(
+        default=0.0,
+        description="Length of the first layer of cells at the tail; 0: regular layers",
+    )
+    cells: Literal["hexahedra", "tetrahedra"] = Field(default="hexahedra", description="Shape of the cells of a solid")
+    elements: Count = Field(default=60, description="Number of elements of a beam")
     grading: Annotated[float, Field(strict=True), Quantity("1", 1e-3, 1e3)] = Field(
-        default=1.0, description="Length of a planar beam's last element over that of its first"
+        default=1.0, description="Length of a planar beam's last element over that of its first one"
     )
     file: ExistingFile | None = Field(
-        default=None, description="A mesh to read instead; of model matrices what pmr matrices wrote"
+        default=None,
+        description="Mesh file, in place of the keys above; with model `matrices` the file that `pmr matrices` wrote",
     )
 
 
 class Support(Section):
-    """What holds a place where it is, whatever slides: some directions of its mean motion, or all of its points.
+    """A support that does not slide: it holds some directions of a group's mean motion, or every point of the group.
 
-    On a beam, whose places are points, both is the same but for the coordinates, which ``all`` leaves out.
+    On a beam a place is one point, so both are the same; only ``all`` removes the held coordinates from the model.
     """
 
-    name: NameOrNone = Field(default="", description="What its rows are called by")
+    name: NameOrNone = Field(default="", description="Name in results and messages")
     on: Name | Place = Field(default="tail", description="A named group, or a place along x in m")
-    kind: Literal["pinned", "clamped", "roller"] = Field(default="pinned", description="Directions in one word")
-    directions: tuple[Direction, ...] | None = Field(default=None, description="Directions, in place of the kind")
-    stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Of each direction")
-    points: Literal["mean", "all"] = Field(default="mean", description="Whether the mean motion or every point is held")
+    kind: Literal["pinned", "clamped", "roller"] = Field(
+        default="pinned",
+        description="Directions that are held: pinned x, y, z; clamped these and all rotations; roller z",
+    )
+    directions: tuple[Direction, ...] | None = Field(
+        default=None,
+        description="Directions that are held, in place of `kind`",
+    )
+    stiffness: Stiffness | Literal["rigid"] = Field(
+        default="rigid",
+        description="Stiffness in each direction (of rotations in N m/rad)",
+    )
+    points: Literal["mean", "all"] = Field(
+        default="mean",
+        description="Whether the mean motion of the group is held, or every point of it",
+    )
 
     @model_validator(mode="after")
     def _points_are_rigid(self) -> Support:
@@ -160,15 +185,19 @@ class Support(Section):
 
 
 class Slider(Section):
-    """The path s(t) of what slides; where no pads move, points of a planar beam at s + each of the `offsets`.
+    """The path s(t) along which moving pads slide, or without such pads points of a planar beam, at s + `offsets`.
 
-    Rows of pads are tabulated where the path takes them, or over all of `travel`: a saved model then goes along any
-    path on it (`pmr simulate`, FMUs).  Points have the whole beam.  Measured paths overshoot: up to 1e-5 of the range
-    beyond an end they are taken at the end.
+    A saved model can follow any path within the range that this path covers, or within all of `travel`
+    (`pmr simulate`, FMUs).  Points may use the whole beam.  A measured path may exceed the range by 1e-5 of it; the
+    excess is cut off.
     """
 
-    path: Signal = Field(description="s over time, in m")
-    offsets: tuple[Place, ...] | None = Field(default=None, min_length=1, description="Of points, ahead of s")
+    path: Signal = Field(description="Path s over time, in m")
+    offsets: tuple[Place, ...] | None = Field(
+        default=None,
+        min_length=1,
+        description="Distance of each sliding point ahead of s",
+    )
     travel: tuple[Place, Place] | None = Field(default=None, description="Smallest and largest s of the saved model")
 
 
@@ -178,22 +207,30 @@ def clearance_on(given: float | Mapping[Face, float], face: str) -> float:
 
 
 class PadRing(Section):
-    """Pads around the section at one place along the axis, which stay on the body or move along it.
+    """A ring of pads at one place along the axis; they stay on the body or move along it.
 
-    `faces` says where they are across each face, m: y on bottom and top, z on the sides, upwards on faces that are
-    slanted, from where a face is nearest to the axis.
+    `faces` gives the places of pads across each face in m: y on bottom and top, z on left and right.  On slanted faces
+    they count upwards, from the point of the face that is nearest to the axis.
     """
 
-    name: Name = Field(description="What its pads are called by")
-    at: Place = Field(default=0.0, description="Centre along the axis; of moving pads the distance ahead of s")
-    moving: Switch = Field(default=False, description="Whether they move along the body")
-    faces: Annotated[dict[Face, tuple[Place, ...]], Field(min_length=1)] = Field(description="Places across each face")
-    length: Length = Field(default=0.3, description="Along the axis")
-    width: Length = Field(default=0.08, description="Across")
-    stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Of each pad")
-    unilateral: Switch = Field(default=False, description="Whether they only push")
+    name: Name = Field(description="Name of the ring, with which the names of its pads begin")
+    at: Place = Field(
+        default=0.0,
+        description="Place of the pads' centre along the axis; of moving pads its distance ahead of s",
+    )
+    moving: Switch = Field(
+        default=False,
+        description="Whether the pads move along the body, as those at the mouth of the next section do",
+    )
+    faces: Annotated[dict[Face, tuple[Place, ...]], Field(min_length=1)] = Field(
+        description="Places of the pads across each face, by the face's name",
+    )
+    length: Length = Field(default=0.3, description="Length of a pad along the axis")
+    width: Length = Field(default=0.08, description="Width of a pad across the face")
+    stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
+    unilateral: Switch = Field(default=False, description="Whether pads only push, and lift off where they would pull")
     clearance: Distance | dict[Face, Distance] = Field(
-        default=0.0, description="Between pads that only push and the body at rest"
+        default=0.0, description="Gap between pads that only push and the undeformed body, of all faces or by face"
     )
 
     def clearance_on(self, face: Face) -> float:
@@ -233,45 +270,44 @@ def friction_of(section: str) -> str:
 class Load(Section):
     """A force in N (moment in N m) along a direction, spread over a named group or at a place along the axis."""
 
-    name: Name = Field(default="F", description="What the input is called")
+    name: Name = Field(default="F", description="Name of the load in results and exports")
     on: Name | Place = Field(default="tip", description="A named group, or a place along x in m")
-    direction: Direction = Field(default="z", description="Of the force, or the axis that a moment turns about")
+    direction: Direction = Field(default="z", description="Direction of the force, or axis of the moment")
     axes: Literal["body", "ground"] = Field(
         default="body",
-        description="Whose axes direction is one of; in a frame a force may act along the ground's: z upwards, x where "
-        "the boom points unslewed",
+        description="Axes in which `direction` is given: those of the boom, or in a frame those of the ground, z "
+        "upwards and x where the boom points unslewed",
     )
-    signal: Signal = Field(description="Over time, in N or N m")
+    signal: Signal = Field(description="Force in N or moment in N m over time")
 
 
 def _or_inclination(schema: dict[str, Any]) -> None:
     """An inclination may stand in the place of the direction."""
-    about = "How far the boom is raised, in place of the direction, which then is (-sin, 0, -cos) of it"
+    about = "Angle by which the boom is raised, in place of `direction`, which is then (-sin, 0, -cos) of it"
     degrees = {"type": "number", "minimum": -90.0, "maximum": 90.0, "unit": "degrees", "default": None}
     schema["properties"] |= {"inclination": degrees | {"description": about}}
     schema["not"] = {"required": ["inclination", "direction"]}
 
 
 class Gravity(Section):
-    """The weight of everything; it comes up smoothly within the first `rise` seconds, 0: it is there from the start.
+    """Weight of all parts; it rises smoothly from zero within the first `rise` seconds, or acts from the start (0).
 
-    What begins at rest has its weight come up within a second by default; what begins in equilibrium (`start`) has it
-    from the start.
-
-    Down is where `direction` points, whose length does not count, or what an `inclination` in degrees says of a boom
-    that is raised, with x along it: one of the two.  It is stored as a unit vector.
+    By default it rises within a second where the motion begins at rest, and acts from the start where it begins in
+    equilibrium (`start`).  Its direction is given by the vector `direction`, or by the `inclination` in degrees of a
+    raised boom; only one of the two is allowed.
     """
 
     model_config = ConfigDict(json_schema_extra=_or_inclination)
 
     acceleration: Annotated[float, Field(gt=0.0, strict=True), Quantity("m/s^2", 1e-9, 1e6)] = Field(
-        default=GRAVITY, description="Of free fall"
+        default=GRAVITY, description="Acceleration of free fall"
     )
     direction: Annotated[Vector, AfterValidator(unit_vector)] = Field(
-        default=(0.0, 0.0, -1.0), description="Where down is"
+        default=(0.0, 0.0, -1.0), description="Direction of the weight; its length does not count"
     )
     rise: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e9)] = Field(
-        default=1.0, description="Time in which it comes up; 0 by default where start is equilibrium"
+        default=1.0,
+        description="Time within which the weight rises smoothly from zero (by default 0 where `start` is equilibrium)",
     )
 
     @model_validator(mode="before")

@@ -30,24 +30,28 @@ INERTIA = "inertia "
 
 
 class GroundAcceleration(Section):
-    """An acceleration of the base that is recorded as such."""
+    """Recorded acceleration of the base."""
 
-    x: Signal | None = Field(default=None, description="Along X of the ground, in m/s^2")
-    y: Signal | None = Field(default=None, description="Along Y of the ground, in m/s^2")
-    z: Signal | None = Field(default=None, description="Upwards, in m/s^2")
+    x: Signal | None = Field(default=None, description="Acceleration along X of the ground, in m/s^2")
+    y: Signal | None = Field(default=None, description="Acceleration along Y of the ground, in m/s^2")
+    z: Signal | None = Field(default=None, description="Acceleration upwards, in m/s^2")
 
 
 class BaseMotion(Section):
-    """How the machine below the pivot moves: an earthquake, a truck on its way, a ship."""
+    """Motion of the machine below the pivot: an earthquake, a travelling truck, a ship."""
 
-    x: Signal | None = Field(default=None, description="Of the pivot along X of the ground, in m")
-    y: Signal | None = Field(default=None, description="Of the pivot along Y of the ground, in m")
-    z: Signal | None = Field(default=None, description="Of the pivot upwards, in m")
-    rx: Signal | None = Field(default=None, description="Angle over time about X of the base, roll, in frame.unit")
-    ry: Signal | None = Field(default=None, description="Angle over time about Y, pitch: the boom goes down")
-    rz: Signal | None = Field(default=None, description="Angle over time about Z, yaw")
+    x: Signal | None = Field(default=None, description="Displacement of the pivot along X of the ground, in m")
+    y: Signal | None = Field(default=None, description="Displacement of the pivot along Y of the ground, in m")
+    z: Signal | None = Field(default=None, description="Displacement of the pivot upwards, in m")
+    rx: Signal | None = Field(default=None, description="Roll angle of the base, about its X, in frame.unit")
+    ry: Signal | None = Field(
+        default=None,
+        description="Pitch angle of the base, about its Y, in frame.unit; positive lowers the boom",
+    )
+    rz: Signal | None = Field(default=None, description="Yaw angle of the base, about its Z, in frame.unit")
     acceleration: GroundAcceleration = Field(
-        default=GroundAcceleration(), description="Of the pivot, on top of what x, y and z say"
+        default=GroundAcceleration(),
+        description="Recorded acceleration of the pivot, added to the motion by x, y and z",
     )
 
     @model_validator(mode="after")
@@ -77,8 +81,8 @@ class LuffingCylinder(Section):
     :math:`\mathfrak M` of the boom about the pivot with the force :math:`\mathfrak M / (dL / d\varphi)`.
     """
 
-    foot: tuple[Place, Place] = Field(description="Hinge on the machine, along axes that slew but are not raised")
-    lug: tuple[Place, Place] = Field(description="Hinge on the boom, along axes of the boom")
+    foot: tuple[Place, Place] = Field(description="Hinge on the machine; it slews with the boom and does not luff")
+    lug: tuple[Place, Place] = Field(description="Hinge on the boom, in the axes of the boom")
 
     def raised(self, angle: ArrayLike) -> NDArray[np.float64]:
         """The lug at luffing angles (...) in rad, (..., 2) m along the axes of the foot."""
@@ -95,21 +99,21 @@ class LuffingCylinder(Section):
 
 
 class Frame(Section):
-    """A frame that turns about a pivot: every body moves in it, and gravity turns with it."""
+    """A frame that luffs and slews about a pivot: the whole boom moves with it, and gravity keeps pointing down."""
 
     pivot: Point | None = Field(
-        default=None, description="Where the tail of the base is from the pivot, along the axes of the boom"
+        default=None, description="Position of the base's tail relative to the pivot, in the axes of the boom"
     )
-    luffing: Signal | None = Field(default=None, description="Angle over time by which the boom is raised")
-    slewing: Signal | None = Field(default=None, description="Angle over time by which it is turned, upwards axis")
-    unit: Literal["rad", "degrees"] = Field(default="rad", description="Of all angles")
-    base: BaseMotion | None = Field(default=None, description="How the machine below the pivot moves itself")
+    luffing: Signal | None = Field(default=None, description="Luffing angle over time: how far the boom is raised")
+    slewing: Signal | None = Field(default=None, description="Slewing angle over time, about the upward vertical")
+    unit: Literal["rad", "degrees"] = Field(default="rad", description="Unit of all angles")
+    base: BaseMotion | None = Field(default=None, description="Motion of the machine below the pivot")
     cylinder: LuffingCylinder | None = Field(
-        default=None, description="What raises the boom: its force, length and power are computed"
+        default=None, description="Luffing cylinder, whose force, length and power are computed"
     )
     second_order: Switch | Literal["auto"] = Field(
         default=False,
-        description="Whether axial forces bend what is bent, and the small motion itself feels that the frame turns; "
+        description="Whether geometric stiffness of axial forces and gyroscopic and centrifugal terms are included; "
         "auto: where they come to more than 0.2 % of what buckles the boom",
     )
 

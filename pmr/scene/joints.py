@@ -30,29 +30,31 @@ SHEAR_STIFFNESS = 1e8
 
 
 class JointPads(Section):
-    """Pads around one end of a joint, between the inner section and the next outer one.
+    """A ring of pads at one end of a joint, between a section and the next outer one.
 
-    Without `faces` they are points on the axes of planar beams; ones that only push then stand above and below.
+    Without `faces`, on planar beams alone, a ring is a point on the axis; if it only pushes, there is one above and one
+    below.
     """
 
-    name: NameOrNone = Field(default="", description="Tells several rings at one end apart")
-    at: Distance = Field(description="Of their centre from the tail or the mouth that they sit at")
+    name: NameOrNone = Field(default="", description="Name of the ring, where one end has several")
+    at: Distance = Field(description="Distance of the pads' centre from the tail, or from the mouth")
     faces: dict[Face, tuple[Place, ...]] | None = Field(
-        default=None, description="Places across each face; none: points on planar beams"
+        default=None,
+        description="Places of the pads across each face, by its name; none: a point on the axis of planar beams",
     )
-    length: Size = Field(default=0.3, description="Along the axis")
-    width: Size = Field(default=0.08, description="Across")
-    stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Of each pad")
-    unilateral: Switch = Field(default=True, description="Whether they only push")
+    length: Size = Field(default=0.3, description="Length of a pad along the axis")
+    width: Size = Field(default=0.08, description="Width of a pad across the face")
+    stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
+    unilateral: Switch = Field(default=True, description="Whether pads only push, and lift off where they would pull")
     clearance: Distance | dict[Face, Distance] = Field(
-        default=0.0, description="Between pads that only push and the section at rest, of all faces or by face"
+        default=0.0, description="Gap between pads that only push and the undeformed section, of all faces or by face"
     )
     friction: Friction = Field(
         default=0.0,
-        description="Coulomb's coefficient along the boom: part of cylinder forces, moment on both sections",
+        description="Coulomb's coefficient of friction along the boom",
     )
     shear_stiffness: Stiffness = Field(
-        default=SHEAR_STIFFNESS, description="Of each pad along the boom, by which friction sticks until it slides"
+        default=SHEAR_STIFFNESS, description="Stiffness of each pad along the boom while it sticks"
     )
 
     @model_validator(mode="after")
@@ -74,45 +76,59 @@ class JointPads(Section):
 
 
 class Cylinder(Section):
-    """What drives a section along the boom: a hydraulic cylinder or a rope from its tail to that of the next one."""
+    """Hydraulic cylinder or rope from the section's tail to that of the next outer one; it holds the section."""
 
-    stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Along the axis")
+    stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Stiffness along the axis")
 
 
 class Rope(Section):
-    """A rope or chain that moves a section that follows another one: it gives way by EA/l, in all of its strands.
+    """Rope or chain that moves a section which `follows` another one; its stiffness is strands * EA / length.
 
-    From the head of the section before the one that this section slides in, over a sheave at the head of that one, to
-    the tail of this section.
+    For section k it is fixed at the head of section k-2, runs over a sheave at the head of section k-1 and ends at the
+    tail of section k.
     """
 
     EA: AxialStiffness = Field(
         description="Stiffness of one strand: Young's modulus of the rope times its metallic area"
     )
-    strands: Count = Field(default=1, description="Ropes or chains side by side")
+    strands: Count = Field(default=1, description="Number of parallel ropes or chains")
     length: Length | None = Field(
-        default=None, description="Of a strand under tension, by default from the heads and the tail"
+        default=None, description="Length of a strand under tension (by default from the geometry of the sections)"
     )
 
 
 class Joint(Section):
-    """How a section slides in the next outer one: by a signal of its extension or overlap, or as another one does."""
+    """Joint in which a section slides in the next outer one: by `extension`, `overlap`, or as it `follows` another."""
 
     extension: Signal | None = Field(
-        default=None, description="Of the section's tail ahead of the next outer one's, over time, in m"
+        default=None,
+        description="Distance of this section's tail ahead of the tail of the next outer section, over time, in m",
     )
-    overlap: Signal | None = Field(default=None, description="Length within the next outer one over time, in m")
-    follows: str | None = Field(default=None, description="A section on whose extension this one's depends")
+    overlap: Signal | None = Field(
+        default=None,
+        description="Length of this section inside the next outer one, over time, in m; in place of `extension`",
+    )
+    follows: str | None = Field(
+        default=None,
+        description="Name of a section that this one follows: extension = ratio * its extension + offset",
+    )
     ratio: Annotated[float, Field(strict=True), Quantity("1", -1e3, 1e3)] = Field(
-        default=1.0, description="Of this extension to that of the section it follows"
+        default=1.0, description="Ratio of this extension to that of the section it follows"
     )
-    offset: Place = Field(default=0.0, description="Of this extension where that of the section it follows is zero")
+    offset: Place = Field(default=0.0, description="This extension where that of the section it follows is zero")
     tail: tuple[JointPads, ...] = Field(min_length=1, description="Pads that travel with this section's tail")
     mouth: tuple[JointPads, ...] = Field(min_length=1, description="Pads at the mouth of the next outer section")
-    cylinder: Cylinder = Field(default=Cylinder(), description="What drives it along the boom")
-    rope: Rope | None = Field(default=None, description="The rope or chain of a section that follows: its stiffness")
+    cylinder: Cylinder = Field(
+        default=Cylinder(),
+        description="Cylinder that holds and drives the section along the boom",
+    )
+    rope: Rope | None = Field(
+        default=None,
+        description="Stiffness of the rope or chain of a section that follows another",
+    )
     rigid_overlap: Switch = Field(
-        default=False, description="Whether neither section bends from the first pads at the tail to those at the mouth"
+        default=False,
+        description="Whether both sections stay straight from the first pads at the tail to those at the mouth",
     )
 
     @model_validator(mode="after")

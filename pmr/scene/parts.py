@@ -21,15 +21,18 @@ FileName = Annotated[str, Field(pattern=r"^\w[\w -]*$", max_length=LONGEST_NAME)
 class OneBody(Section):
     """A body, x along it and z up, and what is on it."""
 
-    body: Body = Field(description="What slides")
-    mesh: MeshChoice = Field(default=MeshChoice(), description="How fine it is divided")
-    supports: tuple[Support, ...] = Field(default=(), description="What holds it to the ground, in one place")
-    pads: tuple[PadRing, ...] = Field(default=(), description="Pads between it and the ground")
-    slider: Slider | None = Field(default=None, description="The path of what slides along a body alone")
-    masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to it")
+    body: Body = Field(description="Shape, material and structural model of the section")
+    mesh: MeshChoice = Field(default=MeshChoice(), description="Mesh")
+    supports: tuple[Support, ...] = Field(
+        default=(),
+        description="Supports to the ground, which do not move along the section",
+    )
+    pads: tuple[PadRing, ...] = Field(default=(), description="Pads between the section and the ground")
+    slider: Slider | None = Field(default=None, description="Path along which a single body slides")
+    masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to the section")
     loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
     observe: asked.Observe = Field(default=asked.Observe(), description="Where motions are compared and drawn")
-    probes: tuple[Probe, ...] = Field(default=(), description="Where stress, strain or motion is followed")
+    probes: tuple[Probe, ...] = Field(default=(), description="Points at which stress, strain or motion is recorded")
     reduction: asked.Reduction = Field(default=asked.Reduction(), description="How the model is reduced")
 
     @property
@@ -69,7 +72,10 @@ class OneBody(Section):
 
 
 class Part(OneBody):
-    """A body of a scene; of a boom the first one is the base, all others have a joint."""
+    """A section of a boom; the first one is the base, all others have a joint."""
 
-    name: FileName = Field(description="What it is called")
-    joint: Joint | None = Field(default=None, description="How it slides in the section before it")
+    name: FileName = Field(description="Name of the section")
+    joint: Joint | None = Field(
+        default=None,
+        description="Joint in which the section slides in the one before it, the next outer one",
+    )

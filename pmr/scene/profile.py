@@ -38,17 +38,18 @@ NOTHING = 1e-9
 class BoxProfile(Section):
     """A closed profile of plates, by the dimensions of its mid-surface; width along y, height along z."""
 
-    width: Length = Field(description="Along y")
-    height: Length = Field(description="Along z")
+    width: Length = Field(description="Width along y")
+    height: Length = Field(description="Height along z")
     wall: Length | dict[WallName, Length] = Field(
-        description="Thickness of the walls, of all or by face: bottom and top have their slanted plates and rounded "
-        "corners with them, sides are left and right"
+        description="Thickness of the walls: one for all, or by face. `bottom` and `top` include their slanted plates "
+        "and rounded corners, `sides` are left and right, in m"
     )
     radius: Distance | dict[Half, Distance] = Field(
-        default=0.0, description="Radius of the corners, of all or of those at the bottom and at the top"
+        default=0.0, description="Radius of the corners: one for all, or by `bottom` and `top`, in m"
     )
     chamfer: Distance | Cut | dict[Half, Distance | Cut] = Field(
-        default=0.0, description="What is cut off the corners, all or by bottom and top: along y and z, or along each"
+        default=0.0,
+        description="Size of the chamfers, for all or by `bottom` and `top`: one number, or along y and z, in m",
     )
 
     @model_validator(mode="after")

@@ -32,19 +32,19 @@ OF_A_BODY = frozenset(OneBody.model_fields)
 class BodyFile(OneBody, Whole):
     """A body that slides, x along it and z up."""
 
-    slider: Slider = Field(description="The path of what slides")
+    slider: Slider = Field(description="Path along which the body slides")
 
 
 def _with_common(schema: dict[str, Any]) -> None:
     """What sections have in common is said once."""
-    about = "What every section takes over unless it says otherwise"
+    about = "Keys that every section has unless it has its own"
     schema["properties"]["section"] = {"type": "object", "description": about, "default": {}}
 
 
 class Scene(Listed):
-    """Sections from the base out, each of which slides in the one before it; a body alone is one of them.
+    """Sections from the base outwards, each of which slides in the one before it; a single body is one section.
 
-    What several have in common stands in the table `section`, which every one of `sections` extends.
+    Keys that several sections share are written once, in the table `section`.
     """
 
     model_config = ConfigDict(json_schema_extra=_with_common)

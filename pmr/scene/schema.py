@@ -14,7 +14,10 @@ from pmr.scene.scene import BodyFile, Scene
 Schema = dict[str, Any]
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
-EXTENDS = {"type": "string", "description": "A file whose keys this one overrides, relative to it, or a workflow"}
+EXTENDS = {
+    "type": "string",
+    "description": "File that this one changes: a path relative to it, or the name of one that comes with pmr",
+}
 #: Behind the name of a part that need not be complete.
 IN_PART = ", in part"
 

@@ -66,34 +66,39 @@ class Plate(Section):
 
 
 class PointMass(Section):
-    """A rigid body attached to a named group (or, on a beam, to a place along it).
+    """A rigid body attached to a named group, or on a beam to a place along it.
 
-    `average`: it follows the group's mean motion, which leaves the group free to deform; `rigid`: the group moves
-    as one with it.
+    With `coupling` `average` it follows the mean motion of the group, which may deform.  With `rigid` the group moves
+    with it as a rigid body.
     """
 
-    name: Name = Field(description="For messages")
-    on: Name = Field(description="A named group")
-    mass: Mass = Field(description="Of the body")
+    name: Name = Field(description="Name of the mass in messages")
+    on: Name = Field(description="Named group that carries the mass")
+    mass: Mass = Field(description="Mass of the body")
     inertia: tuple[Inertia, Inertia, Inertia] = Field(
-        default=(0.0, 0.0, 0.0), description="Moments about x, y, z through its own centre"
+        default=(0.0, 0.0, 0.0), description="Moments of inertia about x, y, z through its own centre"
     )
-    at: Point | None = Field(default=None, description="Its centre, by default the group's centroid")
-    coupling: Literal["average", "rigid"] = Field(default="average", description="How the group follows it")
+    at: Point | None = Field(default=None, description="Place of its centre (by default the group's centroid)")
+    coupling: Literal["average", "rigid"] = Field(
+        default="average",
+        description="Whether the group may deform (average) or moves rigidly with the mass (rigid)",
+    )
 
 
 class Probe(Section):
-    """What is followed at a point, where the model's point next to it counts, or on a group, whose mean counts.
+    """Quantities recorded at the model's point that is nearest to a given one, or as the mean over a group.
 
-    Probes are outputs of the full model and of the reduced one: signed, at every step, without a simulation more.
+    Probes are signed outputs at every step, of the full and of the reduced model; they need no further simulation.
     """
 
-    name: Name = Field(description="What its columns are called by")
+    name: Name = Field(description="Name of the probe, with which its columns begin")
     at: Point | None = Field(default=None, description="A point on the body, x along it, z up")
-    on: Name | None = Field(
-        default=None, description="A named group in place of a point: of stresses, a group of cells"
+    on: Name | None = Field(default=None, description="Named group in place of a point; for stresses a group of cells")
+    measures: tuple[Measured, ...] = Field(
+        default=("stress",),
+        min_length=1,
+        description="Quantities that are recorded there",
     )
-    measures: tuple[Measured, ...] = Field(default=("stress",), min_length=1, description="What is followed there")
     face: str = Field(
         default="",
         description="Face of a wall (outer, middle, inner) or corner of a beam's section (top left, ...); by default "
@@ -112,7 +117,7 @@ class Probe(Section):
 class Profile(Section):
     """A straight planar beam by its stiffnesses, along x from 0 to `length`."""
 
-    length: Length = Field(description="Along x")
+    length: Length = Field(description="Length along x")
     bending_stiffness: Annotated[float, Field(gt=0.0, strict=True), Quantity("N m^2", 1e-15, 1e25)] = Field(
         description="Bending stiffness E I"
     )
@@ -122,7 +127,7 @@ class Profile(Section):
     axial_stiffness: Annotated[float, Field(gt=0.0, strict=True), Quantity("N", 1e-9, 1e25)] | None = Field(
         default=None, description="Axial stiffness E A"
     )
-    axial: Switch = Field(default=False, description="Whether there are axial coordinates")
+    axial: Switch = Field(default=False, description="Whether the beam has axial coordinates")
 
     @model_validator(mode="after")
     def _axial_needs_stiffness(self) -> Profile:
@@ -149,9 +154,9 @@ class SolidBody(Section):
 
 
 class BeamSection(Section):
-    """Properties of a cross-section about its centroid; z points up in the section, y across.
+    """Properties of a cross-section about its centroid, with y across and z up.
 
-    Places in the section are those beside the axis, on which supports, loads and pads have their places.
+    Centroid and shear centre are measured from the axis of the beam, on which supports, loads and pads act.
     """
 
     area: Area = Field(description="Area A")
@@ -161,7 +166,7 @@ class BeamSection(Section):
     shear_area_y: Area | None = Field(default=None, description="Shear area kappa A for forces along y")
     shear_area_z: Area | None = Field(default=None, description="Shear area kappa A for forces along z")
     product_of_inertia: Annotated[float, Field(strict=True), Quantity("m^4", -1e20, 1e20)] = Field(
-        default=0.0, description="Integral of y z over the section, zero where one of its axes is one of symmetry"
+        default=0.0, description="Product of inertia, the integral of y z; zero where y or z is an axis of symmetry"
     )
     centroid: tuple[Place, Place] = Field(default=(0.0, 0.0), description="y and z of the centroid")
     shear_centre: tuple[Place, Place] = Field(default=(0.0, 0.0), description="y and z of the shear centre")
@@ -175,7 +180,7 @@ class BeamSection(Section):
 class Beam3DBody(Section):
     """A straight beam in space, along x; `shear` adds shear deformation and rotary inertia."""
 
-    length: Length = Field(description="Along x")
+    length: Length = Field(description="Length along x")
     section: BeamSection | None = Field(default=None, description="By its properties")
     profile: BoxProfile | None = Field(default=None, description="By its dimensions")
     material: Material = Field(default=Material(), description="Of the beam")

@@ -16,36 +16,39 @@ from pmr.scene.section import Section, Text
 class Whole(Section):
     """What is asked of all bodies together."""
 
-    title: Text = Field(description="For reports")
+    title: Text = Field(description="Title of the report")
     gravity: Gravity | None = Field(
         default=None,
-        description="The weight of everything.  Without this table a body alone has no weight, and sections that slide "
-        "in one another have theirs, which presses them on their pads",
+        description="Weight of all parts.  Without this table a single body has no weight, and several sections have "
+        "theirs, which presses them on their pads",
     )
     frame: Frame | None = Field(
-        default=None, description="A frame that luffs and slews, in which all bodies move and gravity turns"
+        default=None, description="Luffing and slewing of the whole boom, and motion of its base"
     )
     start: Literal["rest", "equilibrium"] = Field(
         default="rest",
-        description="How motions begin: undeformed and at rest, or in equilibrium under the loads at t = 0.  Rest is "
-        "the default of a body alone, equilibrium that of sections that slide in one another: loose in their pads they "
-        "would begin with a fall",
+        description="Initial state: undeformed and at rest, or in equilibrium under the loads at t = 0.  A single body "
+        "begins at rest by default, several sections in equilibrium: loose in their pads they would begin with a fall",
     )
-    damping: asked.Damping = Field(default=asked.Damping(), description="Of the material")
+    damping: asked.Damping = Field(default=asked.Damping(), description="Damping of the structure")
     time: asked.TimeChoice = Field(description="Simulated time and its steps")
-    recovery: asked.Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
-    fatigue: asked.Fatigue | None = Field(default=None, description="Damage by load cycles at probes of stress")
-    simulation: asked.Simulation = Field(default=asked.Simulation(), description="Who simulates")
+    recovery: asked.Recovery | None = Field(
+        default=None, description="Fields of displacement and stress on the whole mesh"
+    )
+    fatigue: asked.Fatigue | None = Field(default=None, description="Fatigue damage at probes that measure stress")
+    simulation: asked.Simulation = Field(default=asked.Simulation(), description="Programs that simulate the models")
     compare: asked.Compare = Field(default=asked.Compare(), description="What the reduced model is compared with")
     accuracy: asked.Accuracy | None = Field(
-        default=None, description="An allowed error, in place of coordinates and step"
+        default=None, description="Allowed error, in place of a number of coordinates and a step"
     )
-    budget: asked.Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
+    budget: asked.Budget | None = Field(
+        default=None, description="Allowed cost of the model, in place of an allowed error"
+    )
     published: asked.Published | None = Field(default=None, description="Figures from a publication")
     free_motions: Literal["refused", "allowed"] = Field(
         default="refused",
-        description="Motions of the whole or a section that no support, pad or cylinder resists somewhere on the way: "
-        "loads move it along them without limit; pads that only push count as holding",
+        description="Whether rigid-body motions are allowed that no support, pad or cylinder resists somewhere on the "
+        "path; a load along such a motion moves the boom without limit.  Pads that only push count as resisting",
     )
 
     @model_validator(mode="before")

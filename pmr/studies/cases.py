@@ -20,8 +20,8 @@ class _Table(BaseModel):
 class Exposed(_Table):
     """What wind blows on."""
 
-    load: str = Field(description="Load of the scene that acts where the wind does, and along it")
-    area: Annotated[float, Field(gt=0.0)] = Field(description="m^2, across the wind")
+    load: str = Field(description="Name of a load of the scene that acts where the wind does, and along it")
+    area: Annotated[float, Field(gt=0.0)] = Field(description="Area across the wind, m^2")
     shape: float = Field(description="Shape factor; negative where the load of the scene points against the wind")
 
 
@@ -29,8 +29,8 @@ class Wind(_Table):
     r"""A wind that blows steadily: :math:`F = q A c`, :math:`q = \rho v^2 / 2`."""
 
     speed: Annotated[float, Field(gt=0.0)] = Field(description="m/s")
-    density: Annotated[float, Field(gt=0.0)] = Field(default=1.25, description="Of the air, kg/m^3")
-    on: Annotated[tuple[Exposed, ...], Field(min_length=1)] = Field(description="What it blows on")
+    density: Annotated[float, Field(gt=0.0)] = Field(default=1.25, description="Density of the air, kg/m^3")
+    on: Annotated[tuple[Exposed, ...], Field(min_length=1)] = Field(description="Areas that the wind acts on")
 
     @property
     def pressure(self) -> float:
@@ -50,15 +50,15 @@ class LoadCase(_Table):
     """What acts at once, and by which factor; every factor is the user's own."""
 
     name: str = Field(description="What it is called")
-    standard: str = Field(default="", description="Where its factors are from, as the report says it")
-    weight: Annotated[float, Field(ge=0.0)] = Field(default=1.0, description="Factor of all weights")
+    standard: str = Field(default="", description="Source of the factors, for the report")
+    weight: Annotated[float, Field(ge=0.0)] = Field(default=1.0, description="Factor on all weights")
     load: Annotated[float, Field(ge=0.0)] = Field(
-        default=1.0, description="Factor of the load that is looked for; 0 out of service, where nothing hangs"
+        default=1.0, description="Factor on the load that is looked for; 0 out of service, without a load"
     )
     hoisting_class: str | None = Field(
-        default=None, description="One of `classes`, whose factor multiplies that of the load"
+        default=None, description="One of `classes`, whose factor multiplies the load too"
     )
-    hoisting_speed: Annotated[float, Field(gt=0.0)] | None = Field(default=None, description="Of the hook, m/s")
+    hoisting_speed: Annotated[float, Field(gt=0.0)] | None = Field(default=None, description="Speed of the hook, m/s")
     loads: dict[str, float] = Field(
         default={}, description="Loads of the scene by name, in N or N m; those that are not named do not act"
     )

@@ -29,8 +29,10 @@ class Collection(BaseModel):
 
     kind: Literal["collection"] = Field(description="Several studies in one call")
     title: str = Field(description="For reports")
-    files: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="Their files")
-    change: dict[str, dict[str, Any]] = Field(default={}, description="Keys to change in one, by its name")
+    files: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="Files of the studies")
+    change: dict[str, dict[str, Any]] = Field(
+        default={}, description="Keys to change in a study, by the name of its file"
+    )
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ class Limit(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    name: str = Field(min_length=1, description="What its column is called")
+    name: str = Field(min_length=1, description="Name of the limit, and of its column")
     of: Literal[
         "stress",
         "pad",
@@ -79,7 +79,7 @@ class Limit(BaseModel):
         "function",
         "expression",
         "field",
-    ] = Field(description="What is limited")
+    ] = Field(description="Quantity that is limited")
     function: str | None = Field(
         default=None, description="Name of a function that an installed package offers as an entry point `pmr.limits`"
     )
@@ -89,22 +89,22 @@ class Limit(BaseModel):
     )
     most: Positive | None = Field(
         default=None,
-        description="Largest amount: von Mises stress in Pa, force in N, deflection in m, or what is made of them",
+        description="Largest allowed value: stress in Pa, force in N, deflection in m, or of expression or function",
     )
-    least: Positive | None = Field(default=None, description="Smallest amount: buckling factor, frequency in Hz")
-    factor: Positive = Field(default=1.0, description="Of safety, of the user's own choice")
+    least: Positive | None = Field(default=None, description="Smallest allowed value: buckling factor, frequency in Hz")
+    factor: Positive = Field(default=1.0, description="Safety factor, of your own choice")
     which: tuple[str, ...] = Field(
         default=("*",),
         description="Names of probes, pads, supports, sections or their regions, with * for any text; by default all",
     )
     area: tuple[Positive, Positive] | None = Field(
-        default=None, description="Length and width of a pad, m: then `most` is a pressure in Pa"
+        default=None, description="Length and width of a pad, m; with it `most` is a pressure in Pa"
     )
     polygon: tuple[tuple[float, float], ...] = Field(
-        default=(), description="Corners X, Y between which the machine stands, from the pivot, m: its tipping lines"
+        default=(), description="Corners X, Y of the support polygon from the pivot, m; its edges are the tipping lines"
     )
-    height: float = Field(default=0.0, description="Of the pivot above these, m")
-    machine: tuple[Mass, ...] = Field(default=(), description="Masses of the machine that keep it standing")
+    height: float = Field(default=0.0, description="Height of the pivot above these corners, m")
+    machine: tuple[Mass, ...] = Field(default=(), description="Masses of the machine below the boom")
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

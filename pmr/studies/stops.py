@@ -22,11 +22,13 @@ class Stop(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    of: Literal["luffing", "slewing"] = Field(description="What turns before")
-    speed: Annotated[float, Field(gt=0.0)] = Field(description="Before, in the scene's unit of angles a second")
-    within: Annotated[float, Field(gt=0.0)] = Field(description="How long it takes to stop, s")
+    of: Literal["luffing", "slewing"] = Field(description="Motion that is stopped")
+    speed: Annotated[float, Field(gt=0.0)] = Field(
+        description="Speed before the stop, in the scene's unit of angles per second"
+    )
+    within: Annotated[float, Field(gt=0.0)] = Field(description="Duration of the stop, s")
     class_factor: Annotated[float, Field(ge=1.0)] | None = Field(
-        default=None, description="What a standard takes for the factor of the drive's forces, to put it beside"
+        default=None, description="Factor on the drive's forces that a standard gives, for comparison"
     )
 
 

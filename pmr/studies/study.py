@@ -44,11 +44,11 @@ class StudyBase(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    kind: str = Field(description="What is varied, and how")
+    kind: str = Field(description="Kind of study")
     title: str = Field(description="For reports")
-    source: str = Field(default="", description="Publication whose statements stand below")
-    published: tuple[Statement, ...] = Field(default=(), description="What is published of figures found here")
-    remarks: tuple[str, ...] = Field(default=(), description="What explains the results, for the report")
+    source: str = Field(default="", description="Publication with which the study is compared")
+    published: tuple[Statement, ...] = Field(default=(), description="Published values of figures of this study")
+    remarks: tuple[str, ...] = Field(default=(), description="Remarks on the results, for the report")
 
     @abstractmethod
     def plan(self) -> Plan:

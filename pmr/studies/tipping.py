@@ -29,10 +29,10 @@ class Mass(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    name: str = Field(description="For people")
+    name: str = Field(description="Name of the mass, for the report")
     mass: float = Field(gt=0.0, description="kg")
     at: tuple[float, float, float] = Field(
-        description="Its centre from the pivot, m: X where the boom points unslewed, Y to its left, Z up"
+        description="Position of its centre from the pivot, m: X where the boom points unslewed, Y to its left, Z up"
     )
     slews: bool = Field(default=False, description="Whether it turns with the boom, as a counterweight does")
 

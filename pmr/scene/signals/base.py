@@ -95,9 +95,9 @@ class Step(SignalBase):
     """``before`` until ``time`` (exclusive), ``after`` from then on."""
 
     kind: Literal["step"] = Field(default="step", description="A step")
-    time: Seconds = Field(description="When it steps")
-    before: Real = Field(default=0.0, description="Value until then")
-    after: Real = Field(description="Value from then on")
+    time: Seconds = Field(description="Time of the step")
+    before: Real = Field(default=0.0, description="Value before that time")
+    after: Real = Field(description="Value from that time on")
 
     def value(self, t: ArrayLike) -> Array:
         return np.where(np.asarray(t, dtype=float) < self.time, self.before, self.after)
@@ -117,7 +117,7 @@ class Sine(SignalBase):
     """offset + amplitude sin(2 pi frequency t + phase); frequency in Hz, phase in rad."""
 
     kind: Literal["sine"] = Field(default="sine", description="An oscillation of one frequency")
-    amplitude: Real = Field(description="Half of the way from least to largest")
+    amplitude: Real = Field(description="Amplitude, half the distance from the smallest to the largest value")
     frequency: Hertz = Field(ge=0.0, description="Its frequency")
     phase: Radians = Field(default=0.0, description="Angle at t = 0")
     offset: Real = Field(default=0.0, description="Mean value")
@@ -150,9 +150,9 @@ class Chirp(SignalBase):
     """
 
     kind: Literal["chirp"] = Field(default="chirp", description="An oscillation whose frequency changes")
-    amplitude: Real = Field(description="Half of the way from least to largest")
+    amplitude: Real = Field(description="Amplitude, half the distance from the smallest to the largest value")
     times: tuple[Seconds, ...] = Field(min_length=2, description="Increasing times")
-    frequencies: tuple[Hertz, ...] = Field(min_length=2, description="At these times, in straight lines between them")
+    frequencies: tuple[Hertz, ...] = Field(min_length=2, description="Frequencies at these times, linear in between")
     phase: Radians = Field(default=0.0, description="Angle at the first time")
 
     @model_validator(mode="after")

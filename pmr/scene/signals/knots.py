@@ -106,7 +106,10 @@ class SmoothRamp(_Knots):
     """
 
     kind: Literal["smooth_ramp"] = Field(default="smooth_ramp", description="Smooth transitions between values")
-    degree: Literal[5, 9] = Field(default=5, description="Of the polynomials; 9 is smoother, and faster in between")
+    degree: Literal[5, 9] = Field(
+        default=5,
+        description="Degree of the polynomials: 9 has smoother ends and a higher speed in between",
+    )
 
     def _transition(self, t: ArrayLike, derivative: int) -> Array:
         """Of the transition at t, per s to the power of the `derivative`; 0 outside the knots but for the value."""

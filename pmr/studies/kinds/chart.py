@@ -38,11 +38,11 @@ class _Table(BaseModel):
 class Range(_Table):
     """Evenly spaced values."""
 
-    least: float = Field(description="The first one, m or the unit of the scene's angles")
-    most: float = Field(description="The last one")
+    least: float = Field(description="First value, in m or the unit of the scene's angles")
+    most: float = Field(description="Last value")
     count: Annotated[Count, Field(le=1000)] = Field(description="How many")
     order: Literal["together", "in turn"] = Field(
-        default="together", description="Of extensions: whether all sections telescope at once or one after the other"
+        default="together", description="Whether all sections telescope at once or one after the other"
     )
 
     @model_validator(mode="after")
@@ -59,9 +59,13 @@ class Range(_Table):
 class Hoist(_Table):
     """How a load is hoisted off the ground: the factor that this makes of its weight is computed at each point."""
 
-    speed: Annotated[float, Field(gt=0.0)] = Field(description="Of the hook, steady, m/s")
-    rope_stiffness: Annotated[float, Field(gt=0.0)] = Field(description="Of all falls of the rope together, N/m")
-    hoisting_class: str | None = Field(default=None, description="One of `classes`, to put its factor beside")
+    speed: Annotated[float, Field(gt=0.0)] = Field(description="Steady speed of the hook, m/s")
+    rope_stiffness: Annotated[float, Field(gt=0.0)] = Field(
+        description="Stiffness of all falls of the rope together, N/m"
+    )
+    hoisting_class: str | None = Field(
+        default=None, description="One of `classes`, whose factor is shown for comparison"
+    )
 
 
 class Study(StudyBase):
@@ -73,24 +77,32 @@ class Study(StudyBase):
     service ``stands.<name>``, points at which no limit is passed.
     """
 
-    kind: Literal["chart"] = Field(description="What is varied, and how")
+    kind: Literal["chart"] = Field(description="Kind of study")
     scene: Path = Field(description="The scene, which has a frame that luffs")
     change: dict[str, Any] = Field(default={}, description="Keys of the scene to change")
-    up_to: Annotated[float, Field(gt=0.0)] = Field(description="The largest load that is looked for, kg")
+    up_to: Annotated[float, Field(gt=0.0)] = Field(description="Largest load that is looked for, kg")
     extensions: Range | tuple[float | dict[str, float], ...] = Field(
-        default=(), description="Of all sections alike, m, or of each by its name; none of a body alone"
+        default=(), description="Extensions in m: the same for all sections, or by name; none for a single body"
     )
-    luffing: Range | tuple[float, ...] = Field(description="Angles by which it is raised, in the scene's unit")
+    luffing: Range | tuple[float, ...] = Field(description="Luffing angles, in the scene's unit")
     slewing: tuple[float, ...] = Field(
-        default=(0.0,), min_length=1, description="Angles by which it is turned; the least load of all counts"
+        default=(0.0,),
+        min_length=1,
+        description="Slewing angles, in the scene's unit; the smallest load over all of them counts",
     )
-    limits: tuple[Limit, ...] = Field(default=(), description="What may not be passed, beside stability")
-    cases: tuple[LoadCase, ...] = Field(default=(LoadCase(name="rest"),), min_length=1, description="What acts at once")
+    limits: tuple[Limit, ...] = Field(default=(), description="Limits in addition to stability")
+    cases: tuple[LoadCase, ...] = Field(
+        default=(LoadCase(name="rest"),),
+        min_length=1,
+        description="Load cases: which loads act together, with which factors",
+    )
     classes: dict[str, tuple[float, float]] = Field(
         default=CLASSES, description="Hoisting classes: phi2,min and beta2 in s/m; by default of EN 13001-2, drives HD1"
     )
     hoist: Hoist | None = Field(default=None, description="How the load is hoisted off the ground")
-    stops: tuple[Stop, ...] = Field(default=(), description="How it stops turning, looked at where limits govern")
+    stops: tuple[Stop, ...] = Field(
+        default=(), description="Stops of luffing or slewing, simulated at the points that limits govern"
+    )
     error_bars: bool = Field(default=True, description="Whether the error of the reduction is estimated at each point")
 
     @model_validator(mode="after")

@@ -37,12 +37,12 @@ class Study(StudyBase):
     error is below the maximum, ``.beam`` and ``.strain`` errors with all coordinates; for each combination ``.kappa``.
     """
 
-    kind: Literal["combinations"] = Field(description="What is varied, and how")
-    scene: Path = Field(description="The scene")
+    kind: Literal["combinations"] = Field(description="Kind of study")
+    scene: Path = Field(description="Scene that is computed")
     combinations: Annotated[tuple[tuple[Count, Count], ...], Field(min_length=1)] = Field(
         description="Numbers of snapshots and of modes at each"
     )
-    fewest: Count = Field(default=3, description="Coordinates to begin with")
+    fewest: Count = Field(default=3, description="Smallest number of coordinates")
 
     def plan(self) -> Plan:
         scene = subjects.either(self.scene)

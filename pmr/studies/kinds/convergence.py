@@ -35,8 +35,8 @@ class Study(StudyBase):
     ``least.<approach>``, the smallest of all.
     """
 
-    kind: Literal["convergence"] = Field(description="What is varied, and how")
-    scene: Path = Field(description="The scene")
+    kind: Literal["convergence"] = Field(description="Kind of study")
+    scene: Path = Field(description="Scene that is computed")
     full: Annotated[tuple[Count, ...], Field(min_length=2)] = Field(description="Numbers of elements of the full beam")
     ancf: tuple[Count, ...] = Field(default=(), description="Numbers of elements of the ANCF cable, of one beam alone")
 

@@ -35,16 +35,20 @@ class Study(StudyBase):
     and ``singular`` ones.
     """
 
-    kind: Literal["error_map"] = Field(description="What is varied, and how")
-    scene: Path = Field(description="The scene")
-    most_snapshots: Annotated[Count, Field(le=MOST)] = Field(default=30, description="Most slider positions")
-    most_modes: Annotated[Count, Field(le=MOST)] = Field(default=16, description="Most modes at each")
-    smallest_pool: Count = Field(default=3, description="Fewest snapshots in all")
-    largest_pool: Count = Field(default=120, description="Most snapshots in all")
+    kind: Literal["error_map"] = Field(description="Kind of study")
+    scene: Path = Field(description="Scene that is computed")
+    most_snapshots: Annotated[Count, Field(le=MOST)] = Field(
+        default=30, description="Largest number of slider positions"
+    )
+    most_modes: Annotated[Count, Field(le=MOST)] = Field(
+        default=16, description="Largest number of modes at each position"
+    )
+    smallest_pool: Count = Field(default=3, description="Smallest number of snapshots in all")
+    largest_pool: Count = Field(default=120, description="Largest number of snapshots in all")
     budget: Count = Field(default=20, description="Most coordinates")
     averaged: Count = Field(default=5, description="Numbers of coordinates whose errors are averaged")
-    fewest: Count = Field(default=3, description="Fewest coordinates")
-    marked: Count = Field(default=15, description="How many of the best are named")
+    fewest: Count = Field(default=3, description="Smallest number of coordinates")
+    marked: Count = Field(default=15, description="Number of best combinations that are named")
     curve: Count | None = Field(default=None, description="Pool size for which a curve is drawn")
 
     def plan(self) -> Plan:

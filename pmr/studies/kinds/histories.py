@@ -40,8 +40,8 @@ class Study(StudyBase):
     the scenes say is published needs no repetition here.  A boom stands beside its full sections alone.
     """
 
-    kind: Literal["histories"] = Field(description="What is varied, and how")
-    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="The scenes")
+    kind: Literal["histories"] = Field(description="Kind of study")
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="Scenes that are computed")
 
     def plan(self) -> Plan:
         runs, common = [], dict[str, Task]()

@@ -47,8 +47,8 @@ class Study(StudyBase):
     the true error, over all scenes and models with residual flexibility whose error is above `round_off`.
     """
 
-    kind: Literal["residual"] = Field(description="What is varied, and how")
-    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="The scenes")
+    kind: Literal["residual"] = Field(description="Kind of study")
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="Scenes that are computed")
     coordinates: Annotated[tuple[Count, ...], Field(min_length=1)] = Field(
         default=(4, 5, 6, 8, 10, 12, 16, 20), description="Numbers of coordinates"
     )

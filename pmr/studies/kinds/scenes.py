@@ -28,7 +28,7 @@ class Case(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    name: Annotated[str, Field(pattern=f"^{KEY.pattern}$")] = Field(description="What its runs are called by")
+    name: Annotated[str, Field(pattern=f"^{KEY.pattern}$")] = Field(description="Name of the case in tables")
     change: dict[str, Any] = Field(default={}, description="Keys of the scenes, and their values")
 
 
@@ -38,10 +38,10 @@ class Study(StudyBase):
     A list in `grid` is what its key takes one after the other: ``[grid] reduction.coordinates = [10, 14, 20]``.
     """
 
-    kind: Literal["scenes"] = Field(description="What is varied, and how")
-    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="The scenes")
+    kind: Literal["scenes"] = Field(description="Kind of study")
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="Scenes that are computed")
     change: dict[str, Any] = Field(default={}, description="Keys of the scenes to change in all runs")
-    cases: tuple[Case, ...] = Field(default=(), description="Named changes, each of which is tried")
+    cases: tuple[Case, ...] = Field(default=(), description="Named changes, each of which is run")
     grid: dict[str, Any] = Field(default={}, description="Keys of the scenes and the values that each takes in turn")
 
     def plan(self) -> Plan:

@@ -99,12 +99,12 @@ class Study(StudyBase):
     behind the approach and ``full_over_reduced.<r>``, ``exudyn_over_march.<r>``; ``span``, the longest time span, in s.
     """
 
-    kind: Literal["speed"] = Field(description="What is varied, and how")
-    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="The scenes")
-    repeats: Count = Field(default=5, description="Of each simulation; the median counts")
+    kind: Literal["speed"] = Field(description="Kind of study")
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="Scenes that are computed")
+    repeats: Count = Field(default=5, description="Repetitions of each simulation; the median time is reported")
     share: dict[str, Share] = Field(default={}, description="Part of the time span that is simulated, by approach")
     coordinates: Annotated[tuple[Count, ...], Field(min_length=1)] = Field(
-        default=(2, 4, 8), description="Of booms: numbers of elastic modes of each section"
+        default=(2, 4, 8), description="Numbers of elastic modes of each section of a boom"
     )
 
     def plan(self) -> Plan:
