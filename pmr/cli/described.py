@@ -156,7 +156,8 @@ def _size(body: scenes.Body) -> str:
     if box is None:
         return "from a file"
     walls = ", ".join(f"{name} {wall:g} m".strip() for name, wall in box.walls.items())
-    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {walls}"
+    doublers = "".join(f", doubler {one.thickness:g} m from {one.start:g} to {one.end:g} m" for one in box.doublers)
+    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {walls}{doublers}"
 
 
 def _describe_reduction(reduction: scenes.Reduction) -> str:

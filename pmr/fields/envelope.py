@@ -57,10 +57,11 @@ def force_rows(x: Array, strains: Array, stiffness: dict[str, Array], coordinate
         Where the ends are.
     strains : (E, 2, v, d) array
         Of both ends, on the coordinates (E, d), which are numbers below `size`.
-    stiffness : dict of str to (v,) array
-        The normal force and moments of unit strains; shear forces follow.
+    stiffness : dict of str to (v,) or (E, v) array
+        The normal force and moments of unit strains, of all elements or of each; shear forces follow.
     """
-    forces = {name: strains.transpose(0, 1, 3, 2) @ unit for name, unit in stiffness.items()}
+    each = (len(strains), strains.shape[2])
+    forces = {name: np.einsum("eavd,ev->ead", strains, np.broadcast_to(unit, each)) for name, unit in stiffness.items()}
     for name, (moment, sign) in SHEAR.items():
         if moment in forces:
             slope = sign * (forces[moment][:, 1] - forces[moment][:, 0]) / np.diff(x)

@@ -26,7 +26,8 @@ from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
 from pmr.models.profile_section import section_of
-from pmr.scene.built import Box, OwnModel, PadRing
+from pmr.scene.box import Box
+from pmr.scene.built import OwnModel, PadRing
 from pmr.scene.choice import (
     acting,
     directions,
@@ -173,20 +174,19 @@ def _planar_profile(box: Box, material: Material) -> Profile:
 
 
 def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
-    from pmr.models.beam3d import Beam3D
+    from pmr.models.beam3d import Beam3D, beam_of
 
-    box, body = _box(member), member.part.body
+    box, body, elements = _box(member), member.part.body, member.part.mesh.elements
     profile = None if body.section else box
-    return Beam3D(
-        Beam3DBody(
-            length=box.length,
-            section=body.section,
-            profile=profile,
-            material=body.material,
-            shear=body.shear,
-            elements=member.part.mesh.elements,
-        )
+    beam = Beam3DBody(
+        length=box.length,
+        section=body.section,
+        profile=profile,
+        material=body.material,
+        shear=body.shear,
+        elements=elements,
     )
+    return beam_of(beam, box) if profile else Beam3D(beam)
 
 
 def _meshed(member: Member, comm: MPI.Comm) -> StructuralModel:
@@ -236,13 +236,14 @@ def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callabl
 def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
     if member.part.mesh.file is not None:
         return read_mesh(member.part.mesh.file, kinds)
+    from pmr.models.shell import drawn
+
     box, mesh = _box(member), member.part.mesh
     try:
-        fineness = mesh.size, mesh.along or 0.0, mesh.tail_layer
-        drawn = BoxBoom(box.sides, box.length, *fineness, box.frames, box.frame_depth)
+        boom = drawn(box, mesh.size, mesh.along or 0.0, mesh.tail_layer)
         with TemporaryDirectory() as folder:
             file = Path(folder, "boom.msh")
-            write(drawn, file)
+            write(boom, file)
             try:
                 return read_mesh(file, kinds)
             except InputError as error:  # of a file that nobody has ever seen

@@ -32,10 +32,11 @@ from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.mesh.named import read_mesh
 from pmr.models import DIRECTIONS, StructuralModel
-from pmr.models.beam3d import Beam3D
-from pmr.models.shell import Shell, plates
-from pmr.scene.profile import BoxProfile
-from pmr.scene.structures import Beam3DBody, Material, PointMass, ShellBody
+from pmr.models.beam3d import beam_of
+from pmr.models.shell import Shell, of
+from pmr.scene import Body
+from pmr.scene.box import Box
+from pmr.scene.structures import Beam3DBody, Material, PointMass
 
 Array = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ class PlateBody:
     """A box as a shell with its cells, and what keeps its ends in shape."""
 
     box: BoxBoom
-    profile: BoxProfile = field(compare=False)  # whose sides the drawing has
+    profile: Box = field(compare=False)  # whose sides the drawing has
     material: Material
     shear_correction: float
     clamps: tuple[Clamp, ...] = ()
@@ -88,8 +89,8 @@ def wall_compliance(
     """
     box = body.box
     line = Beam3DBody(length=box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS)
-    sigma = (HELD * Beam3D(line).reference_frequency) ** 2
-    shell, beam = _Pressed(_shell(body), body, sigma), _Pressed(Beam3D(line), body, sigma)
+    sigma = (HELD * beam_of(line, body.profile).reference_frequency) ** 2
+    shell, beam = _Pressed(_shell(body), body, sigma), _Pressed(beam_of(line, body.profile), body, sigma)
     fixed = [one.rows(standing, ends) for one in (shell, beam)]
     C = shell.answers(fixed[0], fixed[0]) - beam.answers(fixed[1], fixed[1])
     found = []
@@ -167,5 +168,4 @@ def _shell(body: PlateBody) -> Shell:
     with TemporaryDirectory() as folder:
         write_shell(body.box, Path(folder, "walls.msh"))
         mesh = read_mesh(Path(folder, "walls.msh"), ("triangle",))
-    plate, regions = plates(body.profile, body.material)
-    return Shell(ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction), mesh)
+    return of(Body(box=body.profile, material=body.material, shear_correction=body.shear_correction), mesh)

@@ -12,7 +12,7 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.structure import Clamp
 from pmr.fullmodel.walls import Sliding, Standing, Walls
-from pmr.scene.built import Box
+from pmr.scene.box import Box
 from pmr.scene.choice import directions
 from pmr.scene.members import Member
 from pmr.scene.parts import Part
@@ -30,7 +30,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     Raises an `InputError` if a pad leaves its face, or the box can't be drawn with these cells.
     """
     from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance  # needs FEniCSx
-    from pmr.mesh.box import BoxBoom
+    from pmr.models.shell import drawn
 
     part = member.part
     box, mesh, body = part.body.box, part.mesh, part.body
@@ -38,7 +38,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     staying, sliding = _by_their_way(member, pads)
     masses = tuple(one for one in part.masses if one.coupling == "rigid")
     plates = PlateBody(
-        BoxBoom(box.sides, box.length, mesh.size, mesh.along or 0.0),
+        drawn(box, mesh.size, mesh.along or 0.0),
         box,
         body.material,
         body.shear_correction,

@@ -59,6 +59,15 @@ class Side(Protocol):
 
 
 @dataclass(frozen=True)
+class Part:
+    """From one place along x to another one, m: layers of cells end there."""
+
+    start: float
+    end: float
+    sides: tuple[Side, ...]
+
+
+@dataclass(frozen=True)
 class BoxBoom:
     """A profile along x, and cells, in m; layers may be finer at a clamped tail, where stresses are singular."""
 
@@ -70,6 +79,7 @@ class BoxBoom:
     tail_layer: float = 0.0
     frames: tuple[float, ...] = ()  # where along x a shell is stiffened by a transverse plate all around
     frame_depth: float = 0.0  # of these plates
+    parts: tuple[Part, ...] = ()  # by default one, all along
 
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
@@ -78,12 +88,14 @@ class BoxBoom:
             "size": 0.0 < self.size <= self.length,
             "size_along": 0.0 <= self.size_along <= self.length,
             "tail_layer": self.tail_layer == 0.0 or thinnest <= self.tail_layer <= self.layer,
-            "frames": bool(np.all(np.diff([0.0, *self.frames, self.length]) >= thinnest)),
+            "frames": bool(np.all(np.diff([0.0, *self.frames, self.length]) >= thinnest))
+            and bool(np.all(np.diff(self.stations) >= thinnest)),
             "frame_depth": not self.frames or THINNEST * self.size <= self.frame_depth < self._room,
         }
         words = {
             "size": "more than 0 and up to the length",
-            "frames": "ascending places between tail and tip, at least a ten-thousandth of a cell apart,",
+            "frames": "ascending places between tail and tip, at least a ten-thousandth of a cell from each other and "
+            "from where a doubler ends,",
             "size_along": "0, or up to the length",
             "tail_layer": "0, or from a ten-thousandth up to all of the other layers",
             "frame_depth": "more than a ten-thousandth of a cell and less than the corners' radius, or half the width "
@@ -124,8 +136,9 @@ class BoxBoom:
 
     @property
     def stations(self) -> list[float]:
-        """Ends of the stretches between frames, m."""
-        return [0.0, *self.frames, self.length]
+        """Ends of the stretches between frames and where parts end, m."""
+        ends = {part.end for part in self.parts if part.end < self.length}
+        return [0.0, *sorted(ends | set(self.frames)), self.length]
 
 
 def write_shell(boom: BoxBoom, file: Path) -> None:

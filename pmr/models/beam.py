@@ -43,8 +43,8 @@ class Beam(ABC):
 
     @property
     @abstractmethod
-    def mass_per_length(self) -> float:
-        """The mass per length rho A in kg/m."""
+    def masses(self) -> Array:
+        """The mass per length rho A of each element, (E,) kg/m."""
 
     @abstractmethod
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix: ...
@@ -60,7 +60,7 @@ class Beam(ABC):
     @property
     @abstractmethod
     def resultants(self) -> Array:
-        """The section's forces, in the order of `FORCES`, of unit forces on the coordinates of a node, (k, d)."""
+        """The section's forces, in the order of `FORCES`, of unit forces on a node's coordinates, (E, k, d)."""
 
     @abstractmethod
     def section_forces(self) -> ForceRows: ...
@@ -88,9 +88,14 @@ class Beam(ABC):
         return Cut(beam, self.interpolated(beam.node_stations), joined, np.repeat(np.arange(pieces), 2) // parts)
 
     def end_forces(self) -> sp.csr_matrix:
-        ends = self.grid.cells.ravel()
-        signs = sp.csr_matrix((np.tile([-1.0, 1.0], len(ends) // 2), (np.arange(len(ends)), ends)))
-        return sp.csr_matrix(sp.vstack([sp.kron(signs, row[None]) for row in self.resultants]))
+        cells, (_, k, d) = self.grid.cells, self.resultants.shape
+        signed = self.resultants[:, None] * np.array([-1.0, 1.0])[:, None, None]  # (E, 2, k, d)
+        columns = np.broadcast_to(d * cells[:, :, None, None] + np.arange(d), signed.shape)
+        entries, columns = (np.moveaxis(part, 2, 0).ravel() for part in (signed, columns))
+        rows = k * cells.size
+        found = sp.csr_matrix((entries, columns, d * np.arange(rows + 1)), (rows, self.size))
+        found.eliminate_zeros()
+        return found
 
     @property
     def size(self) -> int:
@@ -108,21 +113,37 @@ class Beam(ABC):
 
         .. math:: N = -\int_x^L \rho A\, (a + b \xi)\, d\xi + \sum_{x_i > x} F_i
         """
-        a, b = (constant(mesh, self.mass_per_length * float(value)) for value in (state.acceleration[0], state.stretch))
-        x, L = ufl.SpatialCoordinate(mesh)[0], constant(mesh, self.body.length)
-        return self._beyond(mesh, state, 0)[0] - a * (L - x) - b * (L**2 - x**2) / 2.0
+        mass, ends, middle, h = self._elements_of_mass()
+        a, b = (float(value) for value in (state.acceleration[0], state.stretch))
+        x, own, end = ufl.SpatialCoordinate(mesh)[0], cellwise(mesh, mass), cellwise(mesh, ends)
+        beyond = self._beyond(mass * h * (a + b * middle))
+        a, b = constant(mesh, a), constant(mesh, b)
+        pulled = self._pulled(mesh, state, 0)[0] - cellwise(mesh, beyond)
+        return pulled - own * (a * (end - x) + b * (end**2 - x**2) / 2.0)
 
     def moment(self, mesh: Any, state: UnitState, component: int) -> Any:
         r"""M(x) = EI w'' in N m of bending along y (`component` 1) or z (2), likewise.
 
         .. math:: M = -\int_x^L \rho A\, a\, (\xi - x)\, d\xi + \sum_{x_i > x} F_i\, (x_i - x)
         """
-        a = constant(mesh, self.mass_per_length * float(state.acceleration[component]))
-        x, L = ufl.SpatialCoordinate(mesh)[0], constant(mesh, self.body.length)
-        force, arm = self._beyond(mesh, state, component)
-        return arm - force * x - a * (L - x) ** 2 / 2.0
+        mass, ends, middle, h = self._elements_of_mass()
+        x, a = ufl.SpatialCoordinate(mesh)[0], constant(mesh, float(state.acceleration[component]))
+        force, arm = self._pulled(mesh, state, component)
+        beyond, first = (cellwise(mesh, self._beyond(mass * h * by)) for by in (np.ones_like(h), middle))
+        own = cellwise(mesh, mass) * (cellwise(mesh, ends) - x) ** 2 / 2.0
+        return arm - force * x - a * (own + first - beyond * x)
 
-    def _beyond(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
+    def _elements_of_mass(self) -> tuple[Array, Array, Array, Array]:
+        """Mass per length, end, middle and length of each element, (E,) each."""
+        ends = self.node_stations[self.grid.cells]
+        return self.masses, ends[:, 1], ends.mean(axis=1), np.diff(ends)[:, 0]
+
+    @staticmethod
+    def _beyond(values: Array) -> Array:
+        """Sums over the elements beyond each."""
+        return np.append(np.cumsum(values[:0:-1])[::-1], 0.0)
+
+    def _pulled(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
         """Sums of forces and of forces times their places beyond each element."""
         middle = self.node_stations[self.grid.cells].mean(axis=1)
         sums = np.zeros((2, len(middle)))

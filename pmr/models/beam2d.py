@@ -65,8 +65,8 @@ class Beam2D(Beam):
         return float(2e-17 * np.sum((self.body.length / np.diff(self.nodes)) ** 3))
 
     @property
-    def mass_per_length(self) -> float:
-        return self.body.mass_per_length
+    def masses(self) -> Array:
+        return np.full(len(self.lengths), self.body.mass_per_length)
 
     @property
     def node_stations(self) -> Array:
@@ -162,7 +162,7 @@ class Beam2D(Beam):
         if self.box is None:
             return None
         section, heights = section_of(self.box, 0.0), [corner.at[1] for corner in self.box.corners]
-        corners = {"bottom": (0.0, min(heights)), "top": (0.0, max(heights))}
+        corners = {"bottom": np.array([0.0, min(heights)]), "top": np.array([0.0, max(heights)])}
         of = np.zeros((2, 1, len(FORCES)))
         of[:, 0, 0] = 1.0 / section.area
         of[:, 0, 4] = [(z - section.centroid[1]) / section.second_moment_y for _, z in corners.values()]
@@ -178,7 +178,8 @@ class Beam2D(Beam):
 
     @property
     def resultants(self) -> Array:
-        return np.diag([1.0, 1.0, -1.0][-len(self.directions) :])
+        of_node = np.diag([1.0, 1.0, -1.0][-len(self.directions) :])
+        return np.broadcast_to(of_node, (len(self.lengths), *of_node.shape))
 
     def section_forces(self) -> ForceRows:
         strains, coordinates = self._strains()

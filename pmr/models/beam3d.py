@@ -19,9 +19,10 @@ gives the term above and the interpolation :math:`w + \gamma h (X - 3 X^2 + 2 X^
 values are exact in statics, frequencies converge with order 2 (4 without shear).  Przemieniecki: Theory of Matrix
 Structural Analysis, 1968, section 5.6 (stiffness), 11.3 (mass).
 
-Sections are rigid in their plane and warping is free.  Coordinates are ordered node by node: displacements along and
-rotations about x, y, z, of a point on the axis, which moves with its section: with its centroid c and its shear centre
-s beside the axis, and R that turns y and z to its principal axes
+Sections are rigid in their plane and warping is free; they change at nodes, so that each element has constants of its
+own.  Coordinates are ordered node by node: displacements along and rotations about x, y, z, of a point on the axis,
+which moves with its section: with its centroid c and its shear centre s beside the axis, and R that turns y and z to
+its principal axes
 
 .. math::
     u_c = u + z_c \theta_y - y_c \theta_z, \qquad
@@ -38,17 +39,18 @@ import numpy as np
 import scipy.sparse as sp
 import ufl
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from pmr.errors import InputError
-from pmr.fem.compat import cellwise, constant, hermite_space
-from pmr.fields.envelope import ForceRows, force_rows
+from pmr.fem.compat import MPI, cellwise, constant, create_mesh, hermite_space
+from pmr.fields.envelope import FORCES, ForceRows, force_rows
 from pmr.fields.stress import StressRows
 from pmr.mesh.strip import FACES, Extent, Plane, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
 from pmr.models.profile_section import MidLine, corner_stresses, section_of, stress_rows
+from pmr.models.sections_along import SectionsAlong, about_own_centres, one_section, sections_of, stations_of
 from pmr.models.tabulation import CellValues, cell_values
+from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
@@ -57,18 +59,17 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Bending:
-    """Bending in one plane: EI in N m^2, kappa G A in N (None: rigid in shear), rho A in kg/m, rho I in kg m."""
+    """Bending in one plane of K sections: EI in N m^2, kappa G A in N (None: rigid in shear), rho I in kg m."""
 
-    stiffness: float
-    shear_stiffness: float | None
-    mass: float
-    rotary_inertia: float
+    stiffness: Array  # (K,)
+    shear_stiffness: Array | None  # (K,)
+    rotary_inertia: Array  # (K,)
 
-    def softening(self, h: Array) -> Array:
-        """(h^2 / 12) Phi / (1 + Phi) in m^2, for element lengths h in m."""
+    def softening(self, h: Array, number: Indices) -> Array:
+        """(h^2 / 12) Phi / (1 + Phi) in m^2, for lengths h in m of elements with these sections."""
         if self.shear_stiffness is None:
             return np.zeros_like(h)
-        return h**2 / 12.0 / (1.0 + self.shear_stiffness * h**2 / (12.0 * self.stiffness))
+        return h**2 / 12.0 / (1.0 + self.shear_stiffness[number] * h**2 / (12.0 * self.stiffness[number]))
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ class Beam3D(Beam):
 
     body: Beam3DBody
     stations: Array | None = None  # (N,) m: of its nodes, by default as far apart as each other
+    along: SectionsAlong | None = None  # by default the body's section all along; they change at nodes
 
     @cached_property
     def node_stations(self) -> Array:
@@ -99,69 +101,55 @@ class Beam3D(Beam):
         return self.body.length * (np.arange(self.body.elements + 1) / self.body.elements)
 
     @cached_property
+    def sections(self) -> SectionsAlong:
+        """Along the axis."""
+        if self.along is not None:
+            return self.along
+        body, section = self.body, self.body.section
+        if section is None:
+            assert body.profile is not None
+            section = section_of(body.profile, body.material.poisson)
+        return one_section(body.length, section, body.profile)
+
+    @property
     def section(self) -> BeamSection:
-        if self.body.section is not None:
-            return self.body.section
-        assert self.body.profile is not None
-        return section_of(self.body.profile, self.body.material.poisson)
+        """At its tail."""
+        return self.sections.each[0]
 
     @cached_property
-    def principal(self) -> Array:
-        """R (2, 2): the section's principal axes as rows, no farther from y and z than half a right angle."""
-        section = self.section
-        if section.product_of_inertia == 0.0:
-            return np.eye(2)
-        difference = section.second_moment_z - section.second_moment_y
-        angle = np.arctan2(np.copysign(2.0, difference) * section.product_of_inertia, abs(difference)) / 2.0
-        return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    def number(self) -> Indices:
+        """Of each element's section, (E,)."""
+        return self.sections.at(self.node_stations[self.grid.cells].mean(axis=1))
 
     @cached_property
-    def own_motion(self) -> Array:
-        """(6, 6): u_c, v_s, w_s, phi and rotations about the principal axes from the motion of the axis."""
-        (y_c, z_c), (y_s, z_s) = self.section.centroid, self.section.shear_centre
-        found = np.eye(6)
-        found[0, 4:] = z_c, -y_c
-        found[1, 3], found[2, 3] = -z_s, y_s
-        found[1:3], found[4:] = self.principal @ found[1:3], self.principal @ found[4:]
-        return found
+    def _first(self) -> Indices:
+        """Of the space's coordinates that of each element's first node, (E,); the last node's come right behind it.
 
-    @cached_property
-    def second_moments(self) -> Array:
-        """About the centroid, along the principal axes, (2,) m^4."""
-        section = self.section
-        body = [
-            [section.second_moment_z, section.product_of_inertia],
-            [section.product_of_inertia, section.second_moment_y],
-        ]
-        return np.asarray(np.diag(self.principal @ body @ self.principal.T))
+        Where sections change, and where the beam is cut, the space has two nodes at one place.
+        """
+        cells = self.grid.cells
+        apart = (np.diff(self.number) != 0) | (cells[1:, 0] != cells[:-1, 1])
+        return np.arange(len(cells)) + np.append(0, np.cumsum(apart))
 
     @cached_property
     def planes(self) -> tuple[Bending, Bending]:
-        """Bending along the section's principal axes."""
-        material, section = self.body.material, self.section
-        areas: tuple[float | None, ...] = None, None
-        if self.body.shear and section.shear_area_y is not None and section.shear_area_z is not None:
-            compliance = np.diag([1.0 / section.shear_area_y, 1.0 / section.shear_area_z])
-            areas = tuple(1.0 / np.diag(self.principal @ compliance @ self.principal.T))
-        along = [
-            self._plane(float(I), A, material.shear_modulus) for I, A in zip(self.second_moments, areas, strict=True)
-        ]
-        return along[0], along[1]
-
-    def _plane(self, second_moment: float, shear_area: float | None, G: float) -> Bending:
-        E, rho = self.body.material.young, self.body.material.density
-        kGA = None if shear_area is None else G * shear_area
-        return Bending(E * second_moment, kGA, rho * self.section.area, rho * second_moment if kGA else 0.0)
+        """Bending along the sections' principal axes."""
+        E, G, rho = self.body.material.young, self.body.material.shear_modulus, self.body.material.density
+        areas, I = self.sections.shear_areas if self.body.shear else None, self.sections.second_moments
+        if areas is None:
+            return Bending(E * I[:, 0], None, 0.0 * I[:, 0]), Bending(E * I[:, 1], None, 0.0 * I[:, 1])
+        y, z = (Bending(E * I[:, i], G * areas[:, i], rho * I[:, i]) for i in (0, 1))
+        return y, z
 
     @property
     def reference_frequency(self) -> float:
-        """sqrt(EI / (rho A L^4)) of the softer plane in rad/s."""
-        softer = min(self.planes, key=lambda plane: plane.stiffness)
-        return float(np.sqrt(softer.stiffness / softer.mass) / self.body.length**2)
+        """sqrt(EI / (rho A L^4)) of the softer plane in rad/s, of the softest section."""
+        softest = min(plane.stiffness.min() for plane in self.planes)
+        return float(np.sqrt(softest / self.masses.min()) / self.body.length**2)
 
     @property
-    def mass_per_length(self) -> float:
-        return self.planes[0].mass
+    def masses(self) -> Array:
+        return (self.body.material.density * self.sections.area)[self.number]
 
     @property
     def directions(self) -> tuple[str, ...]:
@@ -172,8 +160,29 @@ class Beam3D(Beam):
         """T: the space's u, phi, v, v', w and w' at each node; v' is the rotation about z, w' minus that about y."""
         at_node = np.zeros((6, 6))
         at_node[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
-        at_node = at_node @ self.own_motion + 0.0
-        return sp.csr_matrix(sp.kron(sp.eye(len(self.node_stations)), at_node, format="csr"))
+        size = self._first[-1] + 2
+        of, number = np.empty((2, size), np.int64)
+        for k in (0, 1):
+            of[self._first + k], number[self._first + k] = self.grid.cells[:, k], self.number
+        blocks = (at_node @ self.sections.own_motion)[number]
+        shape = (6 * size, 6 * len(self.node_stations))
+        found = sp.bsr_matrix((blocks, of, np.arange(size + 1)), shape=shape).tocsr()
+        found.eliminate_zeros()
+        return found
+
+    def domain(self, comm: MPI.Comm) -> Any:
+        cells = self._first[:, None] + np.arange(2)
+        points = np.empty(int(cells[-1, -1]) + 1)
+        points[cells] = self.node_stations[self.grid.cells]
+        return create_mesh(comm, "interval", points[:, None], cells)
+
+    def element_coordinates(self, cells: Indices) -> list[Indices]:
+        nodes = self._first[cells, None] + np.arange(2)
+        return [6 * nodes + i for i in range(6)]
+
+    def _of_elements(self, mesh: Any, values: Array) -> Any:
+        """A property (K,) of the sections in UFL."""
+        return constant(mesh, float(values[0])) if len(values) == 1 else cellwise(mesh, values[self.number])
 
     def space(self, domain: Any) -> Any:
         return hermite_space(domain, linear=2, planes=2)
@@ -181,14 +190,14 @@ class Beam3D(Beam):
     def forms(self, space: Any) -> Forms:
         mesh = space.mesh
         trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
-        material, section = self.body.material, self.section
-        EA = constant(mesh, material.young * section.area)
-        GJ = constant(mesh, material.shear_modulus * section.torsion_constant)
+        material, sections = self.body.material, self.sections
+        EA = self._of_elements(mesh, material.young * sections.area)
+        GJ = self._of_elements(mesh, material.shear_modulus * sections.torsion_constant)
 
         u, du, phi, dphi = trial[0], test[0], trial[1], test[1]
         stiffness = EA * u.dx(0) * du.dx(0) + GJ * phi.dx(0) * dphi.dx(0)
         for plane, of, by in zip(self.planes, *(self._deflections(mesh, f) for f in (trial, test)), strict=True):
-            EI = constant(mesh, plane.stiffness)
+            EI = self._of_elements(mesh, plane.stiffness)
             stiffness += EI * of.cubic.dx(0).dx(0) * by.cubic.dx(0).dx(0)
             if of.shear is not None:
                 stiffness += EI * of.shear * by.cubic.dx(0).dx(0).dx(0)
@@ -203,13 +212,18 @@ class Beam3D(Beam):
         The point (y, z) of a section moves by :math:`(u - y \psi_v - z \psi_w,\; v - z \phi,\; w + y \phi)`; without
         shear the rotations psi have no inertia.
         """
-        mesh, section, rho = space.mesh, self.section, self.body.material.density
-        sizes = section.area, *map(float, self.second_moments)
-        turned = ufl.as_matrix(block_diag(1.0, self.principal).tolist())
-        S = S if section.product_of_inertia == 0.0 else turned * S * ufl.transpose(turned)
+        mesh, sections, rho = space.mesh, self.sections, self.body.material.density
+        sizes = sections.area, *sections.second_moments.T
+        if sections.turned:
+            turned = ufl.as_matrix([[1, 0, 0], *([0, *row] for row in self._turn(mesh))])
+            S = turned * S * ufl.transpose(turned)
         of, by = (self._motion(mesh, field) for field in (ufl.TrialFunction(space), ufl.TestFunction(space)))
         parts = zip(sizes, by, of, strict=True)
-        return sum(constant(mesh, rho * size) * bilinear(S, v, u) for size, v, u in parts) * _measure(mesh)
+        return sum(self._of_elements(mesh, rho * size) * bilinear(S, v, u) for size, v, u in parts) * _measure(mesh)
+
+    def _turn(self, mesh: Any) -> list[list[Any]]:
+        """The principal axes in UFL."""
+        return [[self._of_elements(mesh, self.sections.principal[:, i, j]) for j in (0, 1)] for i in (0, 1)]
 
     def _motion(self, mesh: Any, field: Any) -> tuple[tuple[Any, Any, Any], ...]:
         """Displacement of the centroid, and its derivatives along the principal axes; None: without inertia."""
@@ -219,8 +233,10 @@ class Beam3D(Beam):
 
     def _of_centroid(self, mesh: Any, v: Any, w: Any, phi: Any) -> tuple[Any, Any]:
         """What the shear centre's v and w are at the centroid."""
-        y, z = self.principal @ np.subtract(self.section.centroid, self.section.shear_centre)
-        return v - constant(mesh, z) * phi if z else v, w + constant(mesh, y) * phi if y else w
+        sections = self.sections
+        y, z = np.einsum("kij,kj->ik", sections.principal, sections.centroid - sections.shear_centre)
+        v = v - self._of_elements(mesh, z) * phi if z.any() else v
+        return v, w + self._of_elements(mesh, y) * phi if y.any() else w
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
         r"""The form of what an axial force N and moments :math:`M_v = EI_z v_0''`, :math:`M_w = EI_y w_0''` do.
@@ -237,14 +253,13 @@ class Beam3D(Beam):
         mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
         of, by = ([one.value.dx(0) for one in self._deflections(mesh, field)] for field in (trial, test))
         phi, dphi = trial[1], test[1]
-        radius2 = constant(mesh, self.section.polar_moment / self.section.area)
+        radius2 = self._of_elements(mesh, self.sections.polar_moment / self.sections.area)
         both = ((of, phi), (by, dphi))
         pairs = zip(*(self._of_centroid(mesh, v, w, twist.dx(0)) for (v, w), twist in both), strict=True)
         along = sum(a * b for a, b in pairs) + radius2 * phi.dx(0) * dphi.dx(0)
         moments = [self.moment(mesh, state, component) for component in (1, 2)]
-        if self.section.product_of_inertia:
-            turn = [[constant(mesh, float(c)) for c in row] for row in self.principal]
-            moments = [sum(c * M for c, M in zip(row, moments, strict=True)) for row in turn]
+        if self.sections.turned:
+            moments = [sum(c * M for c, M in zip(row, moments, strict=True)) for row in self._turn(mesh)]
         M_v, M_w = moments
         across = (M_w * phi).dx(0) * by[0] + of[0] * (M_w * dphi).dx(0)
         across -= (M_v * phi).dx(0) * by[1] + of[1] * (M_v * dphi).dx(0)
@@ -262,7 +277,7 @@ class Beam3D(Beam):
             if plane.shear_stiffness is None:
                 found.append(Deflection(w, None, w, w.dx(0), w.dx(0).dx(0)))
                 continue
-            EI, kGA = constant(mesh, plane.stiffness), constant(mesh, plane.shear_stiffness)
+            EI, kGA = (self._of_elements(mesh, one) for one in (plane.stiffness, plane.shear_stiffness))
             gamma = -(h**2) / 12 / (1 + kGA * h**2 / (12 * EI)) * w.dx(0).dx(0).dx(0)
             rotation, curvature = w.dx(0) + gamma * (bulge.dx(0) - 1), w.dx(0).dx(0) + gamma * bulge.dx(0).dx(0)
             found.append(Deflection(w, gamma, w + gamma * bulge, rotation, curvature))
@@ -281,37 +296,34 @@ class Beam3D(Beam):
 
     def centroid(self, place: str | float) -> Array:
         """Where the mean of a shell's end is: in the middle of the walls' line."""
-        return super().centroid(place) + [0.0, *self._middle]
-
-    @cached_property
-    def _middle(self) -> Array:
-        return np.zeros(2) if self.body.profile is None else MidLine(self.body.profile).middle
+        profile = self.sections.profiles[int(self.sections.at(self.station(place)))]
+        return super().centroid(place) + [0.0, *(np.zeros(2) if profile is None else MidLine(profile).middle)]
 
     def _motions(self, places: Array) -> sp.csr_matrix:
         """Displacements and rotations of the axis at distances along it, (6 len(places), n)."""
-        e = self._elements(places)
-        h = np.diff(self.node_stations)[e]
-        local = self._in_elements(h, (places - self.node_stations[e]) / h)
-        if np.any(self.own_motion != np.eye(6)):
-            local = np.linalg.inv(self.own_motion) @ local
-        columns = np.broadcast_to(6 * e[:, None, None] + np.arange(12), local.shape)
-        ends, shape = np.arange(0, local.size + 1, 12), (6 * len(places), self.size)
+        e, x = self._elements(places), self.node_stations[self.grid.cells]
+        h = np.diff(x)[e, 0]
+        local = self._in_elements(h, (places - x[e, 0]) / h, self.number[e])
+        if np.any(self.sections.own_motion != np.eye(6)):
+            local = np.linalg.inv(self.sections.own_motion)[self.number[e]] @ local
+        columns = np.broadcast_to(6 * self._first[e, None, None] + np.arange(12), local.shape)
+        ends, shape = np.arange(0, local.size + 1, 12), (6 * len(places), self.transformation.shape[0])
         return sp.csr_matrix(sp.csr_matrix((local.ravel(), columns.ravel(), ends), shape=shape) @ self.transformation)
 
-    def _in_elements(self, h: Array, X: Array) -> Array:
-        """The motion at X h in elements of lengths h, (q, 6, 12), from the space's values at both ends."""
+    def _in_elements(self, h: Array, X: Array, number: Indices) -> Array:
+        """The motion at X h in elements of lengths h and these sections, (q, 6, 12), from the space's values."""
         local = np.zeros((len(h), 6, 12))
         for row, component in ((0, 0), (3, 1)):
             local[:, row, component], local[:, row, 6 + component] = 1.0 - X, X
         for row, turn, sign, start, plane in zip((1, 2), (5, 4), (1.0, -1.0), (2, 4), self.planes, strict=True):
-            value, slope = _interpolated(plane, h, X)
+            value, slope = _interpolated(plane, h, X, number)
             for k, component in enumerate((start, start + 1, 6 + start, 7 + start)):
                 local[:, row, component], local[:, turn, component] = value[k], sign * slope[k]
         return local
 
     def strip(self, face: str, window: Window) -> Strip:
         """The line beside the axis that stands for a face; how far below or above the axis it is plays no role."""
-        plane, extent = self._face(face)
+        plane, extent = self._face(face, sum(window.along) / 2.0)
         points, weights = line_points(window, self.node_stations)
         across = sum(window.across) / 2.0
         normal = plane.normal
@@ -321,9 +333,9 @@ class Beam3D(Beam):
         normals = sp.csr_matrix(weighed @ self._motions(points))
         return Strip(points, np.full(len(points), across), weights, normals, extent, line=True)
 
-    def _face(self, name: str) -> tuple[Plane, Extent]:
-        """A face and what it offers: all of the axis, and its flat part, if there is a profile."""
-        profile, along = self.body.profile, (0.0, self.body.length)
+    def _face(self, name: str, at: float) -> tuple[Plane, Extent]:
+        """A face and what it offers: all of the axis, and its flat part at a place, if there is a profile."""
+        profile, along = self.sections.profiles[int(self.sections.at(at))], (0.0, self.body.length)
         known = FACES if profile is None else profile.faces
         if name not in known:
             raise InputError("scene", "pads.on", name, f"a beam has the faces {', '.join(known)}")
@@ -334,16 +346,19 @@ class Beam3D(Beam):
         return Plane(normal, across), Extent(along, side.span)
 
     def _elements(self, places: Array) -> Indices:
-        """Numbers of the elements that hold places along the axis."""
-        x = self.node_stations
-        return np.clip(np.searchsorted(x, places, side="right") - 1, 0, len(x) - 2)
+        """Numbers of the elements that hold places along the axis; at a node that of the one behind it."""
+        starts = self.node_stations[self.grid.cells[:, 0]]
+        return np.clip(np.searchsorted(starts, places, side="right") - 1, 0, None)
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        profile = self.body.profile
-        if profile is None:
+        profiles = [one for one in self.sections.profiles if one is not None]
+        if len(profiles) < len(self.sections.profiles):
             return None
-        corners = {corner.name: corner.at for corner in profile.corners}
-        return stress_rows(forces, element, corners, corner_stresses(profile, self.section))
+        at = np.array([[corner.at for corner in profile.corners] for profile in profiles])  # (K, k, 2)
+        each = zip(profiles, self.sections.each, strict=True)
+        of, number = np.array([corner_stresses(*pair) for pair in each]), np.repeat(self.number, 2)
+        corners = {corner.name: at[number, k] for k, corner in enumerate(profiles[0].corners)}
+        return stress_rows(forces, element, corners, of[number])
 
     def on_nodes(self, stations: Array) -> Beam3D:
         return replace(self, stations=stations)
@@ -354,23 +369,18 @@ class Beam3D(Beam):
     @property
     def resultants(self) -> Array:
         """N and bending moments about the centroid, the torque about the shear centre."""
-        (y_c, z_c), (y_s, z_s) = self.section.centroid, self.section.shear_centre
-        own = np.eye(6)
-        own[0, 4:] = z_c, -y_c
-        own[1, 3], own[2, 3] = -z_s, y_s
-        return np.linalg.inv(own).T
+        return np.linalg.inv(about_own_centres(self.sections)).transpose(0, 2, 1)[self.number]
 
     def section_forces(self) -> ForceRows:
-        E, section, strains = self.body.material.young, self.section, self._strains
-        bent = E * self.principal.T @ np.diag(self.second_moments)  # about z and y, of curvatures along principal axes
-        stiffness = {
-            "normal force": E * section.area * np.eye(4)[0],
-            "torque": self.body.material.shear_modulus * section.torsion_constant * np.eye(4)[3],
-            "bending moment y": np.array([0.0, *-bent[1], 0.0]),
-            "bending moment z": np.array([0.0, *bent[0], 0.0]),
-        }
+        material, sections, number, strains = self.body.material, self.sections, self.number, self._strains
+        # about z and y, of curvatures along principal axes
+        bent = material.young * np.einsum("kji,kj->kij", sections.principal, sections.second_moments)[number]
+        stiffness = {name: np.zeros((len(number), 4)) for name in FORCES if "shear" not in name}
+        stiffness["normal force"][:, 0] = material.young * sections.area[number]
+        stiffness["torque"][:, 3] = material.shear_modulus * sections.torsion_constant[number]
+        stiffness["bending moment y"][:, 1:3], stiffness["bending moment z"][:, 1:3] = -bent[:, 1], bent[:, 0]
         ends = self.node_stations[self.grid.cells]
-        found = force_rows(ends, strains.entries, stiffness, strains.coordinates, self.size)
+        found = force_rows(ends, strains.entries, stiffness, strains.coordinates, self.transformation.shape[0])
         return replace(found, rows=sp.csr_matrix(found.rows @ self.transformation))
 
     @cached_property
@@ -385,14 +395,22 @@ class Beam3D(Beam):
         return cell_values(self, strains, np.array([[0.0], [1.0]]))
 
 
+def beam_of(body: Beam3DBody, box: Box) -> Beam3D:
+    """The beam of a box, with its sections along it."""
+    if not box.varies:
+        return Beam3D(body)
+    along = sections_of(box, body.material.poisson)
+    return Beam3D(body, stations_of(box.breaks, body.elements), along)
+
+
 def _measure(mesh: Any) -> Any:
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
 
 
-def _interpolated(plane: Bending, h: Array, X: Array) -> tuple[Array, Array]:
+def _interpolated(plane: Bending, h: Array, X: Array, number: Indices) -> tuple[Array, Array]:
     """Weights (4, q) of w_1, psi_1, w_2, psi_2 in the deflection at X h and in the rotation of the section there."""
     scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
     derivatives = {k: np.array([np.polyval(np.polyder(p, k), X) for p in HERMITE]) * scale / h**k for k in (0, 1, 3)}
     value, slope, third = derivatives.values()
-    gamma = -plane.softening(h) * third
+    gamma = -plane.softening(h, number) * third
     return value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)

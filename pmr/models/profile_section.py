@@ -266,23 +266,34 @@ def corner_stresses(profile: BoxProfile, section: BeamSection) -> Array:
     return found
 
 
-def stress_rows(
-    forces: ForceRows, element: Indices, corners: Mapping[str, tuple[float, float]], of: Array
-) -> StressRows:
-    """Stresses in corners (y, z) m of unit forces `of` (k, c, 6), at each place of section forces; c is 2, or axial, 1.
+def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array], of: Array) -> StressRows:
+    """Stresses in corners of unit section forces, at each of the P places of section forces.
 
-    `element` (P,) says where the places of each force are.
+    Parameters
+    ----------
+    element : (P,) array
+        Where the places of each force are.
+    corners : dict of str to (P, 2) or (2,) array, m
+        Where in the section, of all places or of each.
+    of : (k, c, 6) or (P, k, c, 6) array
+        Stresses in k corners, c of them or the axial one alone, likewise.
     """
-    count, components = len(element), of.shape[1]
+    count, (k, components, _) = len(element), of.shape[-3:]
     names = forces.names[::count]
-    order = [list(FORCES).index(name) for name in names]
-    local = [sp.hstack([sp.kron(sp.eye(count), one[:, [k]]) for k in order]) for one in of]
-    x = forces.x[:count, None] * np.eye(3)[0]
+    of = np.broadcast_to(of, (count, k, components, len(FORCES)))[..., [list(FORCES).index(name) for name in names]]
+    ends = np.arange(count * components + 1)
+    local = [
+        sp.hstack([sp.csr_matrix((one[..., n].ravel(), ends[:-1] // components, ends)) for n in range(len(names))])
+        for one in np.moveaxis(of, 1, 0)
+    ]
+    rows = sp.csr_matrix(sp.vstack(local) @ forces.rows)
+    rows.eliminate_zeros()
+    x = forces.x[:count, None]
     return StressRows(
-        rows=sp.csr_matrix(sp.vstack(local) @ forces.rows),
+        rows=rows,
         mises=FIBRE[:components, :components],
         components=("axial", "torsion")[:components],
-        points=np.concatenate([x + [0.0, y, z] for y, z in corners.values()]),
+        points=np.concatenate([np.hstack([x, np.broadcast_to(at, (count, 2))]) for at in corners.values()]),
         cell=np.tile(element, len(corners)),
         faces=tuple(corners),
         face=np.repeat(np.arange(len(corners)), count),

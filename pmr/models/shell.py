@@ -34,7 +34,7 @@ triangle: values on the edges are one order less accurate.  Transverse shear van
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -44,12 +44,14 @@ from numpy.typing import NDArray
 
 from pmr.fem.compat import cellwise, constant, rule_points, shell_space
 from pmr.fields.stress import PLANE, StressRows
+from pmr.mesh.box import BoxBoom, Part
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.strip import FLAT
 from pmr.models import Forms, UnitState
 from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
 from pmr.models.tabulation import as_rows, cell_values
 from pmr.scene import Body
+from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Material, Plate, ShellBody
 
@@ -66,6 +68,7 @@ class Shell(MeshedModel):
 
     body: ShellBody
     mesh: NamedMesh
+    walls: Array | None = None  # (C,) m: thickness of each cell, where it is not that of its plate
 
     @property
     def components(self) -> Mapping[int, tuple[int, ...]]:
@@ -75,6 +78,11 @@ class Shell(MeshedModel):
     @cached_property
     def plates(self) -> OfCells:
         return by_region(self.mesh, self.body.plate, self.body.regions)
+
+    @property
+    def thickness(self) -> Array:
+        """Of each cell, (C,) m."""
+        return self.plates.values("thickness") if self.walls is None else self.walls
 
     @property
     def reference_frequency(self) -> float:
@@ -133,8 +141,8 @@ class Shell(MeshedModel):
 
     def _cellwise(self, mesh: Any) -> list[Any]:
         """Young's modulus, Poisson's ratio, density and thickness."""
-        names = "material.young", "material.poisson", "material.density", "thickness"
-        return [cellwise(mesh, self.plates.values(name)) for name in names]
+        names = "material.young", "material.poisson", "material.density"
+        return [*(cellwise(mesh, self.plates.values(name)) for name in names), cellwise(mesh, self.thickness)]
 
     def plane_stresses(self, space: Any) -> Any:
         """A : epsilon in Pa and A : kappa in Pa/m of a trial function: along, across and shear of `frames`."""
@@ -148,7 +156,7 @@ class Shell(MeshedModel):
 
     def stresses(self) -> StressRows:
         """Plane stress at each triangle's centroid: on the outer face, in the middle (membrane), on the inner face."""
-        mesh, half = self.mesh, self.plates.values("thickness") / 2.0
+        mesh, half = self.mesh, self.thickness / 2.0
         found = cell_values(self, self.plane_stresses, rule_points("triangle", 1))
         membrane, bent = found.entries[:, 0, :3], half[:, None, None] * found.entries[:, 0, 3:]
         entries = np.concatenate([membrane - bent, membrane, membrane + bent])
@@ -215,7 +223,39 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
     for name, region in body.regions.items():
         thickness = region.thickness or regions.get(name, plate).thickness
         regions[name] = Plate(material=region.material or body.material, thickness=thickness)
-    return Shell(ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction), mesh)
+    shell = Shell(ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction), mesh)
+    if body.box is None or not body.box.varies:
+        return shell
+    walls = walls_along(body.box, mesh)
+    for name, region in body.regions.items():
+        if region.thickness is not None:
+            walls[mesh.regions.get(name, [])] = region.thickness
+    return replace(shell, walls=walls)
+
+
+def drawn(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
+    """A box as it is drawn, with cells of these sizes."""
+    if not box.varies:
+        return BoxBoom(box.sides, box.length, size, along, tail_layer, box.frames, box.frame_depth)
+    stretches = box.stretches
+    parts = tuple(Part(one.start, one.end, one.first.sides) for one in stretches)
+    # corners that are thicker at the bottom than at the top somewhere have names of their own everywhere
+    names = max(([side.name for side in part.sides] for part in parts), key=lambda found: len(set(found)))
+    sides = tuple(replace(side, name=name) for side, name in zip(box.sides, names, strict=True))
+    return BoxBoom(sides, box.length, size, along, tail_layer, box.frames, box.frame_depth, parts)
+
+
+def walls_along(box: Box, mesh: NamedMesh) -> Array:
+    """Thickness of each cell of a box as it is `drawn`, (C,) m; frames have the largest of its own walls."""
+    boom = drawn(box, box.length, 0.0)
+    middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
+    found = np.full(len(middle), max(box.walls.values()))
+    for k, side in enumerate(boom.sides):
+        cells = mesh.regions[side.name]
+        for part in boom.parts:
+            here = cells[(part.start < middle[cells]) & (middle[cells] < part.end)]
+            found[here] = part.sides[k].thickness
+    return found
 
 
 def plates(profile: BoxProfile, material: Material) -> tuple[Plate, dict[str, Plate]]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pmr.report.numbers import SPACE, plain, quantity, significant
-from pmr.report.parameters import by_face, stiff
+from pmr.report.parameters import by_face, doubled, stiff
 from pmr.report.subject import loads_as_asked, spoken
 from pmr.results import RunResult
 from pmr.scene.built import PadRing, Support
@@ -76,7 +76,8 @@ def _size(part: OneBody) -> str:
         for name, given in (("radius", box.radius), ("chamfer", box.chamfer))
         if given
     )
-    return f"box of {plain(box.length)}{SPACE}m, {sides}{cut}, wall {by_face(box.wall)}{SPACE}mm"
+    more = "".join(f", doubler {doubled(one)}" for one in box.doublers)
+    return f"box of {plain(box.length)}{SPACE}m, {sides}{cut}, wall {by_face(box.wall)}{SPACE}mm{more}"
 
 
 def _masses(result: RunResult) -> Rows:

@@ -11,6 +11,7 @@ from pmr.report.numbers import SPACE, plain, signed
 from pmr.report.subject import alone, loads, moving, spoken
 from pmr.results import RunResult
 from pmr.scene import Body, Reduction
+from pmr.scene.box import Doubler
 from pmr.scene.choice import choose
 from pmr.scene.members import member_at
 from pmr.scene.names import ALONE, named
@@ -112,11 +113,20 @@ def _section(body: Body) -> Rows:
         for cut, given in (("radius", box.radius), ("chamfer", box.chamfer)):
             if given:
                 yield cut, f"{by_face(given)}{SPACE}mm"
+        for doubler in box.doublers:
+            yield "doubler", doubled(doubler)
     elif body.thickness is not None:
         yield "thickness", f"{plain(1e3 * body.thickness)}{SPACE}mm"
     yield "Young's modulus", f"{plain(1e-9 * material.young)}{SPACE}GPa"
     yield "Poisson's ratio", plain(material.poisson)
     yield "density", f"{plain(material.density)}{SPACE}kg/m³"
+
+
+def doubled(doubler: Doubler) -> str:
+    """How thick, where, and on which faces."""
+    faces = "all around" if doubler.faces is None else f"on {', '.join(doubler.faces)}"
+    thick, (start, end) = plain(1e3 * doubler.thickness), (plain(at) for at in (doubler.start, doubler.end))
+    return f"{thick}{SPACE}mm from {start} to {end}{SPACE}m, {faces}"
 
 
 def by_face(given: Any) -> str:

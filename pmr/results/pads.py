@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pmr.fields.series import Boxes, Fields
 from pmr.results.run import RunResult
 from pmr.results.tables import FORCE_OF
-from pmr.scene.built import Box, Face, PadRing
+from pmr.scene.box import Box
+from pmr.scene.built import Face, PadRing
 from pmr.scene.names import ALONE
 
 Array = NDArray[np.float64]

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
+from pmr.scene.box import Box
 from pmr.scene.offered import AS_WORD, or_offered
 from pmr.scene.plates import Face
-from pmr.scene.profile import BoxProfile
 from pmr.scene.refusals import of_key
 from pmr.scene.section import (
     Count,
@@ -47,16 +47,6 @@ SUPPORTED: dict[str, tuple[Direction, ...]] = {
 }
 #: Places that every body has, as shares of its length.
 ENDS = {"tail": 0.0, "tip": 1.0}
-
-
-class Box(BoxProfile):
-    """A tube of plates along x by the dimensions of its mid-surface; width along y, height along z."""
-
-    length: Length = Field(description="Length along x")
-    frames: tuple[Size, ...] = Field(
-        default=(), description="Places along x where a shell is stiffened by a transverse plate all around"
-    )
-    frame_depth: Distance = Field(default=0.0, description="How far these plates reach inwards from the wall")
 
 
 class Region(Section):

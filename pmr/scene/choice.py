@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pmr.scene.built import Box, Load
+from pmr.scene.box import Box
+from pmr.scene.built import Load
 from pmr.scene.members import Member
 from pmr.scene.plates import FACES
 from pmr.scene.section import Direction
@@ -212,6 +213,8 @@ def _lateral(member: Member) -> list[str]:
     box = member.part.body.box
     if box is not None and box.thickness("left") != box.thickness("right"):
         found.append("the walls at left and right differ")
+    if box is not None and box.varies:
+        found.append("its section varies along it")
     if any(" " in face for ring in member.pads for face in ring.faces):
         found.append("pads are on slanted faces")
     if member.gravity is not None and member.gravity.direction[1] != 0.0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.scene.built import Box
+from pmr.scene.box import Box
 from pmr.scene.members import Seat, seats
 from pmr.scene.plates import gaps
 from pmr.scene.scene import Scene

@@ -7,12 +7,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.scene.built import WEIGHT, Box, Face, PadRing
+from pmr.scene.box import Box
+from pmr.scene.built import WEIGHT, Face, PadRing
 from pmr.scene.choice import acting, directions, inertia_fields, model_of
 from pmr.scene.frame import INERTIA
 from pmr.scene.members import Member
 
 BEAMS = ("beam2d", "beam3d")
+#: Models whose section may vary along the body.
+VARYING = ("beam3d", "shell")
 #: Round-off in the stiffness of a beam in space grows with the fourth power of the number: these leave two digits of
 #: the lowest frequency.  What a planar beam's cost it is said of the run.
 MOST_ELEMENTS = 5000
@@ -136,6 +139,8 @@ def _body(member: Member) -> None:
         raise refusal("body.section", None, allowed)
     if body.walls == "give":
         _walls(member)
+    if body.box is not None:
+        _along_the_box(member, body.box)
     for name, region in body.regions.items():
         if model in BEAMS:
             raise refusal(f"body.regions.{name}", None, "regions are for shells and solids")
@@ -149,6 +154,15 @@ def _body(member: Member) -> None:
         raise refusal("reduction.positions", "nodes", "'path' or a list of places in m is allowed: nodes are a beam's")
     if model == "beam2d":
         _planar(member)
+
+
+def _along_the_box(member: Member, box: Box) -> None:
+    """Sections that vary along a box take a model that knows of it."""
+    model, key = model_of(member), "body.box.doublers"
+    if box.varies and model not in VARYING:
+        raise refusal("body.model", model, f"{' and '.join(VARYING)} are allowed with {key}")
+    if box.varies and member.part.body.section is not None:
+        raise refusal("body.section", None, f"none is allowed with {key}, which are of the box")
 
 
 def _walls(member: Member) -> None:

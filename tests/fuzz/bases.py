@@ -116,5 +116,18 @@ SHELL: dict[str, Any] = BOOM | {
     "compare": {"against": []},
     "recovery": {"every": 0.025, "stress": True, "frames": 2, "series": False},
 }
+DOUBLED: dict[str, Any] = BOOM | {
+    "title": "Doubled",
+    "body": BOOM["body"]
+    | {
+        "box": BOOM["body"]["box"]
+        | {
+            "doublers": [
+                {"start": 0.0, "end": 0.7, "thickness": 0.006},
+                {"start": 0.4, "end": 1.5, "thickness": 0.004, "faces": ["bottom", "left"]},
+            ]
+        }
+    },
+}
 #: How often each is taken.
-BASES = (BEAM, PAPER, FLEXIBLE, BOOM, BEAM, FLEXIBLE, BOOM, PUSHING, PLANAR_BOOM, BEAM, FLEXIBLE, BOOM, SHELL)
+BASES = (BEAM, PAPER, FLEXIBLE, BOOM, BEAM, FLEXIBLE, BOOM, PUSHING, PLANAR_BOOM, BEAM, FLEXIBLE, BOOM, SHELL, DOUBLED)

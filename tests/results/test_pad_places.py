@@ -9,7 +9,8 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.results.pads import CUBE, THICK, pad_corners
-from pmr.scene.built import Box, PadRing
+from pmr.scene.box import Box
+from pmr.scene.built import PadRing
 
 
 @pytest.mark.parametrize("face", ["bottom left", "top left", "top right", "bottom right"])

@@ -21,6 +21,7 @@ from pmr.results import RunResult
 
 BODY, STEEL, PAD = "#0b5c99", "#d5e3ee", "#3b4a57"
 ARROW = 0.3  # in, length of a load's arrow
+DOUBLER = 0.035  # in, thickness of a doubler
 THIN, THICK = 0.22, 0.5  # in, least and largest height of a section as drawn
 
 
@@ -97,6 +98,12 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
     for side in (-1.0, 1.0):
         paper.ax.plot([-stretch.high - 0.1, ahead], [side * outer] * 2, color=MUTED, linewidth=1.6)
     paper.box(tail, -tall / 2.0, end, tall, facecolor=STEEL, edgecolor=BODY, linewidth=0.9)
+    for doubler in shape.doublers if shape else ():
+        start, wide = tail + doubler.start, doubler.end - doubler.start
+        for side, face in ((1.0, "top"), (-1.0, "bottom")):
+            if doubler.faces is None or face in doubler.faces:
+                inner = side * tall / 2.0 - (side > 0.0) * DOUBLER * inch
+                paper.box(start, inner, wide, DOUBLER * inch, facecolor=BODY)
     for ring in result.scene.pads:
         centre = ring.at if ring.moving else tail + ring.at
         wide = max(ring.length, 0.05 * inch)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pmr.fields.series import Fields
 from pmr.results import RunResult
-from pmr.scene.built import Box
+from pmr.scene.box import Box
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

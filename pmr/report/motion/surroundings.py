@@ -14,7 +14,8 @@ from pmr.report.motion.surface import Surface
 from pmr.report.subject import alone
 from pmr.results import RunResult
 from pmr.results.pads import THICK, pad_corners
-from pmr.scene.built import Box, PadRing
+from pmr.scene.box import Box
+from pmr.scene.built import PadRing
 
 Array = NDArray[np.float64]
 

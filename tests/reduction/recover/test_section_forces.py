@@ -14,8 +14,9 @@ from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
 from pmr.models.beam2d import Beam2D
-from pmr.models.beam3d import Beam3D
+from pmr.models.beam3d import Beam3D, beam_of
 from pmr.reduction.recover.section_forces import SectionForces
+from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BoxProfile, PointMass, Profile
 from pmr.system.states import BodyStates
 
@@ -81,7 +82,7 @@ def test_a_cantilever_bears_its_weight_and_a_load_between_nodes(model: str) -> N
     loads = (Weight((1.0, 0.0, -1.0)), Action("point", POINT, "z", -1.0))
     forces, of = found(Structure(beam, clamps=(Clamp("tail"),), loads=loads), (9.81, TIP))
     x, moment = forces["bending moment y"]
-    q = beam.mass_per_length * 9.81 / np.sqrt(2.0)
+    q = beam.masses[0] * 9.81 / np.sqrt(2.0)
     known = q * (LENGTH - x) ** 2 / 2.0 + TIP * np.clip(POINT - x, 0.0, None)
     assert len(x) == 24 and near(moment, known)
     x, shear = forces["shear force z"]
@@ -102,11 +103,27 @@ def test_forces_are_those_about_centroid_and_shear_centre() -> None:
     forces, _ = found(Structure(beam, clamps=(Clamp("tail"),), loads=(Weight((0.0, 1.0, -2.0)),)), (9.81,))
     (y_c, z_c), (y_s, z_s) = beam.section.centroid, beam.section.shear_centre
     x = forces["torque"][0]
-    q = beam.mass_per_length * 9.81 * np.array([1.0, -2.0]) / np.sqrt(5.0)
+    q = beam.masses[0] * 9.81 * np.array([1.0, -2.0]) / np.sqrt(5.0)
     assert near(forces["torque"][1], ((y_c - y_s) * q[1] - (z_c - z_s) * q[0]) * (LENGTH - x))
     assert near(forces["bending moment y"][1], -q[1] * (LENGTH - x) ** 2 / 2.0)
     assert near(forces["bending moment z"][1], q[0] * (LENGTH - x) ** 2 / 2.0)
     assert near(forces["shear force y"][1], q[0] * (LENGTH - x))
+
+
+def test_weight_of_a_beam_with_a_doubler_is_borne_where_it_is() -> None:
+    """A plate on the bottom changes centroid, stiffness and mass at a node; moments and shear go on without a step."""
+    plate = {"start": 0.0, "end": 1.1, "thickness": 0.01, "faces": ["bottom"]}
+    box = Box(length=LENGTH, width=0.2, height=0.3, wall=0.01, doublers=[plate])
+    beam = beam_of(Beam3DBody(length=LENGTH, profile=box, shear=True, elements=3), box)
+    forces, of = found(Structure(beam, clamps=(Clamp("tail"),), loads=(Weight(),)), (9.81,))
+    (thick, thin), (x, shear) = beam.sections.area * 7850.0 * 9.81, forces["shear force z"]
+    more = np.clip(1.1 - x, 0.0, None)
+    assert near(shear, -thin * (LENGTH - x) - (thick - thin) * more)
+    moment = thin * (LENGTH - x) ** 2 / 2.0 + (thick - thin) * more**2 / 2.0
+    assert near(forces["bending moment y"][1], moment)
+    stress = (of.stresses.rows @ np.concatenate([values for _, values in forces.values()]))[::2]
+    top, last = of.stresses.face == of.stresses.faces.index("top left"), x > 1.2
+    assert near(stress[top][last], moment[last] * 0.155 / beam.sections.each[1].second_moment_y)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -153,7 +170,7 @@ def test_what_the_inertia_of_a_free_beam_takes_is_in_its_forces(model: str) -> N
     a = R @ np.linalg.solve(R.T @ M @ R, R.T @ g)
     q = np.linalg.lstsq(K, g - M @ a, rcond=1e-12)[0]
     x, moment = of_states(Built(full, structure), beam.cut(4), q, (TIP,), {}, 0.0)[0]["bending moment y"]
-    known = free_rod(x, beam.mass_per_length, 0.0 if d == ("x", "z", "ry") else beam.planes[1].rotary_inertia)
+    known = free_rod(x, beam.masses[0], 0.0 if d == ("x", "z", "ry") else beam.planes[1].rotary_inertia[0])
     assert near(moment, known) and np.abs(moment[[0, -1]]).max() < 1e-9 * moment.max()
 
 
@@ -170,7 +187,7 @@ def test_a_mass_on_a_node_hangs_from_the_beam() -> None:
     for one in (structure, replace(structure, masses=(payload.model_copy(update={"coupling": "rigid"}),))):
         forces, _ = found(one, (9.81,))
         x, shear = forces["shear force z"]
-        assert near(shear, -9.81 * (100.0 + spatial().mass_per_length * (LENGTH - x)))
+        assert near(shear, -9.81 * (100.0 + spatial().masses[0] * (LENGTH - x)))
 
 
 def test_a_pad_that_rubs_turns_the_beam_and_pulls_it_from_where_it_is() -> None:

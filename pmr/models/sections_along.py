@@ -1,0 +1,132 @@
+"""The sections of a beam along its axis: one, or one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.models.profile_section import section_of
+from pmr.scene.box import Box
+from pmr.scene.profile import BoxProfile
+from pmr.scene.structures import BeamSection
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SectionsAlong:
+    """Of K sections one after the other, places and properties; moments are along principal axes."""
+
+    ends: Array  # (K + 1,) m: where each begins, and the last one ends
+    each: tuple[BeamSection, ...]
+    profiles: tuple[BoxProfile | None, ...]  # that they are of, where they are known
+
+    def at(self, places: Array | float) -> Indices:
+        """Numbers of the sections at places along the axis, (k,); where one ends those that begin there."""
+        return np.clip(np.searchsorted(self.ends, places, side="right") - 1, 0, len(self.each) - 1)
+
+    @cached_property
+    def area(self) -> Array:
+        """(K,) m^2."""
+        return np.array([one.area for one in self.each])
+
+    @cached_property
+    def torsion_constant(self) -> Array:
+        """(K,) m^4."""
+        return np.array([one.torsion_constant for one in self.each])
+
+    @cached_property
+    def polar_moment(self) -> Array:
+        """(K,) m^4."""
+        return np.array([one.polar_moment for one in self.each])
+
+    @cached_property
+    def centroid(self) -> Array:
+        """(K, 2) m."""
+        return np.array([one.centroid for one in self.each])
+
+    @cached_property
+    def shear_centre(self) -> Array:
+        """(K, 2) m."""
+        return np.array([one.shear_centre for one in self.each])
+
+    @property
+    def turned(self) -> bool:
+        """Whether principal axes of any are."""
+        return any(one.product_of_inertia != 0.0 for one in self.each)
+
+    @cached_property
+    def principal(self) -> Array:
+        """R (K, 2, 2): principal axes as rows, no farther from y and z than half a right angle."""
+        return np.array([_principal(one) for one in self.each])
+
+    @cached_property
+    def second_moments(self) -> Array:
+        """About the centroid, along the principal axes, (K, 2) m^4."""
+        tensors = np.array(
+            [
+                [[one.second_moment_z, one.product_of_inertia], [one.product_of_inertia, one.second_moment_y]]
+                for one in self.each
+            ]
+        )
+        return np.einsum("kij,kjl,kil->ki", self.principal, tensors, self.principal)
+
+    @cached_property
+    def shear_areas(self) -> Array | None:
+        """Along the principal axes, (K, 2) m^2; None where one is unknown."""
+        areas = [(one.shear_area_y, one.shear_area_z) for one in self.each]
+        if any(None in pair for pair in areas):
+            return None
+        return 1.0 / np.einsum("kij,kj,kij->ki", self.principal, 1.0 / np.array(areas, float), self.principal)
+
+    @cached_property
+    def own_motion(self) -> Array:
+        """(K, 6, 6): u_c, v_s, w_s, phi and rotations about the principal axes from the motion of the axis."""
+        found = about_own_centres(self)
+        found[:, 1:3], found[:, 4:] = self.principal @ found[:, 1:3], self.principal @ found[:, 4:]
+        return found
+
+
+def about_own_centres(sections: SectionsAlong) -> Array:
+    """(K, 6, 6): u of the centroid, v and w of the shear centre, and rotations, from the motion of the axis."""
+    found = np.tile(np.eye(6), (len(sections.each), 1, 1))
+    found[:, 0, 4], found[:, 0, 5] = sections.centroid[:, 1], -sections.centroid[:, 0]
+    found[:, 1, 3], found[:, 2, 3] = -sections.shear_centre[:, 1], sections.shear_centre[:, 0]
+    return found
+
+
+def one_section(length: float, section: BeamSection, profile: BoxProfile | None) -> SectionsAlong:
+    """The same all along."""
+    return SectionsAlong(np.array([0.0, length]), (section,), (profile,))
+
+
+def sections_of(box: Box, poisson: float) -> SectionsAlong:
+    """Those of a box."""
+    stretches = box.stretches
+    return SectionsAlong(
+        np.array([0.0, *(one.end for one in stretches)]),
+        tuple(section_of(one.first, poisson) for one in stretches),
+        tuple(one.first for one in stretches),
+    )
+
+
+def stations_of(breaks: Sequence[float], elements: int) -> Array:
+    """Nodes of a beam of about so many elements, one at each of the breaks at least, in between evenly spaced, m."""
+    parts = [np.array(breaks[:1])]
+    for a, b in zip(breaks[:-1], breaks[1:], strict=True):
+        count = max(1, round(elements * (b - a) / (breaks[-1] - breaks[0])))
+        parts.append(a + (b - a) * (np.arange(1, count + 1) / count))
+    return np.concatenate(parts)
+
+
+def _principal(section: BeamSection) -> Array:
+    if section.product_of_inertia == 0.0:
+        return np.eye(2)
+    difference = section.second_moment_z - section.second_moment_y
+    angle = np.arctan2(np.copysign(2.0, difference) * section.product_of_inertia, abs(difference)) / 2.0
+    return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])

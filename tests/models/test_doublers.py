@@ -1,0 +1,173 @@
+"""Beams and shells whose walls are thicker over a part of their length, against closed forms and each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from gathering import gathered
+from statics import static_outputs
+
+from pmr.fem.compat import MPI
+from pmr.fullmodel.assembly import Assembler, assemble_model
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Structure
+from pmr.mesh.box import write_shell
+from pmr.mesh.named import read_mesh
+from pmr.models import DIRECTIONS
+from pmr.models.beam3d import Beam3D, beam_of
+from pmr.models.profile_section import section_of
+from pmr.models.shell import Shell, drawn, of
+from pmr.scene import Body
+from pmr.scene.box import Box
+from pmr.scene.structures import Beam3DBody, Material, PointMass
+
+LENGTH, THICK = 6.0, 1.3  # m: the second one, from where on walls are as thin as the box says
+E, G, RHO = Material().young, Material().shear_modulus, Material().density
+ALL = {"start": 0.0, "end": THICK, "thickness": 0.006}
+BOTTOM = ALL | {"faces": ["bottom"]}
+LEANING = ALL | {"faces": ["bottom", "left"]}
+
+
+def box(*doublers: dict, **given) -> Box:
+    return Box(**({"length": LENGTH, "width": 0.3, "height": 0.4, "wall": 0.008, "doublers": doublers} | given))
+
+
+def beam(of_box: Box, shear: bool = False, elements: int = 4) -> Beam3D:
+    return beam_of(Beam3DBody(length=LENGTH, profile=of_box, shear=shear, elements=elements), of_box)
+
+
+def answers(model) -> np.ndarray:
+    """Displacement and rotation of the tip (6, 6) under unit forces and moments on it."""
+    loads, seen = (tuple(Action(f"{kind} {d}", "tip", d) for d in DIRECTIONS) for kind in ("load", "motion"))
+    cap = () if model.node_stations is not None else (PointMass(name="c", on="tip", mass=1e-6, coupling="rigid"),)
+    return static_outputs(
+        structural_model(Structure(model, clamps=(Clamp("tail"),), masses=cap, loads=loads, outputs=seen))
+    )
+
+
+@pytest.mark.mpi
+def test_a_stepped_cantilever_bends_stretches_and_twists_as_its_closed_form() -> None:
+    """Statics of stepped beams is exact on any mesh."""
+    of_box = box(ALL)
+    thick, thin = (section_of(one.first, 0.3) for one in of_box.stretches)
+    found, rest = answers(beam(of_box)), LENGTH - THICK
+    bent = [(LENGTH**3 - rest**3) / (3.0 * E * thick.second_moment_y), rest**3 / (3.0 * E * thin.second_moment_y)]
+    assert found[2, 2] == pytest.approx(sum(bent), rel=1e-9)
+    assert found[0, 0] == pytest.approx(THICK / (E * thick.area) + rest / (E * thin.area), rel=1e-10)
+    twist = THICK / (G * thick.torsion_constant) + rest / (G * thin.torsion_constant)
+    assert found[3, 3] == pytest.approx(twist, rel=1e-10)
+    sheared = answers(beam(of_box, shear=True))[2, 2] - found[2, 2]
+    assert sheared == pytest.approx(THICK / (G * thick.shear_area_z) + rest / (G * thin.shear_area_z), rel=1e-7)
+
+
+@pytest.mark.mpi
+def test_an_axial_force_bends_what_is_thickened_on_one_side() -> None:
+    """N on the axis has the arm z_c about the centroid of the thick part, and none beyond."""
+    of_box = box(BOTTOM)
+    thick = section_of(of_box.stretches[0].first, 0.3)
+    curvature = thick.centroid[1] / (E * thick.second_moment_y)  # of w, for N = 1 N
+    found = answers(beam(of_box))
+    assert thick.centroid[1] < -0.02 and found[2, 0] == pytest.approx(
+        curvature * THICK * (LENGTH - THICK / 2.0), rel=1e-9
+    )
+    assert found[0, 0] == pytest.approx(
+        THICK * (1.0 / (E * thick.area) + curvature * thick.centroid[1])
+        + (LENGTH - THICK) / (E * section_of(of_box, 0.3).area),
+        rel=1e-9,
+    )
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("doubler", [ALL, BOTTOM, LEANING])
+def test_mass_and_rigid_motions_are_exact(doubler: dict) -> None:
+    of_box = box(doubler, {"start": 3.0, "end": 3.5, "thickness": 0.01})
+    model = beam(of_box, shear=True)
+    operators = assemble_model(model, model.domain(MPI.COMM_WORLD))
+    M, K, R = gathered(operators.M), gathered(operators.K), model.rigid_motions()
+    parts = [(one.end - one.start, (one.end + one.start) / 2.0, section_of(one.first, 0.3)) for one in of_box.stretches]
+    mass = RHO * sum(h * section.area for h, _, section in parts)
+    assert [R[:, k] @ M @ R[:, k] for k in range(3)] == pytest.approx([mass] * 3, rel=1e-12)
+    assert R[:, 1] @ M @ R[:, 5] == pytest.approx(RHO * sum(h * x * s.area for h, x, s in parts), rel=1e-12)
+    assert R[:, 0] @ M @ R[:, 4] == pytest.approx(
+        RHO * sum(h * s.area * s.centroid[1] for h, _, s in parts), abs=1e-12 * mass
+    )
+    assert np.abs(K @ R).max() < 1e-11 * np.abs(K).max()
+
+
+@pytest.mark.mpi
+def test_the_axial_force_in_a_moving_frame_is_that_of_the_mass_beyond() -> None:
+    """Of rigid turning w' = -1: the integral of N, which is minus that of rho A a x, and F L."""
+    of_box, a, b, F = box(ALL), 3.0, 0.7, 11.0
+    model = beam(of_box)
+    assembler = Assembler(model, model.domain(MPI.COMM_WORLD))
+    state = SimpleNamespace(acceleration=np.array([a, 0.0, 0.0]), stretch=b, forces=[("tip", np.array([F, 0.0, 0.0]))])
+    A, turn = gathered(assembler.matrix(model.geometric_stiffness(assembler.space, state))), model.rigid_motions()[:, 4]
+    inertia = sum(
+        RHO * section_of(one.first, 0.3).area
+        * (a * (one.end**2 - one.start**2) / 2.0 + b * (one.end**3 - one.start**3) / 3.0)
+        for one in of_box.stretches
+    )  # fmt: skip
+    assert turn @ A @ turn == pytest.approx(F * LENGTH - inertia, rel=1e-11)
+
+
+def test_stresses_know_where_walls_are_thicker() -> None:
+    """M c / I of each part under a moment at the tip."""
+    of_box = box(ALL)
+    model = beam(of_box)
+    K = gathered(assemble_model(model, model.domain(MPI.COMM_SELF)).K)
+    free, q = np.arange(6, model.size), np.zeros(model.size)
+    load = model.motion("tip").toarray()[4]
+    q[free] = np.linalg.solve(K[np.ix_(free, free)], load[free])
+    forces, stresses = model.section_forces(), model.stresses()
+    bent = np.array(forces.names) == "bending moment y"
+    assert forces.rows[bent] @ q == pytest.approx(np.ones(bent.sum()), rel=1e-9)
+    found = (stresses.rows @ q)[::2]
+    for one in of_box.stretches:
+        section, (corner, *_) = section_of(one.first, 0.3), [c for c in one.first.corners if c.name == "top left"]
+        here = (stresses.face == stresses.faces.index("top left")) & (stresses.points[:, 0] > one.start + 0.01)
+        here &= stresses.points[:, 0] < one.end - 0.01
+        assert stresses.points[here, 2] == pytest.approx(corner.at[1], rel=1e-12)
+        assert found[here] == pytest.approx(corner.at[1] / section.second_moment_y, rel=1e-9)
+
+
+def shell(of_box: Box, folder: Path, size: float, along: float) -> Shell:
+    write_shell(drawn(of_box, size, along), folder / "m.msh")
+    return of(Body(box=of_box), read_mesh(folder / "m.msh", ("triangle",)))
+
+
+def areas(mesh) -> np.ndarray:
+    a, b, c = (mesh.points[mesh.cells[:, i]] for i in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+
+
+@pytest.mark.parametrize("doubler", [ALL, LEANING])
+def test_a_shells_cells_are_as_thick_as_the_walls_where_they_are(doubler: dict, tmp_path: Path) -> None:
+    """Volume: that of thin walls, to round-off; layers of cells end where the doubler does."""
+    pytest.importorskip("gmsh")
+    of_box = box(doubler, chamfer=0.08, radius=0.03)
+    model = shell(of_box, tmp_path, 0.1, 0.5)
+    flat, area = [side.name for side in of_box.faces.values()], areas(model.mesh)
+    for name in flat:
+        cells = model.mesh.regions[name]
+        side, own = of_box.faces[name], doubler.get("faces")
+        more = 0.006 * THICK * (own is None or name in own)
+        assert (area * model.thickness)[cells].sum() == pytest.approx(side.length * (0.008 * LENGTH + more), rel=1e-12)
+    assert {"corners"} == set(model.mesh.regions) - set(flat) or doubler is LEANING
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("doubler", [ALL, LEANING])
+def test_a_long_shell_with_doublers_answers_as_the_beam(doubler: dict, tmp_path: Path) -> None:
+    """All 36 answers within 1 % of the geometric mean of their own two; what couples them is above that."""
+    pytest.importorskip("gmsh")
+    of_box = box(doubler | {"end": 3.0})
+    expected, found = answers(shell(of_box, tmp_path, 0.05, 0.3)), answers(beam(of_box, shear=True))
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.all(np.abs(found - expected) < 0.01 * scale)
+    plain = answers(beam(box(), shear=True))
+    assert np.all(np.diag(plain) > 1.1 * np.diag(expected))
+    if doubler is LEANING:
+        assert abs(expected / scale)[0, 4] > 0.05 and abs(expected / scale)[0, 5] > 0.05
