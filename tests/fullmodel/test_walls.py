@@ -14,8 +14,9 @@ from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
 from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance
 from pmr.fullmodel.walls import Sliding, Standing, Walls, summary
-from pmr.mesh.box import BoxBoom
 from pmr.models.beam3d import Beam3D
+from pmr.models.shell import drawn
+from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, PointMass
 
 TRAVEL = (0.6, 1.7)
@@ -169,9 +170,8 @@ PRESSED = tuple(
 def found(thickness: float, staying=PRESSED, rings=(), ends=(), clamps=()):
     """How far the walls of a box give way, by a shell of it."""
     pytest.importorskip("gmsh")
-    profile = BoxProfile(width=0.3, height=0.4, wall=thickness)
-    box = BoxBoom(profile.sides, length=2.4, size=0.15, size_along=0.15)
-    return wall_compliance(PlateBody(box, profile, Material(), 5.0 / 6.0, clamps), staying, ends, rings)
+    box = Box(length=2.4, width=0.3, height=0.4, wall=thickness)
+    return wall_compliance(PlateBody(drawn(box, 0.15, 0.15), box, Material(), 5.0 / 6.0, clamps), staying, ends, rings)
 
 
 @pytest.mark.slow
