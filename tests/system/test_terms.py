@@ -12,7 +12,6 @@ import scipy.sparse as sp
 from nested import Nested, reduced
 
 from pmr.errors import InputError
-from pmr.export.fmi.blocks import arrangement
 from pmr.export.formats import Options, write
 from pmr.scene.signals import Constant, Sine
 from pmr.simulation.excitation import Excitation
@@ -82,13 +81,6 @@ def test_what_knows_no_terms_refuses_them(system: System, tmp_path: Path) -> Non
             write(to, file, None, Options())
     with pytest.raises(InputError, match="a file that holds its scene is allowed"):  # which says what drives them
         write("fmu", file, None, Options())
-
-
-def test_an_fmu_refuses_friction_beside_them(system: System) -> None:
-    contacts = tuple(replace(one, friction=0.2, kind="pad") for one in system.contacts)
-    term = Term("N", ("1",), stiffness=np.eye(*of(system, "1")))
-    with pytest.raises(InputError, match="fmu, terms that vary in time: friction"):
-        arrangement(replace(system, contacts=contacts, terms=(term,)))
 
 
 def test_terms_that_make_no_sense_are_refused(system: System) -> None:

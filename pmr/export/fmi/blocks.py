@@ -198,13 +198,7 @@ class Arrangement:
 
 
 def arrangement(system: System) -> Arrangement:
-    """All rows of a system.
-
-    An InputError is raised as for `modal_form`, if a body is not reduced, or for friction beside terms that vary in
-    time: with one BLAS kernel of three the unit parts from `Stepper` there, and why is not known.
-    """
-    if system.terms:
-        system.ensure_frictionless("fmu, terms that vary in time")
+    """All rows of a system; an InputError is raised as for `modal_form`, or if a body is not reduced."""
     parts, friction = _parts(system), Friction.of(system.contacts)
     compliance = np.pad(system.compliance, (0, 0 if friction is None else len(friction.pads)))
     m = len(compliance)

@@ -200,9 +200,10 @@ def slide(
     .. math:: x + \alpha \Bigl(\sum_j \operatorname{clip}(f_j + \kappa_j x,\ \pm l_j) - f\Bigr) = \Delta y
 
     the left side of which grows with x, at least as x does: Newton's steps, kept between what is known to be too
-    little and too much.
+    little and too much.  Where all pads slide on both sides of the solution such steps go to and fro for ever; so one
+    that is not half as long as the one before gives way to halving what is between.
     """
-    x, low, high, total, bounded = moved, moved, moved, 0.0, False
+    x, low, high, last, total = moved, -np.inf, np.inf, np.inf, 0.0
     for _ in range(TRIES):
         total, slope, size = 0.0, 1.0, 0.0
         for j in range(len(new)):
@@ -215,15 +216,14 @@ def slide(
         off = x + softness * (total - given) - moved
         if abs(off) <= ROUND_OFF * (abs(x) + abs(moved) + softness * (size + abs(given))):
             break
-        if not bounded:
-            low, high, bounded = min(x, x - off), max(x, x - off), True
         if off > 0.0:
-            high = x
+            low, high = max(low, x - off), x
         else:
-            low = x
-        x -= off / slope
-        if not low <= x <= high:
-            x = (low + high) / 2.0
+            low, high = x, min(high, x - off)
+        ahead = x - off / slope
+        if abs(ahead - x) > last / 2.0 or not low <= ahead <= high:
+            ahead = low + (high - low) / 2.0
+        last, x = abs(ahead - x), ahead
     return total
 
 

@@ -51,8 +51,9 @@ SHIP = (
     "frame.base.rz={kind='sine',amplitude=3.0,frequency=0.7}",
 )
 GIVES_WAY = ("section.joint.cylinder.stiffness=5e7",)
-#: Changes of the crane, and version of the interface: on a ship, and with springs alone.
-KINDS = {"ship": ((*CRANE, *SHIP), "3"), "springs": ((*CRANE, *GIVES_WAY), "2")}
+RUBS = (*GIVES_WAY, *(f"section.joint.{ring}.0.friction=0.2" for ring in ("tail", "mouth")))
+#: Changes of the crane, and version of the interface: on a ship, with springs alone, and with pads that rub.
+KINDS = {"ship": ((*CRANE, *SHIP), "3"), "springs": ((*CRANE, *GIVES_WAY), "2"), "rubbing": ((*CRANE, *RUBS), "3")}
 pytestmark = [pytest.mark.slow, pytest.mark.numerical]
 
 

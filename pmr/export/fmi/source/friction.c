@@ -19,13 +19,14 @@ static double total(const double *friction, int joint)
 
 /* New friction of a joint's pads after the old one, which slides by `moved` under a friction `given` and by `softness` less under
    more of it: x + softness (sum of clip(old + kappa x, +-limit) - given) = moved, by Newton's steps kept between what is
-   known to be too little and too much. */
+   known to be too little and too much.  One that is not half as long as the one before gives way to halving what is between:
+   where all pads slide on both sides of the solution Newton's steps go to and fro for ever. */
 static void slide(int joint, const double *old, const double *limits, double moved, double softness, double given, double *found)
 {
-    double x = moved, low = moved, high = moved;
-    int tries, j, bounded = 0;
+    double x = moved, low = -INFINITY, high = INFINITY, last = INFINITY;
+    int tries, j;
     for (tries = 0; tries < TRIES; tries++) {
-        double sum = 0.0, slope = 1.0, size = 0.0, off;
+        double sum = 0.0, slope = 1.0, size = 0.0, off, ahead;
         for (j = first_pad[joint]; j < first_pad[joint + 1]; j++) {
             double value = old[j] + pad_stiffness[j] * x;
             found[j] = fmin(fmax(value, -limits[j]), limits[j]);
@@ -35,15 +36,17 @@ static void slide(int joint, const double *old, const double *limits, double mov
         }
         off = x + softness * (sum - given) - moved;
         if (!(fabs(off) > ROUND_OFF * (fabs(x) + fabs(moved) + softness * (size + fabs(given))))) return;
-        if (!bounded) {
-            low = fmin(x, x - off);
-            high = fmax(x, x - off);
-            bounded = 1;
+        if (off > 0.0) {
+            low = fmax(low, x - off);
+            high = x;
+        } else {
+            high = fmin(high, x - off);
+            low = x;
         }
-        if (off > 0.0) high = x;
-        else low = x;
-        x -= off / slope;
-        if (!(x >= low && x <= high)) x = (low + high) / 2.0;
+        ahead = x - off / slope;
+        if (fabs(ahead - x) > last / 2.0 || !(ahead >= low && ahead <= high)) ahead = low + (high - low) / 2.0;
+        last = fabs(ahead - x);
+        x = ahead;
     }
 }
 
