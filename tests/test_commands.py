@@ -43,7 +43,7 @@ RUN = {
     f"pmr simulate {THREE} --scene boom_three --set time.end=2 --out reports/shorter": "--set section.mesh.elements=8 "
     "--set time.end=0.02",
     f"pmr export {THREE} --to fmu --out three.fmu": "",
-    'pmr export reports/boom_octagonal/system.npz --to matlab --at "fly=1; fly=2.5"': "",
+    'pmr export reports/boom_lift/system.npz --to matlab --at "mid=3.6,fly=3.3; mid=4.8,fly=4.5"': "",
     "pmr export two/system.npz --to exudyn": "",
     "pmr flexible boom_solid --at 2.5 --to sid --set masses=[]": "--set mesh.size=0.15 --set mesh.along=0.75",
     "pmr flexible boom_solid --at 2.5 --to ffrf --set masses=[]": "--set mesh.size=0.15 --set mesh.along=0.75",
@@ -54,7 +54,7 @@ RUN = {
     "pmr new boom mine": "",
     "pmr run mine": "--set time.end=0.1",
     f"pmr simulate reports/mine/reduced.npz --scene mine --set {AMPLITUDE} --out reports/strong": "--set time.end=0.1",
-    "pmr study workflows/studies/coordinates.toml --list": "",
+    "pmr study coordinates --list": "",
 }  # fmt: skip
 #: What another test runs, shorter or not.
 TESTED = {
@@ -73,7 +73,7 @@ TESTED = {
     "sbatch workflows/scale.slurm 0.0125 1 2 4 8 16 32 64": "tests/benchmarks/test_scale.py",
     "mpirun -n 4 pmr run SCENE.toml": "tests/test_run.py",
     "pmr study STUDY.toml --list": "tests/cli/test_study.py",
-    "mpiexec -n 65 python -m mpi4py.futures -m pmr study workflows/studies/coordinates.toml": "tests/cli/test_study.py",
+    "mpiexec -n 65 python -m mpi4py.futures -m pmr study coordinates": "tests/cli/test_study.py",
     "pmr run boom_two --out two": "tests/simulation/exudyn",
 }
 #: Of which something is left out where the text goes on about it.
@@ -169,7 +169,7 @@ def test_what_stands_here_is_in_the_manual() -> None:
     own = {
         "pmr new telescope telescope",
         "pmr new platform platform",
-        "pmr study workflows/studies/coordinates.toml --list",
+        "pmr study coordinates --list",
     }
     assert {*RUN, *TESTED} - own <= set(commands()) | in_tutorials()
 
@@ -194,7 +194,7 @@ def test_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytes
     for name, changes, file in (
         ("boom_shell", ["mesh.size=0.2", "mesh.along=0.75", "slider.travel=[1.5, 4.0]"], BOOM),
         ("boom_three", linear, THREE),
-        ("boom_octagonal", [*linear, "section.body.walls=rigid"], "reports/boom_octagonal/system.npz"),
+        ("boom_lift", linear, "reports/boom_lift/system.npz"),
         ("boom_two", linear, "two/system.npz"),
     ):
         Path(file).parent.mkdir(parents=True, exist_ok=True)
