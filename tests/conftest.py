@@ -19,6 +19,7 @@ from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
 from pmr.reduced.model import ReducedModel
+from pmr.report import paper
 from pmr.report.blocks import Drawing, drawing
 from pmr.scene import Scene
 from pmr.system.body import FullBody
@@ -75,12 +76,13 @@ def _what_is_loaded_stays() -> None:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drawings stay empty, which take most of a page's time: for tests of what stands beside them."""
+    """Drawings and PDFs stay empty, which take most of a page's time: for tests of what stands beside them."""
 
     def empty(name: str, draw: object, caption: str, *arguments: object) -> Drawing:
         return Drawing(name, "<svg></svg>", caption)
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
+    monkeypatch.setattr(paper, "print_page", lambda text, file: file.touch())
 
 
 @pytest.fixture(scope="session")

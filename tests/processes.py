@@ -17,10 +17,12 @@ from pmr.cli.app import main
 FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
 PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
-#: The command whose reports have empty figures, which take longer than a short run: for tests of anything else.
+#: The command whose reports have empty figures and an empty PDF, which take longer than a short run: for tests of
+#: anything else.
 UNDRAWN = (
-    "from pmr.report import blocks\n"
+    "from pmr.report import blocks, paper\n"
     "blocks.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
+    "paper.print_page = lambda text, file: file.touch()\n"
 ) + COMMAND
 
 

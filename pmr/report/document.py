@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +10,11 @@ from typing import Any
 
 import jinja2
 
-from pmr.errors.environment import needed, uncollected
+from pmr.errors.environment import uncollected
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
-from pmr.report.blocks import END_OF_SCREEN, SCREEN, Chapter
+from pmr.report import paper
+from pmr.report.blocks import Chapter
 from pmr.report.figures.vector import FONT, embedded, words
 from pmr.report.sections import chapter
 from pmr.results import RunResult
@@ -62,27 +61,9 @@ def write(text: str, folder: Path) -> ReportFiles:
     """Write a page as both files."""
     with fresh(folder, REPORT_FILES) as new:
         (new / "report.html").write_text(text, encoding="utf-8")
-        needed("weasyprint").HTML(string=_on_paper(text)).write_pdf(new / "report.pdf")  # takes a second to load
+        paper.print_page(text, new / "report.pdf")
     _log.info("report written to %s", folder)
     return ReportFiles(folder / "report.html", folder / "report.pdf")
-
-
-def _on_paper(text: str) -> str:
-    """The page without what only a screen shows, and with figures as images that stand in it whole.
-
-    As parts of the page each of their lines would be read, and given styles, by what was made for pages: half the time
-    that a PDF takes.
-    """
-
-    def placed(found: re.Match[str]) -> str:
-        style, drawn = found.groups()
-        if style is not None:
-            return re.sub(r"\bsvg(?= \{)", "embed", style)
-        image = f'<svg xmlns="http://www.w3.org/2000/svg"{drawn}'
-        return f'<embed type="image/svg+xml" src="data:image/svg+xml;base64,{b64encode(image.encode()).decode()}">'
-
-    text = re.sub(f"{SCREEN}.*?{END_OF_SCREEN}", "", text, flags=re.DOTALL)
-    return re.sub(r"(<style\b.*?</style>)|<svg\b(.*?</svg>)", placed, text, flags=re.DOTALL)
 
 
 def dated(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from processes import called, python, undrawn
+from processes import UNDRAWN, called, python, undrawn
 from waiting import PATIENCE, wait_until
 
 from pmr.studies.results import StudyResults
@@ -153,10 +153,11 @@ def test_interrupted_by_the_keyboard_it_says_how_to_go_on(small: Path, tmp_path:
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
-    """With `pmr`, `python` and `mpiexec` of this stack on PATH."""
+    """With `pmr`, whose reports are empty, `python` and `mpiexec` of this stack on PATH."""
     command = tmp_path / "bin" / "pmr"
     command.parent.mkdir()
-    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pmr "$@"\n')
+    (command.parent / "undrawn.py").write_text(UNDRAWN)
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{command.parent}/undrawn.py" "$@"\n')
     command.chmod(0o755)
     path = [str(command.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
     return {**os.environ, "PATH": os.pathsep.join(path)}
