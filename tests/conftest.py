@@ -37,6 +37,9 @@ FENICSX = (
     *("convergence", "fem", "fullmodel", "mesh", "models", "reduction", "simulation/petsc"),
     "test_random_structures.py",
 )
+#: Ranks of this run, and what a file with tests for several of them says.
+RANKS = int(os.environ.get("OMPI_COMM_WORLD_SIZE", os.environ.get("PMI_SIZE", "1")))
+FOR_RANKS = "pytest.mark.mpi"
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
@@ -48,7 +51,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 def pytest_unconfigure(config: pytest.Config) -> None:
     """A rank on which a test failed ends the others, which would wait for it, after a while to say what they know."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
-    if int(os.environ.get("OMPI_COMM_WORLD_SIZE", os.environ.get("PMI_SIZE", "1"))) == 1 or reporter is None:
+    if RANKS == 1 or reporter is None:
         return
     if reporter.stats.get("failed") or reporter.stats.get("error"):
         from mpi4py import MPI
@@ -58,8 +61,16 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         MPI.COMM_WORLD.Abort(1)
 
 
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Of several ranks each would read and import all files, for the sake of the few that have tests for them."""
+    is_test = RANKS > 1 and collection_path.name.startswith("test_") and collection_path.suffix == ".py"
+    return True if is_test and FOR_RANKS not in collection_path.read_text() else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
+        if item.get_closest_marker("mpi") and FOR_RANKS not in item.path.read_text():
+            raise pytest.UsageError(f"{item.nodeid}: on ranks only files are read that say {FOR_RANKS}")
         file, slow = item.path.relative_to(TESTS).as_posix(), item.get_closest_marker("slow") is not None
         if file.startswith(NUMERICAL) and not slow:
             item.add_marker(pytest.mark.numerical)
