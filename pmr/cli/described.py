@@ -157,7 +157,9 @@ def _size(body: scenes.Body) -> str:
         return "from a file"
     walls = ", ".join(f"{name} {wall:g} m".strip() for name, wall in box.walls.items())
     doublers = "".join(f", doubler {one.thickness:g} m from {one.start:g} to {one.end:g} m" for one in box.doublers)
-    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {walls}{doublers}"
+    low, high = box.straight
+    tapers = f", tapers outside {low:g} to {high:g} m" if (low, high) != (0.0, box.length) else ""
+    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {walls}{doublers}{tapers}"
 
 
 def _describe_reduction(reduction: scenes.Reduction) -> str:

@@ -6,19 +6,18 @@ edges, ``frames`` the transverse stiffeners; ``tail`` and ``tip`` the two ends.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.mesh.drawing import Drawing, Entity
+from pmr.mesh.sides import TAPERED, Part, Side, ends_of, out
+from pmr.mesh.taper import tapered
 
 Array = NDArray[np.float64]
-Pair = tuple[float, float]
 #: The source of errors in a box's dimensions; where they stand is known to who asks for it.
 DIMENSIONS = "box boom"
 #: Rectangles that a drawing may have: some 40 coordinates each, four million, for which 50 GiB would be needed.
@@ -27,44 +26,6 @@ MOST_RECTANGLES = 100_000
 THINNEST = 1e-4
 #: Cosine up to which an angle is a right one.
 SQUARE = 1e-6
-
-
-class Side(Protocol):
-    """A flat plate or the arc of a corner, as one walks around a profile counter-clockwise, seen from the tip."""
-
-    @property
-    def name(self) -> str:
-        """Of the group that it becomes."""
-
-    @property
-    def start(self) -> Pair:
-        """Y and z of the mid-surface, m."""
-
-    @property
-    def end(self) -> Pair: ...
-
-    @property
-    def centre(self) -> Pair | None:
-        """Of an arc."""
-
-    @property
-    def angle(self) -> float:
-        """Of an arc, rad."""
-
-    @property
-    def length(self) -> float: ...
-
-    @property
-    def thickness(self) -> float: ...
-
-
-@dataclass(frozen=True)
-class Part:
-    """From one place along x to another one, m: layers of cells end there."""
-
-    start: float
-    end: float
-    sides: tuple[Side, ...]
 
 
 @dataclass(frozen=True)
@@ -79,7 +40,7 @@ class BoxBoom:
     tail_layer: float = 0.0
     frames: tuple[float, ...] = ()  # where along x a shell is stiffened by a transverse plate all around
     frame_depth: float = 0.0  # of these plates
-    parts: tuple[Part, ...] = ()  # by default one, all along
+    parts: tuple[Part, ...] = ()  # by default one, all along, with these sides
 
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
@@ -149,12 +110,13 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
         for start, end in zip(boom.stations[:-1], boom.stations[1:], strict=True):
             swept = drawing.sweep([(1, c) for c in curves], end - start, boom.layers(start, end), quads=True)
             curves = [tag for _, tag in swept[::4]]  # of each curve: its copy, the surface, two more lines
+            tapers = any(part.tapers for part in boom.parts if part.start < (start + end) / 2.0 < part.end)
             for side, surface in zip(boom.sides, swept[1::4], strict=True):
-                groups.setdefault(side.name, []).append(surface)
+                groups.setdefault(side.name + tapers * TAPERED, []).append(surface)
             if end in boom.frames:
                 groups.setdefault("frames", []).extend(_frame(drawing, boom, curves, end))
         groups["tip"] = [(1, curve) for curve in curves]
-        drawing.write(groups, file)
+        drawing.write(groups, file, lambda points: tapered(points, boom.sides, boom.parts, boom.frame_depth))
 
 
 def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
@@ -182,7 +144,7 @@ def _section(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[in
     """Curves around the section at x, `inset` within the mid-surface; divided as the mid-surface is."""
     curves = []
     for k, side in enumerate(boom.sides):
-        start, end = (drawing.point(x, *p) for p in _ends(boom, k, lambda side: -inset))
+        start, end = (drawing.point(x, *p) for p in ends_of(boom.sides, k, lambda side: -inset))
         if side.centre is None:
             curves.append(drawing.line(start, end, _divisions(boom, side)))
         else:
@@ -199,7 +161,7 @@ def _frame(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[
 def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
     """The walls' cross-section at x = 0: a patch for each side, and one for each right angle."""
     patches, count = [], len(boom.sides)
-    inside = [[drawing.point(0.0, *p) for p in _ends(boom, k, _inside)] for k in range(count)]
+    inside = [[drawing.point(0.0, *p) for p in ends_of(boom.sides, k, _inside)] for k in range(count)]
     outside = [[drawing.point(0.0, *p) for p in _outer_ends(boom, k)] for k in range(count)]
     for k, side in enumerate(boom.sides):
         (a, b), (d, c) = outside[k], inside[k]
@@ -211,23 +173,11 @@ def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
             along = drawing.arc(a, centre, b, n), drawing.arc(c, centre, d, n)
         patches.append(drawing.patch([along[0], drawing.line(b, c, 1), along[1], drawing.line(d, a, 1)], quads))
         if _is_square(boom, k):
-            corner = drawing.point(0.0, *_ends(boom, k, _outside)[1])
+            corner = drawing.point(0.0, *ends_of(boom.sides, k, _outside)[1])
             next_ = outside[after][0]
             sides = [drawing.line(b, corner, 1), drawing.line(corner, next_, 1), drawing.line(next_, c, 1)]
             patches.append(drawing.patch([*sides, drawing.line(c, b, 1)], quads))
     return patches
-
-
-def _ends(boom: BoxBoom, k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
-    """Ends (2,) m of a side, each side as far outward from its mid-surface as is said of it."""
-    side = boom.sides[k]
-    neighbours = boom.sides[k - 1], boom.sides[(k + 1) % len(boom.sides)]
-    found = []
-    for at, other in zip((side.start, side.end), neighbours, strict=True):
-        sharp = side.centre is None and other.centre is None
-        normals, apart = [_out(side, at), _out(other, at)], [outward(side), outward(other)]
-        found.append(at + (np.linalg.solve(normals, apart) if sharp else apart[0] * normals[0]))
-    return found[0], found[1]
 
 
 def _outside(side: Side) -> float:
@@ -240,10 +190,10 @@ def _inside(side: Side) -> float:
 
 def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
     """Outside of a side's patch: opposite the ends of its inside where a square fills the corner, else mitred."""
-    side, outer = boom.sides[k], _ends(boom, k, _outside)
+    side, outer = boom.sides[k], ends_of(boom.sides, k, _outside)
     inner = [
-        at + side.thickness * _out(side, end)
-        for end, at in zip((side.start, side.end), _ends(boom, k, _inside), strict=True)
+        at + side.thickness * out(side, end)
+        for end, at in zip((side.start, side.end), ends_of(boom.sides, k, _inside), strict=True)
     ]
     first = inner[0] if _is_square(boom, k - 1) else outer[0]
     return first, inner[1] if _is_square(boom, k) else outer[1]
@@ -253,16 +203,7 @@ def _is_square(boom: BoxBoom, k: int) -> bool:
     """Whether a side and the next one are flat and meet at a right angle."""
     side, after = boom.sides[k], boom.sides[(k + 1) % len(boom.sides)]
     flat = side.centre is None and after.centre is None
-    return flat and abs(float(_out(side, side.end) @ _out(after, after.start))) < SQUARE
-
-
-def _out(side: Side, at: Pair) -> Array:
-    """Unit vector (2,) out of a side at one of its ends."""
-    if side.centre is not None:
-        arm = np.subtract(at, side.centre)
-        return np.asarray(arm / np.hypot(*arm))
-    along = np.subtract(side.end, side.start) / side.length
-    return np.array([along[1], -along[0]])
+    return flat and abs(float(out(side, side.end) @ out(after, after.start))) < SQUARE
 
 
 def _divisions(boom: BoxBoom, side: Side) -> int:
@@ -288,6 +229,6 @@ def _outer_faces(boom: BoxBoom) -> dict[str, _Plane]:
     found = {"tail": _Plane(np.eye(3)[0], 0.0), "tip": _Plane(np.eye(3)[0], boom.length)}
     for side in boom.sides:
         if side.centre is None:
-            normal = _out(side, side.start)
+            normal = out(side, side.start)
             found[side.name] = _Plane(np.array([0.0, *normal]), float(normal @ side.start) + side.thickness / 2.0)
     return found

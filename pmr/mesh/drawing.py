@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -109,8 +109,13 @@ class Drawing:
         box = np.array(self._model.getBoundingBox(*entity))
         return box[:3], box[3:]
 
-    def write(self, groups: Mapping[str, Sequence[Entity]], file: Path) -> None:
-        """Mesh and write, with `groups` as physical groups; rectangles of a surface become four triangles each."""
+    def write(
+        self, groups: Mapping[str, Sequence[Entity]], file: Path, moved: Callable[[Array], Array] = np.asarray
+    ) -> None:
+        """Mesh, move the points (N, 3) m and write, with `groups` as physical groups.
+
+        Rectangles of a surface become four triangles each.
+        """
         import meshio
 
         self._model.geo.synchronize()
@@ -119,7 +124,7 @@ class Drawing:
         tags, coordinates, _ = self._model.mesh.getNodes()
         number = np.zeros(int(tags.max()) + 1, np.int64)
         number[tags.astype(np.int64)] = np.arange(len(tags))
-        points = coordinates.reshape(-1, 3)
+        points = moved(coordinates.reshape(-1, 3))
         cells, physical, field_data = [], [], {}
         for tag, (name, members) in enumerate(groups.items(), 1):
             field_data[name] = np.array([tag, members[0][0]])

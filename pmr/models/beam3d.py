@@ -20,9 +20,9 @@ values are exact in statics, frequencies converge with order 2 (4 without shear)
 Structural Analysis, 1968, section 5.6 (stiffness), 11.3 (mass).
 
 Sections are rigid in their plane and warping is free; they change at nodes, so that each element has constants of its
-own.  Coordinates are ordered node by node: displacements along and rotations about x, y, z, of a point on the axis,
-which moves with its section: with its centroid c and its shear centre s beside the axis, and R that turns y and z to
-its principal axes
+own, and those of a section that tapers are its means over the element.  Coordinates are ordered node by node:
+displacements along and rotations about x, y, z, of a point on the axis, which moves with its section: with its centroid
+c and its shear centre s beside the axis, and R that turns y and z to its principal axes
 
 .. math::
     u_c = u + z_c \theta_y - y_c \theta_z, \qquad
@@ -51,6 +51,7 @@ from pmr.models.profile_section import MidLine, corner_stresses, section_of, str
 from pmr.models.sections_along import SectionsAlong, about_own_centres, one_section, sections_of, stations_of
 from pmr.models.tabulation import CellValues, cell_values
 from pmr.scene.box import Box
+from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
@@ -296,8 +297,13 @@ class Beam3D(Beam):
 
     def centroid(self, place: str | float) -> Array:
         """Where the mean of a shell's end is: in the middle of the walls' line."""
-        profile = self.sections.profiles[int(self.sections.at(self.station(place)))]
+        profile = self._profile(self.station(place))
         return super().centroid(place) + [0.0, *(np.zeros(2) if profile is None else MidLine(profile).middle)]
+
+    def _profile(self, at: float) -> BoxProfile | None:
+        """At a place along the axis in m."""
+        stretch = self.sections.stretches[int(self.sections.at(at))]
+        return None if stretch is None else stretch.at(at)
 
     def _motions(self, places: Array) -> sp.csr_matrix:
         """Displacements and rotations of the axis at distances along it, (6 len(places), n)."""
@@ -335,7 +341,7 @@ class Beam3D(Beam):
 
     def _face(self, name: str, at: float) -> tuple[Plane, Extent]:
         """A face and what it offers: all of the axis, and its flat part at a place, if there is a profile."""
-        profile, along = self.sections.profiles[int(self.sections.at(at))], (0.0, self.body.length)
+        profile, along = self._profile(at), (0.0, self.body.length)
         known = FACES if profile is None else profile.faces
         if name not in known:
             raise InputError("scene", "pads.on", name, f"a beam has the faces {', '.join(known)}")
@@ -351,14 +357,23 @@ class Beam3D(Beam):
         return np.clip(np.searchsorted(starts, places, side="right") - 1, 0, None)
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        profiles = [one for one in self.sections.profiles if one is not None]
-        if len(profiles) < len(self.sections.profiles):
-            return None
-        at = np.array([[corner.at for corner in profile.corners] for profile in profiles])  # (K, k, 2)
-        each = zip(profiles, self.sections.each, strict=True)
-        of, number = np.array([corner_stresses(*pair) for pair in each]), np.repeat(self.number, 2)
-        corners = {corner.name: at[number, k] for k, corner in enumerate(profiles[0].corners)}
-        return stress_rows(forces, element, corners, of[number])
+        number, places = np.repeat(self.number, 2), forces.x[: len(element)]
+        found = dict[tuple[int, float], tuple[Array, Array]]()  # by section, and where it changes from place to place
+        keys, names = [], tuple[str, ...]()
+        for k, x in zip(number.tolist(), places.tolist(), strict=True):
+            stretch = self.sections.stretches[k]
+            if stretch is None:
+                return None
+            same = stretch.first is stretch.last
+            keys.append((k, 0.0 if same else x))
+            if keys[-1] not in found:
+                profile = stretch.at(x)
+                section = self.sections.each[k] if same else section_of(profile, self.body.material.poisson)
+                names = tuple(corner.name for corner in profile.corners)
+                at = np.array([corner.at for corner in profile.corners])
+                found[keys[-1]] = at, corner_stresses(profile, section)
+        corners = dict(zip(names, np.array([found[key][0] for key in keys]).swapaxes(0, 1), strict=True))
+        return stress_rows(forces, element, corners, np.array([found[key][1] for key in keys]))
 
     def on_nodes(self, stations: Array) -> Beam3D:
         return replace(self, stations=stations)
@@ -397,10 +412,10 @@ class Beam3D(Beam):
 
 def beam_of(body: Beam3DBody, box: Box) -> Beam3D:
     """The beam of a box, with its sections along it."""
-    if not box.varies:
+    if not box.varying:
         return Beam3D(body)
-    along = sections_of(box, body.material.poisson)
-    return Beam3D(body, stations_of(box.breaks, body.elements), along)
+    stations = stations_of(box.breaks, body.elements)
+    return Beam3D(body, stations, sections_of(box, body.material.poisson, stations))
 
 
 def _measure(mesh: Any) -> Any:

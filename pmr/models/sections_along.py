@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.models.profile_section import section_of
-from pmr.scene.box import Box
+from pmr.scene.box import Box, Stretch
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import BeamSection
 
@@ -24,7 +25,7 @@ class SectionsAlong:
 
     ends: Array  # (K + 1,) m: where each begins, and the last one ends
     each: tuple[BeamSection, ...]
-    profiles: tuple[BoxProfile | None, ...]  # that they are of, where they are known
+    stretches: tuple[Stretch | None, ...]  # with the profiles that they are of, where they are known
 
     def at(self, places: Array | float) -> Indices:
         """Numbers of the sections at places along the axis, (k,); where one ends those that begin there."""
@@ -102,17 +103,36 @@ def about_own_centres(sections: SectionsAlong) -> Array:
 
 def one_section(length: float, section: BeamSection, profile: BoxProfile | None) -> SectionsAlong:
     """The same all along."""
-    return SectionsAlong(np.array([0.0, length]), (section,), (profile,))
+    stretch = None if profile is None else Stretch(0.0, length, profile, profile)
+    return SectionsAlong(np.array([0.0, length]), (section,), (stretch,))
 
 
-def sections_of(box: Box, poisson: float) -> SectionsAlong:
-    """Those of a box."""
-    stretches = box.stretches
-    return SectionsAlong(
-        np.array([0.0, *(one.end for one in stretches)]),
-        tuple(section_of(one.first, poisson) for one in stretches),
-        tuple(one.first for one in stretches),
-    )
+def sections_of(box: Box, poisson: float, stations: Array) -> SectionsAlong:
+    """Those of a box with nodes at the stations (N,) m: where it changes from place to place one of each element."""
+    parts = [
+        one.part(float(a), float(b))
+        for one in box.stretches
+        for a, b in pairwise([one.start, *_between(one, stations), one.end])
+    ]
+    ends = np.array([0.0, *(part.end for part in parts)])
+    return SectionsAlong(ends, tuple(mean_section(part, poisson) for part in parts), tuple(parts))
+
+
+def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
+    """Means of a stretch's properties, by Gauss' rule: of the area exact, as it changes with the square of x."""
+    if stretch.first is stretch.last:
+        return section_of(stretch.first, poisson)
+    x, w = np.polynomial.legendre.leggauss(3)
+    places = stretch.start + (stretch.end - stretch.start) * (x + 1.0) / 2.0
+    found = [section_of(stretch.at(float(at)), poisson).model_dump() for at in places]
+    mean = {key: w / 2.0 @ np.array([one[key] for one in found]) for key in found[0]}
+    return BeamSection(**{key: tuple(value.tolist()) if value.ndim else float(value) for key, value in mean.items()})
+
+
+def _between(stretch: Stretch, stations: Array) -> list[float]:
+    """Nodes within a stretch that changes from place to place."""
+    inside = (stations > stretch.start) & (stations < stretch.end) & (stretch.first is not stretch.last)
+    return [float(at) for at in stations[inside]]
 
 
 def stations_of(breaks: Sequence[float], elements: int) -> Array:

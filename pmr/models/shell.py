@@ -44,8 +44,9 @@ from numpy.typing import NDArray
 
 from pmr.fem.compat import cellwise, constant, rule_points, shell_space
 from pmr.fields.stress import PLANE, StressRows
-from pmr.mesh.box import BoxBoom, Part
+from pmr.mesh.box import BoxBoom
 from pmr.mesh.named import NamedMesh
+from pmr.mesh.sides import TAPERED, Part
 from pmr.mesh.strip import FLAT
 from pmr.models import Forms, UnitState
 from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
@@ -224,7 +225,7 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
         thickness = region.thickness or regions.get(name, plate).thickness
         regions[name] = Plate(material=region.material or body.material, thickness=thickness)
     shell = Shell(ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction), mesh)
-    if body.box is None or not body.box.varies:
+    if body.box is None or not body.box.varying:
         return shell
     walls = walls_along(body.box, mesh)
     for name, region in body.regions.items():
@@ -235,26 +236,27 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
 
 def drawn(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
     """A box as it is drawn, with cells of these sizes."""
-    if not box.varies:
+    if not box.varying:
         return BoxBoom(box.sides, box.length, size, along, tail_layer, box.frames, box.frame_depth)
     stretches = box.stretches
-    parts = tuple(Part(one.start, one.end, one.first.sides) for one in stretches)
+    parts = tuple(Part(one.start, one.end, one.first.sides, one.last.sides) for one in stretches)
     # corners that are thicker at the bottom than at the top somewhere have names of their own everywhere
-    names = max(([side.name for side in part.sides] for part in parts), key=lambda found: len(set(found)))
+    names = max(([side.name for side in part.first] for part in parts), key=lambda found: len(set(found)))
     sides = tuple(replace(side, name=name) for side, name in zip(box.sides, names, strict=True))
     return BoxBoom(sides, box.length, size, along, tail_layer, box.frames, box.frame_depth, parts)
 
 
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
-    """Thickness of each cell of a box as it is `drawn`, (C,) m; frames have the largest of its own walls."""
+    """Thickness in the middle of each cell of a box as it is `drawn`, (C,) m; frames have the largest of its walls."""
     boom = drawn(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
     found = np.full(len(middle), max(box.walls.values()))
     for k, side in enumerate(boom.sides):
-        cells = mesh.regions[side.name]
         for part in boom.parts:
+            cells = mesh.regions[side.name + part.tapers * TAPERED]
             here = cells[(part.start < middle[cells]) & (middle[cells] < part.end)]
-            found[here] = part.sides[k].thickness
+            share = (middle[here] - part.start) / (part.end - part.start)
+            found[here] = (1.0 - share) * part.first[k].thickness + share * part.last[k].thickness
     return found
 
 

@@ -11,7 +11,7 @@ from pmr.report.numbers import SPACE, plain, signed
 from pmr.report.subject import alone, loads, moving, spoken
 from pmr.results import RunResult
 from pmr.scene import Body, Reduction
-from pmr.scene.box import Doubler
+from pmr.scene.box import Doubler, Taper
 from pmr.scene.choice import choose
 from pmr.scene.members import member_at
 from pmr.scene.names import ALONE, named
@@ -115,6 +115,9 @@ def _section(body: Body) -> Rows:
                 yield cut, f"{by_face(given)}{SPACE}mm"
         for doubler in box.doublers:
             yield "doubler", doubled(doubler)
+        for name, taper in (("tail taper", box.tail_taper), ("tip taper", box.tip_taper)):
+            if taper is not None:
+                yield name, tapered(taper)
     elif body.thickness is not None:
         yield "thickness", f"{plain(1e3 * body.thickness)}{SPACE}mm"
     yield "Young's modulus", f"{plain(1e-9 * material.young)}{SPACE}GPa"
@@ -127,6 +130,13 @@ def doubled(doubler: Doubler) -> str:
     faces = "all around" if doubler.faces is None else f"on {', '.join(doubler.faces)}"
     thick, (start, end) = plain(1e3 * doubler.thickness), (plain(at) for at in (doubler.start, doubler.end))
     return f"{thick}{SPACE}mm from {start} to {end}{SPACE}m, {faces}"
+
+
+def tapered(taper: Taper) -> str:
+    """Over which length, and what it is at the end."""
+    given = taper.model_dump(exclude={"length"}, exclude_none=True)
+    ends = ", ".join(f"{name} {by_face(size)}{SPACE}mm" for name, size in given.items())
+    return f"over {plain(taper.length)}{SPACE}m to {ends}"
 
 
 def by_face(given: Any) -> str:

@@ -1,14 +1,15 @@
-"""A box boom by its dimensions: its profile, what thickens its walls, and where along it nothing changes."""
+"""A box boom by its dimensions: its profile, what thickens its walls, how it tapers, and where all of that begins."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from pmr.scene.plates import Face
-from pmr.scene.profile import BoxProfile, WallName
+from pmr.scene.plates import Face, Half
+from pmr.scene.profile import BoxProfile, Cut, WallName
 from pmr.scene.refusals import of_key
 from pmr.scene.section import Distance, Length, Section, Size
 
@@ -16,16 +17,35 @@ from pmr.scene.section import Distance, Length, Section, Size
 APART = 1e-3
 #: Round-off of a user's arithmetic, likewise.
 SLACK = 1e-9
+HALVES: tuple[Half, ...] = ("bottom", "top")
 
 
 class Doubler(Section):
     """Plates on the walls over a part of the length, which then count as that much thicker about the same middle."""
 
-    start: Distance = Field(description="Where they begin along x")
-    end: Length = Field(description="Where they end")
-    thickness: Length = Field(description="Of the plates")
+    start: Distance = Field(description="Where the plates begin along x")
+    end: Length = Field(description="Where the plates end along x")
+    thickness: Length = Field(description="Thickness of the plates")
     faces: tuple[Face, ...] | None = Field(
-        default=None, min_length=1, description="On which faces, by default all; rounded corners go with bottom and top"
+        default=None,
+        min_length=1,
+        description="Faces with plates, by default all; rounded corners go with bottom and top",
+    )
+
+
+class Taper(Section):
+    """Towards an end the profile changes linearly to the one that it has there, about the same axis.
+
+    What is not given stays as it is.
+    """
+
+    length: Length = Field(description="Length over which the profile changes, up to the end")
+    width: Length | None = Field(default=None, description="Width at the end, along y")
+    height: Length | None = Field(default=None, description="Height at the end, along z")
+    wall: Length | dict[WallName, Length] | None = Field(default=None, description="Thickness of the walls at the end")
+    radius: Distance | dict[Half, Distance] | None = Field(default=None, description="Radius of the corners at the end")
+    chamfer: Distance | Cut | dict[Half, Distance | Cut] | None = Field(
+        default=None, description="What is cut off the corners at the end"
     )
 
 
@@ -38,19 +58,56 @@ class Stretch:
     first: BoxProfile
     last: BoxProfile
 
+    def at(self, x: float) -> BoxProfile:
+        """Its profile at a place."""
+        return between(self.first, self.last, (x - self.start) / (self.end - self.start))
+
+    def part(self, start: float, end: float) -> Stretch:
+        """Of it, from one place to another one."""
+        return self if self.first is self.last else Stretch(start, end, self.at(start), self.at(end))
+
+    @property
+    def tapers(self) -> bool:
+        """Whether the middle of its walls does, not only their thickness."""
+        first, last = ([(side.start, side.end, side.centre) for side in one.sides] for one in (self.first, self.last))
+        return first != last
+
+
+def between(first: BoxProfile, last: BoxProfile, share: float) -> BoxProfile:
+    """The profile at a share of the way from one to another one with the same faces."""
+    if first is last or share == 0.0:
+        return first
+
+    def mean(a: float, b: float) -> float:
+        return (1.0 - share) * a + share * b
+
+    names: dict[WallName, None] = dict.fromkeys((*(edge.face for edge in first.edges), *HALVES))
+    cuts = {half: zip(first.cut(half), last.cut(half), strict=True) for half in HALVES}
+    return BoxProfile(
+        width=mean(first.width, last.width),
+        height=mean(first.height, last.height),
+        wall={name: mean(first.thickness(name), last.thickness(name)) for name in names},
+        radius={half: mean(first.radius_at(half), last.radius_at(half)) for half in HALVES},
+        chamfer={half: (mean(*y), mean(*z)) for half, (y, z) in cuts.items()},
+    )
+
 
 class Box(BoxProfile):
     """A tube of plates along x by the dimensions of its mid-surface; width along y, height along z."""
 
     length: Length = Field(description="Length along x")
     doublers: tuple[Doubler, ...] = Field(default=(), description="Plates that thicken walls over a part of the length")
+    tail_taper: Taper | None = Field(default=None, description="How the box tapers towards its tail")
+    tip_taper: Taper | None = Field(default=None, description="How the box tapers towards its tip")
     frames: tuple[Size, ...] = Field(
         default=(), description="Places along x where a shell is stiffened by a transverse plate all around"
     )
     frame_depth: Distance = Field(default=0.0, description="How far these plates reach inwards from the wall")
 
     @model_validator(mode="after")
-    def _doubles(self) -> Box:
+    def _varies_as_it_can(self) -> Box:
+        for key, taper in self._tapers.items():
+            self._check_taper(key, taper)
         for i, one in enumerate(self.doublers):
             key = f"doublers[{i}]"
             if not one.start + APART * self.length <= one.end <= (1.0 + SLACK) * self.length:
@@ -62,54 +119,117 @@ class Box(BoxProfile):
         for a, b in pairwise(self.breaks):
             if b - a < (1.0 - SLACK) * APART * self.length:
                 allowed = f"one place, or places {APART * self.length:g} m apart, a thousandth of the length, are"
-                raise of_key("doublers", None, f"{allowed} allowed: something ends at {a:.6g} and at {b:.6g} m")
-            self._thickened(a, b)
+                raise of_key(self.varying[0], None, f"{allowed} allowed: something ends at {a:.6g} and at {b:.6g} m")
+            self._stretch(a, b)
         return self
+
+    @property
+    def varying(self) -> tuple[str, ...]:
+        """Keys by which its section is not the same all along."""
+        return tuple(key for key in ("doublers", "tail_taper", "tip_taper") if getattr(self, key))
 
     @property
     def breaks(self) -> list[float]:
         """Places along x where something begins or ends, its ends too, m."""
+        low, high = self.straight
         found = [0.0]
-        for at in sorted(at for one in self.doublers for at in (one.start, one.end)):
+        for at in sorted([low, high, *(at for one in self.doublers for at in (one.start, one.end))]):
             if SLACK * self.length < at - found[-1] and at < (1.0 - SLACK) * self.length:
                 found.append(at)
         return [*found, self.length]
 
     @property
-    def stretches(self) -> list[Stretch]:
-        """Parts along x in which nothing begins or ends."""
-        found = []
-        for a, b in pairwise(self.breaks):
-            profile = self._thickened(a, b)
-            found.append(Stretch(a, b, profile, profile))
-        return found
+    def straight(self) -> tuple[float, float]:
+        """From where to where along x its dimensions are those that it has by itself, m."""
+        low, high = (0.0 if one is None else one.length for one in (self.tail_taper, self.tip_taper))
+        return low, self.length - high
 
     @property
-    def varies(self) -> bool:
-        """Whether its section is not the same all along."""
-        return bool(self.doublers)
+    def parallel(self) -> tuple[float, float]:
+        """From where to where along x its faces are parallel to the axis, m."""
+        low, high = self.straight
+        tapering = [one for one in self.stretches if one.tapers]
+        behind, before = any(one.start < low for one in tapering), any(one.end > high for one in tapering)
+        return low if behind else 0.0, high if before else self.length
+
+    @property
+    def stretches(self) -> list[Stretch]:
+        """Parts along x in which nothing begins or ends."""
+        return [self._stretch(a, b) for a, b in pairwise(self.breaks)]
+
+    def profile_at(self, x: float) -> BoxProfile:
+        """At a place along x; where something begins, what begins."""
+        stretches = self.stretches
+        return next((one for one in stretches if x < one.end), stretches[-1]).at(x)
+
+    @property
+    def _tapers(self) -> dict[str, Taper]:
+        found = {"tail_taper": self.tail_taper, "tip_taper": self.tip_taper}
+        return {key: taper for key, taper in found.items() if taper is not None}
 
     @property
     def _plates(self) -> list[Face]:
         return [edge.face for edge in self.edges]
 
-    def _thickened(self, start: float, end: float) -> BoxProfile:
-        """Its profile between two places, with the doublers that are there."""
+    def _check_taper(self, key: str, taper: Taper) -> None:
+        given: dict[str, Any] = taper.model_dump(exclude={"length"}, exclude_none=True)
+        if not given:
+            raise of_key(key, None, "a dimension at the end is needed: width, height, wall, radius or chamfer")
+        low, high = self.straight
+        if low > high + SLACK * self.length:
+            allowed = f"tapers of up to the box's length, {self.length:g} m, are allowed together"
+            raise of_key(f"{key}.length", taper.length, allowed)
+        for name in ("width", "height"):
+            if given.get(name, 0.0) > getattr(self, name):
+                allowed = f"up to the box's own {getattr(self, name):g} m is allowed"
+                raise of_key(f"{key}.{name}", given[name], allowed)
+        try:
+            end = self._end(taper)
+        except ValidationError as error:
+            found = error.errors()[0]
+            name = str(found.get("ctx", {}).get("key", "wall"))
+            raise of_key(f"{key}.{name}", given.get(name), f"at the end, {found['msg']}") from None
+        kinds = [[side.name if side.centre is None else None for side in one.sides] for one in (self, end)]
+        if kinds[0] != kinds[1]:
+            allowed = "the faces and rounded corners of the box are allowed at the end too: none may come or go"
+            raise of_key(f"{key}.{next(iter(given))}", None, allowed)
+
+    def _end(self, taper: Taper) -> BoxProfile:
+        """Its profile at the end of a taper."""
+        own = {key: getattr(self, key) for key in BoxProfile.model_fields}
+        return BoxProfile(**(own | {k: v for k in own if (v := getattr(taper, k)) is not None}))
+
+    def _shape(self, x: float) -> BoxProfile:
+        """Its profile without doublers."""
+        low, high = self.straight
+        if self.tail_taper is not None and x < low:
+            return between(self, self._end(self.tail_taper), 1.0 - x / low)
+        if self.tip_taper is not None and x > high:
+            return between(self, self._end(self.tip_taper), (x - high) / (self.length - high))
+        return self
+
+    def _stretch(self, start: float, end: float) -> Stretch:
+        """Between two places, with the doublers that are there."""
         middle = (start + end) / 2.0
         found = {i: one for i, one in enumerate(self.doublers) if one.start < middle < one.end}
-        if not found:
-            return self
-        names: dict[WallName, None] = dict.fromkeys((*self._plates, "bottom", "top"))  # corners take those of halves
+        first, last = self._shape(start), self._shape(end)
+        same = first is last
+        if found:
+            first = self._thickened(first, found)
+            last = first if same else self._thickened(last, found)
+        return Stretch(start, end, first, last)
+
+    def _thickened(self, profile: BoxProfile, found: dict[int, Doubler]) -> BoxProfile:
+        names: dict[WallName, None] = dict.fromkeys((*self._plates, *HALVES))  # corners take those of halves
         walls: dict[WallName, float] = {
-            name: self.thickness(name)
+            name: profile.thickness(name)
             + sum(one.thickness for one in found.values() if one.faces is None or name in one.faces)
             for name in names
         }
+        own = {key: getattr(profile, key) for key in BoxProfile.model_fields} | {"wall": walls}
         try:
-            return BoxProfile(
-                width=self.width, height=self.height, wall=walls, radius=self.radius, chamfer=self.chamfer
-            )
+            return BoxProfile(**own)
         except ValidationError as error:
-            (i, one), why = found.popitem(), error.errors()[0]["msg"]
+            (i, one), why = list(found.items())[-1], error.errors()[0]["msg"]
             allowed = f"plates that the profile has room for are allowed; with its walls: {why}"
             raise of_key(f"doublers[{i}].thickness", one.thickness, allowed) from None

@@ -213,7 +213,7 @@ def _lateral(member: Member) -> list[str]:
     box = member.part.body.box
     if box is not None and box.thickness("left") != box.thickness("right"):
         found.append("the walls at left and right differ")
-    if box is not None and box.varies:
+    if box is not None and box.varying:
         found.append("its section varies along it")
     if any(" " in face for ring in member.pads for face in ring.faces):
         found.append("pads are on slanted faces")

@@ -35,9 +35,26 @@ def check_fit(scene: Scene, number: int) -> None:
     if beyond <= 0.0:
         allowed = f"{name} comes {-beyond:.6g} m too close to the {face} of {around}: a section has to fit into it"
         raise refusal(f"sections[{number}].body.box", None, allowed)
+    _tail(scene, number, inner, outer)
     for seat in seats(scene, number):
         if seat.joint == number:
             _play(seat, f"sections[{number}].joint.{seat.key}", (name, inner), (around, outer))
+
+
+def _tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
+    """The tail of the inner box, farthest in, where the outer one tapers towards its own."""
+    first, _ = scene.extension(number).bounds(0.0, scene.time.end)
+    low, _ = outer.parallel
+    if first >= low:
+        return
+    ends = inner.profile_at(0.0), outer.profile_at(max(first, 0.0))
+    beyond = min(gaps(*(one.sides for one in ends)).values())
+    if beyond <= 0.0:
+        allowed = (
+            f"{scene.names[number]} gets {first:.6g} m near the tail of {scene.names[number - 1]}, which tapers over "
+            f"{low:.6g} m: there it comes {-beyond:.6g} m too close"
+        )
+        raise refusal(f"sections[{number - 1}].body.box.tail_taper.length", low, allowed)
 
 
 def _play(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:

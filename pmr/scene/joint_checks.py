@@ -188,6 +188,15 @@ def _pads(scene: Scene, number: int) -> None:
     for seat in touching:
         half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
         start, end = seat.at.first - half, seat.at.last + half
+        box, name = scene.sections[number].body.box, scene.names[number]
+        first, last = (0.0, length) if box is None else box.parallel
+        slack = BEYOND_ENDS * length
+        if (first, last) != (0.0, length) and (start < first - slack or end > last + slack):
+            allowed = (
+                f"these pads reach from {start:.6g} to {end:.6g} m along {name}, whose faces are parallel to the axis "
+                f"from {first:.6g} to {last:.6g} m: pads are allowed there, not where the box tapers"
+            )
+            raise refusal(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
         if start < -BEYOND_ENDS * length or end > (1.0 + BEYOND_ENDS) * length:
             allowed = (
                 f"these pads reach from {start:.6g} to {end:.6g} m along {scene.names[number]}, which has 0 to "

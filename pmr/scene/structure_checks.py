@@ -158,11 +158,11 @@ def _body(member: Member) -> None:
 
 def _along_the_box(member: Member, box: Box) -> None:
     """Sections that vary along a box take a model that knows of it."""
-    model, key = model_of(member), "body.box.doublers"
-    if box.varies and model not in VARYING:
+    model, key = model_of(member), "body.box." + " and ".join(box.varying)
+    if box.varying and model not in VARYING:
         raise refusal("body.model", model, f"{' and '.join(VARYING)} are allowed with {key}")
-    if box.varies and member.part.body.section is not None:
-        raise refusal("body.section", None, f"none is allowed with {key}, which are of the box")
+    if box.varying and member.part.body.section is not None:
+        raise refusal("body.section", None, f"none is allowed with {key}, which says what the section is")
 
 
 def _walls(member: Member) -> None:
@@ -218,14 +218,16 @@ def _pads(member: Member) -> None:
 def _along(member: Member, length: float, ring: PadRing, key: str) -> None:
     low, high = member.travel if ring.moving else (0.0, 0.0)
     start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
-    slack = SLACK * length
-    if start >= -slack and end <= length + slack:
+    slack, box = SLACK * length, member.part.body.box
+    first, last = (0.0, length) if box is None else box.parallel
+    if start >= first - slack and end <= last + slack:
         return
     name, face, _ = ring.places[0] if ring.places else (ring.name, "any", 0.0)
     moved = f" as s goes from {low:.6g} to {high:.6g} m" if ring.moving else ""
     allowed = (
         f"the pad {name} reaches from {start:.6g} to {end:.6g} m along the axis{moved}; "
-        f"the face {face} offers 0 to {length:.6g} m, all of a pad has to be on it"
+        f"the face {face} offers {first:.6g} to {last:.6g} m, all of a pad has to be on it"
+        + ("; where the box tapers, its faces are not parallel to the axis" if (first, last) != (0.0, length) else "")
     )
     if ring.moving:
         slider = member.part.slider

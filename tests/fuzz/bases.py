@@ -129,5 +129,19 @@ DOUBLED: dict[str, Any] = BOOM | {
         }
     },
 }
+TAPERED: dict[str, Any] = DOUBLED | {
+    "title": "Tapered",
+    "body": DOUBLED["body"]
+    | {
+        "box": DOUBLED["body"]["box"]
+        | {
+            "tip_taper": {"length": 1.5, "height": 0.3, "width": 0.2, "wall": 0.006},
+            "tail_taper": {"length": 0.5, "wall": {"bottom": 0.006, "sides": 0.005, "top": 0.008}},
+        }
+    },
+}
 #: How often each is taken.
-BASES = (BEAM, PAPER, FLEXIBLE, BOOM, BEAM, FLEXIBLE, BOOM, PUSHING, PLANAR_BOOM, BEAM, FLEXIBLE, BOOM, SHELL, DOUBLED)
+BASES = (
+    *(BEAM, PAPER, FLEXIBLE, BOOM, BEAM, FLEXIBLE, BOOM, PUSHING, PLANAR_BOOM, BEAM, FLEXIBLE, BOOM, SHELL),
+    *(DOUBLED, TAPERED),
+)

@@ -8,24 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from gathering import gathered
-from statics import static_outputs
+from varying import RHO, E, G, answers, areas, beam, shell
 
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import Assembler, assemble_model
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure
-from pmr.mesh.box import write_shell
-from pmr.mesh.named import read_mesh
-from pmr.models import DIRECTIONS
-from pmr.models.beam3d import Beam3D, beam_of
 from pmr.models.profile_section import section_of
-from pmr.models.shell import Shell, drawn, of
-from pmr.scene import Body
 from pmr.scene.box import Box
-from pmr.scene.structures import Beam3DBody, Material, PointMass
 
 LENGTH, THICK = 6.0, 1.3  # m: the second one, from where on walls are as thin as the box says
-E, G, RHO = Material().young, Material().shear_modulus, Material().density
 ALL = {"start": 0.0, "end": THICK, "thickness": 0.006}
 BOTTOM = ALL | {"faces": ["bottom"]}
 LEANING = ALL | {"faces": ["bottom", "left"]}
@@ -33,19 +23,6 @@ LEANING = ALL | {"faces": ["bottom", "left"]}
 
 def box(*doublers: dict, **given) -> Box:
     return Box(**({"length": LENGTH, "width": 0.3, "height": 0.4, "wall": 0.008, "doublers": doublers} | given))
-
-
-def beam(of_box: Box, shear: bool = False, elements: int = 4) -> Beam3D:
-    return beam_of(Beam3DBody(length=LENGTH, profile=of_box, shear=shear, elements=elements), of_box)
-
-
-def answers(model) -> np.ndarray:
-    """Displacement and rotation of the tip (6, 6) under unit forces and moments on it."""
-    loads, seen = (tuple(Action(f"{kind} {d}", "tip", d) for d in DIRECTIONS) for kind in ("load", "motion"))
-    cap = () if model.node_stations is not None else (PointMass(name="c", on="tip", mass=1e-6, coupling="rigid"),)
-    return static_outputs(
-        structural_model(Structure(model, clamps=(Clamp("tail"),), masses=cap, loads=loads, outputs=seen))
-    )
 
 
 @pytest.mark.mpi
@@ -131,16 +108,6 @@ def test_stresses_know_where_walls_are_thicker() -> None:
         here &= stresses.points[:, 0] < one.end - 0.01
         assert stresses.points[here, 2] == pytest.approx(corner.at[1], rel=1e-12)
         assert found[here] == pytest.approx(corner.at[1] / section.second_moment_y, rel=1e-9)
-
-
-def shell(of_box: Box, folder: Path, size: float, along: float) -> Shell:
-    write_shell(drawn(of_box, size, along), folder / "m.msh")
-    return of(Body(box=of_box), read_mesh(folder / "m.msh", ("triangle",)))
-
-
-def areas(mesh) -> np.ndarray:
-    a, b, c = (mesh.points[mesh.cells[:, i]] for i in range(3))
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
 
 
 @pytest.mark.parametrize("doubler", [ALL, LEANING])

@@ -1,4 +1,4 @@
-"""What a box says of its length: doublers, and what of them is refused."""
+"""What a box says of its length: doublers and tapers, and what of them is refused."""
 
 from __future__ import annotations
 
@@ -44,6 +44,13 @@ REFUSED = [
         "doublers=[{start=0.0, end=1.0, thickness=0.005}, {start=1.001, end=2.0, thickness=0.005}]",
         "doublers", "something ends at 1 and at 1.001 m",
     ),
+    ("tip_taper={length=6.5, height=0.3}", "tip_taper.length", "up to the box's length, 6 m"),
+    ("tail_taper={length=4.0, height=0.3}, tip_taper={length=3.0, width=0.2}", "tail_taper.length", "together"),
+    ("tip_taper={length=1.0}", "tip_taper", "a dimension at the end is needed"),
+    ("tip_taper={length=1.0, height=0.5}", "tip_taper.height", "up to the box's own 0.4 m"),
+    ("tip_taper={length=1.0, chamfer=0.05}", "tip_taper.chamfer", "none may come or go"),
+    ("tip_taper={length=1.0, width=0.01}", "tip_taper.wall", "at the end, less than 0.005 m"),
+    ("tip_taper={length=1.0, wall={top=0.01}}", "tip_taper.wall", "and all of them needed: bottom, left, top, right"),
 ]  # fmt: skip
 
 
@@ -77,3 +84,42 @@ def test_models_that_do_not_know_doublers_are_refused(scene: str, changes: list[
 def test_a_section_that_varies_takes_a_beam_in_space() -> None:
     chosen = choose(member_at(scenes.load(WORKFLOWS / "boom.toml", [DOUBLED, "loads=[]", "masses=[]"])))
     assert chosen.model == "beam3d" and "its section varies along it" in chosen.reasons
+
+
+TAPER = "body.box.tip_taper={length=@, height=0.3}"
+
+
+def test_pads_run_where_a_section_does_not_taper() -> None:
+    """Those at the mouth of the boom reach 4.15 m along it."""
+    load_one = lambda length: scenes.load(WORKFLOWS / "boom_beam.toml", [TAPER.replace("@", length)])  # noqa: E731
+    load_one("1.7")
+    with pytest.raises(
+        InputError, match="the face .* offers 0 to 4 m.*; where the box tapers, its faces are not"
+    ) as no:
+        load_one("2.0")
+    assert "\n" not in str(no.value)
+    thinner = scenes.load(WORKFLOWS / "boom_beam.toml", ["body.box.tip_taper={length=2.0, wall=0.006}"])
+    assert thinner.body.box.parallel == (0.0, 6.0) and thinner.body.box.straight == (0.0, 4.0)
+
+
+def test_pads_of_joints_run_where_neither_section_tapers() -> None:
+    """The inner one's tip may taper; the outer one's, where pads are at its mouth, may not."""
+    boom = WORKFLOWS / "boom_octagonal.toml"
+    scenes.load_any(boom, ["sections.fly.body.box.tip_taper={length=0.5, height=0.3}"])
+    for taper, key in (
+        ("base.body.box.tip_taper={length=0.5, height=0.3}", "sections[1].joint.mouth[0].at"),
+        ("fly.body.box.tail_taper={length=0.5, height=0.3}", "sections[1].joint.tail[0].at"),
+    ):
+        with pytest.raises(InputError, match="pads are allowed there, not where the box tapers") as no:
+            scenes.load_any(boom, [f"sections.{taper}"])
+        assert no.value.key == key and "\n" not in str(no.value)
+
+
+def test_a_tail_that_tapers_has_room_for_the_next_section() -> None:
+    """The fly gets 0.8 m near the tail of the base, where this has lost 0.43 of what it loses at its tail."""
+    boom, pads = WORKFLOWS / "boom_octagonal.toml", "section.joint.tail.0.at=0.8"
+    taper = "sections.base.body.box.tail_taper={length=1.4, height=@}"
+    scenes.load_any(boom, [pads, taper.replace("@", "0.44")])
+    with pytest.raises(InputError, match="fly gets 0.8 m near the tail of base, which tapers over 1.4 m") as no:
+        scenes.load_any(boom, [pads, taper.replace("@", "0.30")])
+    assert "\n" not in str(no.value)

@@ -18,6 +18,7 @@ from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.space import stressed
 from pmr.report.subject import Acting, alone, fixtures, held, length, loads, moving, offsets
 from pmr.results import RunResult
+from pmr.scene.box import Box
 
 BODY, STEEL, PAD = "#0b5c99", "#d5e3ee", "#3b4a57"
 ARROW = 0.3  # in, length of a load's arrow
@@ -97,13 +98,7 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
     tail, tip, outer = -stretch.low, end - stretch.low, tall / 2.0 + gap
     for side in (-1.0, 1.0):
         paper.ax.plot([-stretch.high - 0.1, ahead], [side * outer] * 2, color=MUTED, linewidth=1.6)
-    paper.box(tail, -tall / 2.0, end, tall, facecolor=STEEL, edgecolor=BODY, linewidth=0.9)
-    for doubler in shape.doublers if shape else ():
-        start, wide = tail + doubler.start, doubler.end - doubler.start
-        for side, face in ((1.0, "top"), (-1.0, "bottom")):
-            if doubler.faces is None or face in doubler.faces:
-                inner = side * tall / 2.0 - (side > 0.0) * DOUBLER * inch
-                paper.box(start, inner, wide, DOUBLER * inch, facecolor=BODY)
+    _body(paper, shape, tail, end, tall)
     for ring in result.scene.pads:
         centre = ring.at if ring.moving else tail + ring.at
         wide = max(ring.length, 0.05 * inch)
@@ -129,6 +124,24 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
     _loads(paper, result, tail, tip, tall / 2.0)
     _ring(paper, result, tail, tall / 2.0)
     return paper.figure
+
+
+def _body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float) -> None:
+    """Its outline, as it tapers, and doublers along top and bottom."""
+    stretches = shape.stretches if shape else []
+    x = np.array([0.0, *(one.end for one in stretches)]) if stretches else np.array([0.0, end])
+    heights = [stretches[0].first.height, *(one.last.height for one in stretches)] if stretches else [1.0, 1.0]
+    half = tall / 2.0 * np.array(heights) / max(heights)
+    upper = np.column_stack([tail + x, half])
+    outline = np.vstack([upper, (upper * [1.0, -1.0])[::-1]])
+    paper.ax.add_patch(Polygon(outline, facecolor=STEEL, edgecolor=BODY, linewidth=0.9))
+    for doubler in shape.doublers if shape else ():
+        along = np.array([doubler.start, *x[(x > doubler.start) & (x < doubler.end)], doubler.end])
+        for side, face in ((1.0, "top"), (-1.0, "bottom")):
+            if doubler.faces is None or face in doubler.faces:
+                edge = np.column_stack([tail + along, side * np.interp(along, x, half)])
+                inner = edge - [0.0, side * DOUBLER * paper.inch]
+                paper.ax.add_patch(Polygon(np.vstack([edge, inner[::-1]]), facecolor=BODY, edgecolor="none"))
 
 
 def _ring(paper: Paper, result: RunResult, tail: float, above: float) -> None:

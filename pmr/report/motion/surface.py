@@ -101,9 +101,12 @@ def surfaces(result: RunResult) -> dict[str, Surface]:
 def _tube(fields: Fields, box: Box | None) -> Surface:
     """Walls along a beam's axis."""
     thin = np.array([(-_THIN, -_THIN), (_THIN, -_THIN), (_THIN, _THIN), (-_THIN, _THIN)]) / 2.0
-    corners = np.array([side.start for side in box.sides]) if box else thin
-    count, around = len(fields.points), len(corners)
-    vertex, lever = np.repeat(np.arange(count), around), np.tile(corners, (count, 1))
+    count = len(fields.points)
+    corners = np.tile([side.start for side in box.sides] if box else thin, (count, 1, 1))
+    if box and box.varying:
+        corners = np.array([[side.start for side in box.profile_at(float(x)).sides] for x in fields.points[:, 0]])
+    around = corners.shape[1]
+    vertex, lever = np.repeat(np.arange(count), around), corners.reshape(-1, 2)
     points = fields.points[vertex].astype(float)
     points[:, 1:] += lever
     one, other = around * fields.cells[:, 0], around * fields.cells[:, 1]

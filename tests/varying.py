@@ -1,0 +1,44 @@
+"""Boxes whose section varies along them as beams and as shells, and their answers to loads at the tip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from statics import static_outputs
+
+from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import Action, Clamp, Structure
+from pmr.mesh.box import write_shell
+from pmr.mesh.named import read_mesh
+from pmr.models import DIRECTIONS
+from pmr.models.beam3d import Beam3D, beam_of
+from pmr.models.shell import Shell, drawn, of
+from pmr.scene import Body
+from pmr.scene.box import Box
+from pmr.scene.structures import Beam3DBody, Material, PointMass
+
+E, G, RHO = Material().young, Material().shear_modulus, Material().density
+
+
+def beam(of_box: Box, shear: bool = False, elements: int = 4) -> Beam3D:
+    return beam_of(Beam3DBody(length=of_box.length, profile=of_box, shear=shear, elements=elements), of_box)
+
+
+def answers(model) -> np.ndarray:
+    """Displacement and rotation of the tip (6, 6) under unit forces and moments on it."""
+    loads, seen = (tuple(Action(f"{kind} {d}", "tip", d) for d in DIRECTIONS) for kind in ("load", "motion"))
+    cap = () if model.node_stations is not None else (PointMass(name="c", on="tip", mass=1e-6, coupling="rigid"),)
+    return static_outputs(
+        structural_model(Structure(model, clamps=(Clamp("tail"),), masses=cap, loads=loads, outputs=seen))
+    )
+
+
+def shell(of_box: Box, folder: Path, size: float, along: float) -> Shell:
+    write_shell(drawn(of_box, size, along), folder / "m.msh")
+    return of(Body(box=of_box), read_mesh(folder / "m.msh", ("triangle",)))
+
+
+def areas(mesh) -> np.ndarray:
+    a, b, c = (mesh.points[mesh.cells[:, i]] for i in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
