@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from nested import Nested, full, reduced
 import pmr
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
-from pmr.scene.signals import Constant, SignalBase, Sine
+from pmr.scene.signals import Constant, SignalBase, Sine, Table
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
@@ -182,3 +183,44 @@ def test_in_parts_by_their_errors_a_step_is_that_of_the_run(boom: Scene, system:
     pads = ~np.isnan(system.clearance)  # cylinders keep ringing from a kink of the acceleration within the first step
     found, forces = stepper.multipliers[pads], expected.forces[-1, pads]
     np.testing.assert_allclose(found, forces, rtol=0.0, atol=1e-7 * np.abs(expected.forces).max())
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_pads_that_push_and_rub_are_stepped_as_in_the_run(boom: Scene, system: System) -> None:
+    """Along cubics between steps, as the stepper takes them: nothing but round-off is left of either.
+
+    Pads land, lift off, stick and slide; cylinders give way.
+    """
+    pads = ~np.isnan(system.clearance)
+    rough = [
+        replace(one, friction=0.2, arm=0.1, shear_stiffness=1e6) if pad else replace(one, compliance=1e-7)
+        for one, pad in zip(system.contacts, pads, strict=True)
+    ]
+    rubbing, scenes = replace(system, contacts=tuple(rough)), Excitation.of(boom)
+    scenes = scenes.with_stepping(TimeStepping(END, STEP, RHO))
+    lifting = {"fly.tip force": Sine(amplitude=2e4, frequency=6.0)}
+
+    def cubic(signals: Mapping[str, SignalBase]) -> dict[str, SignalBase]:
+        t = STEP * np.arange(len(scenes.times) + 1)  # a table that ends stands still
+        return {name: Table(times=t.tolist(), values=one.value(t).tolist()) for name, one in signals.items()}
+
+    paths, loads = cubic(scenes.paths), cubic({**scenes.loads, **lifting})
+    excitation = replace(scenes, paths=paths, loads=loads)
+    expected = systems.simulate(rubbing, excitation, systems.static_start(rubbing, excitation))
+    moved = np.hstack(list(systems.displacements(rubbing, expected).values()))
+
+    def given(signals: dict[str, SignalBase], t: float) -> dict[str, tuple[float, float]]:
+        return {name: (float(one.value(t)), float(one.rate(t))) for name, one in signals.items()}
+
+    stepper = Stepper(rubbing, STEP, given(paths, 0.0), given(loads, 0.0), RHO, parts=0)
+    found, forces = [], []
+    for now in excitation.times[1:]:
+        found.append(stepper.step(given(paths, now), given(loads, now)))
+        forces.append(stepper.multipliers)
+    assert expected.friction is not None and expected.parts is not None
+    pressed = expected.forces[1:, pads]
+    sticks = np.abs(expected.friction[1:]) < 0.2 * pressed
+    assert expected.parts[1:].mean() > 4.0 and sticks.sum() > 10 and (sticks < (pressed > 0.0)).sum() > 10
+    np.testing.assert_allclose(found, moved[1:], rtol=0.0, atol=1e-12 * np.abs(moved).max())
+    np.testing.assert_allclose(forces, expected.forces[1:], rtol=0.0, atol=1e-9 * np.abs(expected.forces).max())
