@@ -83,6 +83,6 @@ class UnsettledError(SimulationError):
     def __init__(self, told: float, apart: float, peaks: Sequence[float]) -> None:
         super().__init__(
             "pads land and lift off, and an impact a moment earlier changes all that follows: two richer models "
-            f"differ by {100.0 * apart:.2g} % where they tell an error of {100.0 * told:.2g} %"
+            f"differ by {100.0 * apart:.2g} %, and the error to estimate is {100.0 * told:.2g} %"
         )
         self.warning = scatter(peaks)

@@ -25,14 +25,14 @@ NEVER = "stresses away from probes"
 #: What it does not cover with second order of a body with too many carriers (`pmr.reduced.attachment.knows_matrices`).
 SECOND_ORDER = "effects of axial forces and the frame on the residual part, most of all on pad forces"
 #: Why there is no estimate of forces.
-IMPACTS = "forces of sliders: at a kink of the path a rigid slider strikes the beam, harder in a shorter step"
+IMPACTS = "forces of sliders: a kink of the path is an impact of a rigid slider, with a larger force in a shorter step"
 RINGING = (
-    "forces of sliders: most of what a richer model adds to them changes its sign with every step; "
+    "forces of sliders: most of their difference to a richer model alternates with every step; "
     "time.rho_inf = 0.8 or less damps it"
 )
 JUMPS = (
-    "forces of sliders: where a load sets in at once, damping of the modes that are left out bears a part of it at "
-    "first, which no model here has"
+    "forces of sliders: where a load jumps, damping of the modes that are left out carries a part of it at first, "
+    "which no reduced model has"
 )
 #: Share of critical damping of the first mode that is left out above which that share counts.
 DAMPED = 0.05

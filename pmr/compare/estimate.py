@@ -99,13 +99,13 @@ def no_estimate(models: Models) -> str | None:
 def _lacking(model: ReducedModel) -> str | None:
     if model.flexibility is None:
         return (
-            "without residual flexibility the statics of what the basis leaves out are lost with it, and no table says "
-            "how much that is"
+            "without residual flexibility the static deformation of the modes that are left out is missing, and the "
+            "model does not say how large it is"
         )
     if not is_modal(model):
         return (
-            "the basis holds no eigenmodes: what it leaves out has a low mode of its own and is coupled to the "
-            "coordinates by inertia, which no table says"
+            "the basis is not one of eigenmodes: what it leaves out may have low frequencies and is coupled to the "
+            "coordinates by inertia"
         )
     if model.enrichment is None or model.carriers is None or model.carriers.inertia is None:
         return "the model keeps no enrichment modes: they come with reduction.estimate = true, on a mesh that has more"

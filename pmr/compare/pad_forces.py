@@ -165,7 +165,7 @@ def unknown(scene: Scene, response: Response) -> list[str]:
     if not names or not response.force_names:
         return []
     pads = f"the pads {', '.join(names)} are" if len(names) > 1 else f"the pad {names[0]} is"
-    return [f"{pads} rigid and stay on the body: whether they are pulled isn't known; a stiffness in N/m tells it"]
+    return [f"{pads} rigid and stay on the body: their forces are unknown; give them a stiffness in N/m"]
 
 
 def _of_ring(ring: PadRing, found: Mapping[str, Extremes]) -> str:

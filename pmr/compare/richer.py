@@ -30,7 +30,9 @@ def richer(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Ar
     """
     models = system.modal
     if why := no_estimate(models):
-        raise InputError("scene", "reduction.estimate", None, f"models that tell their own error are allowed: {why}")
+        raise InputError(
+            "scene", "reduction.estimate", None, f"models with an estimate of their error are allowed: {why}"
+        )
     bodies, first = {}, 0
     for name, model in models.items():
         last, carriers = first + len(model.input_names), model.carriers

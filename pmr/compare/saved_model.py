@@ -24,7 +24,7 @@ from pmr.system.from_scene import with_terms_of
 from pmr.system.system import System
 
 #: Why there is no estimate for a boom from a file of versions 1 and 2.
-EARLIER = "the file is of an earlier version, which has sections as they are simulated, without the modes that tell it"
+EARLIER = "the file is of an earlier version, without the modes that the estimate needs"
 
 
 def simulate_saved(system: System, scene: Any) -> RunResult:

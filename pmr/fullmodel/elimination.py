@@ -22,7 +22,7 @@ class DependentRowsError(InputError):
 
     def __init__(self, names: Sequence[str]) -> None:
         allowed = (
-            f"the rigid rows {', '.join(names)} hold what others hold already: their forces can't be told apart; "
+            f"the rigid rows {', '.join(names)} hold what others hold already: their forces are not determined; "
             "fewer rigid supports, sliders and pads, or pads with a stiffness, are allowed"
         )
         super().__init__("scene", "", None, allowed)

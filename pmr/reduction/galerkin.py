@@ -139,7 +139,7 @@ def _check_rank(model: ReducedModel) -> None:
     if measure < NEARLY_DEPENDENT:
         logger.warning(
             "s = %.4g m: the rows %s nearly depend on each other in the reduced space (%.0e of what independent ones "
-            "would have), so their forces can't be told apart; residual flexibility or the pads' stiffness does so",
+            "would have), so their forces are not determined; residual flexibility or a stiffness of the pads helps",
             places[worst],
             involved,
             measure,

@@ -71,9 +71,9 @@ def pivot(result: RunResult, prefix: str) -> Block | None:
         largest = max((float(np.abs(response.other(one.name)).max()) for one in some), default=0.0)
         some = [one for one in some if np.abs(response.other(one.name)).max() > ROUND_OFF * largest]
         if some:
-            said = f"{what} that the boom presses on its machine with, all supports together, along the boom's axes."
+            said = f"{what} of the boom on its machine, sum over all supports, in the axes of the boom."
             if any(one.name.endswith("cylinder") for one in some):
-                said += " Of these the cylinder that raises it bears its own force, along itself; the pivot the rest."
+                said += " The luffing cylinder carries its own force of these, along itself, and the pivot the rest."
             row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot, said, result, some))
     return Block(heading="Forces on the machine", rows=(tuple(row),), grids=tuple(_luffing(result))) if row else None
 

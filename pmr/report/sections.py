@@ -156,7 +156,7 @@ def basis(result: RunResult, prefix: str) -> Block | None:
         caption = f"First natural frequency in Hz over the extensions of {' and '.join(over.joints)}, every pad "
         caption += "closed; the white line is the way of this run."
         if result.frequencies.t is not None:
-            caption += " The boom rests at its steepest angle, and its axial forces stress it."
+            caption += " The boom is at rest at its steepest angle; axial forces are included."
         row.append(drawing(f"{prefix}-map", spectra.frequency_map, caption, result))
     rows += [tuple(row)] if row else []
     heading = "Basis and eigenfrequencies" if alone(result) else "Natural frequencies"

@@ -46,7 +46,7 @@ def check_frame(scene: Scene) -> None:
             raise refusal(scene.key_of(member.number, "body.model"), "matrices", allowed)
         if model_of(member) == "beam2d" and (frame.leaves_plane or frame.place[1] != 0.0):
             key = frame.leaves_plane or "pivot"
-            raise refusal(f"frame.{key}", None, "models in space are allowed with it: beam2d knows no lateral motion")
+            raise refusal(f"frame.{key}", None, "models in space are allowed with it: beam2d has no lateral motion")
     for number in range(1, len(scene.sections) if frame.second_order else 1):
         least = scene.extension(number).bounds(0.0, scene.time.end)[0]
         if least <= 0.0:

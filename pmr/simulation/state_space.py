@@ -175,4 +175,4 @@ def _check_apart(system: System, F: Array, firm: NDArray[np.bool_], s: Array) ->
     if np.linalg.eigvalsh(F / np.outer(scale, scale))[0] <= REGULAR:
         names = ", ".join(name for name, rigid in zip(system.contact_names, firm, strict=True) if not rigid)
         where = ", ".join(f"{path} at {at:g} m" for path, at in zip(system.paths, s, strict=True))
-        raise SimulationError(f"{where}: the rows {names} can't tell there what holds the body")
+        raise SimulationError(f"{where}: the forces of the rows {names} are not determined there")

@@ -62,8 +62,8 @@ class CompliantRows:
             names = ", ".join(body.row_names[i] for i in self.numbers)
             at = s[np.argmin(regular)]
             raise SimulationError(
-                f"slider at {at:g} m: the rows {names} can't tell there what holds the body (a slider on a support, or "
-                "two in one place)"
+                f"slider at {at:g} m: the forces of the rows {names} are not determined there (a slider on a "
+                "support, or two in one place)"
             )
         return F
 

@@ -200,7 +200,7 @@ def test_rigid_pads_that_stay_are_said_to_be_unknown() -> None:
     rigid = f"pads=[{{name='tail',at=0.15,{ALL_ROUND},stiffness='rigid'}},{{name='mouth',moving=true,{ALL_ROUND}}}]"
     scene = boom(rigid)
     (line,) = unknown(scene, response_with({"mouth left": np.cos}))
-    assert line.startswith("the pads tail bottom right, tail bottom left, ") and "whether they are pulled" in line
+    assert line.startswith("the pads tail bottom right, tail bottom left, ") and "their forces are unknown" in line
     names = [name for ring in scene.pads for name, _, _ in ring.places]
     assert not unknown(scene, response_with(dict.fromkeys(names, np.cos)))
     assert not unknown(boom(), response_with({"mouth left": np.cos}))

@@ -88,7 +88,7 @@ def choose(scene: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str,
     if lacking := [kind for kind in asked.outputs if kind not in family.kinds]:
         _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
     if "pad_force" in asked.outputs and family.impulsive:
-        _refuse(scene, f"no pad_force, or a path without kinks, is allowed; nothing tells {IMPACTS}")
+        _refuse(scene, f"no pad_force, or a path without kinks, is allowed; there is no estimate of {IMPACTS}")
     coarse = coarsest(family, recovery.every if recovery else None)
     if scene.accuracy is not None:
         found = search(family, Demand(scene.accuracy.tolerance, asked.outputs, taken or {}), coarse)
@@ -97,7 +97,7 @@ def choose(scene: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str,
         found = best_within(family, Demand(1.0, asked.outputs), scene.budget, coarse)
     if found.estimate is not None and (why := found.estimate.unknown.get("pad_force")) == JUMPS:
         if "pad_force" in asked.outputs:
-            _refuse(scene, f"no pad_force, or loads that set in smoothly, are allowed; nothing tells {why}")
+            _refuse(scene, f"no pad_force, or loads that set in smoothly, are allowed; there is no estimate of {why}")
     chosen, member = _with_step(scene, found.steps), found.member
     if ALONE in models:
         update = {"coordinates": member.coordinates}

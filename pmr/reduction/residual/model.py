@@ -300,8 +300,8 @@ def check_independence(model: ReducedModel, numbers: list[int] | None = None) ->
         if found.measure < INDEPENDENT:
             dependent = ", ".join(found.names)
             allowed = (
-                f"the rows {dependent} depend on each other at s = {s:.4g} m, so that their forces can't be told "
-                "apart; sliders, supports and pads that hold different motions are allowed, or pads with a stiffness"
+                f"the rows {dependent} depend on each other at s = {s:.4g} m, so their forces are not "
+                "determined; sliders, supports and pads that hold different motions are allowed, or a stiffness"
             )
             raise InputError("scene", "", None, allowed)
 

@@ -131,7 +131,7 @@ def rigid_modes(model: FullModel) -> Array:
     Raises ValueError if the model does not know its rigid motions.
     """
     if model.rigid is None:
-        raise ValueError("the model's rigid motions are not known, so nothing tells which of them its supports hold")
+        raise ValueError("the model's rigid motions are not known, nor which of them its supports hold")
     R, held = model.rigid.coordinates, model.rigid.held
     for _ in range(2):  # once leaves the condition of motions about a distant origin in the last digits
         U = np.linalg.inv(np.linalg.cholesky(inner(R, times(model.M, R), model.comm)).T)

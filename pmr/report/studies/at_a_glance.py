@@ -34,7 +34,7 @@ def block(runs: Sequence[RunRecord]) -> Block | None:
             rows.append((word, *("–" if value is None else printed(value) for value in found)))
     if len(rows) < 2:
         return None
-    caption = "Over the whole run, in either direction; when and where stands below and in runs.csv."
+    caption = "Over the whole run, in either direction; times and places are below and in runs.csv."
     return Block("At a glance", grids=(Grid(caption, ("", *map(called, runs)), tuple(rows)),))
 
 

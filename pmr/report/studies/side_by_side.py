@@ -58,7 +58,7 @@ def _spans(runs: Sequence[RunRecord], room: str, base: str, told: str) -> tuple[
     values = [abs(v) for name in names for v in _values(runs, room + name, "min", "max")]
     unit = unit_for(max(values, default=0.0), base)
     rows = [(name, *(_span(run, room + name, unit.size) for run in runs)) for name in names]
-    return f"{told} in {unit.name}; when and where stands in runs.csv.", rows
+    return f"{told} in {unit.name}; times and places are in runs.csv.", rows
 
 
 def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:

@@ -144,7 +144,7 @@ def test_where_the_part_of_the_mesh_is_not_known_it_says_why(load_scene) -> None
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("accuracy.outputs=['pad_force']", "a rigid slider strikes"),
+        ("accuracy.outputs=['pad_force']", "impact of a rigid slider"),
         ("accuracy.tolerance=0", "greater than 0"),
         ("accuracy.outputs=['stress']", "'velocity' or 'probe' is allowed"),
         ("accuracy.outputs=['probe']", "a scene with probes"),
