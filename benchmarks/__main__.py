@@ -17,6 +17,7 @@ from typing import Any
 
 from benchmarks import (
     approaches,
+    chart,
     compiling,
     fmu,
     growth,
@@ -47,6 +48,7 @@ def sections(long: bool) -> Mapping[str, Callable[[], Any]]:
         "fmu": lambda: fmu.measure(repeats),
         "compiling": compiling.measure,
         "waited for": waited_for.measure,
+        "chart": chart.measure,
         "peer": lambda: [peer.measure(elements, repeats) for elements in PEER_ELEMENTS],
         "approaches": lambda: {
             "small": approaches.small(repeats),

@@ -327,6 +327,21 @@ def waited_for(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter
     )
 
 
+def chart(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
+    """Wall time of a load chart, with its report."""
+    columns = ("wall", "processor", "asked")
+    rows = tuple((name, *(quantity(one[column], "s") for column in columns)) for name, one in found.items())
+    cores = min(one["cores"] for one in found.values())
+    text = (
+        "A crane of three sections as beams in space at 40 extensions and 20 angles, with ten limits and error bars. "
+        "With the reduction cached: after a limit was changed, every load is computed again."
+    )
+    grid = Grid(f"On {cores:.0f} cores, two workers; the wall time is asked for.", ("load chart", *columns), rows)
+    worst = max(one["wall"] / one["asked"] for one in found.values())
+    headline = f"{100.0 * worst:.0f}{SPACE}% of the time that is asked for, at most."
+    return Chapter(anchor=prefix, title="", headline=headline, blocks=[Block("Load chart", text=text, grids=(grid,))])
+
+
 def offline(found: Mapping[str, Any], prefix: str) -> Chapter:
     """Everything before a simulation."""
     caption = "Seconds of each stage against the full model's coordinates; filled: one rank, open: two."
@@ -393,6 +408,7 @@ PAGES: Mapping[str, tuple[str, Callable[[Any, str], Chapter]]] = {
     "limit": ("Distance to the machine's limit", limit),
     "compiling": ("Compiling", compiling),
     "waited for": ("What is waited for", waited_for),
+    "chart": ("A load chart", chart),
     "peer": ("POD and projection beside pyMOR", peer),
     "offline": ("Before the simulation", offline),
     "scale": ("A shell before the simulation", scale),

@@ -41,6 +41,8 @@ def _all(sections: Mapping[str, Any]) -> Iterator[Requirement]:
         yield Requirement("compiled loop over the least time that the core allows", factor, 3.0, False, "ratio")
     for name, one in sections.get("waited for", {}).items():
         yield Requirement(f"{name}: processor time", one["seconds"], one["asked"], False, "s")
+    for name, one in sections.get("chart", {}).items():
+        yield Requirement(f"load chart of 40 x 20 points, {name}: wall time", one["wall"], one["asked"], False, "s")
     if "scale" in sections:
         yield from _scale(sections["scale"])
 

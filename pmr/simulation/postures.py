@@ -162,13 +162,14 @@ class Postures:
         """Of the k-th place, where parts act by so many units each, and a kg of the load `factor` times."""
         shares = np.array([0.0 if name == HOOK else amounts.get(name, 0.0) for name in self.parts])
         hook = factor * np.array([name == HOOK for name in self.parts])
-        f, c = ((shares @ one[:, k], hook @ one[:, k]) for one in (self.f, self.c))
+        f, c = (np.array([shares, hook]) @ one[:, k] for one in (self.f, self.c))
         H, own = self.H[k], self.hook
         gap = np.where(self.pushes, self.clearance, 0.0)
+        G = np.tensordot(c, self.terms, 1)
         return Equations(
             M=self.M,
             K=self.K,
-            G=(np.tensordot(c[0], self.terms, 1), np.tensordot(c[1], self.terms, 1)),
+            G=(G[0], G[1]),
             b=(self.B @ f[0], self.B @ f[1]),
             g=(gap - H @ f[0], -H @ f[1]),
             C=self.C[k],

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from pmr.simulation.postures import HOOK, Postures
 from pmr.studies.limits import Limit
-from pmr.system.loaded import Loaded, State
+from pmr.studies.searches import Search, Share, first_load, searched
+from pmr.system.loaded import Loaded, State, States
 
 Array = NDArray[np.float64]
 
-#: Loads at which is looked whether a limit is passed.
-NODES = 9
-#: How far beside a load that is known nearly, as a share of it.
-BESIDE = 1e-2
 #: Half the square of a cantilever's slope over that of its deflection by the length: (3 / 2)^2 / 2.
 PROJECTED = 1.125
 #: Share of a limit that is used without the load, at most, where a bar is made of what is left.
@@ -43,9 +39,19 @@ class Place:
         named = dict(zip(self.at.parts, self.amounts, strict=True))
         return Loaded(self.at.at(self.k, named, named[HOOK]))
 
-    def share(self, limit: Limit) -> Callable[[State], float]:
-        """Of a limit that a state uses."""
-        return limit.share(self.at, self.k, self.amounts, self.gravity)
+    def share(self, limit: Limit) -> Share:
+        """Of a limit that states use."""
+        if limit not in self._shares:
+            self._shares[limit] = limit.share(self.at, self.k, self.amounts, self.gravity)
+        return self._shares[limit]
+
+    @cached_property
+    def _shares(self) -> dict[Limit, Share]:
+        return {}
+
+    def used(self, limit: Limit, state: State) -> float:
+        """The share of a limit that a state uses."""
+        return float(self.share(limit)(States.of([state]))[0])
 
 
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, near: Array | None = None) -> Array:
@@ -53,26 +59,35 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, near: Arr
 
     `near` is what another model says.
     """
-    loaded = place.loaded
+    loaded, beside = place.loaded, np.full(len(limits) + 1, np.nan) if near is None else near
     first = loaded.state(0.0)
-    top = up_to if not loaded.both_ways else min(up_to, first.form.critical * (1.0 - 1e-9))
-    found = []
-    beside = np.full(len(limits) + 1, np.nan) if near is None else near
-    for limit, known in zip(limits, beside.tolist(), strict=False):
-        share = place.share(limit)
+    found = np.zeros(len(limits) + 1)
+    top = min(up_to, first.form.critical * (1.0 - 1e-9)) if loaded.both_ways else up_to
+    if first.stands:
+        found[:-1] = _by_limit(limits, place, top, beside)
+        known = found[:-1] > 0.0
+        found[:-1][known] = _standing(loaded, found[:-1][known])
+    found[-1] = _stable(loaded, up_to)
+    return found
 
-        def used(load: float, share: Callable[[State], float] = share) -> float:
-            state = loaded.state(load)
-            return share(state) if state.stands else np.inf
 
-        load: float | None = 0.0
-        if first.stands:
-            own = limit.directly(first.form) if loaded.both_ways else None
-            load = first_load(used, top, grows=limit.grows, near=known) if own is None else own if own <= top else None
-        if load is not None and load > 0.0 and not loaded.state(load * (1.0 - BELOW)).stands:
-            load = None  # it falls over before
-        found.append(np.nan if load is None else load)
-    return np.array([*found, _stable(loaded, up_to)])
+def _standing(loaded: Loaded, loads: Array) -> Array:
+    """The loads in kg under a little less of which it stands, NaN for the others, where it has fallen over before."""
+    return np.where(loaded.states((loads * (1.0 - BELOW)).tolist()).stands, loads, np.nan)
+
+
+def _by_limit(limits: Sequence[Limit], place: Place, top: float, near: Array) -> Array:
+    """The load in kg at which each limit is reached, NaN where it is not up to `top`."""
+    loaded, found, searches = place.loaded, np.full(len(limits), np.nan), dict[int, tuple[Share, Search]]()
+    for n, (limit, known) in enumerate(zip(limits, near.tolist(), strict=False)):
+        own = limit.directly(loaded.state(0.0).form, known, top) if loaded.both_ways else None
+        if own is None:
+            searches[n] = place.share(limit), first_load(top, grows=limit.grows, near=known, at_once=loaded.both_ways)
+        elif own <= top:
+            found[n] = own
+    for n, load in searched(loaded, searches).items():
+        found[n] = np.nan if load is None else load
+    return found
 
 
 def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: float) -> Array:
@@ -82,18 +97,19 @@ def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: flo
     that second order takes as 1 are :math:`1 - \theta^2 / 2`.  Of a limit of which the rest uses :math:`u_0` these are
     :math:`\tfrac98 (w / l)^2 P / (1 - u_0)`; of overturning what the boom's own weight adds that moves as the tip does.
     """
-    loaded, found = place.loaded, np.zeros(len(loads))
-    tip = [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
-    for n, (limit, load) in enumerate(zip(limits, loads.tolist(), strict=False)):
-        if not load > 0.0 or not (state := loaded.state(load)).stands:
+    found, tip = np.zeros(len(loads)), [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
+    states, unloaded = place.loaded.states(loads.tolist()), place.loaded.states([0.0])
+    for n, (limit, state) in enumerate(zip(limits, states.split([1] * len(loads)), strict=False)):
+        load = float(state.load[0])
+        if not load > 0.0 or not state.stands[0]:
             continue
-        share = PROJECTED * float(np.sum(state.outputs[tip] ** 2)) / reach**2
+        share = PROJECTED * float(np.sum(state.outputs[0, tip] ** 2)) / reach**2
         if limit.of == "overturning":
             tipping = limit.tipping(place.at, place.k, place.amounts, place.gravity)
-            used, more = tipping.share(state, limit.factor), tipping.bent(state, limit.factor)
+            used, more = (float(of(state, limit.factor)[0]) for of in (tipping.share, tipping.bent))
             found[n] = load * (share + 1.0 - used / more)
         else:
-            rest = place.share(limit)(loaded.state(0.0))
+            rest = float(place.share(limit)(unloaded)[0])
             found[n] = load * share / (1.0 - min(rest, MOST_AT_REST))
     return found
 
@@ -104,37 +120,11 @@ def _stable(loaded: Loaded, up_to: float) -> float:
         critical = loaded.state(0.0).form.critical
         return critical if critical <= up_to else np.nan
 
-    def used(load: float) -> float:
-        state = loaded.state(load)
-        return load / state.form.critical if state.stands else np.inf
-
-    found = first_load(used, up_to)
+    search = first_load(up_to, at_once=False)
+    found = searched(loaded, {"stability": (_pressed, search)})["stability"]
     return np.nan if found is None else found
 
 
-def first_load(
-    used: Callable[[float], float], top: float, *, grows: bool = False, near: float = np.nan
-) -> float | None:
-    """The smallest load in (0, top] at which `used` comes to 1, by a bracketed root; 0 where it does at no load.
-
-    None where it does not.  Where it `grows` with the load, only its ends are looked at, else some loads between; where
-    it is known to be `near` a load, a little below and above that.
-    """
-
-    def beyond(load: float) -> float:
-        value = used(load)
-        if not np.isfinite(value):
-            return 1.0
-        return 1.0 - 1.0 / value if value > 1.0 else value - 1.0
-
-    if 0.0 < near < top:
-        low, high = near * (1.0 - BESIDE), min(near * (1.0 + BESIDE), top)
-        if beyond(low) < 0.0 <= beyond(high):
-            return float(brentq(beyond, low, high, xtol=1e-12 * top, rtol=1e-13))
-    if beyond(0.0) >= 0.0:
-        return 0.0
-    nodes = np.linspace(0.0, top, 2 if grows else NODES)
-    for low, high in zip(nodes[:-1].tolist(), nodes[1:].tolist(), strict=True):
-        if beyond(high) >= 0.0:
-            return float(brentq(beyond, low, high, xtol=1e-12 * top, rtol=1e-13))
-    return None
+def _pressed(states: States) -> Array:
+    """Share of the load that buckles it."""
+    return states.load / np.array([form.critical for form in states.forms])

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.accuracy.mesh import BEAM, ORDER, finer_beams
 from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
@@ -49,8 +48,10 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 
     Those of a finer mesh, ``finer.``, are there where all bodies are beams.
 
+    ``mended`` is the share of a mesh's error that it does not have.
     Arrays ``reach`` (P,) m along the boom and ``tip`` (P, 3) m on the ground, undeformed, as well.
     """
+    from pmr.compare.accuracy.mesh import BEAM, ORDER
     from pmr.reduction.bodies import joined, reduce_bodies
     from pmr.studies import shared
 
@@ -74,12 +75,14 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
         arrays |= records.arrays(Postures.of(scene, better, at, weights), "richer.")
         if (finer := on_finer_mesh(scene)) is not None:
             arrays |= records.arrays(Postures.of(scene, finer, at, weights), "finer.")
+            arrays["mended"] = np.array(1.0 - BEAM**-ORDER)
         arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
     return TaskResult(arrays=arrays)
 
 
 def on_finer_mesh(scene: Scene) -> System | None:
     """Reduced in the same way on elements half as long, of beams, whose reduction takes little time; else none."""
+    from pmr.compare.accuracy.mesh import finer_beams
     from pmr.reduction.bodies import joined, reduce_bodies
     from pmr.studies import shared
 
@@ -147,6 +150,7 @@ class Models:
     own: Postures
     better: Postures | None
     finer: Postures | None
+    mended: float  # share of a mesh's error that the finer one does not have
     above: float  # share by which the richer model's buckling factor is above that of full order
     reach: Array  # (P,) m
 
@@ -156,7 +160,8 @@ class Models:
         found = {name: _behind(arrays, f"{name}.") for name in ("reduced", "richer", "finer")}
         own, better, finer = (records.record(Postures, one) if one else None for one in found.values())
         assert own is not None
-        return cls(own, better, finer, float(arrays.get("too_stiff", 0.0)), arrays["reach"])
+        mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
+        return cls(own, better, finer, mended, above, arrays["reach"])
 
 
 @dataclass(frozen=True)
@@ -184,7 +189,7 @@ class Asked:
         for row, place in zip(found, self.places(at, k), strict=True):
             state = place.loaded.state(0.0)
             row[-1] = not state.stands
-            row[:-1] = [state.stands and place.share(one)(state) > 1.0 for one in self.limits]
+            row[:-1] = [state.stands and place.used(one, state) > 1.0 for one in self.limits]
         return found
 
     def known(self, loads: Array) -> Array:
@@ -211,7 +216,7 @@ class Asked:
         if models.finer is None:
             return np.full(found.shape[1], np.nan)
         apart = np.abs(self.known(self.loads(self.places(models.finer, k), found)) - self.known(found))
-        return np.asarray(apart / (1.0 - BEAM**-ORDER))
+        return np.asarray(apart / models.mended)
 
     def of_rotation(self, places: Sequence[Place], found: Array, reach: float) -> Array:
         """What second order neglects (l,) kg, in the case that allows least."""

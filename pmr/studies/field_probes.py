@@ -14,7 +14,6 @@ from pmr.scene.choice import model_of
 from pmr.scene.members import members
 from pmr.scene.names import named
 from pmr.scene.structures import Probe
-from pmr.studies import shared
 
 #: What their names begin with, behind the body's; faces that are looked at, where cells have them.
 FIELD, FACES = "field of ", ("outer", "inner")
@@ -38,6 +37,8 @@ def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
     """
     if not patterns:
         return scene
+    from pmr.studies import shared
+
     built, parts, count = shared.bodies_of(scene), list[Any](), 0
     for name, part in zip(scene.names, scene.sections, strict=True):
         probes = list(_probes(name, built[name].structure.model, patterns))

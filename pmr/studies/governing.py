@@ -73,7 +73,7 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
     state = place.loaded.state(load)
     shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).loaded.state(load)
     stress = [float(mises(state.outputs[list(one.values())], tuple(one))) for one in _probes(at).values()]
-    used = [place.share(limit)(state) for limit in limits]
+    used = [place.used(limit, state) for limit in limits]
     return {
         "forces": state.forces,
         "bent": shape.outputs,

@@ -18,8 +18,9 @@ function, expression                      :math:`\gamma |r| / r_{most}` of what 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
+from functools import lru_cache, reduce
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -33,11 +34,13 @@ from pmr.scene.ropes import borne
 from pmr.simulation.postures import HOOK, Postures
 from pmr.studies.field_probes import FIELD, WHOLE, bodies_with_field
 from pmr.studies.own_limits import Own, amount_of, check_names, expression_of, function_of
+from pmr.studies.searches import Share
 from pmr.studies.tipping import Mass, Tipping, area
 from pmr.system.from_scene import force_names
-from pmr.system.loaded import Form, State
+from pmr.system.loaded import Form, States
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 Positive = Annotated[float, Field(gt=0.0)]
 #: What outputs and which contacts a limit of each kind looks at.
 OUTPUTS = {"stress": "probe", "deflection": "tip", "support": "support"}
@@ -125,47 +128,54 @@ class Limit(BaseModel):
             expression_of(self.expression)
         return self
 
-    def share(self, at: Postures, k: int, amounts: Sequence[float], gravity: float) -> Callable[[State], float]:
-        """Of the limit that a state at the k-th place uses, where parts act by `amounts`, the load's factor among them.
+    def share(self, at: Postures, k: int, amounts: Sequence[float], gravity: float) -> Share:
+        """Of the limit that states at the k-th place use, where parts act by `amounts`, the load's factor among them.
 
         An InputError is raised where it looks at nothing.
         """
+        least = self.factor * float(self.least or 0.0)
         if self.of == "buckling":
-            return lambda state: self.factor * float(self.least or 0.0) * state.form.inverse_factor(state.load)
+            return lambda states: least * np.array([form.inverse_factor(load) for form, load in _each(states)])
         if self.of == "frequency":
-            return lambda state: _ratio(self.factor * float(self.least or 0.0), state.form.frequency(state.load))
+            return lambda states: np.array([_ratio(least, form.frequency(load)) for form, load in _each(states)])
         if self.of == "overturning":
             tipping = self.tipping(at, k, amounts, gravity)
-            return lambda state: tipping.share(state, self.factor)
-        allowed = float(self.most or 0.0) * float(np.prod(self.area or (1.0,))) / self.factor
+            return lambda states: tipping.share(states, self.factor)
+        measure, allowed = self._measure(at, k, amounts), float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
+        return lambda states: self.factor / allowed * measure(states)
+
+    def _measure(self, at: Postures, k: int, amounts: Sequence[float]) -> Share:
+        """The amount of which `most` is allowed."""
         if self.of in ("stress", "field"):
-            groups = self._stresses(at)
-            return lambda state: (
-                max(float(mises(state.outputs[i], names).max()) for names, i in groups.items()) / allowed
+            groups = [(names, i) for names, i in self._stresses(at).items()]
+            return lambda states: reduce(
+                np.maximum, [mises(states.outputs[:, i], names).max(axis=1) for names, i in groups]
             )
         if self.of == "luffing":
             pressed = self._luffing(at, k, np.asarray(amounts))
-            return lambda state: abs(pressed(state)) / allowed
+            return lambda states: np.abs(pressed(states))
         if self.of in OWN:
             amount = amount_of(self._own(), f"limits.{self.name}.{self.of}", getattr(self, self.of), at, k)
-            return lambda state: abs(amount(state)) / allowed
+            return lambda states: np.abs(amount(states))
         if self.of == "rope":
             shares = at.ropes[[n for n, name in enumerate(at.rope_names) if self._means(name)]]
-            return lambda state: float(np.abs(shares @ state.forces).max()) / allowed
+            return lambda states: np.abs(states.forces @ shares.T).max(axis=1)
         outputs, contacts = self._looked_at(at)
         if self.of == "deflection":
-            return lambda state: float(np.linalg.norm(state.outputs[outputs])) / allowed
-        return lambda state: (
-            float(max(np.abs(state.outputs[outputs]).max(initial=0.0), np.abs(state.forces[contacts]).max(initial=0.0)))
-            / allowed
-        )
+            return lambda states: np.sqrt(np.sum(states.outputs[:, outputs] ** 2, axis=1))
+        if not outputs.size:
+            return lambda states: np.abs(states.forces[:, contacts]).max(axis=1)
+        return lambda states: np.abs(np.hstack([states.outputs[:, outputs], states.forces[:, contacts]])).max(axis=1)
 
-    def directly(self, form: Form) -> float | None:
-        """The load in kg that it allows as long as no contact opens; None for a limit that is no eigenvalue."""
+    def directly(self, form: Form, near: float, up_to: float) -> float | None:
+        """The load in kg that it allows as long as no contact opens; None for a limit that is no eigenvalue.
+
+        It may be known to be `near` a load, and is not needed above the largest.
+        """
         if self.of == "buckling":
-            return form.load_of_factor(self.factor * float(self.least or 0.0))
+            return form.load_of_factor(self.factor * float(self.least or 0.0), near, up_to)
         if self.of == "frequency":
-            return form.load_of_frequency(self.factor * float(self.least or 0.0))
+            return form.load_of_frequency(self.factor * float(self.least or 0.0), near, up_to)
         return None
 
     def tipping(self, at: Postures, k: int, amounts: Sequence[float], gravity: float) -> Tipping:
@@ -207,36 +217,24 @@ class Limit(BaseModel):
         """What the user makes of a state, by a function or an expression."""
         return function_of(self.name, self.function) if self.of == "function" else expression_of(self.expression or "")
 
-    def _looked_at(self, at: Postures) -> tuple[list[int], list[int]]:
+    def _looked_at(self, at: Postures) -> tuple[Numbers, Numbers]:
         """Numbers of outputs and of contacts."""
-        outputs, contacts = (
-            [k for k, (kind, name) in enumerate(zip(kinds, names, strict=True)) if kind == wanted and self._means(name)]
-            for kinds, names, wanted in (
-                (at.output_kinds, at.output_names, OUTPUTS.get(self.of)),
-                (at.force_kinds, at.force_names, CONTACTS.get(self.of)),
-            )
-        )
-        if not outputs and not contacts:
-            known = [
-                n for kind, n in zip(at.output_kinds, at.output_names, strict=True) if kind == OUTPUTS.get(self.of)
-            ]
-            known += [
-                n for kind, n in zip(at.force_kinds, at.force_names, strict=True) if kind == CONTACTS.get(self.of)
-            ]
-            raise self._nothing(known)
+        outputs = _chosen(self.which, at.output_names, at.output_kinds, OUTPUTS.get(self.of))
+        contacts = _chosen(self.which, at.force_names, at.force_kinds, CONTACTS.get(self.of))
+        if not outputs.size and not contacts.size:
+            known = _chosen(("*",), at.output_names, at.output_kinds, OUTPUTS.get(self.of))
+            forces = _chosen(("*",), at.force_names, at.force_kinds, CONTACTS.get(self.of))
+            raise self._nothing([*(at.output_names[k] for k in known), *(at.force_names[k] for k in forces)])
         return outputs, contacts
 
-    def _stresses(self, at: Postures) -> dict[tuple[str, ...], NDArray[np.int64]]:
+    def _stresses(self, at: Postures) -> dict[tuple[str, ...], Numbers]:
         """Numbers (p, c) of the components at the probes, by the components' names."""
-        probes, found = stresses(at), dict[tuple[str, ...], list[list[int]]]()
-        for probe, one in probes.items():
-            if self._sees(probe):
-                found.setdefault(tuple(one), []).append(list(one.values()))
+        found = _components(self, at.output_names, at.output_kinds)
         if not found:
-            raise self._nothing([probe for probe in probes if FIELD not in probe])
-        return {names: np.array(one) for names, one in found.items()}
+            raise self._nothing([probe for probe in stresses(at) if FIELD not in probe])
+        return found
 
-    def _sees(self, probe: str) -> bool:
+    def sees(self, probe: str) -> bool:
         """Whether a probe is one of a limit of stress, or a point of one of the field."""
         body, known, rest = probe.rpartition(FIELD)
         if self.of == "stress":
@@ -245,13 +243,13 @@ class Limit(BaseModel):
         return bool(known) and (self._means(body or WHOLE) or self._means(named(body, rest.rpartition(" ")[0])))
 
     def _means(self, name: str) -> bool:
-        return any(fnmatchcase(name, pattern) for pattern in self.which)
+        return _fits(self.which, name)
 
     def _nothing(self, known: Sequence[str]) -> InputError:
         allowed = f"names among {', '.join(known)} are allowed" if known else f"the scene has no {self.of} to look at"
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
-    def _luffing(self, at: Postures, k: int, amounts: Array) -> Callable[[State], float]:
+    def _luffing(self, at: Postures, k: int, amounts: Array) -> Share:
         """Force in N of the cylinder that raises the boom, positive where it presses."""
         c, s = np.cos(at.slewing[k]), np.sin(at.slewing[k])
         about = at.wrenches[:, k, 4] * c - at.wrenches[:, k, 3] * s  # of each part, along the axis of luffing
@@ -263,17 +261,48 @@ class Limit(BaseModel):
             raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {found}")
         z = next(n for n, kind in enumerate(at.output_kinds) if kind == "tip" and at.output_names[n].endswith("tip z"))
 
-        def pressed(state: State) -> float:
-            outwards = -state.outputs[z] * np.sin(at.luffing[k])
-            return float((rest + state.load * (hook + weight * outwards)) / at.arm[k])
+        def pressed(states: States) -> Array:
+            outwards = -states.outputs[:, z] * np.sin(at.luffing[k])
+            return np.asarray((rest + states.load * (hook + weight * outwards)) / at.arm[k])
 
         return pressed
 
 
+def _each(states: States) -> Iterator[tuple[Form, float]]:
+    return zip(states.forms, states.load.tolist(), strict=True)
+
+
+def _fits(which: tuple[str, ...], name: str) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in which)
+
+
+@lru_cache(256)  # each place of a chart asks the same
+def _chosen(which: tuple[str, ...], names: tuple[str, ...], kinds: tuple[str, ...], wanted: str | None) -> Numbers:
+    """Numbers of those of a kind whose names fit one of the patterns."""
+    found = [
+        k for k, (name, kind) in enumerate(zip(names, kinds, strict=True)) if kind == wanted and _fits(which, name)
+    ]
+    return np.array(found, dtype=np.int64)
+
+
+@lru_cache(256)
+def _components(limit: Limit, names: tuple[str, ...], kinds: tuple[str, ...]) -> dict[tuple[str, ...], Numbers]:
+    """Numbers (p, c) of components of stresses that a limit looks at, by the components' names."""
+    found = dict[tuple[str, ...], list[list[int]]]()
+    for probe, one in _stresses(names, kinds).items():
+        if limit.sees(probe):
+            found.setdefault(tuple(one), []).append(list(one.values()))
+    return {components: np.array(one) for components, one in found.items()}
+
+
 def stresses(at: Postures) -> dict[str, dict[str, int]]:
     """Numbers of the outputs that are components of a stress, by the probe and the component."""
+    return _stresses(at.output_names, at.output_kinds)
+
+
+def _stresses(names: tuple[str, ...], kinds: tuple[str, ...]) -> dict[str, dict[str, int]]:
     found = dict[str, dict[str, int]]()
-    for k, (kind, name) in enumerate(zip(at.output_kinds, at.output_names, strict=True)):
+    for k, (kind, name) in enumerate(zip(kinds, names, strict=True)):
         probe, known, component = name.rpartition(" stress ")
         if kind == "probe" and known:
             found.setdefault(probe, {})[component] = k

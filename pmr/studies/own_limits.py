@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import InputError, plugins
 from pmr.errors.text import hint
@@ -15,7 +17,9 @@ from pmr.scene.names import named
 from pmr.simulation.postures import Postures
 from pmr.studies.expressions import Value, entries, value_of
 from pmr.system.from_scene import force_names
-from pmr.system.loaded import State
+from pmr.system.loaded import States
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ def function_of(limit: str, name: str | None) -> Own:
     return cast(Own, found)
 
 
+@lru_cache(256)  # each place of a chart asks for the same
 def expression_of(text: str) -> Own:
     """That of an expression over ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
 
@@ -70,15 +75,13 @@ def check_names(limit: str, text: str, scene: Scene) -> None:
                 raise InputError("study", f"limits.{limit}.expression", name, allowed)
 
 
-def amount_of(own: Own, key: str, said: str | None, at: Postures, k: int) -> Callable[[State], float]:
-    """What it makes of states at the k-th place; an InputError with the `key` is raised for anything but a number."""
+def amount_of(own: Own, key: str, said: str | None, at: Postures, k: int) -> Callable[[States], Array]:
+    """What it makes of states at the k-th place (p,); raises an InputError of the `key` for anything but a number."""
     luffing, slewing = float(at.luffing[k]), float(at.slewing[k])
 
-    def amount(state: State) -> float:
-        outputs = dict(zip(at.output_names, state.outputs.tolist(), strict=True))
-        forces = dict(zip(at.force_names, state.forces.tolist(), strict=True))
+    def amount(load: float, outputs: Mapping[str, float], forces: Mapping[str, float]) -> float:
         try:
-            found = float(own(AtRest(state.load, luffing, slewing, outputs, forces)))
+            found = float(own(AtRest(load, luffing, slewing, outputs, forces)))
         except KeyError as error:
             name, known = str(error.args[0]), [*outputs, *forces]
             allowed = f"it asks for {name!r}: {hint(name, known)}{', '.join(known)} are allowed"
@@ -89,4 +92,11 @@ def amount_of(own: Own, key: str, said: str | None, at: Postures, k: int) -> Cal
             raise InputError("study", key, said, "it returned no number")
         return found
 
-    return amount
+    def amounts(states: States) -> Array:
+        outputs, forces = (
+            [dict(zip(names, row, strict=True)) for row in of.tolist()]
+            for names, of in ((at.output_names, states.outputs), (at.force_names, states.forces))
+        )
+        return np.array(list(map(amount, states.load.tolist(), outputs, forces)))
+
+    return amounts

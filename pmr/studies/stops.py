@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from pmr.simulation.postures import HOOK
 from pmr.studies.allowed import Place
 from pmr.studies.limits import Limit
-from pmr.system.stopping import Acting, Swing, stopping
+from pmr.system.loaded import States
+from pmr.system.stopping import Acting, stopping
 
 Array = NDArray[np.float64]
 
@@ -59,16 +60,13 @@ class Stopping:
         share, rate = place.share(limit), self.speed / self.within
 
         def most(outputs: Array, forces: Array) -> float:
-            found = [
-                share(replace(state, outputs=state.outputs + sign * rate * o, forces=state.forces + sign * rate * f))
-                for sign in (1.0, -1.0)
-                for o, f in zip(outputs, forces, strict=True)
-            ]
-            return max(found)
+            """In both directions."""
+            of, by = (state.outputs, state.forces), (rate * outputs, rate * forces)
+            there = [np.vstack([one + more, one - more]) for one, more in zip(of, by, strict=True)]
+            return float(share(States.beside(state, *there)).max())
 
-        held = Swing(swing.t[:1], swing.steady[0][None], swing.steady[1][None], swing.steady)
-        shares = [share(state), most(held.outputs, held.forces), most(swing.outputs, swing.forces)]
-        return np.array([factor, *shares, self.speed])
+        steadily = most(*(one[None] for one in swing.steady))
+        return np.array([factor, place.used(limit, state), steadily, most(swing.outputs, swing.forces), self.speed])
 
     def _acting(self, place: Place, load: float) -> Acting:
         at, k = place.at, place.k

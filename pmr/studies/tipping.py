@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pmr.scene.frame import rotation
 from pmr.simulation.postures import HOOK, WEIGHT, Postures
-from pmr.system.loaded import State
+from pmr.system.loaded import States
 
 Array = NDArray[np.float64]
 
@@ -58,39 +59,29 @@ class Tipping:
         gravity: float,
     ) -> Tipping:
         """At the k-th place, with corners X, Y in m from the pivot, which is `height` above them."""
-        corners = np.array([(*one, -height) for one in polygon], float)
-        if area(polygon) < 0.0:
-            corners = corners[::-1]
-        edges = np.roll(corners, -1, axis=0) - corners
-        edges /= np.linalg.norm(edges, axis=1)[:, None]
-        load = np.array([name == HOOK for name in at.parts])
+        about, load = _edges(tuple(polygon), height), np.array([name == HOOK for name in at.parts])
         resting, hook = ((share * amounts) @ at.wrenches[:, k] for share in (~load, load))
-        own = amounts[at.parts.index(WEIGHT)]
-        weight = np.zeros(6)
+        own, c, s = amounts[at.parts.index(WEIGHT)], np.cos(at.slewing[k]), np.sin(at.slewing[k])
         for one in machine:
-            c, s = (np.cos(at.slewing[k]), np.sin(at.slewing[k])) if one.slews else (1.0, 0.0)
-            x, y = c * one.at[0] - s * one.at[1], s * one.at[0] + c * one.at[1]
+            x, y = (c * one.at[0] - s * one.at[1], s * one.at[0] + c * one.at[1]) if one.slews else one.at[:2]
             pull = -one.mass * own * gravity
-            weight += np.array([0.0, 0.0, pull, y * pull, -x * pull, 0.0])
-        wrenches = np.stack([resting + weight, hook])[:, None]
-        held, tips = np.einsum("ei,wei->we", edges, wrenches[..., 3:] - np.cross(corners, wrenches[..., :3]))
-        tip = _displaced(at, k)
-        boom = own * at.wrenches[at.parts.index(WEIGHT), k, :3]
-        return cls(-held, tips, np.cross(hook[:3], edges) @ tip, np.cross(boom, edges) @ tip)
+            resting += np.array([0.0, 0.0, pull, y * pull, -x * pull, 0.0])
+        tip, weight = _displaced(at, k), own * at.wrenches[at.parts.index(WEIGHT), k, :3]
+        moved, boom = (about[:, 3:] @ (_across(force) @ tip) for force in (hook[:3], weight))
+        return cls(-about @ resting, about @ hook, moved, boom)
 
-    def share(self, state: State, factor: float) -> float:
-        """Of what keeps it from tipping that `factor` times the load uses, about the worst edge."""
-        return self._worst(factor * state.load * (self.tips + self.moved @ state.outputs), self.held)
+    def share(self, states: States, factor: float) -> Array:
+        """Of what keeps it from tipping that `factor` times the load uses, about the worst edge (p,)."""
+        return self._worst(states, factor, self.held)
 
-    def bent(self, state: State, factor: float) -> float:
+    def bent(self, states: States, factor: float) -> Array:
         """The same with the boom's weight displaced as far as the tip, which is further than it is."""
-        tips = factor * state.load * (self.tips + self.moved @ state.outputs)
-        return self._worst(tips, self.held - np.abs(self.boom @ state.outputs))
+        return self._worst(states, factor, self.held - np.abs(states.outputs @ self.boom.T))
 
-    @staticmethod
-    def _worst(tips: Array, held: Array) -> float:
+    def _worst(self, states: States, factor: float, held: Array) -> Array:
         """Infinite where nothing keeps it from tipping."""
-        return max(a / b if b > 0.0 else np.inf for a, b in zip(tips.tolist(), held.tolist(), strict=True))
+        tips = factor * states.load[:, None] * (self.tips + states.outputs @ self.moved.T)
+        return np.asarray(np.where(held > 0.0, tips / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
 
 def area(polygon: Sequence[tuple[float, float]]) -> float:
@@ -99,11 +90,31 @@ def area(polygon: Sequence[tuple[float, float]]) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
+@lru_cache(64)  # each place of a chart has the same
+def _edges(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
+    """Rows (e, 6) that make of a force and its moment about the pivot the moment about each edge, anticlockwise."""
+    corners = np.array([(*one, -height) for one in polygon], float)
+    if area(polygon) < 0.0:
+        corners = corners[::-1]
+    edges = np.roll(corners, -1, axis=0) - corners
+    edges /= np.linalg.norm(edges, axis=1)[:, None]
+    return np.hstack([-np.cross(edges, corners), edges])
+
+
+def _across(force: Array) -> Array:
+    """The matrix of u x F."""
+    x, y, z = force.tolist()
+    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+
+
 def _displaced(at: Postures, k: int) -> Array:
     """How outputs displace the tip along the ground's axes (3, o)."""
     turned = rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
-    found = np.zeros((3, len(at.output_names)))
-    for number, (kind, name) in enumerate(zip(at.output_kinds, at.output_names, strict=True)):
-        if kind == "tip" and name[-1] in "xyz":
-            found[:, number] = turned[:, "xyz".index(name[-1])]
-    return found
+    return np.asarray(turned @ _tip(at.output_names, at.output_kinds))
+
+
+@lru_cache(64)
+def _tip(names: tuple[str, ...], kinds: tuple[str, ...]) -> Array:
+    """How outputs displace the tip along the boom's axes (3, o)."""
+    tips = [name if kind == "tip" else "" for name, kind in zip(names, kinds, strict=True)]
+    return np.array([[name.endswith(axis) for name in tips] for axis in "xyz"], dtype=float)

@@ -16,6 +16,7 @@ ones has a `Form` of its own.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,11 +24,13 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from pmr.system.definite import Free, first_singular, root
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Share of the largest flexibility below which one is round-off; share of that of contacts below which a load's own
-#: place gives way to nothing but round-off.
+#: Share of the largest geometric stiffness below which one is round-off; share of the largest flexibility of contacts
+#: below which a load's own place gives way to nothing but round-off.
 ROUND_OFF, RIGID = 1e-9, 1e-4
 #: Pull or overlap that is round-off, over the largest force or displacement.
 WRONG = 1e-9
@@ -57,7 +60,7 @@ class Equations:
 
 @dataclass(frozen=True)
 class State:
-    """What a load makes: outputs (o,), contact forces (m,), and the form that it has; not finite past buckling."""
+    """What a load makes: outputs (o,), contact forces (m,), and the form that it has; not finite where none stands."""
 
     load: float
     outputs: Array
@@ -67,6 +70,42 @@ class State:
     @cached_property
     def stands(self) -> bool:
         return bool(np.isfinite(self.forces).all() and np.isfinite(self.outputs).all())
+
+
+@dataclass(frozen=True)
+class States:
+    """The same of several loads."""
+
+    load: Array  # (p,)
+    outputs: Array  # (p, o)
+    forces: Array  # (p, m)
+    stands: Mask  # (p,)
+    forms: tuple[Form, ...]  # (p,)
+
+    @classmethod
+    def of(cls, states: Sequence[State]) -> States:
+        """One after the other."""
+        load, stands = np.array([one.load for one in states]), np.array([one.stands for one in states], dtype=bool)
+        outputs, forces = np.array([one.outputs for one in states]), np.array([one.forces for one in states])
+        return cls(load, outputs, forces, stands, tuple(one.form for one in states))
+
+    @classmethod
+    def beside(cls, state: State, outputs: Array, forces: Array) -> States:
+        """Under the same load, with other outputs (p, o) and forces (p, m)."""
+        count = len(outputs)
+        return cls(np.full(count, state.load), outputs, forces, np.ones(count, dtype=bool), (state.form,) * count)
+
+    def some(self, which: Mask) -> States:
+        """Those that are chosen."""
+        forms = tuple(form for form, one in zip(self.forms, which.tolist(), strict=True) if one)
+        return States(self.load[which], self.outputs[which], self.forces[which], self.stands[which], forms)
+
+    def split(self, lengths: Iterable[int]) -> Iterator[States]:
+        """So many, then so many."""
+        first = 0
+        for length in lengths:
+            at = slice(first, first := first + length)
+            yield States(self.load[at], self.outputs[at], self.forces[at], self.stands[at], self.forms[at])
 
 
 @dataclass(frozen=True)
@@ -86,24 +125,20 @@ class Form:
 
     def __init__(self, equations: Equations, closed: Mask) -> None:
         self.equations, self.closed = equations, closed
-        e, n, m = equations, len(equations.K), int(closed.sum())
-        C, F = e.C[closed], e.F[np.ix_(closed, closed)]
-        K = e.K + e.G[0]
-        scale = float(np.abs(K).max()) or 1.0
-        units = np.concatenate([np.ones(n), np.full(m, scale)])
-        matrix = np.block([[K, scale * C.T], [scale * C, -(scale**2) * F]])
+        e, n = equations, len(equations.K)
+        K, every = e.K + e.G[0], closed.all()
+        self._C, self._F, self._X = (e.C, e.F, e.X) if every else (e.C[closed], e.F[:, closed][closed], e.X[:, closed])
+        matrix, units = _bordered(K, self._C, self._F)
         self.held, self.critical = False, 0.0
         try:
             Z = units[:, None] * np.linalg.inv(matrix) * units
         except np.linalg.LinAlgError:
             return
         flexibility = (Z[:n, :n] + Z[:n, :n].T) / 2.0
-        if not np.isfinite(flexibility).all():
+        if not np.isfinite(size := float(np.linalg.norm(flexibility))):
             return
-        size, Q = np.linalg.eigh(flexibility)
-        if size[0] < -ROUND_OFF * size[-1] or size[-1] * np.abs(K).max() > 1.0 / np.finfo(float).eps:
-            return  # past buckling by what is there without the load, or nothing but round-off holds it
-        L = _root(size, Q)
+        if size * np.abs(K).max() > 1.0 / np.finfo(float).eps or (L := root(flexibility)) is None:
+            return  # nothing but round-off holds it, or past buckling by what is there without the load
         self.eta, V = np.linalg.eigh(L.T @ e.G[1] @ L)
         least = float(self.eta[0]) if len(self.eta) else 0.0
         some = -least > ROUND_OFF * np.abs(self.eta).max(initial=0.0) and least < 0.0
@@ -112,51 +147,67 @@ class Form:
 
     def _answers(self, Z: Array, U: Array) -> None:
         """Responses, which are outputs, forces and what contacts move, to both parts of the load and to U."""
-        e, n, closed = self.equations, len(self.equations.K), self.closed
-        m, o = len(closed), len(e.outputs)
-        R = np.zeros((o + 2 * m, n + int(closed.sum())))
-        R[:o, :n], R[:o, n:] = e.outputs, -e.X[:, closed]
-        R[o : o + m][np.ix_(closed, np.arange(n, R.shape[1]))] = np.eye(int(closed.sum()))
-        R[o + m :, :n], R[o + m :, n:] = e.C, -e.F[:, closed]
+        e, n, closed, pushes = self.equations, len(self.equations.K), self.closed, self.equations.pushes
+        o, m, d = len(e.outputs), len(closed), int(pushes.sum())
+        R = np.zeros((o + m + d, n + int(closed.sum())))
+        R[:o, :n], R[:o, n:] = e.outputs, -self._X
+        R[o + np.flatnonzero(closed), np.arange(n, R.shape[1])] = 1.0
+        if d:
+            R[o + m :, :n], R[o + m :, n:] = e.C[pushes], -e.F[pushes][:, closed]
         z = [Z @ np.concatenate([b, g[closed]]) for b, g in zip(e.b, e.g, strict=True)]
         # contacts are closed where C q - F lambda = g: what is beyond that is told by the rest
-        rest = [np.concatenate([d, np.zeros(m), -g]) for d, g in zip(e.direct, e.g, strict=True)]
+        rest = [np.concatenate([direct, np.zeros(m), -g[pushes]]) for direct, g in zip(e.direct, e.g, strict=True)]
         self._linear = [R @ one + more for one, more in zip(z, rest, strict=True)]
-        Y = R @ (Z[:, :n] @ e.G[1])
+        Y = (R @ Z[:, :n]) @ e.G[1]
         self._bent = [Y @ one[:n] for one in z]
-        self._modal = Y @ U
+        self._modal = np.ascontiguousarray((Y @ U).T)
         self._on_modes = [U.T @ (e.G[1] @ one[:n]) for one in z]
 
-    def responses(self, load: float) -> Array:
-        """Outputs, forces, and what contacts move beyond their gaps, (o + 2 m,); not finite where nothing stands."""
-        if not self.held or load >= self.critical:
-            return np.full(len(self.equations.outputs) + 2 * len(self.closed), np.nan)
-        P, (r0, r1), (y0, y1), (u0, u1) = load, self._linear, self._bent, self._on_modes
+    def responses(self, loads: Array) -> Array:
+        """Under loads (p,): outputs, forces, and how contacts that push move beyond their gaps, (p, o + m + d).
+
+        Not numbers where nothing stands.
+        """
+        if not self.held:
+            e = self.equations
+            return np.full((len(loads), len(e.outputs) + len(e.pushes) + int(e.pushes.sum())), np.nan)
+        (r0, r1), (y0, y1), (u0, u1) = self._linear, self._bent, self._on_modes
+        stands = self.stands(loads)
+        P = np.where(stands, loads, 0.0)[:, None]
         amplitudes = P * (u0 + P * u1) / (1.0 + P * self.eta)
-        return np.asarray(r0 + P * r1 - P * (y0 + P * y1) + P * (self._modal @ amplitudes))
+        found = r0 + P * (r1 - y0 - P * y1 + amplitudes @ self._modal)
+        found[~stands] = np.nan
+        return np.asarray(found)
+
+    def stands(self, loads: Array) -> Mask:
+        """Under which loads (p,) it stands."""
+        return np.asarray(loads < self.critical)
 
     @cached_property
     def _unstressed(self) -> tuple[Array, Array, Array, Array]:
         """Geometric stiffness on the root L of the unstressed flexibility, both parts; L; what loads press contacts."""
-        e, closed, n = self.equations, self.closed, len(self.equations.K)
-        scale, C, F = float(np.abs(e.K).max()) or 1.0, e.C[closed], e.F[np.ix_(closed, closed)]
-        Z = np.linalg.inv(np.block([[e.K, scale * C.T], [scale * C, -(scale**2) * F]]))
+        e, n = self.equations, len(self.equations.K)
+        matrix, units = _bordered(e.K, self._C, self._F)
+        Z = np.linalg.inv(matrix)
         size, Q = np.linalg.eigh((Z[:n, :n] + Z[:n, :n].T) / 2.0)
-        L = _root(size, Q)
-        return L.T @ e.G[0] @ L, L.T @ e.G[1] @ L, L, scale * Z[n:, :n]
+        some = size > len(size) * np.finfo(float).eps * size[-1]
+        L = Q[:, some] * np.sqrt(size[some])
+        return L.T @ e.G[0] @ L, L.T @ e.G[1] @ L, L, units[n:, None] * Z[n:, :n]
 
     def inverse_factor(self, load: float) -> float:
         """1 over the factor by which all axial forces would have to grow until it buckles; 0 where none presses."""
-        N0, N1, *_ = self._unstressed
-        return max(0.0, -float(np.linalg.eigvalsh(N0 + load * N1)[0]))
+        on = self.condensed
+        factor = first_singular(on.K - on.G[0], on.G[0] + load * on.G[1])
+        return 1.0 / factor if factor > 0.0 else np.inf
 
-    def load_of_factor(self, factor: float) -> float:
+    def load_of_factor(self, factor: float, near: float = np.nan, up_to: float = np.inf) -> float:
         r"""The load in kg at which all axial forces may grow by no more than a factor; infinite where none is.
 
-        :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` on what rigid contacts leave free.
+        :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` on what rigid contacts leave free; `near` and `up_to` as
+        `first_singular` has them.
         """
-        condensed = self.condensed
-        return _first_singular(condensed.K + (factor - 1.0) * condensed.G[0], factor * condensed.G[1])
+        on = self.condensed
+        return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1], near, up_to)
 
     def buckled(self, load: float, count: int = 1) -> Array:
         """Contact forces (count, m) of the shapes in which it buckles first, the largest of each 1."""
@@ -173,22 +224,24 @@ class Form:
         e, closed = self.equations, self.closed
         T, H, E = e.on
         n, d = T.shape
-        C = np.block([[e.C[closed], np.zeros((int(closed.sum()), d))], [T.T, -np.eye(d)]])
-        F = np.block([[e.F[np.ix_(closed, closed)], H[closed]], [H[closed].T, E]])
+        m = int(closed.sum())
+        C, F, K = np.zeros((m + d, n + d)), np.empty((m + d, m + d)), np.zeros((n + d, n + d))
+        C[:m, :n], C[m:, :n], C[m:, n:] = self._C, T.T, -np.eye(d)
+        F[:m, :m], F[:m, m:], F[m:, :m], F[m:, m:] = self._F, H[closed], H[closed].T, E
         diagonal = np.diagonal(F)
         rigid = diagonal == 0.0
-        rigid[len(rigid) - d :] |= diagonal[len(rigid) - d :] <= RIGID * diagonal.max(initial=0.0)
+        rigid[m:] |= diagonal[m:] <= RIGID * diagonal.max(initial=0.0)
         soft = ~rigid
-        K = np.zeros((n + d, n + d))
         K[:n, :n] = e.K + e.G[0]
-        pressing = np.zeros((n + d, len(F)))
+        pressing = np.zeros((n + d, m + d))
         pressing[:, soft] = np.linalg.solve(F[np.ix_(soft, soft)], C[soft]).T
         K += pressing @ C
-        Z = scipy.linalg.null_space(C[rigid]) if rigid.any() else np.eye(n + d)
-        own = Z[:n]
-        G0, G1 = (own.T @ G @ own for G in e.G)
-        gaps = (Z.T @ pressing)[:, : len(F) - d]
-        return Condensed(own.T @ e.M @ own, Z.T @ K @ Z, (G0, G1), Z[n:], own, gaps)
+        free = Free(C[rigid])
+        M, G0, G1 = (np.zeros_like(K) for _ in range(3))
+        M[:n, :n], G0[:n, :n], G1[:n, :n] = e.M, *e.G
+        M, K, G0, G1 = (free.on(one) for one in (M, K, G0, G1))
+        Z = free.basis
+        return Condensed(M, K, (G0, G1), Z[n:], Z[:n], (Z.T @ pressing)[:, :m])
 
     @property
     def against(self) -> Array:
@@ -211,28 +264,23 @@ class Form:
             return 0.0
         return float(1.0 / np.sqrt(largest[0]) / (2.0 * np.pi)) if largest[0] > 0.0 else np.inf
 
-    def load_of_frequency(self, frequency: float) -> float:
+    def load_of_frequency(self, frequency: float, near: float = np.nan, up_to: float = np.inf) -> float:
         r"""The load in kg, as a mass, at which the lowest frequency falls to one in Hz; infinite where none does.
 
-        :math:`(K - \omega^2 M + P (G - \omega^2 c^T c)) q = 0`, c how its place moves.
+        :math:`(K - \omega^2 M + P (G - \omega^2 c^T c)) q = 0`, c how its place moves; `near` and `up_to` as
+        `first_singular` has them.
         """
         on, square = self.condensed, (2.0 * np.pi * frequency) ** 2
-        return _first_singular(on.K - square * on.M, on.G[1] - square * on.place.T @ on.place)
+        return first_singular(on.K - square * on.M, on.G[1] - square * on.place.T @ on.place, near, up_to)
 
 
-def _first_singular(A: Array, B: Array) -> float:
-    """The least P > 0 at which A + P B is not positive definite any more; 0 where A is not."""
-    try:
-        least = float(scipy.linalg.eigh((B + B.T) / 2.0, (A + A.T) / 2.0, eigvals_only=True, subset_by_index=(0, 0))[0])
-    except np.linalg.LinAlgError:
-        return 0.0
-    return -1.0 / least if least < 0.0 else np.inf
-
-
-def _root(size: Array, Q: Array) -> Array:
-    """L of the flexibility L L^T with these eigenvalues (n,) and eigenvectors (n, n), without what is round-off."""
-    some = size > len(size) * np.finfo(float).eps * size[-1]
-    return np.asarray(Q[:, some] * np.sqrt(size[some]))
+def _bordered(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
+    """The matrix of a structure that is held, and what the unknowns are to be multiplied with, in similar units."""
+    n, scale = len(K), float(np.abs(K).max()) or 1.0
+    matrix, units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
+    units[n:] = scale
+    matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:] = K, scale * C.T, scale * C, -(scale**2) * F
+    return matrix, units
 
 
 class Loaded:
@@ -254,6 +302,14 @@ class Loaded:
             self._states[load] = self._found(load)
         return self._states[load]
 
+    def states(self, loads: Sequence[float]) -> States:
+        """The same under several loads: at once where no contact may open."""
+        if not self.both_ways:
+            return States.of([self.state(load) for load in loads])
+        o, m, form, load = len(self.equations.outputs), len(self.equations.pushes), self._closed, np.array(loads)
+        found = form.responses(load)
+        return States(load, found[:, :o], found[:, o : o + m], form.stands(load), (form,) * len(loads))
+
     @cached_property
     def _closed(self) -> Form:
         return self._form(self._last)
@@ -268,13 +324,13 @@ class Loaded:
         o, m = len(self.equations.outputs), len(self.equations.pushes)
         if self.both_ways:
             form = self._closed
-            found = form.responses(load)
+            found = form.responses(np.array([load]))[0]
             return State(load, found[:o], found[o : o + m], form)
         closed, tried = self._last.copy(), set[bytes]()
         fewest, chances = m + 1, 3
         for _ in range(MOST_SETS):
             form = self._form(closed)
-            found = form.responses(load)
+            found = form.responses(np.array([load]))[0]
             state = State(load, found[:o], found[o : o + m], form)
             if not state.stands:
                 if closed.all():
@@ -295,5 +351,6 @@ class Loaded:
 
     def _wrong(self, state: State, beyond: Array) -> Mask:
         pushes, closed = self.equations.pushes, state.form.closed
-        pulls = closed & pushes & (state.forces < -WRONG * np.abs(state.forces).max(initial=0.0))
-        return np.asarray(pulls | ~closed & (beyond > WRONG * np.abs(beyond).max(initial=0.0)))
+        wrong = closed & pushes & (state.forces < -WRONG * np.abs(state.forces).max(initial=0.0))
+        wrong[pushes] |= ~closed[pushes] & (beyond > WRONG * np.abs(beyond).max(initial=0.0))
+        return wrong

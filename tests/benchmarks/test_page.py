@@ -44,6 +44,15 @@ def test_what_is_waited_for_stands_beside_what_was_asked(tmp_path: Path) -> None
         waited_for.seconds_of(tmp_path, {}, sys.executable, "-c", "raise SystemExit(2)")
 
 
+def test_a_load_chart_takes_no_longer_than_is_asked() -> None:
+    times = {"wall": 9.0, "processor": 14.0, "cores": 2.0}
+    found = {"first": times | {"asked": 60.0}, "later": times | {"asked": 8.0}}
+    assert [one["holds"] for one in requirements.judged({"chart": found})] == [True, False]
+    page = pages.chart(found, "chart")
+    assert page.headline == "112\xa0% of the time that is asked for, at most."
+    assert page.blocks[0].grids[0].rows[1] == ("later", "9.00\xa0s", "14.0\xa0s", "8.00\xa0s")
+
+
 def test_a_requirement_is_met_or_missed() -> None:
     sections = {"limit": {"sizes": [{"factor": 2.9}, {"factor": 1.0}]}}
     assert [one["holds"] for one in requirements.judged(sections)] == [True]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,14 +16,14 @@ from pmr.scene.names import ALONE
 from pmr.studies.limits import CONTACTS
 
 Array = NDArray[np.float64]
+#: Arrays of a study's runs, one after the other.
+Parts = Sequence[Mapping[str, NDArray[Any]]]
 #: Share of the largest below which a force or displacement is round-off.
 ROUND_OFF = 1e-9
 
 
-def pages(study: FinishedStudy, names: list[str], prefix: str) -> Iterator[Block]:
+def pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
     """A block for each limit that governs under some load, with a page of its own on paper."""
-    runs = study.results.runs
-    arrays = [study.results.arrays(run.key) for run in runs]
     for n in range(len(names)):
         best = [(float(a["load"][k, n]) if (k := int(a["at.place"][n])) >= 0 else -1.0) for a in arrays]
         row = int(np.argmax(best))

@@ -13,7 +13,7 @@ from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNu
 from pmr.report.figures.load_chart import Chart, load_chart, pointed
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.governing import pages
+from pmr.report.studies.governing import Parts, pages
 from pmr.studies.cases import LoadCase
 from pmr.studies.charting import governing
 from pmr.studies.limits import STABILITY
@@ -34,7 +34,8 @@ SHOWN = 0.5
 def content(study: FinishedStudy, prefix: str) -> Chapter:
     """What is carried where, and why no more."""
     names = [*(str(limit["name"]) for limit in study.asked["limits"]), STABILITY]
-    table = _least_over_slewing(study)
+    parts = [study.results.arrays(run.key) for run in study.results.runs]
+    table = _least_over_slewing(study, parts)
     load = np.where(np.isnan(table["load"]), np.inf, table["load"])
     which = governing(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
@@ -57,17 +58,16 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         paragraphs=_paragraphs(study),
         blocks=[
             Block("Load chart", ((picture,),)),
-            Block("Limits", grids=(_limits(study, names), *_bars(study, names))),
+            Block("Limits", grids=(_limits(study, names), *_bars(study, names, parts))),
             Block("Load cases", grids=(_cases(study),)),
             Block("Loads", grids=(_loads(chart, error, table["luffing"]),)),
-            *pages(study, names, prefix),
+            *pages(study, names, parts, prefix),
         ],
     )
 
 
-def _least_over_slewing(study: FinishedStudy) -> Mapping[str, Array]:
+def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Array]:
     """Places (E, A, 2), loads and errors (E, A, l), by reach; the least load of all slewing angles of each limit."""
-    parts = [study.results.arrays(run.key) for run in study.results.runs]
     turns = len(study.asked["slewing"])
     found: dict[str, Any] = {}
     shaped = {n: np.array([p[n].reshape(-1, turns, p[n].shape[1]) for p in parts]) for n in ("load", "error", "place")}
@@ -167,11 +167,10 @@ def _limits(study: FinishedStudy, names: list[str]) -> Grid:
     )
 
 
-def _bars(study: FinishedStudy, names: list[str]) -> list[Grid]:
+def _bars(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
     """What error bars are made of; nothing where there are none."""
     if not study.asked["error_bars"]:
         return []
-    parts = [study.results.arrays(run.key) for run in study.results.runs]
     load = np.concatenate([part["load"] for part in parts])
     rows = []
     for k, name in enumerate(names):

@@ -1,0 +1,107 @@
+"""A load chart as people wait for it: from the scene file, and once more after a limit has been changed."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.beams import WORKFLOWS
+from benchmarks.waited_for import seconds_of
+
+#: A boom of three sections as beams in space, at 40 extensions and 20 angles, with a limit of each kind that it has.
+STUDY = f"""
+kind = "chart"
+title = "What the crane carries"
+scene = "{WORKFLOWS / "crane.toml"}"
+up_to = 100e3
+extensions = {{ least = 0.6, most = 4.5, count = 40 }}
+luffing = {{ least = 0.0, most = 76.0, count = 20 }}
+
+[change.sections]
+base.probes = [{{ name = "top", at = [3.0, 0.0, 0.2], measures = ["stress"] }}]
+middle.probes = [{{ name = "top", at = [2.0, 0.0, 0.18], measures = ["stress"] }}]
+fly.probes = [{{ name = "corner", at = [2.0, 0.11, 0.16], measures = ["stress"] }}]
+fly.masses = []
+
+[[limits]]
+name = "stress"
+of = "stress"
+most = 120e6
+
+[[limits]]
+name = "pads"
+of = "pad"
+most = 40e3
+
+[[limits]]
+name = "cylinders"
+of = "cylinder"
+most = 15e3
+
+[[limits]]
+name = "support"
+of = "support"
+most = 100e3
+which = ["*luffing*"]
+
+[[limits]]
+name = "luffing"
+of = "luffing"
+most = 300e3
+
+[[limits]]
+name = "tip"
+of = "deflection"
+most = 0.3
+
+[[limits]]
+name = "expression"
+of = "expression"
+expression = 'abs(force["cylinder of fly"]) + 0.1 * load'
+most = 16e3
+
+[[limits]]
+name = "buckling"
+of = "buckling"
+least = 3.0
+
+[[limits]]
+name = "frequency"
+of = "frequency"
+least = 0.4
+
+[[limits]]
+name = "tipping"
+of = "overturning"
+factor = 1.33
+polygon = [[2.5, 2.5], [-2.5, 2.5], [-2.5, -2.5], [2.5, -2.5]]
+height = 1.5
+machine = [{{ name = "carrier", mass = 14000.0, at = [-0.5, 0.0, -1.0] }}]
+"""
+#: What is written anew for the second run.
+CHANGED = ("most = 0.3", "most = 0.25")
+#: Seconds of wall time that were asked for, on two cores.
+ASKED = {"from the scene file": 60.0, "with the reduction cached": 10.0}
+
+
+def measure() -> dict[str, dict[str, float]]:
+    """Seconds of wall and of processor time of each, report included, and the wall time asked for."""
+    with tempfile.TemporaryDirectory() as folder:
+        return of(Path(folder))
+
+
+def of(folder: Path) -> dict[str, dict[str, float]]:
+    """The same in a folder where what was computed stays."""
+    pmr = (sys.executable, "-m", "pmr")
+    variables = {"OMP_NUM_THREADS": "1"}
+    found = {}
+    for name, text in zip(ASKED, (STUDY, STUDY.replace(*CHANGED)), strict=True):
+        (folder / "chart.toml").write_text(text)
+        begin = time.perf_counter()
+        used = seconds_of(folder, variables, *pmr, "study", "chart.toml", "--jobs", "2")
+        wall = time.perf_counter() - begin
+        found[name] = {"wall": wall, "processor": used, "asked": ASKED[name], "cores": float(os.cpu_count() or 1)}
+    return found

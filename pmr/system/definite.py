@@ -1,0 +1,100 @@
+"""Matrices that are positive definite, or are not any more under a load: their roots, and the load."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: What is missing from a matrix L L^T as a share of it that is round-off.
+ROUND_OFF = 1e-9
+#: Share of a load that is known nearly by which less of it is where the search begins.
+BESIDE = 1e-2
+#: Steps of it, the share by which the last may change the load, and that by which less of the load has to be borne.
+MOST_STEPS, SETTLED, BELOW = 30, 1e-12, 1e-6
+
+
+def root(A: Array) -> Array | None:
+    """L (n, r) of a positive semidefinite A = L L^T (n, n), by Cholesky with pivots; None where A is not.
+
+    For any L, :math:`|A - L L^T|_F` is at least as large as the least eigenvalue is negative.
+    """
+    found, pivots, rank, _ = scipy.linalg.lapack.dpstrf(A, lower=1)
+    L = np.zeros((len(A), rank))
+    L[pivots - 1] = np.tril(found)[:, :rank]
+    return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None
+
+
+class Free:
+    """What rows C (c, n) leave free: an orthonormal basis (n, r) of that, and matrices on it.
+
+    By Householder's reflections, one for each row, so that no products of full matrices are needed.
+    """
+
+    def __init__(self, C: Array) -> None:
+        self._reflections, _, self._scales, _, _ = scipy.linalg.lapack.dgeqp3(C.T)
+        size = np.abs(np.diagonal(self._reflections))
+        self._held = int(np.sum(size > max(C.shape) * np.finfo(float).eps * size.max(initial=0.0)))
+
+    @property
+    def basis(self) -> Array:
+        return self._behind(np.eye(len(self._reflections)))[:, self._held :]
+
+    def on(self, A: Array) -> Array:
+        """Z^T A Z (r, r) of a symmetric matrix A (n, n)."""
+        return self._behind(self._behind(A).T)[self._held :, self._held :]
+
+    def _behind(self, A: Array) -> Array:
+        """A (k, n) times the basis behind the directions that are held."""
+        if not len(self._scales):
+            return A
+        found, *_ = scipy.linalg.lapack.dormqr("R", "N", self._reflections, self._scales, A, 64 * len(A))
+        return np.asarray(found)
+
+
+def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.inf) -> float:
+    """The least P > 0 at which A + P B is not positive definite any more; 0 where A is not, infinite where none is.
+
+    One that is above `up_to` need not be found, and is infinite then.  Where it is known to be `near` a load, it is
+    found by inverse iteration from a little below that, and counts where the matrix is definite a little below what is
+    found: since A is, it is so everywhere before.
+    """
+    A, B = (A + A.T) / 2.0, (B + B.T) / 2.0
+    if not definite(A):
+        return 0.0
+    if 0.0 < near < np.inf and (found := _beside(A, B, near * (1.0 - BESIDE))) is not None:
+        return found
+    if np.isfinite(up_to) and definite(A + up_to * B):
+        return np.inf
+    try:
+        least = float(scipy.linalg.eigh(B, A, eigvals_only=True, subset_by_index=(0, 0))[0])
+    except np.linalg.LinAlgError:
+        return 0.0
+    return -1.0 / least if least < 0.0 else np.inf
+
+
+def _beside(A: Array, B: Array, low: float) -> float | None:
+    """The first singular load above `low`, of a definite A; None where A + low B is not, or where none settles."""
+    factor, failed = scipy.linalg.lapack.dpotrf(A + low * B, lower=1)
+    if failed:
+        return None
+    x, last = np.cos(np.arange(len(A), dtype=float)), np.inf  # has a part of every shape
+    for _ in range(MOST_STEPS):
+        b = -(B @ x)
+        x, _ = scipy.linalg.lapack.dpotrs(factor, b, lower=1)
+        # Rayleigh's quotient of -B x = (A + low B) x / (P - low)
+        pressed = -float(x @ B @ x)
+        if not pressed > 0.0:
+            return None
+        found = low + float(b @ x) / pressed
+        if abs(found - last) <= SETTLED * found:
+            return found if definite(A + found * (1.0 - BELOW) * B) else None
+        last, x = found, x / np.linalg.norm(x)
+    return None
+
+
+def definite(A: Array) -> bool:
+    """Whether a symmetric matrix is positive definite, by Cholesky."""
+    return bool(scipy.linalg.lapack.dpotrf(A, lower=1, clean=0)[1] == 0)
