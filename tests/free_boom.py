@@ -27,6 +27,11 @@ def system(*changes: str) -> System:
     return with_all_inertia(system_of(scene(*changes), reduced))
 
 
+#: Keys by which its pads rub, on a cylinder that gives way.
+RUBBING = (
+    "section.joint.cylinder.stiffness=1e8",
+    *(f"section.joint.{ring}.0.{key}" for ring in ("tail", "mouth") for key in ("friction=0.2", "shear_stiffness=1e7")),
+)
 #: Keys by which all its pads only push.
 PUSHING = tuple(
     f"section.joint.{end}=[{{at=0.2, faces={{bottom=[-0.05, 0.05], top=[-0.05, 0.05], left=[0.0], right=[0.0]}}}}]"

@@ -44,7 +44,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.members import member_at
 from pmr.scene.names import input_of
-from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State
+from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State, crossing
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -112,6 +112,17 @@ class FreeBase:
         found = np.zeros(count)
         for (_, over, along), column in self._fields.items():
             found[column] = 0.0 if over else -upwards[along]
+        return found
+
+    def inertia(self, motion: Motion, driven: Array, extended: Extended, loads: Array) -> Array:
+        """Loads (i,) with those of inertia, where the frame is accelerated by `driven` (6,): O, and about it."""
+        spin, e, found = crossing(motion.omega), np.eye(3)[0], loads.copy()
+        gradient, S = spin @ spin + crossing(driven[3:]), self._count
+        X, X_rate, X_second = (np.cumsum(one[:S]) for one in (extended.value, extended.rate, extended.second))
+        at = motion.weight + driven[:3] + (self.boom.place + np.outer(X, e)) @ gradient.T
+        at = at + 2.0 * np.outer(X_rate, spin @ e) + np.outer(X_second, e)
+        for (section, over, along), column in self._fields.items():
+            found[column] = -(gradient[along, over - 1] if over else at[section, along])
         return found
 
     def shortened_by(self, load: str) -> Iterator[tuple[int | None, Array]]:

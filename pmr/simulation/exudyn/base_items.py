@@ -47,6 +47,8 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
         )
     )
     items = replace(items, oBase=oBase, base=base)
+    if items.rubbing is not None:
+        items.rubbing.inertia = lambda t: base.inertia(mbs, t)
     return items if base.extending is None else _with_rows(mbs, items, base, base.extending)
 
 

@@ -10,6 +10,7 @@ Python is called for rows, their Jacobian and loads in every iteration, for comp
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Literal, TypeAlias
 
 import exudyn as exu
@@ -59,8 +60,9 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
 
     steps, given = Steps(held=bool(len(rigid))), {"forceVector": force(0.0)}
     finish: Callable[[Any, SystemItems, float], None] = nothing
-    if known is not None:
-        own, finish = _rubbing(Rubbing(equations, contacts, known), equations, inputs, steps, start)
+    rubbing = None if known is None else Rubbing(equations, contacts, known)
+    if rubbing is not None:
+        own, finish = _rubbing(rubbing, equations, inputs, steps, start)
         given |= own
     elif contacts.push:
         given |= _pushing(contacts, equations, inputs, steps)
@@ -68,6 +70,7 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
         given["jacobianUserFunction"] = nothing_beyond_matrices(equations, steps)
     K = system(0.0)[:, :n] if springs else None
     items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **given), rigid, scalingMarker1=rows(0.0))
+    items = replace(items, rubbing=rubbing)
     place_set, loads_set = inputs.number(0.0), inputs.loads(0.0)
 
     def update(mbs: Any, t: float) -> bool:
@@ -121,7 +124,9 @@ def _rubbing(
 ) -> tuple[dict[str, Any], Callable[[Any, SystemItems, float], None]]:
     """The same where pads rub; and what ends a step before another one to t begins."""
     known: tuple[int, Rows] | None = None
+    begun = np.concatenate([one.q for one in start.values()])
     reached, loads = 0.0, np.array(inputs.loads(0.0))
+    nodes = exu.OutputVariableType.Coordinates
 
     def rows(t: float) -> Rows:
         nonlocal known
@@ -130,19 +135,21 @@ def _rubbing(
             known = place, rubbing.rows(inputs.at(t))
         return known[1]
 
-    def begin() -> None:
-        q = np.concatenate([one.q for one in start.values()])
-        rubbing.begin(rows(0.0), q, np.array(inputs.loads(0.0)))
+    def begin(q: Array) -> None:
+        rubbing.begin(rows(0.0), q, np.array(inputs.loads(0.0)) + rubbing.inertia(0.0))
 
     def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
-        at = rows(t)
-        found = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)))
-        return found.w - at.giving.C.T @ found.multipliers[rubbing.gives]
+        at, inertia = rows(t), rubbing.inertia(t)
+        if t <= 0.0:  # where Exudyn asks for the accelerations at the start
+            begin(np.asarray(q))
+        found = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)) + inertia)
+        # what contacts answer to inertia is in the mass of the base and the coordinates
+        return found.w - at.giving.C.T @ (found.multipliers[rubbing.gives] - rubbing.answers(at, inertia))
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
         steps.check(t)
         at = rows(t)
-        found = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)))
+        found = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)) + rubbing.inertia(t))
         stiffness = factor * rubbing.stiffness(at, found)
         return matrix(sp.csr_matrix(stiffness) if equations.sparse else stiffness)
 
@@ -150,14 +157,16 @@ def _rubbing(
         nonlocal reached, loads
         if t <= 0.0:  # before a simulation is repeated
             reached = 0.0
-            begin()
+            begin(begun)
             return
+        q = np.concatenate([mbs.GetNodeOutput(node, nodes) for node in items.nBodies.values()])
         if reached > 0.0:
-            q = [mbs.GetNodeOutput(node, exu.OutputVariableType.Coordinates) for node in items.nBodies.values()]
-            rubbing.grip = rubbing.found(rows(reached), np.concatenate(q), loads).grip
+            rubbing.grip = rubbing.found(rows(reached), q, loads + rubbing.inertia(reached)).grip
+        else:
+            begin(q)
         reached, loads = t, np.array(inputs.loads(t))
 
-    begin()
+    begin(begun)
     return {"forceUserFunction": force, "jacobianUserFunction": jacobian}, finish
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+import exudyn as exu
 import numpy as np
 import scipy.linalg
 from exudyn.rigidBodyUtilities import (
@@ -174,6 +175,24 @@ class Base:
         found[:3, :3], found[:3, 3:], found[3:, 3:] = (R @ A).T, -A.T @ c @ G, A.T @ G
         gamma = np.append(-A.T @ (c @ left + crossing(omega) @ c @ omega), A.T @ left)
         return found, gamma, Motion(A.T @ omega, np.zeros(3)), R @ A
+
+    def inertia(self, mbs: Any, t: float) -> Array:
+        """Loads (i,) by which the body's present motion and the weight accelerate the boom at t s.
+
+        They press on contacts that give way at once, but for pads that only push: zero with these.
+        """
+        found = np.zeros(self._equations.B.shape[1])
+        if not self._gives:
+            return found
+        of = exu.OutputVariableType
+        nodes, kinds = (self.node, *self.paths.nodes), (of.Coordinates, of.Coordinates_t, of.Coordinates_tt)
+        own = [[np.atleast_1d(mbs.GetNodeOutput(node, kind)) for node in nodes] for kind in kinds]
+        x, rate, second = (one[0] for one in own)
+        z, z_t, z_tt = (np.concatenate([NOTHING, *one[1:]]) for one in own)
+        turned, gamma, motion, R = self.kinematics(x, rate)
+        motion, extended = replace(motion, weight=self.weight(t) * R[2]), self.extended(t, z, z_t)
+        extended = replace(extended, second=extended.second + self.paths.along @ z_tt)
+        return self.boom.inertia(motion, turned @ second + gamma, extended, found)
 
     def at(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array, Array]:
         """Mass (N, N), force (N,) and stiffness (N, N) that are added, of coordinates and rates (N,).

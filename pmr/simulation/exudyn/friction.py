@@ -10,6 +10,7 @@ given the stiffness of pads that stick.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,6 +61,8 @@ class Rubbing:
                 )
                 raise InputError("system", f"contacts.{system.contact_names[pad]}.compliance", 0.0, allowed)
         self._equations, self._contacts, self.known = equations, contacts, known
+        #: Of loads at t s, what the motion of the base makes of them, (i,) N: nothing on the ground.
+        self.inertia: Callable[[float], Array] = lambda t: np.zeros(equations.B.shape[1])
         self._joints = [
             next((k, side.place) for k, side in enumerate(system.sides) if side.place.path == joint)
             for joint in known.joints
@@ -76,6 +79,11 @@ class Rubbing:
         assembly = self._equations.assembly
         s = np.array([(x[0, k] - place.at) / place.rate for k, place in self._joints])
         return Rows(self._contacts.rows(x).at(0), assembly.slopes(x[0]), assembly.turned_rows(x[0]), s)
+
+    def answers(self, rows: Rows, f: Array) -> Array:
+        """F^-1 H f (m',) N of contacts that give way, to loads f (i,)."""
+        given = rows.giving.H @ f
+        return np.asarray(np.linalg.solve(rows.giving.F, given)) if f.any() else given
 
     def begin(self, rows: Rows, q: Array, f: Array) -> None:
         """Stand at rest without friction, at coordinates q (n,) under loads f (i,) N."""

@@ -78,6 +78,7 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     base = items.base
     if base is None:
         raise InputError("Exudyn", "on", None, "a boom on a rigid body is allowed to carry a hook")
+    items.equations.system.ensure_frictionless("Exudyn, a boom with a hook")
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     known = [mbs.GetNode(node) for node in nodes]
     start = np.concatenate([one["initialCoordinates"] for one in known])

@@ -61,6 +61,7 @@ class SystemItems:
     equations: Any = None  # what `add_sensors` needs
     inputs: Any = None
     base: Any = None  # what `add_hook` needs
+    rubbing: Any = None  # `pmr.simulation.exudyn.friction.Rubbing`; None where no pad rubs
 
     @property
     def nBody(self) -> Any:  # noqa: N802

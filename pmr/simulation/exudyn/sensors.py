@@ -33,30 +33,42 @@ class Watched:
     """Outputs and contact forces of a system, in a configuration of Exudyn's at its time."""
 
     def __init__(self, mbs: Any, items: SystemItems) -> None:
-        items.equations.system.ensure_frictionless("system")
         self._mbs, self._items, self._contacts = mbs, items, Contacts(items.equations, items.inputs)
         self._held = list(items.contacts)
         self._rest = np.array([k not in items.contacts for k in range(len(self._contacts.gives))])
 
     def forces(self, t: float, configuration: Any) -> Array:
-        """Lambda (m,) N; of rigid contacts the current ones, for there are no others."""
-        return self._settled(t, self._coordinates(configuration))[0]
+        """Lambda (m,) N, with their friction; of rigid contacts the current ones, for there are no others."""
+        found, _, grip = self._settled(t, self._coordinates(configuration))
+        return found if grip is None else found + self._items.rubbing.known.along(grip)
 
     def outputs(self, t: float, configuration: Any) -> Array:
-        """Y = O q + W f - X lambda (o,)."""
+        """Y = O q + W f - X lambda (o,), and what moments of friction move."""
         equations, q = self._items.equations, self._coordinates(configuration)
-        found, rows = self._settled(t, q)
-        direct = equations.assembly.direct @ np.array(self._items.inputs.loads(t))
-        return np.asarray(equations.outputs @ q + direct - rows.X @ found)
+        found, rows, grip = self._settled(t, q)
+        y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - rows.X @ found
+        if grip is not None:
+            turned = equations.assembly.turned(self._items.inputs.at(t)[0])
+            y = y + turned @ self._items.rubbing.known.moments(grip, found)
+        return np.asarray(y)
 
-    def _settled(self, t: float, q: Array) -> tuple[Array, ContactRows]:
+    def _loads(self, t: float) -> Array:
+        """With those by which a base that moves accelerates the boom, (i,)."""
+        found, base = np.array(self._items.inputs.loads(t)), self._items.base
+        return found if base is None else found + base.inertia(self._mbs, t)
+
+    def _settled(self, t: float, q: Array) -> tuple[Array, ContactRows, Array | None]:
+        """Lambda without friction, the rows, and what pads hold; None where none rubs."""
         equations, inputs, found = self._items.equations, self._items.inputs, np.zeros(len(self._rest))
-        x, f = inputs.at(t), np.array(inputs.loads(t))
+        x, f, rubbing, grip = inputs.at(t), self._loads(t), self._items.rubbing, None
         if self._held:
             found[self._held] = self._mbs.GetObjectOutput(self._items.oContacts, exu.OutputVariableType.Force)
-        if self._rest.any():
+        if rubbing is not None:
+            at = rubbing.found(rubbing.rows(x), q, f)
+            found[self._rest], grip = at.multipliers[self._rest], at.grip.forces
+        elif self._rest.any():
             found[self._rest] = self._contacts.forces(self._contacts.rows(x), q[None], f[None])[0]
-        return found, equations.rows(x).at(0)
+        return found, equations.rows(x).at(0), grip
 
     def _coordinates(self, configuration: Any) -> Array:
         kind, nodes = exu.OutputVariableType.Coordinates, self._items.nBodies.values()

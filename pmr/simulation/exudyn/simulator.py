@@ -110,7 +110,6 @@ def add_system(
     """
     equations = Equations(system if on is None else with_all_inertia(system))
     if on is not None:
-        system.ensure_frictionless("system")
         loads, terms = driven_by_base(system, loads), terms_on_base(loads, paths, on)
     inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
     name, add = FORMULATIONS[formulation]
@@ -118,6 +117,7 @@ def add_system(
         if on is None or formulation != "springs":
             allowed = "a coordinate of a node is allowed for a boom on a rigid body (on), with the formulation springs"
             raise InputError("system", f"paths.{free[0]}", "NodeCoordinate", allowed)
+        system.ensure_frictionless("system, an extension that is a coordinate")
         add = add_extended
     refuse(name, equations.needs(inputs.at(0.0)))
     items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))

@@ -16,7 +16,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.signals import Table
 from pmr.simulation import Excitation
-from pmr.simulation.exudyn import NodeCoordinate, add_sensors, simulate_system
+from pmr.simulation.exudyn import NodeCoordinate, add_hook, add_sensors, simulate_system
 from pmr.simulation.native import systems
 from pmr.simulation.turning import Turning
 
@@ -24,18 +24,25 @@ Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 
 
-def test_held_it_is_the_boom_on_the_ground() -> None:
-    """Raised by 0.3 rad, from rest under its weight while it telescopes."""
-    scene = free_boom.scene("time.end=0.04")
-    turret = Turret(scene, referenceRotationMatrix=RotationMatrixY(-0.3))
+@pytest.mark.parametrize("changes", [(), free_boom.RUBBING], ids=["smooth", "rubbing"])
+def test_held_it_is_the_boom_on_the_ground(changes: tuple[str, ...]) -> None:
+    """Raised by 0.3 rad, from rest under its weight while it telescopes; what sensors tell, too."""
+    scene = free_boom.scene("time.end=0.04", *changes)
+    turret = Turret(scene, changes=changes, referenceRotationMatrix=RotationMatrixY(-0.3))
     turret.hold()
     start = systems.static_start(turret.system, turret.excitation)
-    turret.add(start)
+    sensors = add_sensors(turret.mbs, turret.add(start))
     turret.solve()
     expected = systems.simulate(turret.system, turret.excitation, start)
     q = np.hstack([one.q for one in expected.bodies.values()])
     np.testing.assert_allclose(turret.q, q, rtol=0.0, atol=1e-9 * np.abs(q).max())
     assert np.abs(q - q[0]).max() > 0.01 * np.abs(q).max()
+    y, forces = (turret.mbs.GetSensorStoredData(one)[:, 1:] for one in (sensors.sOutputs, sensors.sForces))
+    moved = np.hstack(list(systems.displacements(turret.system, expected).values()))
+    np.testing.assert_allclose(y, moved, rtol=0.0, atol=1e-9 * np.abs(moved).max())
+    np.testing.assert_allclose(forces, expected.forces, rtol=0.0, atol=1e-8 * np.abs(expected.forces).max())
+    if changes:
+        assert expected.friction is not None and np.abs(expected.friction).max() > 1e-3 * np.abs(forces).max()
 
 
 def test_moved_it_is_the_boom_in_a_frame() -> None:
@@ -111,6 +118,22 @@ def test_free_in_space_momenta_stay_but_for_the_step(kind: str) -> None:
     assert coarse.max() < 2e-3
     assert np.abs((4.0 * ends[1] - ends[0]) / 3.0).max() < 0.05 * np.abs(ends[1]).max()
     np.testing.assert_allclose(coarse.max() / fine.max(), 4.0, rtol=0.1)
+
+
+def test_free_in_space_friction_adds_nothing_to_momenta() -> None:
+    """It acts within the boom: what remains is the error of Exudyn's step, as without friction."""
+    found = []
+    for changes in ((), free_boom.RUBBING):
+        scene = free_boom.scene("time.end=0.04", *changes).model_copy(update={"gravity": None})
+        turret = Turret(scene, changes=changes, initialAngularVelocity=[0.8, -0.5, 1.1])
+        turret.add()
+        turret.solve()
+        found.append((turret.momenta(), turret.q))
+    (smooth, q), (p, rubbed) = found
+    size = np.abs(p[0].reshape(2, 3)).max(axis=1).repeat(3)
+    error = np.abs(smooth - smooth[0]).max(axis=0) / size
+    assert np.abs(rubbed - q).max() > 1e-2 * np.abs(q).max()
+    assert (np.abs(p - p[0]).max(axis=0) / size).max() < 1.1 * error.max()
 
 
 def test_free_in_space_its_energy_stays_but_for_the_step() -> None:
@@ -249,6 +272,12 @@ def test_what_is_refused() -> None:
     turret.draw(rod=50.0, s=0.6, rate=0.0)
     turret.excitation = replace(turret.excitation, paths={"fly": NodeCoordinate(turret.rods[0], 1)})
     with pytest.raises(InputError, match="from 0 to 0"):
+        turret.add()
+    turret = Turret(free_boom.scene(*free_boom.RUBBING), changes=free_boom.RUBBING)
+    with pytest.raises(InputError, match="a boom with a hook: friction"):
+        add_hook(turret.mbs, turret.add(), ("fly.hook x", "fly.hook y", "fly.hook z"), 10.0)
+    turret.draw(rod=50.0, s=0.6, rate=0.0)
+    with pytest.raises(InputError, match="an extension that is a coordinate: friction"):
         turret.add()
     turret = Turret(free_boom.scene())
     turret.on = replace(turret.on, body=turret.mbs.AddObject(ObjectGround()))
