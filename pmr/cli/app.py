@@ -49,7 +49,7 @@ def _refused(error: Any, ctx: Any) -> InputError:
 
 app = typer.Typer(
     cls=_Commands,
-    help="Reduce beams that slide: from a scene file to a reduced model, checked against full references, in a report.",
+    help="Simulate booms that telescope: from a scene file to a reduced model, its comparison and a report.",
     epilog="Start with: pmr new boom mine && pmr run mine",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -69,9 +69,9 @@ def _version(asked: bool) -> None:
 @app.callback()
 def _before_any_command(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which version this is.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print errors alone.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print errors only.")] = False,
 ) -> None:
     out.quiet = quiet
 

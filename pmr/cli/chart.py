@@ -35,8 +35,10 @@ LIMITS = """
 
 
 def chart(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file, or a workflow's name.")],
-    up_to: Annotated[float, typer.Option("--up-to", metavar="KG", help="The largest load that is looked for.")],
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")
+    ],
+    up_to: Annotated[float, typer.Option("--up-to", metavar="KG", help="Largest load that is looked for.")],
     out_dir: Folder = None,
     jobs: Annotated[
         int | None, typer.Option("--jobs", metavar="N", min=1, help="Worker processes.  [default: one a core]")
@@ -45,7 +47,7 @@ def chart(
     """Compute what a boom carries at every extension and angle.
 
     Writes chart.toml into DIR, a study over the extensions and luffing angles of the scene, and computes it as
-    `pmr study` does. Limits and factors are added there; a chart.toml that is there is taken as it is.
+    `pmr study` does. Add limits and factors to this file: a chart.toml that exists is used as it is.
 
     Example:
 

@@ -20,7 +20,9 @@ from pmr.files.whole import NotWrittenError, ensure_ordinary
 
 Model = Annotated[
     Path,
-    typer.Argument(metavar="FILE", help="What `pmr run` wrote: reduced.npz, or system.npz of a boom."),
+    typer.Argument(
+        metavar="FILE", help="Reduced model that `pmr run` wrote: reduced.npz, or system.npz of several sections."
+    ),
 ]
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable.")

@@ -30,7 +30,7 @@ def export(
         typer.Option(
             "--platforms",
             metavar="host|all",
-            help="What an fmu has binaries for: this machine's system, or Linux, Windows and macOS.  [default: host]",
+            help="Systems that an fmu has binaries for: this machine's, or Linux, Windows and macOS.  [default: host]",
         ),
     ] = None,
     at: Annotated[
@@ -44,7 +44,7 @@ def export(
         ),
     ] = None,
 ) -> None:
-    """Write a reduced model as something a user can build on, without pmr.
+    """Write a reduced model for other programs, which do not need pmr.
 
     Examples
     --------

@@ -13,13 +13,15 @@ from pmr.export.formats import BODY_FORMATS, ONE_BODY
 
 
 def flexible(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file, or a workflow by its name.")],
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")
+    ],
     at: Annotated[float, typer.Option("--at", metavar="S", help="Place of the sliders in m.")],
     to: Annotated[
         str,
         typer.Option("--to", metavar="FORMAT", help=f"{'; '.join(f'{k}: {v.says}' for k, v in BODY_FORMATS.items())}."),
     ] = "sid",
-    modes: Annotated[int, typer.Option("--modes", metavar="N", help="How many modes.")] = 8,
+    modes: Annotated[int, typer.Option("--modes", metavar="N", help="Number of modes.")] = 8,
     out_file: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="[default: a name of the format in this folder]")
     ] = None,
@@ -27,8 +29,8 @@ def flexible(
 ) -> None:
     """Write the body of a scene as a flexible body of another multibody program, with its sliders at one place.
 
-    Such formats have no place for rows that move: the modes and springs are those at S, and the reference frame is that
-    of the ground.  FMUs have the sliding in them (`pmr export --to fmu`).
+    Formats of flexible bodies do not allow sliding: modes and springs are those with the sliders at S, and the
+    reference frame is that of the ground.  An FMU includes the sliding (`pmr export --to fmu`).
 
     Example:
 

@@ -21,10 +21,12 @@ _PLACES = {"tip": "at the tip", "beam": "along the beam"}
 def info(
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="[FILE]", help="reduced.npz, system.npz, a scene or its name; without it the stack."),
+        typer.Argument(
+            metavar="[FILE]", help="reduced.npz, system.npz, a scene or its name; without it what is installed."
+        ),
     ] = None,
 ) -> None:
-    """Say which stack is in use (versions, MPI, scalar type), or what a file holds.
+    """Print what is installed (versions, MPI, scalar type), or what a file contains.
 
     Examples
     --------

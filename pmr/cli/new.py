@@ -26,9 +26,9 @@ def new(
     kind: Annotated[
         str, typer.Argument(metavar="KIND", help="beam, boom, telescope, crane or platform.", autocompletion=kinds)
     ],
-    name: Annotated[Path, typer.Argument(metavar="NAME", help="The folder to make; its name is the scene's title.")],
+    name: Annotated[Path, typer.Argument(metavar="NAME", help="New folder, whose name is the title of the scene.")],
 ) -> None:
-    """Write a commented scene into a new folder, and for one body a script for a mesh of one's own.
+    """Write a scene with comments into a new folder, for one body also a script that draws a mesh.
 
     Example:
 

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 def run(
     scene_files: Annotated[
         list[Path],
-        typer.Argument(metavar="SCENE", help="Scene files, folders with a scene.toml, or workflows by their names."),
+        typer.Argument(
+            metavar="SCENE", help="Scene files, folders with a scene.toml, or names of scenes that come with pmr."
+        ),
     ],
     out_dir: Folder = None,
     overrides: Overrides = None,
@@ -40,30 +42,33 @@ def run(
     ] = None,
     tolerance: Annotated[
         str | None,
-        typer.Option(metavar="PERCENT", help="An error that is allowed, 1% say: model and step are chosen to hold it."),
+        typer.Option(metavar="PERCENT", help="Allowed error, such as 1%: coordinates and step are chosen accordingly."),
     ] = None,
     cache: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Keep reductions there, and take those that other loads or another way along the path don't change.",
+            help="Store reductions there, and reuse them in runs with other loads or another motion along the path.",
         ),
     ] = None,
 ) -> None:
-    """Run scenes the whole way: operators, snapshots, basis, reduced model, simulations, comparison, report.
+    """Compute scenes: mesh, reduced model, simulation, comparison with the full model, report.
 
-    DIR then holds report.html, report.pdf, summary.json, reduced.npz and trajectories.npz, for structures in space
-    fields.npz and fields.pvd, which ParaView opens; with several scenes the report is one and the rest stands in a
-    folder for each.  They take the place of old ones together: a run that is killed leaves those or its own.  A
-    full-order simulation that was cut off goes on where it was.
+    DIR then has report.html, report.pdf, summary.json, trajectories.npz and the reduced model: reduced.npz, of several
+    sections system.npz.  With recovery it also has fields.npz and fields.pvd, which ParaView opens.  Several scenes
+    have one report, and a folder each for all else.
+
+    A run that is killed leaves the old results as they were.  The simulation of a full model in PETSc that was
+    interrupted is continued.
+
 
     Examples
     --------
         pmr run paper_evolved
 
-        pmr run workflows/paper_evolved.toml --set reduction.coordinates=10
+        pmr run paper_evolved --set reduction.coordinates=10
 
-        pmr run workflows/paper_evolved.toml --simulators march,exudyn,exudyn-callback
+        pmr run paper_evolved --simulators march,exudyn,exudyn-callback
 
         pmr run paper_evolved --tolerance 1%
 

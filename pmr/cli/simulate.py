@@ -16,16 +16,14 @@ from pmr.files.swap import finished, fresh
 
 def simulate(
     model: Model,
-    scene: Annotated[
-        Path, typer.Option("--scene", metavar="SCENE", help="Whose path, loads and time stepping are taken.")
-    ],
+    scene: Annotated[Path, typer.Option("--scene", metavar="SCENE", help="Scene with the path, loads and time steps.")],
     out_dir: Folder = None,
     overrides: Overrides = None,
 ) -> None:
     """Simulate a saved body or boom; FEniCSx is not needed.
 
-    The scene is that of the file but for paths, signals of loads (by the same names), time and simulators; one of other
-    bodies or joints is refused.  DIR then holds summary.json, scene.json and trajectories.npz, as after `pmr run`.
+    The scene may differ from that of the file in paths, signals of loads (with the same names), time and simulators.
+    Other bodies or joints are refused.  DIR then has summary.json, scene.json and trajectories.npz, as after `pmr run`.
 
     Examples
     --------

@@ -29,7 +29,8 @@ def study(
     study_file: Annotated[
         Path,
         typer.Argument(
-            metavar="STUDY", help="The file of a study or of a collection of studies, or a workflow's name."
+            metavar="STUDY",
+            help="File of a study or of a collection of studies, or the name of one that comes with pmr.",
         ),
     ],
     out_dir: Folder = None,
@@ -39,15 +40,15 @@ def study(
     overrides: Overrides = None,
     only: Annotated[
         list[str] | None,
-        typer.Option("--only", metavar="RUN", help="Compute this run alone, and no table yet; repeatable."),
+        typer.Option("--only", metavar="RUN", help="Compute only this run, without a table; repeatable."),
     ] = None,
-    listed: Annotated[bool, typer.Option("--list", help="Name all runs, a line each, and compute nothing.")] = False,
+    listed: Annotated[bool, typer.Option("--list", help="Print the names of all runs, and compute nothing.")] = False,
 ) -> None:
     """Compute many runs, several at a time, and make one table of them.
 
-    DIR then holds runs.csv and runs.npz (one row a run), seconds.csv and summary.json, or a folder of these for each
-    study of a collection. Called again, it goes on where it was cut off, with the runs that failed tried once more;
-    results made by another version of pmr are not taken over.
+    DIR then has runs.csv and runs.npz (one row for each run), seconds.csv and summary.json, or a folder of these for
+    each study of a collection. After an interruption the same command computes what is missing, and tries runs again
+    that failed. Results of another version of pmr are not reused.
 
     A run that fails is recorded with its reason and the others go on; the exit code is then 1.
 
@@ -56,11 +57,11 @@ def study(
 
     Examples
     --------
-        pmr study workflows/studies/coordinates.toml --jobs 2
+        pmr study coordinates --jobs 2
 
-        pmr study workflows/studies/coordinates.toml --set "grid.reduction.coordinates=[6, 8]"
+        pmr study coordinates --set "grid.reduction.coordinates=[6, 8]"
 
-        mpiexec -n 9 python -m mpi4py.futures -m pmr study workflows/studies/coordinates.toml    (8 workers)
+        mpiexec -n 9 python -m mpi4py.futures -m pmr study coordinates    (8 workers)
     """
     from pmr.studies import files
     from pmr.studies.call import compute, save

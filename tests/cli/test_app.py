@@ -151,7 +151,7 @@ BAD = [
     (["export", SIMPLE], "not a system written by pmr"),
     (["export", "reduced.npz", "--to", "abaqus"], "exudyn, fmu, matlab, "),
     (["info", "nowhere.npz"], "no such file"),
-    (["simulate", "reduced.npz"], "'--scene': whose path, loads and time stepping are taken; "),
+    (["simulate", "reduced.npz"], "'--scene': scene with the path, loads and time steps; "),
     (["run"], "'SCENE': scene files"),
     (["study", "study.toml", "--jobs", "many"], "'--jobs'"),
     (["frob"], "No such command 'frob'"),
