@@ -58,6 +58,7 @@ class PlateBody:
     shear_correction: float
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
+    frames: float = 0.0  # m, their thickness
 
 
 @dataclass(frozen=True)

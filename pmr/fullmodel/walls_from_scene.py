@@ -44,6 +44,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
         body.shear_correction,
         tuple(Clamp(str(one.on), one.held) for one in part.supports if one.points == "all"),
         masses,
+        box.plate if box.frames else 0.0,
     )
     known = directions(member)
     ends = tuple((end, d) for end in ENDS if end in _carrying(part) for d in AT_AN_END if d in known)

@@ -39,7 +39,7 @@ class BoxBoom:
     # first layer of cells at the tail, from which layers double up to the regular one; 0: the same
     tail_layer: float = 0.0
     frames: tuple[float, ...] = ()  # where along x a shell is stiffened by a transverse plate all around
-    frame_depth: float = 0.0  # of these plates
+    frame_depth: float = 0.0  # of these plates; infinite: they close the section
     parts: tuple[Part, ...] = ()  # by default one, all along, with these sides
 
     def __post_init__(self) -> None:
@@ -51,7 +51,9 @@ class BoxBoom:
             "tail_layer": self.tail_layer == 0.0 or thinnest <= self.tail_layer <= self.layer,
             "frames": bool(np.all(np.diff([0.0, *self.frames, self.length]) >= thinnest))
             and bool(np.all(np.diff(self.stations) >= thinnest)),
-            "frame_depth": not self.frames or THINNEST * self.size <= self.frame_depth < self._room,
+            "frame_depth": not self.frames
+            or self.frame_depth == np.inf
+            or THINNEST * self.size <= self.frame_depth < self._room,
         }
         words = {
             "size": "more than 0 and up to the length",
@@ -153,7 +155,9 @@ def _section(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[in
 
 
 def _frame(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[Entity]:
-    """A plate between the section and the same one farther inside."""
+    """A plate between the section and the same one farther inside, or all over it."""
+    if boom.frame_depth == np.inf:
+        return [drawing.filled(outer)]
     inner = _section(drawing, boom, x, boom.frame_depth)
     return drawing.strips(outer, inner, max(1, round(boom.frame_depth / boom.size)))
 

@@ -77,6 +77,11 @@ class Drawing:
             geo.mesh.setRecombine(2, surface)
         return 2, surface
 
+    def filled(self, curves: Sequence[int]) -> Entity:
+        """The plane within curves, meshed by triangles as large as their divisions."""
+        geo = self._model.geo
+        return 2, geo.addPlaneSurface([geo.addCurveLoop(list(curves), reorient=True)])
+
     def sweep(self, entities: Sequence[Entity], distance: float, layers: list[float], quads: bool) -> list[Entity]:
         """Sweep curves or surfaces along x in layers that end at shares of the distance; what gmsh made, in order."""
         once = [1] * len(layers)

@@ -6,6 +6,7 @@ where these are in the profile at its place along the axis:
 .. math:: p = (1 - \eta)\, a_k(\xi) + \eta\, b_k(\xi)
 
 with the middle of the wall, a, and the same as far inside as frames are deep, b.  Both change linearly along the axis.
+On plates that close the section what is not on walls keeps its place in the triangle of the axis and a side.
 """
 
 from __future__ import annotations
@@ -22,23 +23,44 @@ Array = NDArray[np.float64]
 #: Round-off of the drawing, as a share of a side.
 SLACK = 1e-6
 #: Of a wall without frames, likewise: so near to its middle its points are.
-THIN = 1e-3
+THIN = 1e-6
 
 
 def tapered(points: Array, sides: Sequence[Side], parts: Sequence[Part], depth: float) -> Array:
     """Points (N, 3) m that were drawn with these sides, and frames that deep, where the parts have them."""
-    moved, left = points.copy(), np.ones(len(points), bool)
-    for k in range(len(sides)):
-        xi, eta = _within(points[:, 1:], sides, k, depth)
-        own = left & (np.abs(xi - 0.5) <= 0.5 + SLACK) & (np.abs(eta - 0.5) <= 0.5 + SLACK)
-        left &= ~own
-        for part in parts:
-            here = np.flatnonzero(own & (points[:, 0] >= part.start) & (points[:, 0] <= part.end))
-            if part.tapers and len(here):
-                share = (points[here, 0] - part.start) / (part.end - part.start)
-                first, last = (_at(xi[here], eta[here], each, k, depth) for each in (part.first, part.last))
-                moved[here, 1:] = (1.0 - share)[:, None] * first + share[:, None] * last
+    moved, left, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
+    for place in (_in_side, _in_triangle):
+        for k in range(len(sides)):
+            one, other, within = place(points[:, 1:], sides, k, depth)
+            own = left & within
+            left &= ~own
+            for part in parts:
+                here = np.flatnonzero(own & (points[:, 0] >= part.start) & (points[:, 0] <= part.end))
+                if part.tapers and len(here):
+                    share = (points[here, 0] - part.start)[:, None] / (part.end - part.start)
+                    at = _at if place is _in_side else _at_in_triangle
+                    first, last = (at(one[here], other[here], each, k, depth) for each in (part.first, part.last))
+                    moved[here, 1:] = (1.0 - share) * first + share * last
     return moved
+
+
+Places = tuple[Array, Array, NDArray[np.bool_]]
+
+
+def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
+    """Share along a side and depth inside, and whether both are within it."""
+    xi, eta = _within(p, sides, k, depth)
+    return xi, eta, (np.abs(xi - 0.5) <= 0.5 + SLACK) & (np.abs(eta - 0.5) <= 0.5 + SLACK)
+
+
+def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
+    """Shares of both ends of a side, and whether the point is on the side's side of the axis."""
+    one, other = np.linalg.solve(np.array([sides[k].start, sides[k].end]).T, p.T)
+    return one, other, (one >= -SLACK) & (other >= -SLACK)
+
+
+def _at_in_triangle(one: Array, other: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+    return np.outer(one, sides[k].start) + np.outer(other, sides[k].end)
 
 
 def _within(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Array, Array]:

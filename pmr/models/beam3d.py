@@ -31,6 +31,7 @@ c and its shear centre s beside the axis, and R that turns y and z to its princi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -48,6 +49,7 @@ from pmr.mesh.strip import FACES, Extent, Plane, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
 from pmr.models.profile_section import MidLine, corner_stresses, section_of, stress_rows
+from pmr.models.ring_masses import RingMasses, ring_masses
 from pmr.models.sections_along import SectionsAlong, about_own_centres, one_section, sections_of, stations_of
 from pmr.models.tabulation import CellValues, cell_values
 from pmr.scene.box import Box
@@ -56,6 +58,7 @@ from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Motion = tuple[Any, ...]  # along x, y and z in UFL; None: without inertia
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,7 @@ class Beam3D(Beam):
     body: Beam3DBody
     stations: Array | None = None  # (N,) m: of its nodes, by default as far apart as each other
     along: SectionsAlong | None = None  # by default the body's section all along; they change at nodes
+    rings: RingMasses | None = None  # the mass of plates within it
 
     @cached_property
     def node_stations(self) -> Array:
@@ -150,7 +154,13 @@ class Beam3D(Beam):
 
     @property
     def masses(self) -> Array:
-        return (self.body.material.density * self.sections.area)[self.number]
+        added = 0.0 if self._added is None else self._added.area
+        return self.body.material.density * (self.sections.area[self.number] + added)
+
+    @cached_property
+    def _added(self) -> RingMasses | None:
+        """Of its elements."""
+        return None if self.rings is None else self.rings.at(self.node_stations[self.grid.cells].mean(axis=1))
 
     @property
     def directions(self) -> tuple[str, ...]:
@@ -220,13 +230,36 @@ class Beam3D(Beam):
             S = turned * S * ufl.transpose(turned)
         of, by = (self._motion(mesh, field) for field in (ufl.TrialFunction(space), ufl.TestFunction(space)))
         parts = zip(sizes, by, of, strict=True)
-        return sum(self._of_elements(mesh, rho * size) * bilinear(S, v, u) for size, v, u in parts) * _measure(mesh)
+        total = sum(self._of_elements(mesh, rho * size) * bilinear(S, v, u) for size, v, u in parts)
+        return (total + self._of_rings(mesh, S, by, of)) * _measure(mesh)
+
+    def _of_rings(self, mesh: Any, S: Any, by: Sequence[Motion], of: Sequence[Motion]) -> Any:
+        """The same of plates within it, about their own centroid, from what moves that of the section."""
+        added, sections, rho = self._added, self.sections, self.body.material.density
+        if added is None:
+            return 0
+        R = sections.principal[self.number]
+        y, z = np.einsum("eij,ej->ie", R, added.centroid - sections.centroid[self.number])
+        arms = cellwise(mesh, y), cellwise(mesh, z)
+        second = rho * np.einsum("eij,ejk,elk->eil", R, added.about_centroid, R)
+
+        def moved(motion: Sequence[Motion]) -> Motion:
+            centre, *turns = motion
+            for arm, turn in zip(arms, turns, strict=True):
+                centre = tuple(c if t is None else c + arm * t for c, t in zip(centre, turn, strict=True))
+            return centre
+
+        total = cellwise(mesh, rho * added.area) * bilinear(S, moved(by), moved(of))
+        for j in (0, 1):
+            for k in (0, 1):
+                total += cellwise(mesh, second[:, j, k]) * bilinear(S, by[1 + j], of[1 + k])
+        return total
 
     def _turn(self, mesh: Any) -> list[list[Any]]:
         """The principal axes in UFL."""
         return [[self._of_elements(mesh, self.sections.principal[:, i, j]) for j in (0, 1)] for i in (0, 1)]
 
-    def _motion(self, mesh: Any, field: Any) -> tuple[tuple[Any, Any, Any], ...]:
+    def _motion(self, mesh: Any, field: Any) -> tuple[Motion, ...]:
         """Displacement of the centroid, and its derivatives along the principal axes; None: without inertia."""
         v, w = self._deflections(mesh, field)
         phi, (turn_v, turn_w) = field[1], (None if one.shear is None else -one.rotation for one in (v, w))
@@ -411,11 +444,12 @@ class Beam3D(Beam):
 
 
 def beam_of(body: Beam3DBody, box: Box) -> Beam3D:
-    """The beam of a box, with its sections along it."""
-    if not box.varying:
-        return Beam3D(body)
-    stations = stations_of(box.breaks, body.elements)
-    return Beam3D(body, stations, sections_of(box, body.material.poisson, stations))
+    """The beam of a box, with its sections along it and the mass of its frames."""
+    beam = Beam3D(body)
+    if box.varying:
+        stations = stations_of(box.breaks, body.elements)
+        beam = Beam3D(body, stations, sections_of(box, body.material.poisson, stations))
+    return replace(beam, rings=ring_masses(box, beam.node_stations)) if box.frames else beam
 
 
 def _measure(mesh: Any) -> Any:

@@ -76,12 +76,12 @@ class MidLine:
     @cached_property
     def points(self) -> Array:
         """Gauss' points (k, q, 2) m."""
-        return np.array([_along(side, POINTS) for side in self.sides])
+        return np.array([along(side, POINTS) for side in self.sides])
 
     @cached_property
     def lever(self) -> Array:
         """P . n at these points, (k, q) m."""
-        return np.einsum("kqi,kqi->kq", self.points, np.array([_normals(side, POINTS) for side in self.sides]))
+        return np.einsum("kqi,kqi->kq", self.points, np.array([normals(side, POINTS) for side in self.sides]))
 
     @property
     def enclosed(self) -> float:
@@ -173,7 +173,7 @@ def _angles(side: Side, x: Array) -> tuple[Array, float]:
     return start + side.angle * x, start
 
 
-def _along(side: Side, x: Array) -> Array:
+def along(side: Side, x: Array) -> Array:
     """Places (q, 2) m at shares x of a side."""
     if side.centre is None:
         return np.asarray(side.start + x[:, None] * np.subtract(side.end, side.start))
@@ -181,7 +181,8 @@ def _along(side: Side, x: Array) -> Array:
     return np.asarray(side.centre + side.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
-def _normals(side: Side, x: Array) -> Array:
+def normals(side: Side, x: Array) -> Array:
+    """Unit vectors (q, 2) out of a side there."""
     if side.centre is None:
         return np.tile(side.normal, (len(x), 1))
     angle, _ = _angles(side, x)

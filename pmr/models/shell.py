@@ -218,6 +218,8 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
     """The shell that a scene's body is."""
     if body.box is not None:
         plate, regions = plates(body.box, body.material)
+        if body.box.frames:
+            regions["frames"] = Plate(material=body.material, thickness=body.box.plate)
     else:
         assert body.thickness is not None  # the scene's check
         plate, regions = Plate(material=body.material, thickness=body.thickness), {}
@@ -236,21 +238,22 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
 
 def drawn(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
     """A box as it is drawn, with cells of these sizes."""
+    depth = np.inf if box.frame_depth == "full" else box.frame_depth
     if not box.varying:
-        return BoxBoom(box.sides, box.length, size, along, tail_layer, box.frames, box.frame_depth)
+        return BoxBoom(box.sides, box.length, size, along, tail_layer, box.frames, depth)
     stretches = box.stretches
     parts = tuple(Part(one.start, one.end, one.first.sides, one.last.sides) for one in stretches)
     # corners that are thicker at the bottom than at the top somewhere have names of their own everywhere
     names = max(([side.name for side in part.first] for part in parts), key=lambda found: len(set(found)))
     sides = tuple(replace(side, name=name) for side, name in zip(box.sides, names, strict=True))
-    return BoxBoom(sides, box.length, size, along, tail_layer, box.frames, box.frame_depth, parts)
+    return BoxBoom(sides, box.length, size, along, tail_layer, box.frames, depth, parts)
 
 
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
-    """Thickness in the middle of each cell of a box as it is `drawn`, (C,) m; frames have the largest of its walls."""
+    """Thickness in the middle of each cell of a box as it is `drawn`, (C,) m."""
     boom = drawn(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
-    found = np.full(len(middle), max(box.walls.values()))
+    found = np.full(len(middle), box.plate)
     for k, side in enumerate(boom.sides):
         for part in boom.parts:
             cells = mesh.regions[side.name + part.tapers * TAPERED]
@@ -261,7 +264,7 @@ def walls_along(box: Box, mesh: NamedMesh) -> Array:
 
 
 def plates(profile: BoxProfile, material: Material) -> tuple[Plate, dict[str, Plate]]:
-    """The thickest plate of a profile, which frames are made of too, and the others by the names of their walls."""
+    """The thickest plate of a profile, and the others by the names of their walls."""
     walls = profile.walls
     thickest = max(walls.values())
     others = {name: Plate(material=material, thickness=wall) for name, wall in walls.items() if wall < thickest}

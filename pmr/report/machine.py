@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pmr.report.numbers import SPACE, plain, quantity, significant
-from pmr.report.parameters import by_face, doubled, stiff, tapered
+from pmr.report.parameters import by_face, doubled, framed, stiff, tapered
 from pmr.report.subject import loads_as_asked, spoken
 from pmr.results import RunResult
 from pmr.scene.built import PadRing, Support
@@ -77,6 +77,7 @@ def _size(part: OneBody) -> str:
         if given
     )
     more = "".join(f", doubler {doubled(one)}" for one in box.doublers)
+    more += f", frames {framed(box)}" if box.frames else ""
     tapers = (("tail", box.tail_taper), ("tip", box.tip_taper))
     more += "".join(f", tapers to its {end} {tapered(taper)}" for end, taper in tapers if taper is not None)
     return f"box of {plain(box.length)}{SPACE}m, {sides}{cut}, wall {by_face(box.wall)}{SPACE}mm{more}"

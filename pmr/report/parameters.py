@@ -11,7 +11,7 @@ from pmr.report.numbers import SPACE, plain, signed
 from pmr.report.subject import alone, loads, moving, spoken
 from pmr.results import RunResult
 from pmr.scene import Body, Reduction
-from pmr.scene.box import Doubler, Taper
+from pmr.scene.box import Box, Doubler, Taper
 from pmr.scene.choice import choose
 from pmr.scene.members import member_at
 from pmr.scene.names import ALONE, named
@@ -115,6 +115,8 @@ def _section(body: Body) -> Rows:
                 yield cut, f"{by_face(given)}{SPACE}mm"
         for doubler in box.doublers:
             yield "doubler", doubled(doubler)
+        if box.frames:
+            yield "frames", framed(box)
         for name, taper in (("tail taper", box.tail_taper), ("tip taper", box.tip_taper)):
             if taper is not None:
                 yield name, tapered(taper)
@@ -130,6 +132,13 @@ def doubled(doubler: Doubler) -> str:
     faces = "all around" if doubler.faces is None else f"on {', '.join(doubler.faces)}"
     thick, (start, end) = plain(1e3 * doubler.thickness), (plain(at) for at in (doubler.start, doubler.end))
     return f"{thick}{SPACE}mm from {start} to {end}{SPACE}m, {faces}"
+
+
+def framed(box: Box) -> str:
+    """How many, how thick and deep, and where."""
+    deep = "closed" if box.frame_depth == "full" else f"{by_face(box.frame_depth)}{SPACE}mm deep"
+    places = ", ".join(map(plain, box.frames))
+    return f"{len(box.frames)}, {plain(1e3 * box.plate)}{SPACE}mm thick, {deep}, at {places}{SPACE}m"
 
 
 def tapered(taper: Taper) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -99,10 +99,13 @@ class Box(BoxProfile):
     doublers: tuple[Doubler, ...] = Field(default=(), description="Plates that thicken walls over a part of the length")
     tail_taper: Taper | None = Field(default=None, description="How the box tapers towards its tail")
     tip_taper: Taper | None = Field(default=None, description="How the box tapers towards its tip")
-    frames: tuple[Size, ...] = Field(
-        default=(), description="Places along x where a shell is stiffened by a transverse plate all around"
+    frames: tuple[Size, ...] = Field(default=(), description="Places along x of transverse plates within the box")
+    frame_depth: Distance | Literal["full"] = Field(
+        default=0.0, description="How far these plates reach inwards from the wall; full: they close the section"
     )
-    frame_depth: Distance = Field(default=0.0, description="How far these plates reach inwards from the wall")
+    frame_thickness: Length | None = Field(
+        default=None, description="Thickness of these plates, by default that of the thickest wall"
+    )
 
     @model_validator(mode="after")
     def _varies_as_it_can(self) -> Box:
@@ -122,6 +125,11 @@ class Box(BoxProfile):
                 raise of_key(self.varying[0], None, f"{allowed} allowed: something ends at {a:.6g} and at {b:.6g} m")
             self._stretch(a, b)
         return self
+
+    @property
+    def plate(self) -> float:
+        """Thickness of its frames, m."""
+        return self.frame_thickness or max(self.walls.values())
 
     @property
     def varying(self) -> tuple[str, ...]:

@@ -36,6 +36,7 @@ def check_fit(scene: Scene, number: int) -> None:
         allowed = f"{name} comes {-beyond:.6g} m too close to the {face} of {around}: a section has to fit into it"
         raise refusal(f"sections[{number}].body.box", None, allowed)
     _tail(scene, number, inner, outer)
+    _frames(scene, number, inner, outer)
     for seat in seats(scene, number):
         if seat.joint == number:
             _play(seat, f"sections[{number}].joint.{seat.key}", (name, inner), (around, outer))
@@ -55,6 +56,22 @@ def _tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
             f"{low:.6g} m: there it comes {-beyond:.6g} m too close"
         )
         raise refusal(f"sections[{number - 1}].body.box.tail_taper.length", low, allowed)
+
+
+def _frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
+    """The inner box slides past frames of the outer one, or does not get there."""
+    first, _ = scene.extension(number).bounds(0.0, scene.time.end)
+    reached = [x for x in outer.frames if x >= first]
+    if not reached:
+        return
+    gap = gaps(inner.sides, outer.sides)
+    room = min(gap[side.name] + side.thickness / 2.0 for side in outer.sides)
+    if outer.frame_depth == "full" or outer.frame_depth >= room:
+        allowed = (
+            f"places of less than {first:.6g} m are allowed, or a frame_depth of less than {room:.6g} m: "
+            f"{scene.names[number]} slides past {reached[0]:g} m"
+        )
+        raise refusal(f"sections[{number - 1}].body.box.frames", list(outer.frames), allowed)
 
 
 def _play(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 from pmr.errors import BEYOND_ENDS, InputError
@@ -163,6 +164,21 @@ def _along_the_box(member: Member, box: Box) -> None:
         raise refusal("body.model", model, f"{' and '.join(VARYING)} are allowed with {key}")
     if box.varying and member.part.body.section is not None:
         raise refusal("body.section", None, f"none is allowed with {key}, which says what the section is")
+    if box.frames and model == "beam3d":
+        _frames(box)
+
+
+def _frames(box: Box) -> None:
+    """Of a beam; who draws a shell or solid says the same of its cells."""
+    places = (0.0, *box.frames, box.length)
+    if any(b <= a for a, b in pairwise(places)):
+        allowed = f"ascending places within 0 and {box.length:g} m are allowed"
+        raise refusal("body.box.frames", list(box.frames), allowed)
+    radii = [side.radius for side in box.sides if side.centre is not None]
+    room = min(radii, default=min(box.width, box.height) / 2.0)
+    if box.frame_depth != "full" and not 0.0 < box.frame_depth < room:
+        allowed = f"more than 0 and less than {room:g} m, or 'full', is allowed: corners' radius, or half the width"
+        raise refusal("body.box.frame_depth", box.frame_depth, allowed)
 
 
 def _walls(member: Member) -> None:
@@ -172,9 +188,6 @@ def _walls(member: Member) -> None:
         raise refusal(key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
     if model_of(member) not in BEAMS:
         return  # where walls give way anyway
-    if box.frames:
-        allowed = "'rigid' is allowed for a beam with body.box.frames, or body.model = 'shell': frames stiffen walls"
-        raise refusal(key, "give", allowed)
     if member.points or not member.pads:
         raise refusal(key, "give", "'rigid' is allowed without pads that have faces: walls give way under those")
 

@@ -26,8 +26,8 @@ UNUSED = {
 }
 #: What a beam has a use for nevertheless that is pressed on, or compared with, as a shell.
 OF_WALLS = ("mesh.size", "mesh.along", "body.shear_correction")
-#: What a box loses as a beam: geometry, whoever wrote it.
-STIFFENERS = ("body.box.frames", "body.box.frame_depth")
+#: What a box loses as a planar beam: geometry, whoever wrote it.
+STIFFENERS = ("body.box.frames", "body.box.frame_depth", "body.box.frame_thickness")
 #: What only the POD of eigenmodes looks at.
 POOLED = ("reduction.snapshots", "reduction.modes", "reduction.positions")
 
@@ -86,8 +86,8 @@ def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
         if key in OF_WALLS and (compared or has_giving_walls(member)):
             continue
         yield Unused(key, "body.model", f"it has no effect on {model}")
-    if model.startswith("beam"):
-        yield from (Unused(key, "", f"{model} has no walls that frames stiffen; shell has") for key in STIFFENERS)
+    if model == "beam2d":
+        yield from (Unused(key, "", f"{model} knows of no frames; beam3d and shell do") for key in STIFFENERS)
     if member.part.mesh.file is not None:
         yield from (Unused(f"mesh.{key}", "mesh.file", "the mesh is read from a file") for key in _CELLS)
     if member.part.body.profile is not None:

@@ -101,6 +101,7 @@ def test_the_schema_knows_every_key_of_the_booms_scene() -> None:
         "chamfer",
         "frames",
         "frame_depth",
+        "frame_thickness",
         "doublers",
         "tail_taper",
         "tip_taper",

@@ -135,6 +135,8 @@ TAPERED: dict[str, Any] = DOUBLED | {
     | {
         "box": DOUBLED["body"]["box"]
         | {
+            "frames": [0.3, 3.0, 5.2],
+            "frame_depth": 0.04,
             "tip_taper": {"length": 1.5, "height": 0.3, "width": 0.2, "wall": 0.006},
             "tail_taper": {"length": 0.5, "wall": {"bottom": 0.006, "sides": 0.005, "top": 0.008}},
         }

@@ -71,7 +71,8 @@ def test_the_wedge_of_one_wall_is_the_textbooks() -> None:
 def test_the_mass_of_a_tapered_beam_is_exact_on_any_mesh(wall) -> None:
     box = Box(
         length=LENGTH, width=0.3, height=0.4, wall=wall, chamfer=0.08, doublers=[DOUBLER],
-        tail_taper={"length": 1.0, "height": 0.25}, tip_taper={"length": 2.5, "width": 0.2, "chamfer": 0.05, "wall": 0.005},
+        tail_taper={"length": 1.0, "height": 0.25},
+        tip_taper={"length": 2.5, "width": 0.2, "chamfer": 0.05, "wall": 0.005},
     )  # fmt: skip
     model = beam(box, shear=True, elements=7)
     operators = assemble_model(model, model.domain(MPI.COMM_SELF))

@@ -15,6 +15,7 @@ from pmr.scene.members import member_at
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 DOUBLED = "body.box.doublers=[{start=0.0, end=1.0, thickness=0.005}]"
 SECTION = "area=1.0, second_moment_y=1.0, second_moment_z=1.0, torsion_constant=1.0"
+PLAIN = "length=6.0, width=0.3, height=0.4, wall=0.008"
 OCTAGON = {"length": 6.0, "width": 0.3, "height": 0.4, "wall": {"bottom": 0.01, "sides": 0.006, "top": 0.008}}
 
 
@@ -123,3 +124,32 @@ def test_a_tail_that_tapers_has_room_for_the_next_section() -> None:
     with pytest.raises(InputError, match="fly gets 0.8 m near the tail of base, which tapers over 1.4 m") as no:
         scenes.load_any(boom, [pads, taper.replace("@", "0.30")])
     assert "\n" not in str(no.value)
+
+
+@pytest.mark.parametrize(
+    ("frames", "says"),
+    [
+        ("frames=[3.0, 2.0], frame_depth=0.05", "ascending places within 0 and 6 m are allowed"),
+        ("frames=[6.0], frame_depth=0.05", "ascending places within 0 and 6 m are allowed"),
+        ("frames=[3.0]", "more than 0 and less than 0.15 m, or 'full', is allowed"),
+        ("frames=[3.0], frame_depth=0.15", "more than 0 and less than 0.15 m, or 'full', is allowed"),
+        ('frames=[3.0], frame_depth="half"', "frame_depth"),
+    ],
+)
+def test_frames_of_a_beam_are_within_it(frames: str, says: str) -> None:
+    with pytest.raises(InputError, match=says) as no:
+        scenes.load(WORKFLOWS / "boom_beam.toml", [f"body.box={{{PLAIN}, {frames}}}"])
+    assert "\n" not in str(no.value)
+
+
+def test_a_section_does_not_slide_through_frames() -> None:
+    """The fly gets 0.8 m near the tail of the base; the gap between them is 22 mm at its sides."""
+    boom, frames = WORKFLOWS / "boom_octagonal.toml", "sections.base.body.box.frames=[{}]"
+    depth = "sections.base.body.box.frame_depth={}"
+    scenes.load_any(boom, [frames.format(0.5), depth.format('"full"')])
+    scenes.load_any(boom, [frames.format(0.5, 2.0), depth.format(0.02)])
+    scenes.load_any(boom, ["sections.fly.body.box.frames=[2.0]", 'sections.fly.body.box.frame_depth="full"'])
+    for given in ('"full"', 0.05):
+        with pytest.raises(InputError, match="places of less than 0.8 m are allowed.*: fly slides past 2 m") as no:
+            scenes.load_any(boom, ["sections.base.body.box.frames=[0.5, 2.0]", depth.format(given)])
+        assert "\n" not in str(no.value)

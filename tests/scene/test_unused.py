@@ -13,7 +13,6 @@ WORKFLOWS = Path(__file__).parents[2] / "workflows"
 REFUSED = [
     ("boom_beam", "mesh.size=0.1", "mesh.size: leave it out: it has no effect on beam3d"),
     ("boom_beam", "mesh.cells=tetrahedra", "mesh.cells: leave it out"),
-    ("boom_beam", "body.box.frames=[3.0]", "body.box.frames: leave it out: beam3d has no walls that frames stiffen"),
     ("boom_beam", "body.shear_correction=1.0", "body.shear_correction: leave it out"),
     ("boom_beam", "reduction.snapshots=3", "reduction.snapshots: leave it out: basis = 'free_modes' has no eigenmodes"),
     ("boom_beam", "compare.ancf_elements=5", "compare.ancf_elements: leave it out"),

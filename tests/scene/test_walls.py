@@ -15,7 +15,6 @@ WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: Refused in one line: the scene, what is changed, what is said.
 REFUSED = [
     ("paper_simple", ["body.walls=give"], "'rigid' is allowed without body.box"),
-    ("boom_beam_walls", ["body.box.frames=[3.0]", "body.box.frame_depth=0.05"], "'rigid' is allowed for a beam with"),
     ("boom_beam_walls", ["pads=[]", "body.model=beam2d"], "is allowed without pads that have faces"),
     (
         "boom_three",

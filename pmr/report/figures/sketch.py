@@ -22,7 +22,7 @@ from pmr.scene.box import Box
 
 BODY, STEEL, PAD = "#0b5c99", "#d5e3ee", "#3b4a57"
 ARROW = 0.3  # in, length of a load's arrow
-DOUBLER = 0.035  # in, thickness of a doubler
+DOUBLER, FRAME = 0.035, 0.07  # in, thickness of a doubler and depth of a frame
 THIN, THICK = 0.22, 0.5  # in, least and largest height of a section as drawn
 
 
@@ -135,6 +135,11 @@ def _body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float)
     upper = np.column_stack([tail + x, half])
     outline = np.vstack([upper, (upper * [1.0, -1.0])[::-1]])
     paper.ax.add_patch(Polygon(outline, facecolor=STEEL, edgecolor=BODY, linewidth=0.9))
+    for x_frame in shape.frames if shape else ():
+        tallest = float(np.interp(x_frame, x, half))
+        deep = tallest if shape and shape.frame_depth == "full" else min(FRAME * paper.inch, tallest)
+        for side in (1.0, -1.0):
+            paper.ax.plot([tail + x_frame] * 2, [side * tallest, side * (tallest - deep)], color=BODY, linewidth=0.8)
     for doubler in shape.doublers if shape else ():
         along = np.array([doubler.start, *x[(x > doubler.start) & (x < doubler.end)], doubler.end])
         for side, face in ((1.0, "top"), (-1.0, "bottom")):
