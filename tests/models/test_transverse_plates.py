@@ -81,12 +81,12 @@ def test_frames_and_taper_pass_on_their_mass_to_pieces_of_elements() -> None:
     assert np.repeat(model.masses, 4) == pytest.approx(cut.masses, rel=1e-12)
 
 
-@pytest.mark.parametrize("taper", [{}, {"tip_taper": {"length": 3.0, "height": 0.25, "width": 0.2, "chamfer": 0.05}}])
+@pytest.mark.parametrize("taper", [{}, {"tip_taper": {"length": 3.0, "height": 0.12, "width": 0.1, "chamfer": 0.03}}])
 @pytest.mark.parametrize("depth", [0.05, "full"])
 def test_plates_of_a_shell_are_as_large_and_thick_as_they_are(depth, taper: dict, tmp_path: Path) -> None:
     pytest.importorskip("gmsh")
     box = Box(**(FRAMED | {"frames": [1.5, 4.5], "frame_depth": depth, "chamfer": 0.08} | taper))
-    model = shell(box, tmp_path, 0.15, 0.6)
+    model = shell(box, tmp_path, 0.08, 0.6)
     cells, x = model.mesh.regions["frames"], model.mesh.points[model.mesh.cells].mean(axis=1)[:, 0]
     assert np.all(model.thickness[cells] == PLATE)
     for at in (1.5, 4.5):
