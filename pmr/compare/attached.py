@@ -72,7 +72,7 @@ def scatter(peaks: Sequence[float]) -> str:
     if least == most:
         return ""
     return (
-        f"pads land and lift off again and again, and their peak forces scatter: {least} to {most} with models that "
+        f"pads lift off and close again many times, and their peak forces scatter: {least} to {most} with models that "
         "are nearly alike, and as much with another time step; they are a range, not a figure"
     )
 
@@ -82,7 +82,7 @@ class UnsettledError(SimulationError):
 
     def __init__(self, told: float, apart: float, peaks: Sequence[float]) -> None:
         super().__init__(
-            "pads land and lift off, and an impact a moment earlier changes all that follows: two richer models "
+            "pads lift off and close again, and the motion depends on the exact time of impacts: two richer models "
             f"differ by {100.0 * apart:.2g} %, and the error to estimate is {100.0 * told:.2g} %"
         )
         self.warning = scatter(peaks)

@@ -38,7 +38,7 @@ JUMPS = (
 DAMPED = 0.05
 #: Why there is none of what richer models disagree on, by kind of output.
 UNSETTLED = {
-    kind: f"{what}, since pads land and lift off and an impact a moment earlier changes all that follows"
+    kind: f"{what}, because pads lift off and close again and the motion depends on the exact time of impacts"
     for kind, what in {
         "pad_force": "forces",
         "cylinder_force": "forces of cylinders",

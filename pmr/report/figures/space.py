@@ -76,7 +76,7 @@ def caption(result: RunResult, what: str) -> str:
     steps, t, scale = space.moments(result), result.responses["reduced"].t, plain(exaggeration(result))
     moments = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
     mark = "; the ring is the place of the largest stress" if space.stressed(result) is not None else ""
-    way = ", dashed the way of its tip" if float(np.ptp(result.along)) > 0.0 or len(steps) > 1 else ""
+    way = "; dashed: the path of its tip" if float(np.ptp(result.along)) > 0.0 or len(steps) > 1 else ""
     return f"The boom {what} {moments}{way}; deflection is drawn {scale} times its size{mark}."
 
 
