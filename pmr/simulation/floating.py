@@ -169,6 +169,11 @@ class State:
         rate += _steiner(W_rate + W_rate.T + Q_rate + Q_rate.T)
         return found, rate
 
+    def momentum(self, v: Array) -> Array:
+        """Linear and angular momentum about O (6,), with O at v (3,) m/s in the boom's axes."""
+        linear = self.of.mass * v + np.cross(self.omega, self.s) + self.s_rate
+        return np.append(linear, np.cross(self.s, v) + self.inertia @ self.omega + self.h)
+
     def mass(self) -> Array:
         """Of (a, alpha, q'', s''), (6 + n + P) squared."""
         n, e, beyond, lean = self.of.size, _E[0], self.beyond, self.lean

@@ -154,9 +154,7 @@ class FreeBase:
         self, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
     ) -> Array:
         """Linear and angular momentum about O (6,), with O at v (3,) m/s in the boom's axes."""
-        state = State(self.boom, motion, extended, q, rate, moments)
-        linear = self.boom.mass * v + np.cross(motion.omega, state.s) + state.s_rate
-        return np.append(linear, np.cross(state.s, v) + state.inertia @ motion.omega + state.h)
+        return State(self.boom, motion, extended, q, rate, moments).momentum(v)
 
     def kinetic(
         self, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None

@@ -58,8 +58,13 @@ class MovingFrame:
         An InputError is raised as for `recorded`, and where an input or a term of the system is none of the scene's.
         """
         scene = recorded(system, "system").scene if "scene" in system.provenance else None
-        if scene is None or (frame := scene.frame) is None:
-            return None
+        return None if scene is None or scene.frame is None else cls.in_scene(scene, system)
+
+    @classmethod
+    def in_scene(cls, scene: Scene, system: System) -> MovingFrame:
+        """That of a scene with a frame; an InputError is raised where a system has other inputs or terms."""
+        frame = scene.frame
+        assert frame is not None  # of those who ask
         excitation = Excitation.of(scene)
         of_terms = {one.name: input_of(scene.names[one.number], one.component) for one in frame_terms(scene)}
         given = {"luffing": frame.luffing, "slewing": frame.slewing}

@@ -36,7 +36,7 @@ class Turning:
         own = cls._on_base(luffing, slewing)
         if not rocking:
             return own
-        base = _rocked(rocking)
+        base = cls.rocked(rocking)
         velocity, acceleration = (
             np.einsum("tji,tj->ti", own.rotation, one) for one in (base.velocity, base.acceleration)
         )
@@ -45,6 +45,24 @@ class Turning:
             acceleration + np.cross(velocity, own.velocity) + own.acceleration,
             base.rotation @ own.rotation,
         )
+
+    @classmethod
+    def rocked(cls, rocking: Sequence[Angle]) -> Turning:
+        """A base that rolls by a, pitches by b and yaws by c, :math:`R_Z(c) R_Y(b) R_X(a)`, in its own axes."""
+        (a, a1, a2), (b, b1, b2), (c, c1, c2) = rocking
+        (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
+        velocity = np.stack([a1 - c1 * sb, b1 * ca + c1 * sa * cb, c1 * ca * cb - b1 * sa], axis=-1)
+        acceleration = np.stack(
+            [
+                a2 - c2 * sb - c1 * b1 * cb,
+                b2 * ca - b1 * a1 * sa + c2 * sa * cb + c1 * a1 * ca * cb - c1 * b1 * sa * sb,
+                c2 * ca * cb - c1 * a1 * sa * cb - c1 * b1 * ca * sb - b2 * sa - b1 * a1 * ca,
+            ],
+            axis=-1,
+        )
+        one, none = np.ones_like(a), np.zeros_like(a)
+        roll = np.moveaxis(np.array([[one, none, none], [none, ca, -sa], [none, sa, ca]]), -1, 0)
+        return cls(velocity, acceleration, rotation(-b, c) @ roll)
 
     @classmethod
     def _on_base(cls, luffing: Angle, slewing: Angle) -> Turning:
@@ -73,24 +91,6 @@ class Turning:
 
 def _followed(angle: SignalBase, t: Array) -> Angle:
     return angle.value(t), angle.rate(t), angle.second_rate(t)
-
-
-def _rocked(rocking: Sequence[Angle]) -> Turning:
-    """A base that rolls by a, pitches by b and yaws by c, :math:`R_Z(c) R_Y(b) R_X(a)`, in its own axes."""
-    (a, a1, a2), (b, b1, b2), (c, c1, c2) = rocking
-    (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
-    velocity = np.stack([a1 - c1 * sb, b1 * ca + c1 * sa * cb, c1 * ca * cb - b1 * sa], axis=-1)
-    acceleration = np.stack(
-        [
-            a2 - c2 * sb - c1 * b1 * cb,
-            b2 * ca - b1 * a1 * sa + c2 * sa * cb + c1 * a1 * ca * cb - c1 * b1 * sa * sb,
-            c2 * ca * cb - c1 * a1 * sa * cb - c1 * b1 * ca * sb - b2 * sa - b1 * a1 * ca,
-        ],
-        axis=-1,
-    )
-    one, none = np.ones_like(a), np.zeros_like(a)
-    roll = np.moveaxis(np.array([[one, none, none], [none, ca, -sa], [none, sa, ca]]), -1, 0)
-    return Turning(velocity, acceleration, rotation(-b, c) @ roll)
 
 
 def _crossing(vectors: Array) -> Array:

@@ -35,6 +35,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.names import input_of
 from pmr.scene.signals import Constant
+from pmr.simulation.answers import Answering, Answers
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.extending import Extending
@@ -43,7 +44,6 @@ from pmr.simulation.exudyn.paths import NodeCoordinate, Paths, check_path
 from pmr.simulation.floating import Extended, Moments, Motion, crossing
 from pmr.simulation.free_base import FreeBase
 from pmr.system.changing_rows import ChangingRows
-from pmr.system.contact_rows import ContactRows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -78,16 +78,6 @@ ROTATIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Answers:
-    """Of inputs f (i,): forces B f on the coordinates (n,), and displacements B^T q + E f (i,) of where they act."""
-
-    B: Array
-    E: Array
-    B_slope: Array  # d B / d s, (P, n, i)
-    E_slope: Array  # (P, i, i)
-
-
 class Base:
     """Places, loads and the base's motion at a time, and what has to be added to Exudyn's equations for them."""
 
@@ -106,13 +96,12 @@ class Base:
             raise InputError("Exudyn", "nodeType", kind, allowed)
         self.reference, self._rotations = np.array(known["referenceCoordinates"]), ROTATIONS[kind]
         self._gravity = on.scene.gravity.signal if on.scene.gravity else None
-        self._contacts, self._equations, self._known = Contacts(equations, inputs), equations, dict[bytes, Answers]()
-        self._gives = bool(self._contacts.gives.any()) and not self._contacts.push
+        contacts = Contacts(equations, inputs)
         self.paths = Paths(mbs, on.scene, paths, self.boom.aside)
-        self._moments, self.along = (b"", self.boom.boom.moments), ChangingRows(equations.assembly, self.paths.names)
-        self.extending = (
-            Extending(equations, self._contacts, self.boom, self.paths, self.along) if self.paths.free else None
-        )
+        self.along = ChangingRows(equations.assembly, self.paths.names)
+        gives = contacts.gives & (not contacts.push)
+        self._answering = Answering(self.boom, equations.assembly, self.along, gives)
+        self.extending = Extending(equations, contacts, self.boom, self.paths, self.along) if self.paths.free else None
 
     @property
     def count(self) -> int:
@@ -134,37 +123,14 @@ class Base:
 
     def moments(self, at: Extended) -> Moments:
         """With what contacts that give way answer to inertia."""
-        key = at.value.tobytes() + at.rate.tobytes()
-        if self._gives and key != self._moments[0]:
-            known, of, B_curve = self.answers(at.value), self.boom.moments, np.zeros_like(self._equations.B)
-            if at.rate.any():
-                near, give = self.along.at(at.value), self._contacts.giving
-                rows, first, second = give(near.rows), *map(give, near.along(at.rate))
-                answer, bent = _answers(rows)
-                answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
-                B_curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
-                B_curve -= bent.T @ (second.H - second.F @ answer - 2.0 * first.F @ answer_rate)
-            self._moments = key, Moments(of(known.B), np.moveaxis(of(known.B_slope), 0, -1), of(B_curve))
-        return self._moments[1]
+        return self._answering.moments(at)
 
     def answers(self, s: Array) -> Answers:
         """What inputs do where paths are at s (P,) m, with the contacts that give way.
 
         Rigid ones, and pads that only push, are left out.
         """
-        key = s.tobytes()
-        if key not in self._known:
-            B, E = self._equations.B, self._equations.assembly.energy
-            B_slope, E_slope = np.zeros((len(s), *B.shape)), np.zeros((len(s), *E.shape))
-            if self._gives:
-                near = self.along.at(s)
-                rows, slopes = self._contacts.giving(near.rows), self._contacts.giving(near.slopes)
-                answer, bent = _answers(rows)
-                turned = slopes.H - slopes.F @ answer
-                B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
-                E, E_slope = E - rows.H.T @ answer, -answer.T @ turned - slopes.H.transpose(0, 2, 1) @ answer
-            self._known = dict(list(self._known.items())[-4:]) | {key: Answers(B, E, B_slope, E_slope)}
-        return self._known[key]
+        return self._answering.at(s)
 
     def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, Motion, Array]:
         """Lambda (6, k), gamma (6,), the motion of the boom's frame without weight, and its rotation (3, 3)."""
@@ -216,12 +182,6 @@ class Base:
             inner = L[6:, k:]
             stiffness = scipy.linalg.block_diag(np.zeros((k, k)), inner.T @ K @ inner)
         return L.T @ pressed.mass @ L, L.T @ force, stiffness
-
-
-def _answers(rows: ContactRows) -> tuple[Array, Array]:
-    """F^-1 H (m, i) and F^-1 C (m, n)."""
-    bent, answer = np.split(rows.answers, [rows.C.shape[1]], axis=1)
-    return answer, bent
 
 
 def _value(driving: Any, mbs: Any, t: float) -> float:
