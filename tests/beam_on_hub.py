@@ -37,7 +37,9 @@ from soft_boom import Beam, settings
 
 import pmr
 from pmr.scene import Scene
+from pmr.scene.machine import Machine, OnMachine
 from pmr.scene.names import ALONE
+from pmr.scene.signals import Constant, Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import OnBody, add_sensors, add_system
 from pmr.system.from_scene import system_of
@@ -137,6 +139,20 @@ def as_reduced(hub: Hub, scene: Scene) -> Swing:
     at, rotation, moved = _solved(mbs, exu.SimulationSettings(), scene, [*sensors, outputs.sOutputs])
     angle = np.unwrap(np.arctan2(rotation[:, 6], rotation[:, 0]))
     return Swing(at[:, 0], angle, moved[:, outputs.output_names.index("tip z")])
+
+
+def as_machine(hub: Hub, scene: Scene) -> Swing:
+    """Of the scene's beam on a machine that moves by itself, which is cart and hub in one."""
+    t, axis = scene.time.step * np.arange(scene.time.steps + 1), ["ry"] if hub.cart is None else ["x", "ry"]
+    push, torque = (Table(times=t, values=[of(at) for at in t]) for of in (hub.push, lambda at: -hub.torque(at)))
+    machine = Machine.model_validate(
+        {"mass": hub.mass + (hub.cart or 1.0), "inertia": [hub.inertia] * 3, "free": axis}
+    ).model_copy(update={"force": OnMachine.model_construct(x=push), "moment": OnMachine.model_construct(y=torque)})
+    frame = scene.frame.model_copy(update={"machine": machine, "luffing": Constant(amount=hub.angle)})
+    moved = scene.model_copy(update={"frame": frame})
+    found = pmr.simulate(moved, pmr.reduce(moved).reduced)
+    angle = hub.angle - found.other("machine ry")
+    return Swing(found.other("machine x"), angle, found.of("tip", direction="z")[:, 0])
 
 
 def scene_of(hub: Hub, *changes: str) -> Scene:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pmr.compare import booms, luffing_cylinder
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
+from pmr.compare.machine import with_machine
 from pmr.compare.pivot import at_pivot
 from pmr.errors import GrowthError, environment
 from pmr.errors.environment import Clock
@@ -76,7 +77,8 @@ def simulate(
     found = dict[str, Simulated]()
     for name in names:
         with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done, refused_growth(scene):
-            found[name] = repeated(scene, system, excitation.with_stepping(made), name, steps, done)
+            one = repeated(scene, system, excitation.with_stepping(made), name, steps, done)
+            found[name] = replace(one, response=with_machine(scene, one.response))
         if names[0] == "march" or name == names[-1]:
             made = contact_step.as_made(excitation.stepping, found[names[0]].parts, omega)
     responses = {name: one.response for name, one in found.items()}

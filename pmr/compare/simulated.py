@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from pmr.compare.machine import with_machine
 from pmr.compare.made_for import check_made_for, with_models_of
 from pmr.compare.responses import Simulated, refused_growth, repeated
 from pmr.compare.second_order import as_made, decided
@@ -20,6 +22,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.members import EXTENSION, members
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import on_path
+from pmr.simulation.machine.motion import with_machine_moved
 from pmr.system.contacts import ALONE
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
@@ -47,7 +50,11 @@ def simulate_with_states(
     system = reduced if isinstance(reduced, System) else joined(scene, reduced)
     scene = as_made(scene, system.terms)
     with Clock().stage("reduced"), refused_growth(scene):
-        return repeated(scene, system, excitation_in(scene, system), scene.simulation.simulators[0], steps)
+        if scene.frame is not None and scene.frame.machine is not None:
+            check_fits(scene, system)
+            scene, system = with_machine_moved(scene, system)
+        found = repeated(scene, system, excitation_in(scene, system), scene.simulation.simulators[0], steps)
+        return replace(found, response=with_machine(scene, found.response))
 
 
 def excitation_in(scene: Any, system: System) -> Excitation:

@@ -37,6 +37,7 @@ from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
+from pmr.simulation.machine.motion import with_machine_moved
 from pmr.simulation.petsc import Checkpoint
 
 Array = NDArray[np.float64]
@@ -77,7 +78,13 @@ class Bodies:
             chosen = self.choice.models
             self.bodies = {name: replace(one, modal=chosen[name]) for name, one in self.bodies.items()}
         self.bodies = as_asked(self.scene, self.bodies)
-        self.system = joined(self.scene, self.bodies)
+        #: as it was written, but for the step that was chosen: `scene` has the machine's motion as that of a frame
+        self.asked, self.system = self.scene, joined(self.scene, self.bodies)
+        if self.scene.frame is not None and self.scene.frame.machine is not None:
+            with clock.stage("machine"):
+                self.scene, self.system = self._comm.bcast(
+                    on_first(self._comm, lambda: with_machine_moved(self.scene, self.system))
+                )
         self.excitation = Excitation.of(self.scene)
         self.full = FullOrder.of(self.scene, models_of(built))
         self._other = self._another()

@@ -33,7 +33,7 @@ from pmr.simulation.petsc import Checkpoint
 from pmr.system.system import System
 
 #: Stages of a run whose seconds stand in summary.json, beside those of the simulators.
-STAGES = ("assemble", "snapshots", "pod", "reduce", "recover", "estimate")
+STAGES = ("assemble", "snapshots", "pod", "reduce", "machine", "recover", "estimate")
 
 
 @dataclass(frozen=True)
@@ -118,18 +118,20 @@ def _run(
 
     budget = {} if chosen.part is None else {"model": chosen.part}
     if scene.compare.richer != "none":
-        budget = {"model": measured(scene, comm, clock, caches, system_of)}
+        budget = {"model": measured(bodies.asked, comm, clock, caches, system_of)}
     if measures is not None:
         with clock.stage("mesh and model"):
             response = None if motions.reduced is None else motions.reduced.first.response
-            budget = unasked(scene, bodies.system, response, comm, cache_in(measures, models[0]), system_of, budget)
+            budget = unasked(
+                bodies.asked, bodies.system, response, comm, cache_in(measures, models[0]), system_of, budget
+            )
     if motions.reduced is None:
         return None
     (judged, tip_error), system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
     choice, responses, by_frequency = bodies.choice, motions.responses, in_frequency(scene, bodies.system, excitation)
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     parts = [
-        origin(scene, fenicsx_versions()),
+        origin(bodies.asked, fenicsx_versions()),
         Part({"coordinates": {"full": size, "reduced": sum(body.size for body in system.bodies.values())}}),
         simulated(motions.seconds, motions.reduced.agreement, stages),
         *judged,
@@ -149,7 +151,7 @@ def _run(
     if budget:
         summary["budget"] = budget | summary.get("budget", {})
     result = RunResult(
-        scene,
+        bodies.asked,
         summary,
         responses,
         Paths(tuple(excitation.paths), excitation.s, excitation.rates),
@@ -160,7 +162,7 @@ def _run(
         by_frequency,
         tip_error,
     )
-    made_from = scene.recorded | {"versions": result.summary["versions"]}
+    made_from = bodies.asked.recorded | {"versions": result.summary["versions"]}
     return Outcome(result, replace(system, provenance=made_from) if system.terms or ALONE not in built else system)
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 #: Kinds of outputs: displacements of places along a body and of its tip, forces of pads (sliders are pads without
 #: faces), of cylinders and of supports that give way, what probes measure, reactions of rigid supports, friction of all
-#: pads of a joint along the boom.
-KINDS = ("beam", "tip", "pad", "cylinder", "support", "probe", "reaction", "friction")
+#: pads of a joint along the boom, places and rates of a machine that moves by itself.
+KINDS = ("beam", "tip", "pad", "cylinder", "support", "probe", "reaction", "friction", "machine")
 FORCES = ("pad", "cylinder", "support")
 
 

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from pmr.scene.joints import Linear
+from pmr.scene.machine import DIRECTIONS, Machine
 from pmr.scene.refusals import of_key
 from pmr.scene.section import Place, Point, Section, Switch
 from pmr.scene.signals import Constant, Signal, SignalBase
@@ -63,7 +64,7 @@ class BaseMotion(Section):
     @property
     def motions(self) -> dict[str, SignalBase]:
         """Displacements in m and angles in the frame's unit, by their keys."""
-        found = {key: getattr(self, key) for key in ("x", "y", "z", "rx", "ry", "rz")}
+        found = {key: getattr(self, key) for key in DIRECTIONS}
         return {key: signal for key, signal in found.items() if signal is not None}
 
     @property
@@ -108,6 +109,9 @@ class Frame(Section):
     slewing: Signal | None = Field(default=None, description="Slewing angle over time, about the upward vertical")
     unit: Literal["rad", "degrees"] = Field(default="rad", description="Unit of all angles")
     base: BaseMotion | None = Field(default=None, description="Motion of the machine below the pivot")
+    machine: Machine | None = Field(
+        default=None, description="Machine below the pivot as a rigid body, whose motion in free directions is computed"
+    )
     cylinder: LuffingCylinder | None = Field(
         default=None, description="Luffing cylinder, whose force, length and power are computed"
     )
@@ -119,8 +123,8 @@ class Frame(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        if self.luffing is None and self.slewing is None and self.base is None:
-            raise ValueError("an angle is needed: luffing or slewing, or a motion of the base")
+        if self.luffing is None and self.slewing is None and self.base is None and self.machine is None:
+            raise ValueError("an angle is needed: luffing or slewing, or a motion of the base, or a machine")
         if self.pivot is None:
             raise of_key("pivot", None, "a place is needed, [0.0, 0.0, 0.0] for a base whose tail is at the pivot")
         return self
@@ -141,7 +145,7 @@ class Frame(Section):
         """Roll, pitch and yaw of the base in rad; none where it keeps its direction."""
         motions = {} if self.base is None else self.base.motions
         turned = tuple(self._in_rad(motions.get(axis)) for axis in ("rx", "ry", "rz"))
-        return turned if {"rx", "ry", "rz"} & set(motions) else ()
+        return turned if self.machine is not None or {"rx", "ry", "rz"} & set(motions) else ()
 
     @property
     def turns(self) -> bool:
@@ -151,6 +155,8 @@ class Frame(Section):
     @property
     def leaves_plane(self) -> str | None:
         """The key of what moves the boom out of a vertical plane, None where nothing does."""
+        if self.machine is not None:
+            return "machine"
         moved = {} if self.base is None else {f"base.{key}": one for key, one in self.base.motions.items()}
         if self.base is not None:
             moved |= {f"base.acceleration.{axis}": one for axis, one in self.base.accelerations.items()}

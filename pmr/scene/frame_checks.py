@@ -7,6 +7,7 @@ import numpy as np
 from pmr.scene.built import Gravity
 from pmr.scene.choice import model_of, parts_of
 from pmr.scene.frame import Frame
+from pmr.scene.machine_checks import check_machine
 from pmr.scene.members import members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
@@ -34,6 +35,8 @@ def check_frame(scene: Scene) -> None:
             raise refusal(f"frame.{key}", float(f"{largest:.4g}"), allowed)
         _check_smooth(scene, key, "an angle", angle)
     _check_cylinder(scene, frame)
+    if frame.machine is not None:
+        check_machine(scene, frame, frame.machine)
     for axis, motion in (frame.base.motions if frame.base else {}).items():
         if axis in ("x", "y", "z"):
             _check_smooth(scene, f"base.{axis}", "a motion", motion)

@@ -18,6 +18,7 @@ class Needs:
     giving: tuple[str, ...] = ()  #: Rows that give way
     rigid_moving: tuple[str, ...] = ()  #: Rigid rows that travel along a path
     rubbing: tuple[str, ...] = ()  #: Rows with friction
+    machine: tuple[str, ...] = ()  #: Directions in which the machine below moves by itself
     rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
 
@@ -28,13 +29,14 @@ class Capabilities:
     rows_that_push: bool = False
     rows_that_give_way: bool = True
     rows_that_rub: bool = False
+    machine_that_moves: bool = False
     reduced_models: bool = True  # it is one of `simulation.simulators`
     package: str | None = None  # that it needs installed
 
 
 #: By the names of `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
-    "march": Capabilities(rows_that_push=True, rows_that_rub=True),
+    "march": Capabilities(rows_that_push=True, rows_that_rub=True, machine_that_moves=True),
     "exudyn": Capabilities(rows_that_push=True, rows_that_rub=True, package="exudyn"),
     "exudyn-multiplier": Capabilities(package="exudyn"),
     "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
@@ -62,6 +64,7 @@ def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
         "rows_that_push": (needs.pushing, f"knows no rows that only push ({', '.join(needs.pushing)})"),
         "rows_that_give_way": (needs.giving, f"knows no rows that give way ({', '.join(needs.giving)})"),
         "rows_that_rub": (needs.rubbing, f"knows no friction ({', '.join(needs.rubbing)})"),
+        "machine_that_moves": (needs.machine, f"knows no machine that moves by itself ({', '.join(needs.machine)})"),
     }
     for capability, (needed, reason) in lacking.items():
         if needed and not getattr(can, capability):

@@ -48,6 +48,9 @@ class Excitation:
         :math:`-M_i e_x X_i''` acts on it: the input `EXTENSION` of sections that move so.  Where the scene has a frame,
         `pmr.simulation.frame` has that load with all others of the frame.
         """
+        if scene.frame is not None and scene.frame.machine is not None:
+            allowed = "none is allowed here: how a machine moves is found by pmr run and pmr.simulate alone, with march"
+            raise InputError("scene", "frame.machine", None, allowed)
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
         loads, paths = dict[str, SignalBase](), tuple(scene.paths.values())
         for name, member in zip(scene.names, members(scene), strict=True):

@@ -1,10 +1,10 @@
-"""A soft beam on rigid bodies of Exudyn's own that move freely, beside Exudyn's nonlinear beams."""
+"""A soft beam on rigid bodies that move freely, Exudyn's and a machine of `march`, beside Exudyn's nonlinear beams."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from beam_on_hub import LENGTH, Hub, OfTime, Swing, as_cable, as_reduced, scene_of
+from beam_on_hub import LENGTH, Hub, OfTime, Swing, as_cable, as_machine, as_reduced, scene_of
 
 pytestmark = pytest.mark.slow  # some seconds each
 
@@ -26,10 +26,14 @@ def test_a_pendulum_on_a_free_cart() -> None:
     """The cart is pushed off, and the beam that hangs on it swings by half a radian."""
     hub = Hub(4e8, -np.pi / 2.0, 50.0, cart=400.0, push=smooth(4000.0, 0.5))
     scene = scene_of(hub, "time.end=2.0")
-    assert_near(as_reduced(hub, scene), as_cable(hub, scene))
+    expected = as_cable(hub, scene)
+    assert_near(as_reduced(hub, scene), expected)
+    assert_near(as_machine(hub, scene), expected)
 
 
 def test_a_spin_up_by_a_torque() -> None:
     hub = Hub(2.1e9, 0.0, 200.0, cart=None, torque=smooth(3500.0, 0.0))
     scene = scene_of(hub, "time.end=1.5").model_copy(update={"gravity": None})
-    assert_near(as_reduced(hub, scene), as_cable(hub, scene))
+    expected = as_cable(hub, scene)
+    assert_near(as_reduced(hub, scene), expected)
+    assert_near(as_machine(hub, scene), expected)

@@ -8,15 +8,17 @@ import free_boom
 import numpy as np
 import pytest
 from exudyn.utilities import ObjectGround, RigidBodyInertia, RotationMatrixY
-from free_turret import KINDS, Turret
+from free_turret import KINDS, PLACE, TURRET, Turret
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
+from pmr.scene.machine import DIRECTIONS
 from pmr.scene.signals import Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import NodeCoordinate, add_hook, add_sensors, simulate_system
+from pmr.simulation.machine.motion import machine_motion
 from pmr.simulation.native import systems
 from pmr.simulation.turning import Turning
 
@@ -283,3 +285,34 @@ def test_what_is_refused() -> None:
     turret.on = replace(turret.on, body=turret.mbs.AddObject(ObjectGround()))
     with pytest.raises(InputError, match="rigid body"):
         turret.add()
+
+
+def test_free_in_space_a_machine_of_march_moves_as_it_but_for_the_step() -> None:
+    """The same body below the same boom: what both differ by is of second order in the step."""
+    still, own = ("frame.luffing.amount=0.0", "time.end=0.04"), TURRET.Translated(-np.array(PLACE))
+    spin, speed = np.array([0.8, -0.5, 1.1]), np.array([0.4, 0.3, -0.2])
+    assert not (own.InertiaCOM() - np.diag(np.diag(own.InertiaCOM()))).any()
+    rates = dict(zip(DIRECTIONS, np.append(speed + np.cross(spin, PLACE), spin).tolist(), strict=True))
+    body = f"mass={own.mass}, center={own.com.tolist()}, inertia={np.diag(own.InertiaCOM()).tolist()}"
+    moves = ", ".join(f"{key}={value}" for key, value in rates.items())
+    machine = f"frame.machine={{{body}, free={list(DIRECTIONS)}, rate={{{moves}}}}}"
+    apart = []
+    for step in (2e-3, 1e-3):
+        scene = free_boom.scene(*still, f"time.step={step}").model_copy(update={"gravity": None})
+        turret = Turret(scene, initialAngularVelocity=spin, initialVelocity=speed)
+        turret.add()
+        turret.solve()
+        base = turret.base()
+        place, R = (
+            np.array([base.origin(x) for x in turret.x]),
+            np.array([base.kinematics(*x)[3] for x in zip(turret.x, turret.x_t, strict=True)]),
+        )
+        scene = free_boom.scene(*still, f"time.step={step}", machine, "start='rest'").model_copy(
+            update={"gravity": None}
+        )
+        found = machine_motion(scene, turret.system).values
+        turned = Turning.rocked([tuple(found[:, :, 3 + j]) for j in range(3)]).rotation
+        apart.append([np.abs(found[0, :, :3] - place + place[0]).max(), np.abs(turned - R).max()])
+    coarse, fine = np.array(apart)
+    assert np.all(coarse < 1e-5)
+    np.testing.assert_allclose(coarse / fine, 4.0, rtol=0.1)

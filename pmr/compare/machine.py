@@ -1,0 +1,43 @@
+"""Where a machine is that moves by itself, how fast, and what it presses on the ground with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.scene.built import reaction_of
+from pmr.simulation.machine.found import Found, Samples
+
+MACHINE = "machine"
+
+
+def with_machine(scene: Scene, response: Response) -> Response:
+    """With its places in m and rad, their rates, and forces in N and N m, where the scene has the motion of a machine.
+
+    Forces are those of springs, dampers and of what holds it, positive along the axes, by the directions of
+    ``[frame.base]``; free directions without a spring have none.
+    """
+    motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
+    found: dict[str, Samples] = {key: one.samples for key, one in motions.items() if isinstance(one, Found)}
+    if not found:
+        return response
+    places, rates = (np.stack([one.values[order] for one in found.values()], axis=1) for order in (0, 1))
+    pressing = {key: one.force for key, one in found.items() if one.force.any()}
+    forces = np.stack(list(pressing.values()), axis=1) if pressing else places[:, :0]
+    names = [f"{MACHINE} {key}" for key in found]
+    units = ["rad" if key.startswith("r") else "m" for key in found]
+    held = [reaction_of(f"{MACHINE} {key}") for key in pressing]
+    turned = ["N m" if key.startswith("r") else "N" for key in pressing]
+    count = 2 * len(names) + len(held)
+    before = places[:, :0] if response.others is None else response.others
+    return replace(
+        response,
+        others=np.hstack([before, places, rates, forces]),
+        other_names=(*response.other_names, *names, *(f"rate of {one}" for one in names), *held),
+        other_units=(*response.other_units, *units, *(f"{one}/s" for one in units), *turned),
+        kinds=(*response.kinds, *[MACHINE] * (2 * len(names)), *["reaction"] * len(held)),
+        bodies=(*response.bodies, *[scene.names[0]] * count),
+    )

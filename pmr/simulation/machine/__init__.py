@@ -1,0 +1,17 @@
+r"""A machine that moves by itself below a boom: its motion is found with the boom's, step by step.
+
+With P and L the linear and angular momentum of machine and boom about the ground's origin, along its axes,
+
+.. math::
+    P_{n+1} = P_n + h \tilde F, \qquad L_{n+1} = L_n + h \tilde{\mathfrak M}
+
+hold to round-off, so that a machine without springs in space keeps both, while the boom bends and telescopes.  The
+machine's velocity is that which these momenta need with what the boom's coordinates have of them
+(`pmr.simulation.free_base`); the coordinates follow the compiled loop of `march` in the frame that the machine moves.
+
+- `rigid`: what of momenta and forces machine and boom have,
+- `flexible`: the boom's coordinates in a step whose motion of the machine is told,
+- `weights`: generalized-alpha for the machine, so that with constant matrices it is that of the whole,
+- `motion`: both together, step by step,
+- `found`: the motion as that of a frame, in which everything else goes on.
+"""

@@ -1,0 +1,174 @@
+"""A boom's coordinates in a step of the compiled loop, with a motion of the machine that is told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.scene import Scene
+from pmr.simulation.excitation import Excitation, rates_of_places
+from pmr.simulation.floating import Extended
+from pmr.simulation.moving import AXES, OF_BASE, MovingFrame
+from pmr.simulation.native import tables
+from pmr.simulation.native.arrays import ROW, V, Z
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.march import March
+from pmr.simulation.native.part import step_observed
+from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.simulation.native.side_arrays import side_outputs
+from pmr.simulation.native.start import Onset, begin, reason
+from pmr.simulation.start import InitialState
+from pmr.system.assembly import Assembly
+from pmr.system.statics import equilibrium
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Coordinates (n,) at the end of a step, as `pmr.system.assembly.Assembly` counts them, with their rates."""
+
+    q: Array
+    rate: Array
+    loads: Array  # (i,) inputs
+    second: Array | None = None  # where it is asked for
+
+
+class Flexible:
+    """A simulation whose steps are taken again and again until they fit the machine's motion (3, 6).
+
+    That is value, rate and second rate of x, y, z, roll, pitch and yaw.
+    """
+
+    def __init__(self, scene: Scene, system: System) -> None:
+        self.excitation, self.assembly = Excitation.of(scene), Assembly(system)
+        self.frame, self.form = MovingFrame.in_scene(scene, system), SystemForm.of(system)
+        self._scene, self._march = scene, March(self.form, self.excitation, {}, self.frame.examples)
+        self.method = GeneralizedAlpha(self.excitation.stepping.step, self.excitation.stepping.rho_inf)
+        self._drivers = self.frame.motions(self.excitation, self.excitation.times)
+        self._angles, self._axes = ([self.frame.drivers.index(one) for one in some] for some in (OF_BASE, AXES))
+        loop, on_tables = self._march.loop, self.form.on_tables
+        outputs = range(len(system.output_names))
+        self._seen = side_outputs(self.form) if on_tables is None else tables.outputs(on_tables, outputs)
+        self._y, self._modes = np.zeros(len(outputs)), loop.state.modes
+        blocks = [one.X[self.assembly.free[name]] for name, one in self.form.forms.items()]
+        self._of_modes = np.zeros((self.assembly.size, self._modes.shape[1]))
+        self._of_modes[:, self.form.used] = scipy.linalg.block_diag(*blocks)
+        self._extended = self._lengths(scene)
+        self._changing = list(_arrays((loop.state, loop.sides, loop.terms)))
+        self._before = [one.copy() for one in self._changing]
+
+    @property
+    def times(self) -> Array:
+        """(T,) s."""
+        return self.excitation.times
+
+    def extended(self, k: int) -> Extended:
+        """How far sections are out at a step; at a kink with the mean of both rates, which leads to the right place."""
+        return Extended(*self._extended[:, k])
+
+    def angles(self, k: int) -> list[tuple[Array, Array, Array]]:
+        """Luffing and slewing at a step, (1,) rad each, with rates and second rates."""
+        drivers, found = self.frame.drivers, []
+        for name in ("luffing", "slewing"):
+            motion = self._drivers[:, drivers.index(name), k] if name in drivers else np.zeros(3)
+            found.append((motion[:1], motion[1:2], motion[2:]))
+        return found
+
+    def inputs(self, k: int, base: Array) -> tuple[Array, Array]:
+        """Amplitudes of inputs (i,) and terms (K,) at a step."""
+        drivers = self._drivers[:, :, k].copy()
+        drivers[:, self._angles] = base[:, 3:]
+        drivers[0, self._axes] = base[2, :3]
+        return self.frame.find(drivers)
+
+    def at_rest(self, base: Array) -> Mapping[str, InitialState]:
+        """Every body in equilibrium with the loads at t = 0; errors as for `pmr.system.statics.equilibrium`."""
+        found = equilibrium(self.assembly, self._march.x[0], *self.inputs(0, base)).q
+        states = dict[str, InitialState]()
+        for name, body in self.form.system.bodies.items():
+            q = np.zeros(body.size)
+            q[self.assembly.free[name]] = found[self.assembly.coordinates[name]]
+            states[name] = InitialState(q, np.zeros(body.size))
+        return states
+
+    def coordinates(self, states: Mapping[str, InitialState]) -> Array:
+        """Theirs (n,); zero of bodies that are missing."""
+        found = np.zeros(self.assembly.size)
+        for name, one in states.items():
+            found[self.assembly.coordinates[name]] = one.q[self.assembly.free[name]]
+        return found
+
+    def begin(self, base: Array, states: Mapping[str, InitialState]) -> Moved:
+        """At t = 0, with accelerations."""
+        f, c = self.inputs(0, base)
+        march, excitation = self._march, self.excitation
+        x, places = march.x[0], self.form.modal.coordinates(dict(zip(excitation.paths, excitation.s[0], strict=True)))
+        rates = rates_of_places(self.form.system, excitation)
+        mixed = march.mixed(c) if len(c) else np.zeros(0)
+        onset = Onset(tuple(excitation.paths), march.s[0], x, rates, np.ravel(places), f, states, mixed)
+        begin(march.loop, self.form, self.method, onset)
+        self.keep()
+        return self.accelerated(self._moved(f))
+
+    def accelerated(self, moved: Moved) -> Moved:
+        """The last one that was made, with accelerations."""
+        loop, modes, m = self._march.loop, self._modes, len(self._march.loop.state.multipliers)
+        D, v = loop.modes.damping, self._modes[V]
+        a = loop.modes.B.T @ moved.loads - loop.modes.stiffness * modes[Z] - (D[0] * v if len(D) == 1 else D @ v)
+        a -= modes[ROW : ROW + m].T @ loop.state.multipliers
+        if loop.terms is not None:
+            a += loop.terms.force
+        return replace(moved, second=self._of_modes @ a)
+
+    def keep(self) -> None:
+        """Let the next steps begin where the last one ended."""
+        for kept, one in zip(self._before, self._changing, strict=True):
+            kept[...] = one
+
+    def step(self, k: int, base: Array) -> Moved:
+        """To step k from where `keep` was said last."""
+        for kept, one in zip(self._before, self._changing, strict=True):
+            one[...] = kept
+        f, c = self.inputs(k, base)
+        loop, march = self._march.loop, self._march
+        mixed = march.mixed(c) if len(c) else None
+        failed = step_observed(loop, march.scheme, self._seen, march.s[k].copy(), f, mixed, self._y)
+        if failed:
+            why = reason(self.form.modal, self._modes[ROW:], failed)
+            raise SimulationError(f"march failed at step {k}, t = {self.times[k]:g} s: {why}")
+        return self._moved(f)
+
+    def _moved(self, f: Array) -> Moved:
+        return Moved(self._of_modes @ self._modes[Z], self._of_modes @ self._modes[V], f)
+
+    def _lengths(self, scene: Scene) -> Array:
+        """(3, T, P): of the base, which stays, of all sections on it, then of what moves none."""
+        t, count = self.times, len(scene.names)
+        paths = list(scene.paths.items())
+        found = np.zeros((3, len(t), count + sum(name not in scene.names for name, _ in paths)))
+        column = count
+        for name, path in paths:
+            k = scene.names.index(name) if name in scene.names else column
+            column += name not in scene.names
+            found[0, :, k] = path.value(t)
+            found[1, :, k] = (path.rate(t) + path.rate(np.maximum(np.nextafter(t, -np.inf), 0.0))) / 2.0
+            found[2, :, k] = self._drivers[2, self.frame.drivers.index(name)]
+        return found
+
+
+def _arrays(of: Any) -> Iterator[Array]:
+    """All arrays of named tuples within each other."""
+    if isinstance(of, np.ndarray):
+        if of.size and of.flags.writeable:
+            yield of
+    elif isinstance(of, tuple):
+        for one in of:
+            yield from _arrays(one)

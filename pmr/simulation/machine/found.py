@@ -1,0 +1,97 @@
+"""A motion that has been found, as signals of a frame's base."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import SkipValidation
+
+from pmr.scene import Scene
+from pmr.scene.frame import BaseMotion
+from pmr.scene.machine import DIRECTIONS
+from pmr.scene.signals import SignalBase
+
+Array = NDArray[np.float64]
+#: Of a step, within which a time is that of the step.
+SAME = 1e-6
+#: p = sum_k x^k of value, h rate, h^2 second rate at both ends of a step, (6, 6).
+_ENDS = np.array([[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 2, 0, 0, 0], [1] * 6, range(6), [0, 0, 2, 6, 12, 20]])
+_QUINTIC = np.linalg.inv(_ENDS.astype(float))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Of one direction at the steps, compared by identity."""
+
+    step: float  # s
+    values: Array  # (3, T): m or rad, with rate and second rate
+    force: Array  # (T,) N or N m: what the machine presses with on the ground there
+
+
+class Found(SignalBase):
+    """A direction of a machine, in m or in the unit of the frame's angles."""
+
+    samples: SkipValidation[Any]
+    unit: float  # so many of m or rad
+
+    def value(self, t: ArrayLike) -> Array:
+        return self._at(t, 0)
+
+    def rate(self, t: ArrayLike) -> Array:
+        return self._at(t, 1)
+
+    def second_rate(self, t: ArrayLike) -> Array:
+        return self._at(t, 2)
+
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        """Of the steps within."""
+        of: Samples = self.samples
+        first, last = int(np.floor(start / of.step)), int(np.ceil(end / of.step))
+        some = of.values[0, max(first, 0) : last + 1] * self.unit
+        return float(some.min()), float(some.max())
+
+    def _at(self, t: ArrayLike, order: int) -> Array:
+        """What was found at a step; between two the polynomial of degree 5 that has all of both."""
+        of: Samples = self.samples
+        at, h = np.clip(np.asarray(t, float) / of.step, 0.0, of.values.shape[1] - 1.0), of.step
+        k = np.rint(at).astype(int)
+        found = np.asarray(of.values[order][k])
+        between = np.abs(at - k) > SAME
+        if between.any():
+            k = np.minimum(np.floor(at).astype(int), of.values.shape[1] - 2)
+            scaled = of.values * (h ** np.arange(3))[:, None]
+            ends = np.concatenate([scaled[:, k], scaled[:, k + 1]])
+            c = np.moveaxis(np.tensordot(_QUINTIC, ends, 1), 0, -1)
+            factor = np.array([np.prod(np.arange(p, p - order, -1)) for p in range(order, 6)])
+            powers = (at - k)[..., None] ** np.arange(6 - order)
+            found = np.where(between, (c[..., order:] * factor * powers).sum(axis=-1) / h**order, found)
+        return np.asarray(found * self.unit)
+
+
+@dataclass(frozen=True)
+class MachineMotion:
+    """Of a machine at T steps; directions x, y, z of the pivot in m, roll, pitch and yaw in rad."""
+
+    step: float  # s
+    values: Array  # (3, T, 6), with rates and second rates
+    forces: Array  # (T, 6) N and N m: what it presses with on the ground, by springs, dampers and where it is held
+    momenta: Array  # (T, 6): linear and angular momentum of the whole about the ground's origin, along its axes
+
+
+def in_motion(scene: Scene, found: MachineMotion) -> Scene:
+    """The scene with a frame whose base moves so, in place of a machine that moves by itself."""
+    frame = scene.frame
+    assert frame is not None  # of a scene with a machine
+    angle = 1.0 if frame.unit == "rad" else 180.0 / np.pi
+    signals: dict[str, Any] = {
+        one: Found(
+            samples=Samples(found.step, np.ascontiguousarray(found.values[:, :, k]), found.forces[:, k]),
+            unit=1.0 if k < 3 else angle,
+        )
+        for k, one in enumerate(DIRECTIONS)
+    }
+    base = BaseMotion.model_construct(**signals)
+    return scene.model_copy(update={"frame": frame.model_copy(update={"base": base, "machine": None})})
