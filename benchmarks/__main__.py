@@ -23,6 +23,7 @@ from benchmarks import (
     growth,
     latency,
     limit,
+    messages,
     offline,
     peer,
     report,
@@ -60,6 +61,7 @@ def sections(long: bool) -> Mapping[str, Callable[[], Any]]:
         },
         "offline": lambda: offline.measure(long, 3 if long else 1),
         "scale": lambda: scale.measure(scale.MANY_SIZES if long else scale.SIZES),
+        "messages": lambda: messages.measure(messages.MANY_SIZES if long else messages.SIZES),
     }
 
 

@@ -1,11 +1,11 @@
-"""What the page says of `benchmarks.scale`."""
+"""What the page says of `benchmarks.scale` and `benchmarks.messages`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from benchmarks import figures
+from benchmarks import figures, messages
 from benchmarks.scale import own_memory
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.numbers import SPACE, plain, quantity, significant
@@ -72,6 +72,73 @@ def scale(found: Mapping[str, Any], prefix: str) -> Chapter:
     )
 
 
+def shares(found: Mapping[str, Any], prefix: str) -> Chapter:
+    """What each of several ranks solves, sends and holds."""
+    done = [record for record in found["records"] if record["each"]]
+    several = [record for record in done if record["ranks"] > 1]
+    if not several:
+        return Chapter(
+            anchor=prefix, title="", headline="Nothing was counted.", paragraphs=_unfinished(found["records"])
+        )
+    last = several[-1]
+    share = messages.share(last)
+    stages = [stage for stage in (*STAGES, "rest") if stage in share]
+    by_stage = Grid(
+        f"Of the rank with most, {plain(last['size'])} coordinates on {last['ranks']} ranks.",
+        ("stage", "columns solved", "messages", "collective calls", "sent"),
+        tuple(
+            (
+                STAGES.get(stage, stage),
+                plain(share[stage]["columns"]),
+                plain(share[stage]["messages"]),
+                plain(share[stage]["collectives"]),
+                _sent(share[stage]["message_bytes"] + share[stage]["collective_bytes"]),
+            )
+            for stage in stages
+        ),
+    )
+    columns = [f"time on {network}" for network in messages.NETWORKS]
+    by_size = Grid(
+        "Of the rank with most; memory above what the libraries take, beside the model's.",
+        ("coordinates", "columns solved", "messages", "collective calls", "sent", *columns, "memory", "model"),
+        tuple(
+            (
+                f"{plain(record['size'])} {_on(record)}",
+                *(plain(messages.total(record, kind)) for kind in ("columns", "messages", "collectives")),
+                _sent(messages.sent(record)),
+                *(
+                    _took(messages.seconds(record, *network)) if record["ranks"] > 1 else ""
+                    for network in messages.NETWORKS.values()
+                ),
+                _memory(max(messages.memory(record))),
+                _memory(messages.planned_memory(record["size"], record["ranks"])),
+            )
+            for record in done
+        ),
+    )
+    return Chapter(
+        anchor=prefix,
+        title="",
+        headline=f"A rank of {last['ranks']} sends {_sent(messages.sent(last))} for {plain(last['size'])} coordinates.",
+        paragraphs=[
+            "Messages, bytes and solved columns are counted, and memory is measured; nothing here depends on how many "
+            "cores there are or how busy they are. Times are what all of a rank's messages take one after the other, "
+            "with an assumed delay of each and an assumed speed of the network: "
+            + "; ".join(
+                f"{name}: {quantity(latency, 's')}, {_sent(int(speed))} a second"
+                for name, (latency, speed) in messages.NETWORKS.items()
+            )
+            + ". A collective call counts as log2 of the ranks messages.",
+            *_unfinished(found["records"]),
+        ],
+        blocks=[Block("A rank's share", grids=(by_stage, by_size))],
+    )
+
+
+def _sent(amount: int) -> str:
+    return quantity(float(amount), "B")
+
+
 def _seconds(done: Sequence[Mapping[str, Any]]) -> Grid:
     rows = tuple(
         (
@@ -129,7 +196,7 @@ def _unfinished(records: Sequence[Mapping[str, Any]]) -> list[str]:
     return [
         f"Cells of {plain(1e3 * record['cells'])}{SPACE}mm, {_ranks(record)}: {'; '.join(record['notes'])}."
         for record in records
-        if record["notes"]
+        if record.get("notes")
     ]
 
 

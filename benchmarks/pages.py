@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from benchmarks import figures
-from benchmarks.page_of_scale import scale
+from benchmarks.page_of_scale import scale, shares
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant
 
@@ -412,4 +412,5 @@ PAGES: Mapping[str, tuple[str, Callable[[Any, str], Chapter]]] = {
     "peer": ("POD and projection beside pyMOR", peer),
     "offline": ("Before the simulation", offline),
     "scale": ("A shell before the simulation", scale),
+    "messages": ("What several ranks solve, send and hold", shares),
 }
