@@ -38,6 +38,7 @@ RUN = {
     f"pmr export {BOOM} --to dmig --at 1.5,4 --out boom.bdf": "",
     f"pmr export {BOOM} --to matlab": "",
     f"pmr export {BOOM} --to python-control": "",
+    f"pmr export {BOOM} --to modelica": "",
     f"pmr export {BOOM} --to frequency-response": "",
     f"pmr info {THREE}": "",
     f"pmr simulate {THREE} --scene boom_three --set time.end=2 --out reports/shorter": "--set section.mesh.elements=8 "

@@ -61,6 +61,7 @@ FORMATS = {
     "python-control": Format(
         "the same, read by a script", "state_space.py", _AT, _imported("control", "write_python_control")
     ),
+    "modelica": Format("a block of Modelica with it", "StateSpace.mo", _AT, _imported("modelica", "write_modelica")),
     "frequency-response": Format(
         "a table and a picture over s", "frequency_response.csv", _AT, _imported("control", "write_frequency_response")
     ),

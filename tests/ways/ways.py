@@ -16,6 +16,7 @@ import one_body
 import scipy.io
 from export.fmi.libraries import Instance, compiled
 from fuzz import toml
+from modelica_text import declared_array
 from numpy.typing import NDArray
 from one_body import displacement
 from processes import undrawn
@@ -229,6 +230,11 @@ def matlab(subject: Subject) -> None:
     as_state_space(*(data[name][:, :, 0] for name in "ABCD"), subject)
 
 
+def modelica(subject: Subject) -> None:
+    text = exported("modelica", subject).read_text(encoding="utf-8")
+    as_state_space(*(declared_array(text, name)[0] for name in "ABCD"), subject)
+
+
 def python_control(subject: Subject) -> None:
     read = runpy.run_path(str(exported("python-control", subject)))
     found = read["system"](0)
@@ -400,6 +406,7 @@ WAYS: dict[str, Way] = {
     "`pmr export --to exudyn`": script,
     "`pmr export --to fmu`": fmu,
     "`pmr export --to matlab`": matlab,
+    "`pmr export --to modelica`": modelica,
     "`pmr export --to python-control`": python_control,
     "`pmr export --to frequency-response`": frequency_response,
     "`pmr export --to dmig`": stiffness_of_deck,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,7 +45,7 @@ class Variable:
 
 def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
     """All variables of a system, by `pmr.export.fmi.constants.source_text`'s start and nominal."""
-    names, rows = _Names(), drivers.rows
+    names, rows = Identifiers(), drivers.rows
     found = list(_given(drivers, names, start))
     first, modes = 4 + ORDERS * drivers.count, len(nominal) // 2
     of_modes = [(part.name, k + 1) for part in rows.parts for k in range(part.form.body.size)]
@@ -106,7 +106,7 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
         yield _Driver(name + " acceleration" * (name in AXES), drivers.first_motion + k, what, unit)
 
 
-def _given(drivers: Drivers, names: _Names, start: Array) -> Iterator[Variable]:
+def _given(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
     """Time, inputs and parameters."""
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # whatever loads are called
     yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
@@ -140,7 +140,7 @@ def outputs_of(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
         yield CYLINDER, "N", False
 
 
-def _observed(drivers: Drivers, names: _Names, first: int) -> Iterator[Variable]:
+def _observed(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
     """Outputs, their rates where they are motions, and the forces of the rows."""
     system, called = drivers.rows.system, list(outputs_of(drivers))
     count = max(len(called), 1)
@@ -158,11 +158,11 @@ def _observed(drivers: Drivers, names: _Names, first: int) -> Iterator[Variable]
         yield Variable(names(force_of(contact.name)), first + 2 * count + k, what, unit="N")
 
 
-class _Names:
+class Identifiers:
     """Names that are all different, of letters, digits and underscores, as every importer takes them."""
 
-    def __init__(self) -> None:
-        self._taken: set[str] = set()
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        self._taken = set(taken)
 
     def __call__(self, name: str) -> str:
         plain = re.sub(r"[^A-Za-z0-9]+", "_", name.replace("-", "m") if re.search(r"-\d", name) else name).strip("_")

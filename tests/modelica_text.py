@@ -1,0 +1,20 @@
+"""Text in Modelica read back."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def declared_array(text: str, name: str) -> NDArray[np.float64]:
+    """What the text declares with as many entries as it says."""
+    sizes, values = re.findall(rf" {name}\[([\d, ]+)\](?:\([^()]*\))? =\s+([^;\"]+)", text)[0]
+    shape = tuple(map(int, sizes.split(",")))
+    if values.startswith("zeros("):
+        return np.zeros(shape)
+    found = np.array(json.loads(values.replace("{", "[").replace("}", "]")))
+    assert found.shape == shape
+    return found
