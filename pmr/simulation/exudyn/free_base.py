@@ -100,6 +100,7 @@ class Base:
         self.paths = Paths(mbs, on.scene, paths, self.boom.aside)
         self.along = ChangingRows(equations.assembly, self.paths.names)
         gives = contacts.gives & (not contacts.push)
+        self._gives, self._inputs = bool(gives.any()), equations.B.shape[1]
         self._answering = Answering(self.boom, equations.assembly, self.along, gives)
         self.extending = Extending(equations, contacts, self.boom, self.paths, self.along) if self.paths.free else None
 
@@ -147,7 +148,7 @@ class Base:
 
         They press on contacts that give way at once, but for pads that only push: zero with these.
         """
-        found = np.zeros(self._equations.B.shape[1])
+        found = np.zeros(self._inputs)
         if not self._gives:
             return found
         of = exu.OutputVariableType
