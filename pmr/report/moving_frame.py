@@ -41,15 +41,15 @@ def energy(result: RunResult) -> str:
         return ""
     size = {key: f"{significant(one)}{SPACE}J" for key, one in found.items()}
     return (
-        "The figures are of the motion in the boom's axes, in which weight and the frame's inertia are loads. In "
-        f"space, the energy of the boom grows by {size['change']} more, from start to end, than if it were rigid: "
-        f"the drives of the frame and of the extensions do {size['drives']} more, loads and travelling pads "
-        f"{size['others']}; damping and the error of the steps take {size['lost']}."
+        "The figures are those of the motion in the boom's axes, in which weight and the frame's inertia are loads. "
+        "The balance in space, beyond that of the same boom when rigid: its energy changes by "
+        f"{size['change']} from start to end; the drives of the frame and of the extensions do {size['drives']}, loads "
+        f"and travelling pads {size['others']}; damping and the error of the steps take {size['lost']}."
     )
 
 
 def _share(factor: float) -> str:
-    r"""By how much second order bends a boom further that rests: about :math:`1 / (1 - 1/\lambda) - 1`."""
+    r"""By how much second order increases the deflection of a boom at rest: about :math:`1 / (1 - 1/\lambda) - 1`."""
     if factor <= 1.0:
         return ""
     further = percent(1.0 / (factor - 1.0), 2)
