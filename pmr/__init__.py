@@ -26,7 +26,7 @@ What is named here stays; everything else may change between versions.
 
 from typing import TYPE_CHECKING
 
-from pmr.errors.lazy import names_from
+from pmr.errors.lazy import FORMER, names_from
 
 if TYPE_CHECKING:
     from pmr.compare.simulated import simulate
@@ -60,7 +60,7 @@ __all__ = [
     "ConvergenceError", "InputError", "ReducedModel", "RunResult", "SimulationError", "Stepper", "System",
     "from_matrices", "load_scene", "reduce", "run", "simulate",
 ]  # fmt: skip
-__getattr__ = names_from("pmr", _PLACES)
+__getattr__ = names_from("pmr", _PLACES, former=FORMER)
 
 
 def __dir__() -> list[str]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import importlib
 import subprocess
 import sys
+import warnings
 
 import pytest
 
 import pmr
 from pmr import scene as scenes
+from pmr.errors.lazy import Former, names_from
 
 
 def test_every_public_name_is_there() -> None:
@@ -21,6 +23,17 @@ def test_every_public_name_is_there() -> None:
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
     with pytest.raises(AttributeError, match="load_scene"):
         _ = pmr.loadscene
+
+
+def test_a_former_name_is_answered_with_a_warning_that_has_both() -> None:
+    """It points at the line that asks; what is called so now is found without one."""
+    find = names_from("pmr", {"load_scene": "pmr.scene:load_any"}, former={"read_scene": Former("load_scene", "0.3")})
+    with pytest.warns(DeprecationWarning, match=r"pmr\.read_scene is called pmr\.load_scene now; 0\.3 has") as said:
+        assert find("read_scene") is scenes.load_any
+    assert said[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert find("load_scene") is scenes.load_any
 
 
 @pytest.mark.slow
