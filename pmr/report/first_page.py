@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -33,6 +34,8 @@ CALLED = {
 MOMENTS = ("moment", "moment on the machine")
 #: Of the largest force: what is below is round-off.
 ROUND_OFF = 1e-9
+#: How near to the lug of a luffing cylinder its support is, m.
+AT_LUG = 1e-6
 
 
 def tables(result: RunResult) -> tuple[Table, ...]:
@@ -49,13 +52,15 @@ def carried(result: RunResult) -> Rows:
     """What it carries: stress, forces of each kind, deflection, frequency."""
     summary = result.summary
     if (largest := summary.get("max_von_mises", {}).get("reduced")) is not None:
-        where = sentences.where_the_peak_is(result, "reduced")
-        yield "largest von Mises stress", f"{quantity(largest, 'Pa')}{f', {where}' if where else ''}"
+        where, peak = sentences.where_the_peak_is(result, "reduced"), summary.get("stress_peak", {}).get("reduced")
+        said = f", {where}{_raised(result, peak['t'])}" if where else ""
+        yield "largest von Mises stress", f"{quantity(largest, 'Pa')}{said}"
     else:
         yield "stress", "not computed: a table [recovery] asks for it"
     if (used := summary.get("utilisation", {}).get("reduced")) is not None:
         where = used["section"] and f", {used['section']}"
         at = f"{_rounded(used['position'][0])}{SPACE}m from the tail, at {_rounded(used['t'])}{SPACE}s"
+        at += _raised(result, used["t"])
         limit = f"{percent(used['value'])} of {quantity(used['yield'], 'Pa')}"
         yield "largest stress over yield stress", f"{limit}{where}, {at}"
     if found := summary.get("fatigue"):
@@ -66,13 +71,15 @@ def carried(result: RunResult) -> Rows:
     yield from _deflection(result)
     yield from _lowest(result)
     if (found := summary.get("buckling", {})).get("factor") is not None:
-        yield "buckling factor", f"{significant(found['factor'])}, at {_rounded(found['t'])}{SPACE}s"
+        when = f"at {_rounded(found['t'])}{SPACE}s{_raised(result, found['t'])}"
+        yield "buckling factor", f"{significant(found['factor'])}, {when}"
 
 
 def _forces(result: RunResult) -> Rows:
     """The largest of each kind, pads, cylinders and supports apart, and the largest moment of a support."""
     summary = result.summary
-    held = {_directed(result, one["name"]): one for one in summary.get("reactions", ()) if not _at_pivot(result, one)}
+    borne = [one for one in summary.get("reactions", ()) if not _at_pivot(result, one)]
+    held = {_directed(result, one["name"]): one for one in borne if one["name"] not in _raising(result)}
     ropes = {f"rope of {one['name']}, all strands": one["force"] for one in summary.get("ropes", ()) if one["follows"]}
     pulled = {f"cylinder of {one['name']}": one["force"] for one in summary.get("ropes", ()) if not one["follows"]}
     pivot = {one["name"].removeprefix("pivot "): one for one in summary.get("reactions", ()) if _at_pivot(result, one)}
@@ -89,7 +96,7 @@ def _forces(result: RunResult) -> Rows:
             name, one = max(found.items(), key=lambda named: max(named[1]["max"], -named[1]["min"]))
             end = "max" if one["max"] >= -one["min"] else "min"
             if abs(one[end]) > 0.0:
-                when = f"at {_rounded(one[f't_{end}'])}{SPACE}s, {_at(result, one[f's_{end}'])}"
+                when = _moment(result, one[f"t_{end}"], one[f"s_{end}"])
                 yield called, f"{quantity(one[end], one['unit'] if kind in MOMENTS else 'N')}, {name}, {when}"
         else:
             yield from _largest(result, kind, called)
@@ -98,6 +105,17 @@ def _forces(result: RunResult) -> Rows:
 def _at_pivot(result: RunResult, reaction: Mapping[str, Any]) -> bool:
     """Whether it is what all supports of a boom in a frame press with together, about its pivot."""
     return result.scene.frame is not None and str(reaction["name"]).startswith("pivot ")
+
+
+def _raising(result: RunResult) -> set[str]:
+    """Names of supports that stand for the cylinder which raises the boom, whose force along itself has a row."""
+    frame = result.scene.frame
+    if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
+        return set()
+    body, part = next(iter(result.scene.bodies.items()))
+    lug = frame.cylinder.lug[0] - frame.place[0]
+    upwards = {one.name: part.place(one.on) for one in part.supports if one.held == ("z",)}
+    return {named(body, name) for name, x in upwards.items() if x is not None and math.isclose(x, lug, abs_tol=AT_LUG)}
 
 
 def _directed(result: RunResult, name: str) -> str:
@@ -116,14 +134,18 @@ def _largest(result: RunResult, kind: str, called: str) -> Rows:
     if response.force_peaks is not None:
         forces = response.force_peaks
     outputs = response.outputs[first : first + forces.shape[1]]
-    columns = [k for k, one in enumerate(outputs) if one.kind == kind]
+    raising = _raising(result)
+    columns = [k for k, one in enumerate(outputs) if one.kind == kind and _force_of(one.name) not in raising]
     if not columns or not np.isfinite(forces[:, columns]).all():
         return
     step, k = np.unravel_index(int(np.argmax(np.abs(forces[:, columns]))), (len(forces), len(columns)))
     value = float(forces[step, columns[k]])
     if abs(value) > ROUND_OFF * float(np.abs(forces).max(initial=0.0)):
-        name = outputs[columns[k]].name.replace(FORCE_OF, "", 1)
-        yield called, f"{quantity(value, 'N')}, {name}, {_when(result, int(step))}"
+        yield called, f"{quantity(value, 'N')}, {_force_of(outputs[columns[k]].name)}, {_when(result, int(step))}"
+
+
+def _force_of(name: str) -> str:
+    return name.replace(FORCE_OF, "", 1)
 
 
 def _luffing(result: RunResult) -> Rows:
@@ -131,7 +153,7 @@ def _luffing(result: RunResult) -> Rows:
     if (found := result.summary.get("luffing_cylinder")) is not None:
         force, length = found["force"], found["length"]
         end = "max" if force["max"] >= -force["min"] else "min"
-        when = f"at {_rounded(force[f't_{end}'])}{SPACE}s, {_at(result, force[f's_{end}'])}"
+        when = _moment(result, force[f"t_{end}"], force[f"s_{end}"])
         stroke = between(length["min"], length["max"], f"{SPACE}m long")
         way = "pushes" if end == "max" else "pulls"
         yield "luffing cylinder, along itself", f"{quantity(abs(force[end]), 'N')}, it {way}, {when}; {stroke}"
@@ -160,8 +182,22 @@ def _lowest(result: RunResult) -> Rows:
 
 def _when(result: RunResult, step: int) -> str:
     t = result.responses["reduced"].t
-    where = _at(result, float(result.along_at(t[[0, step, -1]])[1]))
-    return f"at {_rounded(float(t[step]))}{SPACE}s, {where}"
+    return _moment(result, float(t[step]), float(result.along_at(t[[0, step, -1]])[1]))
+
+
+def _moment(result: RunResult, t: float, along: float) -> str:
+    return f"at {_rounded(t)}{SPACE}s, {_at(result, along)}{_raised(result, t)}"
+
+
+def _raised(result: RunResult, t: float) -> str:
+    """How far a boom in a frame is raised then, and turned where it is at all."""
+    frame = result.scene.frame
+    if frame is None:
+        return ""
+    luffing, slewing = (float(np.rad2deg(angle.value(np.array([t]))[0])) for angle in frame.angles)
+    found = [] if frame.luffing is None else [f"raised by {plain(round(luffing, 1))}°"]
+    found += [] if frame.slewing is None else [f"slewed by {plain(round(slewing, 1))}°"]
+    return "".join(f", {one}" for one in found)
 
 
 def _at(result: RunResult, along: float) -> str:

@@ -142,6 +142,32 @@ def test_the_machine_bears_all_supports_together(make_space: MakeSpace) -> None:
     assert pulls.startswith(f"50.0{SPACE}kN, it pulls, at 0.2{SPACE}s")
 
 
+def test_large_values_say_how_the_boom_stands_and_the_luffing_cylinder_has_one_row(make_space: MakeSpace) -> None:
+    """18 and -6 degrees at 0.2 s, 45 and -15 at 0.5 s; what stands for the luffing cylinder is no support."""
+    up, round_ = ({"kind": "ramp", "times": [0.0, 1.0], "values": [0.0, end]} for end in (90.0, -30.0))
+    frame = {"pivot": [0.0, 0.0, 0.0], "unit": "degrees", "luffing": up, "slewing": round_}
+    frame["cylinder"] = {"foot": [0.5, -1.0], "lug": [1.5, -0.2]}
+    supports = [
+        {"name": "pin", "on": "tail", "directions": ["x", "z"]},
+        {"name": "lift", "on": 1.5, "directions": ["z"], "stiffness": 1e8},
+    ]
+    one = {"unit": "N", "max": 1e3, "t_max": 0.1, "s_max": 1.5, "t_min": 0.2, "s_min": 2.0}
+    reactions = [{"name": "lift", **one, "min": -9e4}, {"name": "pin x", **one, "min": -2e4}]
+    summary = SUMMARY | {"reactions": reactions}
+    carries = rows(make_space(frame=frame, supports=supports, summary=summary), "What it carries")
+    assert carries["largest force of a support"].startswith(f"\u221290.0{SPACE}kN, lift along z")
+    luffing = {"force": {**one, "min": -9e4}, "length": {"min": 1.5, "max": 2.0}}
+    result = make_space(frame=frame, supports=supports, summary=summary | {"luffing_cylinder": luffing})
+    carries = rows(result, "What it carries")
+    force = f"\u221220.0{SPACE}kN, pin x, at 0.2{SPACE}s, 4{SPACE}m out, raised by 18°, slewed by \u22126°"
+    assert carries["largest force of a support"] == force
+    assert f"at 0.2{SPACE}s, 4{SPACE}m out, raised by 18°, slewed" in carries["luffing cylinder, along itself"]
+    assert carries["largest von Mises stress"].endswith("raised by 45°, slewed by \u221215°")
+    del frame["slewing"]
+    still = rows(make_space(frame=frame, supports=supports, summary=summary), "What it carries")
+    assert still["largest von Mises stress"].endswith(", raised by 45°")
+
+
 def test_whether_the_weight_is_in_the_figures_is_said(make_space: MakeSpace) -> None:
     light = make_space(gravity={"acceleration": 1.62})
     assert rows(light, "What was asked")["weight of the boom"] == f"included, 1.62{SPACE}m/s²"
