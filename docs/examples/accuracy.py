@@ -2,7 +2,7 @@
 Accuracy on order
 =================
 
-How many coordinates are enough, and how long may a step be?  Say which error is allowed, and both are chosen.
+How many coordinates are enough, and how long may a step be?  Give the allowed error, and `pmr` chooses both.
 """
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,7 @@ A crane's boom that is raised
 =============================
 
 `pmr new crane` writes a scene of a boom of three sections that luffs, slews and telescopes with a load.  Here the hook
-becomes heavier, and what counts is how low the first frequency gets where the boom is far out: a crane driver feels it
-as swaying.
+becomes heavier, and the lowest natural frequency of the extended boom is compared: a low frequency is felt as swaying.
 """
 
 from pathlib import Path

@@ -2,11 +2,9 @@
 Mass and stiffness from elsewhere
 =================================
 
-Whatever program assembles a model, its two matrices, its nodes and the names of a few groups are enough.  Here thirty
-lines
-of NumPy take the program's place: a timber beam of bricks with eight nodes.  `pmr matrices` reads the files of
-CalculiX,
-Nastran, Ansys and Abaqus users.
+`pmr` needs two matrices, the nodes and a few named groups of a model that another program assembled.  Here thirty lines
+of NumPy stand for that program: a timber beam of bricks with eight nodes.  `pmr matrices` reads files of CalculiX,
+Nastran, Ansys and Abaqus.
 """
 
 from itertools import product

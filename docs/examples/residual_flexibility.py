@@ -2,9 +2,9 @@
 Modes alone, and with residual flexibility
 ==========================================
 
-A support that travels kinks the bending moment wherever it is, and no handful of smooth modes has kinks everywhere.
-Residual flexibility adds what the modes leave out, in statics, for every position of the support: with the same number
-of coordinates errors are smaller by orders of magnitude.
+The bending moment has a kink at a support, and the kink travels with it.  A few smooth modes cannot represent it at
+every position.  Residual flexibility adds the static deformation that the modes leave out, for every position of the
+support.  With the same number of coordinates errors are smaller by orders of magnitude.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A boom whose walls give way
 ===========================
 
-Pads press on thin walls, which a beam does not have.  Here the section is a shell of triangles; ten coordinates move
-it, and displacement and stress of every wall are recovered from them.
+Pads bend the thin walls of a boom; a beam has no walls.  Here the section is a shell of triangles.  It is reduced to
+ten coordinates, from which displacement and stress of every wall are recovered.
 """
 
 import matplotlib.pyplot as plt

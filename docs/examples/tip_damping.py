@@ -2,8 +2,9 @@
 A boom whose tip is damped by its luffing cylinder
 ==================================================
 
-The boom rides on a turret of Exudyn's own, which a cylinder lifts.  Its valve follows a speed over time; a controller
-(PID) follows the tip where the boom bends, which damps it.  Weight, which bends it once and for all, is left out.
+The boom rides on a turret of Exudyn's own, which a cylinder lifts.  Its valve follows a given speed over time.  A
+controller (PID) adds a correction from the deflection of the tip, which damps its vibration.  Weight is left out: it
+adds a constant deflection only.
 """
 
 import exudyn as exu

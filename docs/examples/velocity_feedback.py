@@ -2,8 +2,8 @@
 Frequency response and a controller
 ===================================
 
-With its sliders held at a place a reduced model is a state space.  python-control takes it from there: here the
-response at the tip for three places of the slider, and a feedback that damps the tip's motion at all of them.
+With the slider at a fixed place a reduced model is a state space, which python-control can read.  Here it computes the
+frequency response at the tip for three places of the slider, and a feedback that damps the tip at all of them.
 """
 
 import runpy

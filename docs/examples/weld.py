@@ -2,9 +2,8 @@
 Stress at a weld, and its load cycles
 =====================================
 
-A weld is sized by what the stress beside it does over time, with its sign, and by how often.  A probe in a scene
-follows the stress at a place through every step, at the cost of one more output; rainflow counts its cycles, and
-pandas reads them.
+A weld is sized by the range of the stress beside it and by the number of its cycles.  A probe in a scene records the
+signed stress at a place at every step, as one more output.  Rainflow counting gives its cycles, and pandas reads them.
 """
 
 from pathlib import Path
