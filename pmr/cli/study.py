@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pmr.studies.call import Outcome
     from pmr.studies.engine import pools
     from pmr.studies.engine.runner import Progress, Watch
+    from pmr.studies.files import Project
 
 LOGGED_EVERY = 30.0  # s, where there is no terminal
 SHOWN_FAILURES = 10
@@ -87,9 +88,8 @@ def study(
         raise typer.Exit(130) from None
     _tell_failures(outcome)
     if not only:
-        save(project, outcome, folder)
-        for results in outcome.results.values():
-            say(out, f"table  {results.folder}/runs.csv")
+        for table in save(project, outcome, folder):
+            say(out, f"table  {table}")
         from pmr.report.studies import write_report
 
         try:
@@ -98,6 +98,8 @@ def study(
             say(err, f"pmr: {no_report(error, folder)}")
             raise typer.Exit(1) from None
     say(out, f"{outcome.done} of {len(asked.runs)} runs are there; {outcome.computed} tasks were computed now")
+    if not only:
+        _tell(asked, outcome)
     if not outcome.is_complete:
         raise typer.Exit(1)
 
@@ -128,6 +130,13 @@ def _watching() -> Iterator[Watch]:
     with Bars(BarColumn(), TextColumn("{task.description}", markup=False), console=err, transient=True) as bars:
         bar = bars.add_task("", total=None)
         yield lambda p: bars.update(bar, description=p.text, completed=p.done + p.failed, total=p.total)
+
+
+def _tell(project: Project, outcome: Outcome) -> None:
+    for part in project.parts:
+        results = outcome.results[part.name]
+        if results.is_complete and (told := part.study.told(results)):
+            say(out, told)
 
 
 def _tell_failures(outcome: Outcome) -> None:

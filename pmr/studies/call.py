@@ -56,17 +56,20 @@ def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome
     return Outcome(results, len(nodes) - len(failures))
 
 
-def save(project: Project, outcome: Outcome, folder: Path) -> None:
-    """Write the tables: into `folder`, or for a collection into a folder in it for each part."""
+def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
+    """Write the tables, and say where: in `folder`, or for a collection in a folder in it for each part."""
+    written = []
     for part in project.parts:
         results = outcome.results[part.name]
         tables = part.study.tables(results) if results.is_complete else {}
         results.save(_summary(part.study.title, part.study.kind) | _of_study(part.study, results), tables)
+        written += [results.folder / name for name in ("runs.csv", *tables)]
     if "" not in outcome.results:
         runs = tuple(record for name, results in outcome.results.items() for record in _named(name, results))
         StudyResults(folder, runs).save_summary(
             _summary(project.title, project.kind) | {"studies": list(outcome.results)}
         )
+    return written
 
 
 def _named(name: str, results: StudyResults) -> list[RunRecord]:

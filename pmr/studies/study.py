@@ -65,6 +65,10 @@ class StudyBase(BaseModel):
         """Further tables by the names of their files, once all runs are there, as text."""
         return {}
 
+    def told(self, results: StudyResults) -> str:
+        """What has come out, in a line for whoever waits for it, once all runs are there; empty without one."""
+        return ""
+
     def statements(self) -> tuple[Statement, ...]:
         """Published statements on the study's figures."""
         return self.published

@@ -62,7 +62,7 @@ def _page(
     text += "".join(f" {one}" for one in _stops(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, at_rest, caption, boom)
     return Block(
-        f"Where {names[n]} governs", ((drawn,),), text=text, columns=_columns(names, n, arrays, sections), page=True
+        f"Governed by {names[n]}", ((drawn,),), text=text, columns=_columns(names, n, arrays, sections), page=True
     )
 
 

@@ -168,6 +168,15 @@ class Study(StudyBase):
             found[f"stands.{case.name}"] = int((~table["passed"][:, k].any(axis=1)).sum())
         return found
 
+    def told(self, results: StudyResults) -> str:
+        """The least and the largest load that all limits allow."""
+        points = len(self._points)
+        found = [results.column(name) for name in ("load.least", "load.most")]
+        if not all(np.isfinite(one).any() for one in found):
+            return f"no limit is met up to {self.up_to:g} kg at any of {points} points"
+        low, high = float(np.nanmin(found[0])), float(np.nanmax(found[1]))
+        return f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits"
+
     @property
     def _in_service(self) -> list[LoadCase]:
         return [case for case in self.cases if case.in_service]

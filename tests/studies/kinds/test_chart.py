@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -160,7 +161,7 @@ def test_pages_of_governing_points_say_what_the_boom_does_there(small: StudyResu
     """The limit is all used; pads carry what statics say; the tip is where the limit of deflection has it."""
     text = page(folder)
     assert "If luffing at 2°/s stops within 0.6" in text and "own factor is 1.5" in text
-    assert "Where cylinder governs" in text and "Where pads governs" not in text
+    assert "Governed by cylinder<" in text and "Governed by pads<" not in text
     found = 0
     for run in small.runs:
         arrays = small.arrays(run.key)
@@ -209,6 +210,15 @@ def test_cut_off_and_called_again_it_is_the_same_to_the_byte(folder: Path, tmp_p
     assert again.computed == 5 - len(there) and again.is_complete
     assert {file: file.stat().st_mtime_ns for file in there} == there
     assert (cut / "chart.csv").read_bytes() == (made / "chart.csv").read_bytes()
+
+
+def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) -> None:
+    study, loads = files.load(folder / "study.toml").parts[0].study, [row["load [kg]"] for row in rows(folder)]
+    known = [float(load) for load in loads if load]
+    told = study.told(small)
+    assert told == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
+    bare = [replace(run, figures={}) for run in small.runs]
+    assert study.told(replace(small, runs=tuple(bare))) == "no limit is met up to 5000 kg at any of 12 points"
 
 
 def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyResults, folder: Path) -> None:

@@ -216,6 +216,8 @@ def _amount(limit: Mapping[str, Any], amount: float | None) -> str:
     if amount is None:
         return "–"
     unit = "Pa" if limit.get("area") else UNITS.get(str(limit["of"]))
+    if unit == "Hz":
+        return f"{amount:g}{SPACE}Hz"  # nobody speaks of a boom's millihertz
     return f"{amount:g}" if unit is None else quantity(amount, unit)
 
 
