@@ -81,7 +81,7 @@ def unasked(
     system_of: SystemOf,
     known: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """``mesh`` and ``model`` of the budget as far as they cost little, on a finer mesh and beside a coarse shell.
+    """``mesh`` and ``model`` of the budget as far as they cost little, on another mesh and beside a coarse shell.
 
     Of the scene's own `system`, whose `response` rank 0 has; what is `known` stays.  A run measures one of them, what
     was measured before is found in the cache.  Collective.
@@ -111,7 +111,7 @@ def unasked(
     found = dict(known)
     if "model" not in found:
         found["model"] = beside_own(coarsely, "coarse shell")
-    return found if scene.ordered is not None else found | mesh.of_beams(beside_own(mesh.finer_beams, "finer mesh"))
+    return found if scene.ordered is not None else found | mesh.unasked(scene, beside_own)
 
 
 def _chosen(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Decided:

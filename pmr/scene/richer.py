@@ -48,11 +48,11 @@ def coarsely(scene: Scene) -> Scene:
     ask = "not measured; compare.richer = 'shell' measures it"
     shells = scene.model_copy(update={"compare": scene.compare.model_copy(update={"richer": "shell"})})
     _, shells, _ = beside(shells)
-    seconds = FIXED + EACH * sum(_rectangles(part, 1.0) for part in shells.sections)
+    seconds = FIXED + EACH * sum(rectangles(part, 1.0) for part in shells.sections)
     ask += f", in some {seconds:.0f} s" if seconds < 100.0 else f", in some {seconds / 60.0:.0f} minutes"
     if any(part.body.walls == "give" for part in scene.sections):
         raise _none("none", f"{ask}: a coarse shell is further off than beams whose walls give way")
-    if sum(_rectangles(part, COARSE) for part in shells.sections) > SMALL:
+    if sum(rectangles(part, COARSE) for part in shells.sections) > SMALL:
         raise _none("none", ask)
     parts = []
     for part in shells.sections:
@@ -63,7 +63,7 @@ def coarsely(scene: Scene) -> Scene:
     return shells.model_copy(update={"sections": tuple(parts)})
 
 
-def _rectangles(part: Part, by: float) -> float:
+def rectangles(part: Part, by: float) -> float:
     """Of cells of a shell, `by` times as long."""
     assert part.body.box is not None  # as `beside` says
     around, along = by * part.mesh.size, by * (part.mesh.along or part.mesh.size)
