@@ -126,9 +126,9 @@ docs: setup .venv/.docs ## the manual: docs/_build/html/index.html, which needs 
 docs-check: setup .venv/.docs ## the same without executing the examples, which the tests do
 	@.venv/bin/python -m sphinx -q -W --keep-going -b html -D plot_gallery=0 docs docs/_build/check
 
-.PHONY: first-boom
-first-boom: ## the tutorial's first steps, from a wheel in an environment of its own (Python 3.12 or newer)
-	@.ci/first_boom "$(PYTHON312)"
+.PHONY: manual
+manual: ## commands of the manual, from a wheel in fresh environments (Python 3.12 or newer)
+	@.ci/manual "$(PYTHON312)"
 
 # $(call beside,TARGETS,OTHERS): on two cores at once; what the others say is shown at the end.
 define beside

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import shlex
 import tomllib
 from functools import cache
@@ -173,6 +174,15 @@ def test_what_stands_here_is_in_the_manual() -> None:
         "pmr study coordinates --list",
     }
     assert {*RUN, *TESTED} - own <= set(commands()) | in_tutorials()
+
+
+def test_what_fresh_environments_leave_out_is_in_the_manual() -> None:
+    manual = runpy.run_path(str(ROOT / ".ci" / "manual"))
+    said = [f"{page.stem}: {text}" for page in PAGES for name, text, _ in manual["commands"](page) if not name]
+    run = [one for one in said if not any(re.fullmatch(pattern, one) for pattern in manual["LEFT"])]
+    assert {"first_boom: pmr run mine", "saved_models: pip install .", "fmu: pip install ziglang"} <= set(run)
+    for pattern in manual["LEFT"]:
+        assert any(re.fullmatch(pattern, one) for one in said), pattern
 
 
 def test_no_page_brings_in_the_package_of_someone_else() -> None:
