@@ -130,10 +130,15 @@ docs-check: setup .venv/.docs ## the same without executing the examples, which 
 manual: ## commands of the manual, from a wheel in fresh environments (Python 3.12 or newer)
 	@.ci/manual "$(PYTHON312)"
 
-# $(call beside,TARGETS,OTHERS): on two cores at once; what the others say is shown at the end.
+# $(call beside,TARGETS,OTHERS): on two cores at once; what the others say is shown at the end.  Which of both is through
+# first goes on with LAST, so that no core waits.
+LAST =
 define beside
-log=$$(mktemp); $(MAKE) --no-print-directory $2 >"$$log" 2>&1 </dev/null & \
-$(MAKE) --no-print-directory $1; status=$$?; wait $$! || status=1; cat "$$log"; rm -f "$$log"; exit $$status
+logs=$$(mktemp -d); go_on() { $(if $(LAST),mkdir "$$logs/taken" 2>/dev/null || return 0; \
+    $(MAKE) --no-print-directory $(LAST) >"$$logs/last" 2>&1 </dev/null,:); }; \
+{ $(MAKE) --no-print-directory $2; status=$$?; go_on || status=1; exit $$status; } >"$$logs/beside" 2>&1 </dev/null & \
+$(MAKE) --no-print-directory $1; status=$$?; go_on || status=1; \
+wait $$! || status=1; cat "$$logs/beside" $(if $(LAST),"$$logs/last"); rm -rf "$$logs"; exit $$status
 endef
 
 # Beside the suite on Debian's stack CI runs what of it needs the other stack, and each other kernel on one stack. Left
