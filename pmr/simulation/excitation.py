@@ -19,6 +19,7 @@ from pmr.scene.names import SLIDER as SLIDER
 from pmr.scene.names import input_of
 from pmr.scene.signals import SignalBase
 from pmr.simulation.acceleration import Acceleration
+from pmr.simulation.found import found_inputs
 from pmr.simulation.frame import inertia_loads, load_signals, term_signals
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, Joined
@@ -58,6 +59,7 @@ class Excitation:
             if is_accelerated(member):
                 known[EXTENSION] = Acceleration(paths=paths[: member.number], step=stepping.step)
             loads |= {input_of(name, one): signal for one, signal in known.items()}
+        loads |= found_inputs(scene)
         terms = term_signals(scene)
         return cls(scene.paths, loads, stepping, scene.simulation, scene.start, terms=terms)
 

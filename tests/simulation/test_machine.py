@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import free_boom
 import numpy as np
 import pytest
@@ -14,8 +16,8 @@ from pmr.scene.machine import DIRECTIONS
 from pmr.simulation import Excitation
 from pmr.simulation.answers import Answering
 from pmr.simulation.floating import Extended, Motion
+from pmr.simulation.found import MachineMotion, in_motion
 from pmr.simulation.free_base import FreeBase
-from pmr.simulation.machine.found import MachineMotion, in_motion
 from pmr.simulation.machine.motion import machine_motion
 from pmr.simulation.native import systems
 from pmr.simulation.turning import Turning
@@ -210,13 +212,23 @@ def test_pushed_it_goes_by_what_pushes() -> None:
     np.testing.assert_allclose(found.momenta[:, 5] - found.momenta[0, 5], 300.0 * t, rtol=0.0, atol=1e-8)
 
 
+def test_one_without_mass_carries_a_boom_that_is_drawn_out_with_60_m_s2() -> None:
+    """What generalized-alpha leaves undamped does not grow: more damping of it leads to the same place."""
+    ends = []
+    for rho_inf in (0.9, 0.3):
+        nothing = "frame.machine.mass=0.0", "frame.machine.inertia=[0.0, 0.0, 0.0]"
+        scene = in_space("time.end=0.1", "time.step=2e-3", f"time.rho_inf={rho_inf}", *nothing)
+        ends.append(machine_motion(scene, free_boom.system()).values[0, -1])
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=0.01 * np.abs(ends[1]).max())
+
+
 def test_a_motion_between_steps() -> None:
     """Of degree 5 as a signal, with both rates; in degrees where the frame has them."""
     t, power = 0.1 * np.arange(4), np.polynomial.Polynomial([1.0, -2.0, 3.0, 0.5, -4.0, 6.0])
     rates = [power, power.deriv(), power.deriv(2)]
     values = np.repeat(np.array([one(t) for one in rates])[:, :, None], 6, axis=2)
     frame = free_boom.scene(*MACHINE, "frame.unit='degrees'")
-    base = in_motion(frame, MachineMotion(0.1, values, 0.0 * values[0], 0.0 * values[0])).frame.base
+    base = in_motion(frame, MachineMotion(0.1, values, 0.0 * values[0], {}, 0.0 * values[0])).frame.base
     assert base is not None
     at = np.array([0.0, 0.03, 0.1, 0.17, 0.3])
     for one, of in zip(rates, ("value", "rate", "second_rate"), strict=True):
@@ -257,3 +269,20 @@ def test_what_is_refused(changes: str) -> None:
 def test_others_who_simulate_refuse_it() -> None:
     with pytest.raises(InputError, match="frame.machine: none is allowed here"):
         Excitation.of(free_boom.scene(*MACHINE))
+
+
+def test_a_run_says_where_it_goes_and_what_it_presses_with(tmp_path: Path) -> None:
+    """Its result has the scene as it was written, and its tables the forces on the ground."""
+    changes = "frame.machine.free=['z']", "frame.machine.stiffness.z=2e6", "time.end=0.02", "compare.against=['full']"
+    result = pmr.run(free_boom.scene(*MACHINE, *changes)).result
+    assert result.scene.frame.machine.free == ("z",)
+    found, response = result.summary["frame"]["base"]["z"], result.responses["reduced"]
+    np.testing.assert_allclose([found["min"], found["max"]], [f(response.other("machine z")) for f in (np.min, np.max)])
+    assert found["max"] < 0.0
+    np.testing.assert_allclose(response.other("reaction of machine z"), 2e6 * response.other("machine z"), rtol=1e-9)
+    assert {"machine x", "machine z"} <= {one["name"] for one in result.summary["reactions"]}
+    assert result.summary["errors"]["reduced_vs_full"]["tip"] < 0.01
+    result.save(tmp_path)
+    again = pmr.RunResult.load(tmp_path)
+    assert again.scene == result.scene
+    np.testing.assert_array_equal(again.responses["reduced"].others, response.others)

@@ -12,6 +12,7 @@ machine's velocity is that which these momenta need with what the boom's coordin
 - `rigid`: what of momenta and forces machine and boom have,
 - `flexible`: the boom's coordinates in a step whose motion of the machine is told,
 - `weights`: generalized-alpha for the machine, so that with constant matrices it is that of the whole,
-- `motion`: both together, step by step,
-- `found`: the motion as that of a frame, in which everything else goes on.
+- `motion`: both together, step by step.
+
+The motion is then that of a frame (`pmr.simulation.found`), in which everything else goes on.
 """

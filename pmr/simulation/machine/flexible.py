@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.scene import Scene
+from pmr.scene.frame import INERTIA
 from pmr.simulation.excitation import Excitation, rates_of_places
 from pmr.simulation.floating import Extended
 from pmr.simulation.moving import AXES, OF_BASE, MovingFrame
@@ -62,6 +63,8 @@ class Flexible:
         self._of_modes = np.zeros((self.assembly.size, self._modes.shape[1]))
         self._of_modes[:, self.form.used] = scipy.linalg.block_diag(*blocks)
         self._extended = self._lengths(scene)
+        #: numbers of the inputs by which a frame accelerates a boom
+        self.inertial = np.array([k for k, name in enumerate(system.input_names) if INERTIA in name])
         self._changing = list(_arrays((loop.state, loop.sides, loop.terms)))
         self._before = [one.copy() for one in self._changing]
 
@@ -133,11 +136,12 @@ class Flexible:
         for kept, one in zip(self._before, self._changing, strict=True):
             kept[...] = one
 
-    def step(self, k: int, base: Array) -> Moved:
-        """To step k from where `keep` was said last."""
+    def step(self, k: int, base: Array, inertia: Array) -> Moved:
+        """To step k from where `keep` was said last, with inputs (i',) by which the frame accelerates the boom."""
         for kept, one in zip(self._before, self._changing, strict=True):
             one[...] = kept
         f, c = self.inputs(k, base)
+        f[self.inertial] = inertia
         loop, march = self._march.loop, self._march
         mixed = march.mixed(c) if len(c) else None
         failed = step_observed(loop, march.scheme, self._seen, march.s[k].copy(), f, mixed, self._y)

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.scene import Scene
-from pmr.scene.frame import BaseMotion
+from pmr.scene.frame import INERTIA, BaseMotion
 from pmr.scene.machine import DIRECTIONS
 from pmr.scene.signals import Constant
+from pmr.simulation.found import MachineMotion, in_motion
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.machine.flexible import Flexible, Moved
-from pmr.simulation.machine.found import MachineMotion, in_motion
 from pmr.simulation.machine.rigid import Carrier, Rigid, Whole
 from pmr.simulation.machine.weights import Weights
 from pmr.system.system import System
@@ -59,11 +59,21 @@ def machine_motion(scene: Scene, system: System) -> MachineMotion:
 
 
 @dataclass(frozen=True)
+class _Inertial:
+    """How a step accelerates the boom."""
+
+    carrier: Carrier
+    felt: Array  # (6,) by which the machine accelerates it on average, along its axes
+    inputs: Array  # (i',) at the end of the step, whose average with those at its beginning does so
+    smooth: Array  # (i',) as generalized-alpha has them
+
+
+@dataclass(frozen=True)
 class _Tried:
     """A motion that a step may end with."""
 
     b: Array  # (3, 6)
-    carrier: Carrier
+    inertial: _Inertial
     moved: Moved
     whole: Whole
     left: Array  # (6,): impulses that nothing bears, by the directions
@@ -88,12 +98,16 @@ class _Stepping:
         t = self.flexible.times
         values, forces, momenta = np.zeros((3, len(t), 6)), np.zeros((len(t), 6)), np.zeros((len(t), 6))
         self._begin()
+        inputs = np.zeros((len(self._inertia), len(t)))
         for k in range(len(t)):
             if k:
                 self._advance(k)
             values[:, k], momenta[k] = self._b, self._found
+            inputs[:, k] = self._inertia
             forces[k] = -(self._held + self._whole.springs)
-        return MachineMotion(self._weights.method.step, values, forces, momenta)
+        names = self.flexible.form.system.input_names if self._free.any() else ()
+        by_name = dict(zip([name for name in names if INERTIA in name], inputs, strict=False))
+        return MachineMotion(self._weights.method.step, values, forces, by_name, momenta)
 
     # -- the start
 
@@ -116,7 +130,8 @@ class _Stepping:
         self._b, self._smooth = b.copy(), b[2].copy()
         self._carrier = self.rigid.carrier(0, b)
         self._felt = self._carrier.felt(b[2])
-        self._felt_smooth = self._felt.copy()
+        self._inertia = self.flexible.inputs(0, b)[0][self.flexible.inertial]
+        self._inertia_smooth = self._inertia.copy()
         self._whole = self.rigid.at(0, b, self.flexible.begin(b, states))
         self._forces, self._found = self._whole.forces.copy(), self._whole.momenta
         balanced = self._weights.method.step * self.rigid.balanced(self._whole)
@@ -186,16 +201,25 @@ class _Stepping:
         smooth = w.by_impulse(rates - old[1, free], self._smooth[free])
         b[0, free] = w.moved(old[0, free], old[1, free], self._smooth[free], smooth)
         b[1, free] = rates
-        carrier = self.rigid.carrier(k, b)
+        carrier, which = self.rigid.carrier(k, b), self.flexible.inertial
         if free.any():
-            felt = w.by_impulse(carrier.change(self._carrier), self._felt_smooth)
-            b[2] = carrier.second(w.of_smoothed(felt, self._felt_smooth, self._felt))
-        moved = self.flexible.step(k, b)
+            felt = carrier.change(self._carrier) / w.method.step
+            ends = (k - 1, old, self._carrier), (k, b, carrier)
+            both = [self.flexible.inputs(at, np.vstack([of[:2], on.second(felt)[None]]))[0] for at, of, on in ends]
+            mean = (both[0] + both[1])[which] / 2.0
+            b[2] = carrier.second((3.0 * felt - self._felt) / 2.0 if k > 1 else felt)
+            smooth_inertia = w.by_impulse(w.method.step * mean, self._inertia_smooth)
+            inertia = w.of_smoothed(smooth_inertia, self._inertia_smooth, self._inertia)
+        else:
+            felt, inertia = self._felt, self.flexible.inputs(k, b)[0][which]
+            smooth_inertia = inertia
+        moved = self.flexible.step(k, b, inertia)
         whole = self.rigid.at(k, b, moved)
         given = w.impulse(w.smoothed(whole.forces, self._whole.forces, self._forces), self._forces)
         left = whole.momenta - self._whole.momenta - given
         turned = left[3:] - np.cross((b[0, :3] + old[0, :3]) / 2.0, left[:3])
-        return _Tried(b, carrier, moved, whole, np.append(left[:3], (whole.axes + self._whole.axes).T @ turned / 2.0))
+        inertial = _Inertial(carrier, felt, inertia, smooth_inertia)
+        return _Tried(b, inertial, moved, whole, np.append(left[:3], (whole.axes + self._whole.axes).T @ turned / 2.0))
 
     def _derivative(self, k: int, at: _Tried) -> Array:
         rates, free = at.b[1, self._free], self._free
@@ -223,9 +247,8 @@ class _Stepping:
         w, free = self._weights, self._free
         self.flexible.keep()
         self._smooth[free] = w.by_impulse(b[1, free] - self._b[1, free], self._smooth[free])
-        felt = w.by_impulse(tried.carrier.change(self._carrier), self._felt_smooth)
-        self._felt, self._felt_smooth = w.of_smoothed(felt, self._felt_smooth, self._felt), felt
-        self._carrier = tried.carrier
+        own = tried.inertial
+        self._carrier, self._felt, self._inertia, self._inertia_smooth = own.carrier, own.felt, own.inputs, own.smooth
         self._forces = w.smoothed(whole.forces, self._whole.forces, self._forces)
         self._held = np.where(free, 0.0, self.rigid.needed(k, b, self.flexible.accelerated(tried.moved)))
         # what round-off has left of a step is not carried on into the next one

@@ -33,11 +33,7 @@ class Whole:
 
 @dataclass(frozen=True)
 class Carrier:
-    """How a machine carries its boom: what the boom feels of its velocity and acceleration, in the boom's axes.
-
-    Accelerations are smoothed there: what alternates from step to step in them cancels where the boom adds up two, but
-    would not if the axes turned in between.
-    """
+    """How a machine carries its boom: what the boom feels of its velocity and acceleration, in the boom's axes."""
 
     R: Array  # (3, 3) from the boom's axes to the ground's
     v: Array  # (3,) m/s of the pivot, along the ground's

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +30,7 @@ class Samples:
     step: float  # s
     values: Array  # (3, T): m or rad, with rate and second rate
     force: Array  # (T,) N or N m: what the machine presses with on the ground there
+    inputs: Mapping[str, Array]  # (T,) by the names of those by which the frame accelerates the boom
 
 
 class Found(SignalBase):
@@ -71,6 +73,39 @@ class Found(SignalBase):
         return np.asarray(found * self.unit)
 
 
+class AtSteps(SignalBase):
+    """What an input was at the steps, straight lines in between."""
+
+    samples: SkipValidation[Any]
+    name: str
+
+    def value(self, t: ArrayLike) -> Array:
+        of: Samples = self.samples
+        values = of.inputs[self.name]
+        return np.asarray(np.interp(np.asarray(t, float) / of.step, np.arange(len(values)), values))
+
+    def rate(self, t: ArrayLike) -> Array:
+        of: Samples = self.samples
+        k = np.clip(np.floor(np.asarray(t, float) / of.step + SAME).astype(int), 0, of.values.shape[1] - 2)
+        return np.asarray(np.diff(of.inputs[self.name])[k] / of.step)
+
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        """Of all steps."""
+        values = self.samples.inputs[self.name]
+        return float(values.min()), float(values.max())
+
+
+def found_inputs(scene: Scene) -> dict[str, SignalBase]:
+    """Inputs by which a machine was found to accelerate the boom, by their names; none where it was not.
+
+    Their average over a step is that of the frame.  At its ends alone they are not, for generalized-alpha leaves what
+    alternates from step to step undamped, and that is not to be multiplied with what changes meanwhile.
+    """
+    base = None if scene.frame is None else scene.frame.base
+    samples = base.x.samples if base is not None and isinstance(base.x, Found) else None
+    return {} if samples is None else {name: AtSteps(samples=samples, name=name) for name in samples.inputs}
+
+
 @dataclass(frozen=True)
 class MachineMotion:
     """Of a machine at T steps; directions x, y, z of the pivot in m, roll, pitch and yaw in rad."""
@@ -78,6 +113,7 @@ class MachineMotion:
     step: float  # s
     values: Array  # (3, T, 6), with rates and second rates
     forces: Array  # (T, 6) N and N m: what it presses with on the ground, by springs, dampers and where it is held
+    inputs: Mapping[str, Array]  # (T,) by which it accelerates the boom; none where nothing is free
     momenta: Array  # (T, 6): linear and angular momentum of the whole about the ground's origin, along its axes
 
 
@@ -88,7 +124,7 @@ def in_motion(scene: Scene, found: MachineMotion) -> Scene:
     angle = 1.0 if frame.unit == "rad" else 180.0 / np.pi
     signals: dict[str, Any] = {
         one: Found(
-            samples=Samples(found.step, np.ascontiguousarray(found.values[:, :, k]), found.forces[:, k]),
+            samples=Samples(found.step, np.ascontiguousarray(found.values[:, :, k]), found.forces[:, k], found.inputs),
             unit=1.0 if k < 3 else angle,
         )
         for k, one in enumerate(DIRECTIONS)
