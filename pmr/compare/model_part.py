@@ -46,8 +46,8 @@ KINDS = {"beam": "beam", "tip": "tip", "pad": "pad_force", "cylinder": "cylinder
 DIRECTIONS = ("x", "y", "z")
 #: What is no error of a model: that of another simulator.
 SIMULATOR = "march"
-STRESS = "stress, which pads, loads and corners decide where walls bend"
-IMPACTS = "impacts of pads that land and lift off, which no two models have alike"
+STRESS = "stress, which depends on how walls bend at pads, loads and corners"
+IMPACTS = "impacts of pads that lift off and close again, which differ from model to model"
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def _way_out(result: RunResult, found: Mapping[str, Any]) -> str:
         return ""
     if not any(has_walls_that_could_give(member) for member in members(result.scene)):
         return ""
-    return " A shell's walls give way under pads; with `body.walls = \"give\"` a beam's do so, too."
+    return ' A shell has the compliance of walls under pads; body.walls = "give" adds it to a beam.'
 
 
 def _chosen(found: Mapping[str, Any]) -> str:

@@ -62,7 +62,7 @@ def opening(result: RunResult) -> str:
         where = f"between {plain(low)}{SPACE}m and {plain(high)}{SPACE}m" if high > low else f"at {plain(low)}{SPACE}m"
         sliders = f"{count} sliders support" if count > 1 else "a slider supports"
         what = f"A beam of {plain(end)}{SPACE}m, which {sliders} {where}."
-    return f"{what} It is represented by {model.name}, {model.because}."
+    return f"{what} It is modelled as {model.name}, {model.because}."
 
 
 def estimate(result: RunResult) -> str:

@@ -101,7 +101,7 @@ def represented(result: RunResult) -> Model:
     if (measured := result.summary.get("chosen_model")) is not None:
         return Model(spoken(scene.body.model, scene.body.walls), chosen_by(measured))
     if scene.body.model != "auto":
-        return Model(spoken(scene.body.model, scene.body.walls), "as the scene names it")
+        return Model(spoken(scene.body.model, scene.body.walls), "as the scene asks")
     chosen = choose(member_at(scene))
     return Model(spoken(chosen.model), f"since {'; '.join(chosen.reasons)}")
 

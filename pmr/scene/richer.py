@@ -51,7 +51,10 @@ def coarsely(scene: Scene) -> Scene:
     seconds = FIXED + EACH * sum(rectangles(part, 1.0) for part in shells.sections)
     ask += f", in some {seconds:.0f} s" if seconds < 100.0 else f", in some {seconds / 60.0:.0f} minutes"
     if any(part.body.walls == "give" for part in scene.sections):
-        raise _none("none", f"{ask}: a coarse shell is further off than beams whose walls give way")
+        raise _none(
+            "none",
+            f"{ask}: the coarse shell of the automatic comparison is less accurate than beams whose walls give way",
+        )
     if sum(rectangles(part, COARSE) for part in shells.sections) > SMALL:
         raise _none("none", ask)
     parts = []

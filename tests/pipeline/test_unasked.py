@@ -26,7 +26,7 @@ def scene(*changes: str) -> pmr.scene.Scene:
 def test_a_run_measures_its_model_the_next_one_its_mesh_and_then_both_are_found(tmp_path: Path, monkeypatch) -> None:
     result = pmr.run(scene(), measures=tmp_path).result
     first = result.summary["budget"]
-    assert 'with `body.walls = "give"` a beam\'s do so, too.' in model_error.model(result)
+    assert 'body.walls = "give" adds it to a beam.' in model_error.model(result)
     assert first["model"]["beside"] == "coarse shell" and 0.1 < first["model"]["beam"] < 0.5
     assert first["mesh"] is None and first["mesh_reason"] == model_part.LATER
     second = pmr.run(scene(), measures=tmp_path).result.summary["budget"]

@@ -53,7 +53,7 @@ def test_motion_that_may_be_round_off_alone_is_said_and_not_drawn(boom: RunResul
     "said",
     [
         "A section of 6 m slides through a mouth, beyond which 2 m to 4.5 m of it reach.",
-        "It is represented by a shell, as the scene names it.",
+        "It is modelled as a shell, as the scene asks.",
         "The reduced model has 3 coordinates instead of 17 766, a reduction by 99.98 %",
         "The error of the pad forces is 0.300 %.",
         "The largest von Mises stress is 49.0 MPa, at 0.50 s and (1.50, 0.10, −0.20) m, outer face of bottom; "

@@ -62,7 +62,7 @@ def caption(result: RunResult) -> str:
     low, high = result.scene.path_bounds
     ring = "; the ring is the place of the largest stress" if stressed(result) is not None else ""
     if moving(result) == "mouth":
-        return f"The system, farthest out{'; dashed: its tip farthest in' if high > low else ''}{ring}."
+        return f"The system at its largest extension{'; dashed: the tip at its smallest' if high > low else ''}{ring}."
     return f"The system at the beginning{'; hollow: the other end of the way' if high > low else ''}{ring}."
 
 
