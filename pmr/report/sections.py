@@ -111,8 +111,8 @@ def tip(result: RunResult, prefix: str) -> Block:
         caption, label = captions.tip(result, across(result, direction), what), f"Tip {direction}"
         rows.append((drawing(f"{prefix}-tip-{direction}", histories.history, caption, result, what, label, "m", what),))
         if result.tip_error is not None:
-            inside = "; in it the difference to the full model" if "full" in result.responses else ""
-            said = f"How far off the tip may be {across(result, direction)} by the estimate{inside}."
+            inside = ", with the difference to the full model in it" if "full" in result.responses else ""
+            said = f"Estimated error of the tip, {across(result, direction)}{inside}."
             wide = result.tip_error[:, number]
             rows.append((drawing(f"{prefix}-band-{direction}", histories.band, said, result, what, wide),))
     return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(result, still))
