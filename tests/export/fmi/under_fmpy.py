@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -123,6 +124,39 @@ def cosim(fmu: str) -> Any:
 
 def loop(fmu: str) -> Any:
     """What is read of a crane that a valve raises, (T, 2), the start first."""
+    return raised(fmu, Luffing)
+
+
+def loop_of_two(fmu: str, valve: str) -> Any:
+    """The same, where the valve is a unit, too."""
+    return raised(fmu, lambda angle: Valve(valve, angle[0]))
+
+
+class Valve:
+    """A unit that does what `Luffing` does, from an angle in rad on."""
+
+    def __init__(self, fmu: str, start: float) -> None:
+        folder = str(extract(fmu))
+        said = read_model_description(folder)
+        references = {v.name: v.valueReference for v in said.modelVariables}
+        self._unit, self._time = instantiate_fmu(folder, said, fmi_type="CoSimulation"), 0.0
+        self._given = [references[name] for name in ("tip", "force")]
+        self._told = [v.valueReference for v in said.modelVariables if v.causality == "output"]
+        self._unit.setReal([references["start"]], [start])
+        self._unit.setupExperiment(startTime=0.0)
+        self._unit.enterInitializationMode()
+        self._unit.exitInitializationMode()
+
+    def led_on(self, tip: float, force: float) -> list[float]:
+        """Angle and its rates of order one to three in the next step."""
+        self._unit.setReal(self._given, [tip, force])
+        self._unit.doStep(currentCommunicationPoint=self._time, communicationStepSize=STEP)
+        self._time += STEP
+        return list(self._unit.getReal(self._told))
+
+
+def raised(fmu: str, raising: Callable[[list[float]], Any]) -> Any:
+    """What is read of a crane under what `raising` makes of its angle and rates at the start."""
     folder = str(extract(fmu))
     said = read_model_description(folder)
     references = {v.name: v.valueReference for v in said.modelVariables}
@@ -133,7 +167,7 @@ def loop(fmu: str) -> Any:
     model.setFloat64(step, [STEP])
     model.enterInitializationMode(startTime=0.0)
     model.exitInitializationMode()
-    luffing, found = Luffing([float(model.getFloat64(driven[:1])[0]), 0.0, 0.0]), [model.getFloat64(seen)]
+    luffing, found = raising([float(model.getFloat64(driven[:1])[0]), 0.0, 0.0]), [model.getFloat64(seen)]
     for k in range(STEPS):
         model.setFloat64(driven, luffing.led_on(*found[-1]))
         model.doStep(currentCommunicationPoint=k * STEP, communicationStepSize=STEP)
@@ -154,11 +188,7 @@ def symbols(fmu: str) -> Any:
     return found
 
 
+KINDS = {one.__name__: one for one in (validate, steps, cvode, cosim, loop, loop_of_two, symbols)}
+
 if __name__ == "__main__":
-    print(
-        json.dumps(
-            {"validate": validate, "steps": steps, "cvode": cvode, "cosim": cosim, "loop": loop, "symbols": symbols}[
-                sys.argv[1]
-            ](*sys.argv[2:])
-        )
-    )
+    print(json.dumps(KINDS[sys.argv[1]](*sys.argv[2:])))
