@@ -167,8 +167,8 @@ class Box(BoxProfile):
 
     def profile_at(self, x: float) -> BoxProfile:
         """At a place along x; where something begins, what begins."""
-        stretches = self.stretches
-        return next((one for one in stretches if x < one.end), stretches[-1]).at(x)
+        pairs = list(pairwise(self.breaks))
+        return self._stretch(*next((pair for pair in pairs if x < pair[1]), pairs[-1])).at(x)
 
     @property
     def _tapers(self) -> dict[str, Taper]:

@@ -34,6 +34,7 @@ def integral(box: Box, of) -> float:
     return total
 
 
+@pytest.mark.slow
 def test_a_tapered_cantilever_bends_as_the_integral_of_its_flexibility_to_the_second_order() -> None:
     """Twice as many elements leave a quarter of the error, of bending, twist, stretching and shear."""
     box = Box(**WEDGE, tip_taper=TIP)
@@ -56,6 +57,7 @@ def test_a_tapered_cantilever_bends_as_the_integral_of_its_flexibility_to_the_se
         assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_wedge_of_one_wall_is_the_textbooks() -> None:
     """Thin walls, all but the height constant: I = t h^2 (h / 6 + b / 2), of a height that is linear in x."""
     b, h, t = 0.3, 0.4, 1e-6
@@ -67,6 +69,7 @@ def test_the_wedge_of_one_wall_is_the_textbooks() -> None:
     assert answers(beam(box, elements=60))[2, 2] == pytest.approx(exact, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wall", [0.008, LEANING])
 def test_the_mass_of_a_tapered_beam_is_exact_on_any_mesh(wall) -> None:
     box = Box(
@@ -96,6 +99,7 @@ def test_stress_is_that_of_the_profile_where_it_is() -> None:
         assert found == pytest.approx(z / section_of(profile, 0.3).second_moment_y, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [(), (1.0, 4.5)])
 @pytest.mark.parametrize("radius", [0.0, 0.03])
 def test_a_tapered_shell_is_where_its_walls_are(radius: float, frames, tmp_path: Path) -> None:
