@@ -5,7 +5,7 @@ r"""What the mesh leaves out: the same reduced motion on a mesh with shorter cel
 with cells c times as short.  Second order is less than what beams without shear and solids converge with, whose part is
 thus taken to be larger than it is.
 
-Where nobody asks, walls are compared with those of cells twice as long, whose reduction takes a third of the run's own
+Where nobody asks, walls are compared with those of cells twice as long, whose reduction takes half of the run's own
 or less:
 
 .. math:: e_{mesh} \approx \frac{\lVert y_{2 l} - y_l \rVert}{2^p - 1}, \qquad p = 1
