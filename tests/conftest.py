@@ -37,9 +37,9 @@ FENICSX = (
     *("convergence", "fem", "fullmodel", "mesh", "models", "reduction", "simulation/petsc"),
     "test_random_structures.py",
 )
-#: Ranks of this run, and what a file with tests for several of them says.
+#: Ranks of this run, and what files say that have tests for several of them, and for several kernels.
 RANKS = int(os.environ.get("OMPI_COMM_WORLD_SIZE", os.environ.get("PMI_SIZE", "1")))
-FOR_RANKS = "pytest.mark.mpi"
+FOR_RANKS, FOR_KERNELS = "pytest.mark.mpi", "pytest.mark.numerical"
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
@@ -61,18 +61,29 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         MPI.COMM_WORLD.Abort(1)
 
 
-def pytest_ignore_collect(collection_path: Path) -> bool | None:
-    """Of several ranks each would read and import all files, for the sake of the few that have tests for them."""
-    is_test = RANKS > 1 and collection_path.name.startswith("test_") and collection_path.suffix == ".py"
-    return True if is_test and FOR_RANKS not in collection_path.read_text() else None
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """What runs a part of the tests would read and import all files for the sake of a few."""
+    if not (collection_path.name.startswith("test_") and collection_path.suffix == ".py"):
+        return None
+    if RANKS > 1:
+        return True if FOR_RANKS not in collection_path.read_text() else None
+    if config.option.markexpr == "numerical" and not is_numerical(collection_path):
+        return True if FOR_KERNELS not in collection_path.read_text() else None
+    return None
+
+
+def is_numerical(file: Path) -> bool:
+    """Whether BLAS and LAPACK have a hand in what is compared there."""
+    return file.is_relative_to(TESTS) and file.relative_to(TESTS).as_posix().startswith(NUMERICAL)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if item.get_closest_marker("mpi") and FOR_RANKS not in item.path.read_text():
-            raise pytest.UsageError(f"{item.nodeid}: on ranks only files are read that say {FOR_RANKS}")
+        for mark in (FOR_RANKS, FOR_KERNELS):
+            if item.get_closest_marker(mark.rpartition(".")[2]) and mark not in item.path.read_text():
+                raise pytest.UsageError(f"{item.nodeid}: where it is to run only files are read that say {mark}")
         file, slow = item.path.relative_to(TESTS).as_posix(), item.get_closest_marker("slow") is not None
-        if file.startswith(NUMERICAL) and not slow:
+        if is_numerical(item.path) and not slow:
             item.add_marker(pytest.mark.numerical)
         if file.startswith(FENICSX) or not slow:
             item.add_marker(pytest.mark.stack)
