@@ -169,14 +169,14 @@ test-numerical-%: setup
 .venv-snakemake/.ready: requirements/snakemake.txt
 	@echo "installing Snakemake into .venv-snakemake"
 	@/usr/bin/python3 -m venv .venv-snakemake
-	@.venv-snakemake/bin/python -m pip install -q -r requirements/snakemake.txt
+	@.venv-snakemake/bin/python -m pip install -q --no-compile -r requirements/snakemake.txt
 	@touch $@
 
 # Only the tests of FMUs want it.
 .venv-fmi/.ready: requirements/fmi.txt
 	@echo "installing FMPy into .venv-fmi"
 	@/usr/bin/python3 -m venv .venv-fmi
-	@.venv-fmi/bin/python -m pip install -q -r requirements/fmi.txt
+	@.venv-fmi/bin/python -m pip install -q --no-compile -r requirements/fmi.txt
 	@touch $@
 
 .PHONY: test-fast
@@ -216,7 +216,7 @@ python312:
 	@echo "installing Python packages into .venv-wheel"
 	@"$(PYTHON312)" -m venv .venv-wheel
 	$(call pinned,.venv-wheel,wheel)
-	@.venv-wheel/bin/python -m pip install -q -r requirements/wheel.txt
+	@.venv-wheel/bin/python -m pip install -q --no-compile -r requirements/wheel.txt
 	@.venv-wheel/bin/python -m pip install -q --no-deps --no-build-isolation -e .
 	@touch $@
 
