@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import UNDRAWN, undrawn
+from processes import UNDRAWN, called, undrawn
 
 from pmr.files.swap import finished
 from pmr.reduced.model import ReducedModel
@@ -77,7 +77,8 @@ def old(tmp_path_factory: pytest.TempPathFactory) -> Old:
 
 
 @pytest.mark.slow
-def test_a_run_may_be_killed_at_any_time(old: Old, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_a_run_may_be_killed_at_any_time(old: Old, tmp_path: Path, monkeypatch, capsys) -> None:
     rng = np.random.default_rng(19)
     before, outcomes = digests(old.folder), []
     for k in KILLS:
@@ -98,7 +99,7 @@ def test_a_run_may_be_killed_at_any_time(old: Old, tmp_path: Path) -> None:
         assert found in ({OLD}, {NEW})
         if found == {OLD}:
             assert {name: value for name, value in digests(folder).items() if "checkpoint" not in name} == before
-        ran(folder, NEW)
+        assert called(monkeypatch, capsys, *command(folder, NEW)).returncode == 0
         assert coordinates(folder) == {NEW}
         left = {path.name for path in folder.iterdir()}
         assert left == {path.name for path in old.folder.iterdir()}  # no rest, and the notes

@@ -128,13 +128,16 @@ def test_bad_input_is_said_once_on_several_ranks() -> None:
 
 
 @pytest.mark.slow
-def test_killed_and_started_again_it_makes_the_same_table(small: Path, done: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_killed_and_started_again_it_makes_the_same_table(
+    small: Path, done: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
     arguments, count = ["study", str(small), "--out", str(tmp_path), "--jobs", "1"], 5
     child = subprocess.Popen([sys.executable, HELD, str(count), *arguments])
     wait_until(lambda: len(list(tmp_path.glob("tasks/*.npz"))) == count, child)
     child.kill()
     child.wait()
-    again = undrawn(*arguments)
+    again = called(monkeypatch, capsys, *arguments)
     assert again.returncode == 0, again.stderr
     assert int(again.stdout.split(";")[1].split()[0]) <= 9 - count
     assert tables(tmp_path) == tables(done)
