@@ -164,6 +164,8 @@ def _along_the_box(member: Member, box: Box) -> None:
         raise refusal("body.model", model, f"{' and '.join(VARYING)} are allowed with {key}")
     if box.varying and member.part.body.section is not None:
         raise refusal("body.section", None, f"none is allowed with {key}, which says what the section is")
+    if box.frames and model == "beam2d":  # inherited ones too: their mass would be missing
+        raise refusal("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
     if box.frames and model == "beam3d":
         _frames(box)
 

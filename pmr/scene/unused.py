@@ -27,7 +27,7 @@ UNUSED = {
 #: What a beam has a use for nevertheless that is pressed on, or compared with, as a shell.
 OF_WALLS = ("mesh.size", "mesh.along", "body.shear_correction")
 #: What a box loses as a planar beam: geometry, whoever wrote it.
-STIFFENERS = ("body.box.frames", "body.box.frame_depth", "body.box.frame_thickness")
+STIFFENERS = ("body.box.frame_depth", "body.box.frame_thickness")
 #: What only the POD of eigenmodes looks at.
 POOLED = ("reduction.snapshots", "reduction.modes", "reduction.positions")
 

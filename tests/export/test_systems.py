@@ -162,5 +162,5 @@ def test_two_pads_in_one_place_are_refused_with_the_place(system: System) -> Non
         for k, one in enumerate(system.contacts[:1] * 2)
     ]
     doubled = replace(system, contacts=(*system.contacts, *two))
-    with pytest.raises(SimulationError, match="middle at 1 m, fly at 3 m: the rows .*pad 0, pad 1"):
+    with pytest.raises(SimulationError, match="middle at 1 m, fly at 3 m: the forces of .*pad 1 are not determined"):
         state_space(doubled, at(0), "system.npz")

@@ -27,7 +27,7 @@ REFUSED = [
     ("paper_simple", "body.material.young=7e10", "body.material: leave it out: a profile holds stiffness"),
     ("paper_simple", "observe.count=5", "observe.count: leave it out"),
     ("boom_three", "sections.fly.mesh.size=0.1", r"sections\[2\].mesh.size: leave it out: it has no effect on beam2d"),
-    ("boom_three", "sections.fly.body.box.frames=[3.0]", r"sections\[2\].body.box.frames: leave it out"),
+    ("boom_three", "sections.fly.body.box.frame_depth=0.1", r"sections\[2\].body.box.frame_depth: leave it out"),
     ("boom_three", "sections.fly.joint.ratio=2.0", r"sections\[2\].joint.ratio: leave it out: fly follows no other"),
     ("boom_three", "sections.fly.joint.tail.0.shear_stiffness=1e7", r"sections\[2\].joint.tail.0.shear_stiffness:"),
 ]  # fmt: skip
@@ -40,10 +40,16 @@ def test_a_key_without_effect_is_refused_in_one_line(name: str, change: str, say
     assert "\n" not in str(refused.value)
 
 
+def test_frames_that_a_planar_beam_inherits_are_refused_for_their_mass() -> None:
+    with pytest.raises(InputError, match=r"sections\[0\].body.model = 'beam2d': beam3d and shell are allowed with"):
+        scenes.load_any(WORKFLOWS / "boom_three.toml", ["section.body.box.frames=[3.0]"])
+    assert scenes.load_any(WORKFLOWS / "boom_three.toml", ["section.body.box.frames=[]"])
+
+
 def test_what_is_taken_over_may_be_of_use_to_others(tmp_path: Path) -> None:
     """A shell's scene with a beam in its place, sections that share what some have no use for; not one's own file."""
     assert scenes.load_any(WORKFLOWS / "boom_shell.toml", ["body.model=beam3d"])
-    assert scenes.load_any(WORKFLOWS / "boom_three.toml", ["section.mesh.size=0.1", "section.body.box.frames=[3.0]"])
+    assert scenes.load_any(WORKFLOWS / "boom_three.toml", ["section.mesh.size=0.1", "section.body.box.frame_depth=0.1"])
     assert scenes.load_any(WORKFLOWS / "boom_three_shell.toml", ["sections.base.body.model=beam3d"])
     own = tmp_path / "scene.toml"
     own.write_text('extends = "boom_shell"\nbody.model = "beam3d"')

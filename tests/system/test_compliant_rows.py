@@ -58,7 +58,7 @@ def test_pads_alone_are_springs() -> None:
 
 
 def test_a_slider_on_a_support_is_refused_with_its_place(model: ReducedModel) -> None:
-    with pytest.raises(SimulationError, match=r"slider at 0 m: the rows slider 0, slider 0.8 can't tell"):
+    with pytest.raises(SimulationError, match=r"slider at 0 m: the forces of the rows slider 0, slider 0.8 are"):
         CompliantRows(model).system(np.array([0.5, 0.0]))
     assert np.isfinite(CompliantRows(model).system(np.array([1e-5]))).all()  # beside it they can
 
