@@ -10,7 +10,6 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.errors import SimulationError
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation.excitation import Excitation, rates_of_places
@@ -19,11 +18,12 @@ from pmr.simulation.moving import AXES, OF_BASE, MovingFrame
 from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import ROW, V, Z
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.handles import Handle, entry_of
 from pmr.simulation.native.march import March
-from pmr.simulation.native.part import step_observed
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import side_outputs
-from pmr.simulation.native.start import Onset, begin, reason
+from pmr.simulation.native.start import Onset, begin, places_of
+from pmr.simulation.native.stepped import step_observed, step_of
 from pmr.simulation.start import InitialState
 from pmr.system.assembly import Assembly
 from pmr.system.statics import equilibrium
@@ -59,6 +59,10 @@ class Flexible:
         outputs = range(len(system.output_names))
         self._seen = side_outputs(self.form) if on_tables is None else tables.outputs(on_tables, outputs)
         self._y, self._modes = np.zeros(len(outputs)), loop.state.modes
+        c = self._march.mixed(np.zeros(len(system.term_names))) if system.terms else None
+        sizes = self._march.s.shape[1], len(system.input_names), None if c is None else len(c)
+        self._start, self._step = (step_of(loop, self._seen, self._y, parts, sizes) for parts in (0, 1))
+        self._advance = entry_of(step_observed, self._step)
         blocks = [one.X[self.assembly.free[name]] for name, one in self.form.forms.items()]
         self._of_modes = np.zeros((self.assembly.size, self._modes.shape[1]))
         self._of_modes[:, self.form.used] = scipy.linalg.block_diag(*blocks)
@@ -118,6 +122,10 @@ class Flexible:
         mixed = march.mixed(c) if len(c) else np.zeros(0)
         onset = Onset(tuple(excitation.paths), march.s[0], x, rates, np.ravel(places), f, states, mixed)
         begin(march.loop, self.form, self.method, onset)
+        self._drive(self._start, 0, f, c)
+        failed = self._advance(self._start)
+        if failed:
+            raise march.failed(failed, f"t = 0 s{places_of(tuple(excitation.paths), march.s[0])}")
         self.keep()
         return self.accelerated(self._moved(f))
 
@@ -142,13 +150,18 @@ class Flexible:
             one[...] = kept
         f, c = self.inputs(k, base)
         f[self.inertial] = inertia
-        loop, march = self._march.loop, self._march
-        mixed = march.mixed(c) if len(c) else None
-        failed = step_observed(loop, march.scheme, self._seen, march.s[k].copy(), f, mixed, self._y)
+        self._drive(self._step, k, f, c)
+        failed = self._advance(self._step)
         if failed:
-            why = reason(self.form.modal, self._modes[ROW:], failed)
-            raise SimulationError(f"march failed at step {k}, t = {self.times[k]:g} s: {why}")
+            raise self._march.failed(failed, f"step {k}, t = {self.times[k]:g} s")
         return self._moved(f)
+
+    def _drive(self, stepped: Handle, k: int, f: Array, c: Array) -> None:
+        """To step k, with inputs f (i,) and amplitudes c (K,) of terms there."""
+        drive = stepped.kept[0].drive
+        drive.s[-1], drive.f[-1] = self._march.s[k], f
+        if drive.c is not None:
+            drive.c[-1] = self._march.mixed(c)
 
     def _moved(self, f: Array) -> Moved:
         return Moved(self._of_modes @ self._modes[Z], self._of_modes @ self._modes[V], f)

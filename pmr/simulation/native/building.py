@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from pmr.reduced.model import ReducedModel
 from pmr.simulation import contact_step
-from pmr.simulation.native.arrays import Z_NEXT, Scheme, State, Tables, V
+from pmr.simulation.native.arrays import Z_NEXT, Divided, Scheme, State, Tables, V
 from pmr.simulation.native.contact import contact
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.handles import words_of
 from pmr.simulation.native.levels import Control, Levels
 from pmr.simulation.native.part import Loop
 from pmr.simulation.native.quasi_static import quasi_static
@@ -42,19 +43,22 @@ def loop_of(
     of_levels = [] if body is None else [_tables(form, body, scheme) for scheme in schemes]
     constants = bodies(form, paths) if body is None else None
     state = form.state(schemes[0], contact(system.clearance, methods[0].memory()), shares(body))
-    whole = tuple(parts) == (1,)
-    return Loop(
+    loop = Loop(
         modes=form.modes,
         divided=form.divided(schemes[0]),
+        scheme=schemes[0],
         tables=None if body is None else of_levels[0]._replace(constant_rows=min(t.constant_rows for t in of_levels)),
         bodies=constants,
         sides=None if constants is None else sides(constants, len(paths)),
         state=state,
-        levels=None if whole else _levels(form, methods, parts, of_levels),
-        control=None if whole else _control(state, omega),
+        levels=None,
+        control=None,
         terms=terms(form, of_terms, paths),
         quasi_static=quasi_static(form),
     )
+    if tuple(parts) == (1,):
+        return loop
+    return _on_levels(loop._replace(control=_control(state, omega)), form, methods, parts, of_levels)
 
 
 def _tables(form: SystemForm, body: ReducedModel, scheme: Scheme) -> Tables:
@@ -64,21 +68,38 @@ def _tables(form: SystemForm, body: ReducedModel, scheme: Scheme) -> Tables:
     return form.tables[scheme]
 
 
-def _levels(
-    form: SystemForm, methods: Sequence[GeneralizedAlpha], parts: Sequence[int], tables: Sequence[Tables]
-) -> Levels:
+def _on_levels(
+    loop: Loop,
+    form: SystemForm,
+    methods: Sequence[GeneralizedAlpha],
+    parts: Sequence[int],
+    of_levels: Sequence[Tables],
+) -> Loop:
+    """With levels, each of which has a loop of its own that differs in constants alone."""
     schemes = [method.scheme() for method in methods]
     divided = [form.divided(scheme) for scheme in schemes]
-    couplings = np.array([one.couplings for one in tables]) if tables else np.zeros((len(schemes), 0, 0, 0, 0))
-    return Levels(
+    couplings = np.array([one.couplings for one in of_levels]) if of_levels else np.zeros((len(schemes), 0, 0, 0, 0))
+    levels = Levels(
         parts=np.array(parts, np.int64),
-        schemes=np.array(schemes),
-        memories=np.array([method.memory() for method in methods]),
+        loops=np.zeros((len(parts), 0), np.int64),
         modes=aligned(np.array([form.constant_modes(scheme) for scheme in schemes])),
         B=aligned(np.array([one.B for one in divided])),
         damped=aligned(np.array([one.damped for one in divided])),
         couplings=aligned(couplings),
     )
+    size = len(words_of(loop._replace(levels=levels)))
+    levels = levels._replace(loops=np.zeros((len(parts), size), np.int64))
+    loop, contact = loop._replace(levels=levels), loop.state.contact
+    assert contact is not None  # as all steps are whole where no contacts only push
+    for k, (method, scheme) in enumerate(zip(methods, schemes, strict=True)):
+        own = loop._replace(
+            divided=Divided(levels.B[k], levels.damped[k]),
+            scheme=scheme,
+            tables=None if loop.tables is None else loop.tables._replace(couplings=levels.couplings[k]),
+            state=loop.state._replace(contact=contact._replace(memory=method.memory())),
+        )
+        levels.loops[k] = words_of(own)
+    return loop
 
 
 def _control(state: State, omega: float) -> Control:

@@ -47,6 +47,16 @@ class _Part(JITCodeLibrary):
         """Nothing: what can't raise or print needs none."""
 
 
+class _Called(_Part):
+    """That of a function that stands in others once, however often it is called."""
+
+    def add_ir_module(self, module: Any) -> None:
+        for function in module.functions:
+            if not function.is_declaration and "alwaysinline" not in function.attributes:
+                function.attributes.add("noinline")
+        super().add_ir_module(module)
+
+
 class _WholeCompiler(Compiler):
     """Numba's, for what Python calls; what it makes of all parts is there until the end anyway."""
 
@@ -63,16 +73,30 @@ class _PartCompiler(Compiler):
         return super().compile_extra(function)
 
 
+class _CalledCompiler(Compiler):
+    """Numba's, for a function that others call."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        self.state.library = _Called(self.state.targetctx.codegen(), function.__qualname__)
+        return super().compile_extra(function)
+
+
 #: For functions that are parts of others: a call would copy the headers of all arrays.  Python can't call them: what it
 #: would call takes a third of the time in which they are compiled.
 inlined = njit(
     pipeline_class=_PartCompiler, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS
 )
 
+#: The same for parts that are long and stand in several places: one argument or two (`pmr.simulation.native.handles`)
+#: are handed over in no time, and what is there once is compiled once.
+called = njit(
+    pipeline_class=_CalledCompiler, forceinline=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS
+)
+
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile on the first call and keep the result on disk, as ``njit(cache=True)``."""
-    return _whole(function)
+    return _whole(function, forceinline=False)
 
 
 def compiled_and_inlined(function: Callable[..., Any]) -> Any:

@@ -38,7 +38,7 @@ from pmr.simulation.native.arrays import (
     Scheme,
     State,
 )
-from pmr.simulation.native.compilation import compiled_and_inlined, inlined
+from pmr.simulation.native.compilation import compiled, inlined
 from pmr.simulation.native.rows import factorise, held, solve
 from pmr.simulation.native.simd import LANES, load, store
 
@@ -81,7 +81,7 @@ def contact(clearance: Array, memory: Memory) -> Contact | None:
     )
 
 
-@compiled_and_inlined
+@compiled
 def settle(contact: Contact, matrix: Array, factor: Array, multipliers: Array) -> int:
     """Multipliers (m,) instead of the motion beyond which the rows hold, with the lower half of A (m, w >= m).
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import ROW, Modes, State, V, Z
-from pmr.simulation.native.compilation import compiled_and_inlined, inlined
+from pmr.simulation.native.compilation import called, inlined
 from pmr.simulation.native.side_arrays import Bodies, Sides
 from pmr.simulation.native.sides import press
 from pmr.simulation.native.simd import LANES, entry, load, spread, store, total
@@ -27,7 +27,7 @@ from pmr.simulation.native.simd import LANES, entry, load, spread, store, total
 Array = NDArray[np.float64]
 
 
-@compiled_and_inlined
+@called
 def account(modes: Modes, bodies: Bodies, state: State, sides: Sides) -> None:
     """Energy of the present state under the loads of `press`, and the work done since the last call."""
     z, v, old_z = state.modes[Z], state.modes[V], sides.old_z
@@ -95,7 +95,7 @@ def _turned(bodies: Bodies, state: State, sides: Sides, k: int) -> Any:
     return turned
 
 
-@inlined
+@called
 def keep(modes: Modes, bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
     """For the next step."""
     press(modes, bodies, state, sides, f)

@@ -27,16 +27,13 @@ from pmr.simulation.native.arrays import (
     Z_FREE,
     Z_NEXT,
     Contact,
-    Divided,
-    Memory,
     Modes,
     Scheme,
     State,
-    Tables,
     V,
     Z,
 )
-from pmr.simulation.native.compilation import inlined
+from pmr.simulation.native.compilation import called, inlined
 from pmr.simulation.native.rows import dot, dot_held, held, of_body, solve
 from pmr.simulation.native.simd import LANES, load, store
 from pmr.simulation.native.terms import add
@@ -46,11 +43,10 @@ Indices = NDArray[np.int64]
 
 
 class Levels(NamedTuple):
-    """Constants of steps of L lengths."""
+    """Constants of steps of L lengths; those that only `loops` refer to are kept alive here."""
 
     parts: Indices  # (L,): of how many such a step is made
-    schemes: Array  # (L, 9): `Scheme`
-    memories: Array  # (L, 7): `Memory`
+    loops: Indices  # (L, words): the `Loop` of each (`pmr.simulation.native.handles`), with constants of its own
     modes: Array  # (L, 4, r'): STIFFNESS, DAMPING, UNIT and INPUT
     B: Array  # (L, i, r'): `Divided`
     damped: Array  # (L, 3, r', r') or (L, 0, 0, 0)
@@ -73,51 +69,7 @@ class Control(NamedTuple):
     force: Array  # (m,): likewise
 
 
-@inlined
-def scheme_of(levels: Levels, level: int) -> Scheme:
-    """Factors of a part on a level."""
-    c = levels.schemes[level]
-    return Scheme(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8])
-
-
-@inlined
-def divided_of(levels: Levels, level: int) -> Divided:
-    """What a part on a level needs divided by S."""
-    return Divided(levels.B[level], levels.damped[level])
-
-
-@inlined
-def tables_of(tables: Tables | None, levels: Levels, level: int) -> Tables | None:
-    """With the couplings of a part on a level."""
-    if tables is None:
-        return tables  # with `None` all that is called with it would be compiled once more, for tables or none
-    return Tables(tables.breaks, tables.rows, levels.couplings[level], tables.constant_rows)
-
-
-@inlined
-def contact_of(contact: Contact | None, levels: Levels, level: int) -> Contact | None:
-    """With what a force leaves on a level for the next part."""
-    if contact is None:
-        return contact
-    c = levels.memories[level]
-    return Contact(
-        Memory(c[0], c[1], c[2], c[3], c[4], c[5], c[6]),
-        contact.pushes,
-        contact.clearance,
-        contact.closed,
-        contact.wrong,
-        contact.factored,
-        contact.numbers,
-        contact.excess,
-        contact.entries,
-        contact.force,
-        contact.share,
-        contact.impulse,
-        contact.reach,
-    )
-
-
-@inlined
+@called
 def mark(contact: Contact, state: State, control: Control) -> None:
     """Note where a step begins."""
     if control.active[0] >= 0:  # where it was taken back already, this is known
@@ -130,7 +82,7 @@ def mark(contact: Contact, state: State, control: Control) -> None:
         control.began_forces[1, k], control.began_forces[2, k] = contact.force[k], contact.share[k]
 
 
-@inlined
+@called
 def take_back(contact: Contact, state: State, control: Control) -> None:
     """Return to where the step began."""
     for row in range(Z_NEXT, V + 1):
@@ -151,32 +103,32 @@ def turn_to(levels: Levels, level: int, state: State, control: Control) -> None:
     control.active[0], state.position[0] = level, np.nan
 
 
-@inlined
+@called
 def predict(
-    modes: Modes, levels: Levels, level: int, terms: Any, contact: Contact, state: State, control: Control, f: Array
+    modes: Modes, scheme: Scheme, level: int, terms: Any, contact: Contact, state: State, control: Control, f: Array
 ) -> None:
     """The prediction of the first part on a level, under loads f (i,), and what the forces leave for it.
 
     The prediction stays where a step that was taken back is made on the level of the one before after all.
     """
-    of_modes, c, scheme = state.modes, levels.memories[level], scheme_of(levels, level)
+    of_modes, c = state.modes, contact.memory
     accelerate(modes, terms, state, f, control.acceleration[0])
     if level == control.came[0]:
         return
     for n in range(0, of_modes.shape[1], LANES):
         given = load(control.acceleration[0], n)
-        z = load(of_modes[Z], n) + load(of_modes[V], n) * scheme.z_from_v + given * (c[5] + c[6])
-        v = load(of_modes[V], n) + given * (c[3] + c[4])
+        z = load(of_modes[Z], n) + load(of_modes[V], n) * scheme.z_from_v + given * (c.z_from_force + c.z_from_share)
+        v = load(of_modes[V], n) + given * (c.v_from_force + c.v_from_share)
         store(of_modes[Z_NEXT], n, z)
         store(of_modes[V_NEXT], n, v)
-        store(of_modes[A_NEXT], n, given * (c[1] + c[2]))
+        store(of_modes[A_NEXT], n, given * (c.a_from_force + c.a_from_share))
         held = load(of_modes[STIFFNESS], n) * z + load(of_modes[DAMPING], n) * v
         store(of_modes[Z_FREE], n, z - held * scheme.z_gain)
     for k in range(len(state.multipliers)):
         contact.force[k] = contact.share[k] = state.multipliers[k]
 
 
-@inlined
+@called
 def accelerate(modes: Modes, terms: Any, state: State, f: Array, a: Array) -> None:
     """Accelerations (r',) of the modes in the present state under loads f (i,)."""
     v, diagonal = state.modes[V], len(modes.damping) == 1
@@ -227,7 +179,7 @@ def note(contact: Contact, state: State, control: Control) -> None:
         control.closed[k], control.force[k] = contact.closed[k], state.multipliers[k]
 
 
-@inlined
+@called
 def missed(
     modes: Modes, terms: Any, contact: Contact, state: State, control: Control, scheme: Scheme, f: Array
 ) -> float:

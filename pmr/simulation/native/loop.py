@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.arrays import Contact, Drive, Record, Scheme, V, Z
+from pmr.simulation.native.arrays import Contact, Drive, Record, V, Z
 from pmr.simulation.native.compilation import compiled, inlined
 from pmr.simulation.native.contact import begin_impulses
-from pmr.simulation.native.part import Loop, make_part
+from pmr.simulation.native.part import Loop, make_part, start_sides
 from pmr.simulation.native.parts import step_in_parts
 from pmr.simulation.native.step import FINISHED
 from pmr.simulation.native.terms import WORK
@@ -30,21 +30,24 @@ Indices = NDArray[np.int64]
 
 
 @compiled
-def run(loop: Loop, scheme: Scheme, drive: Drive, record: Record, every: int, begun: int) -> tuple[int, int]:
+def run(loop: Loop, drive: Drive, record: Record, every: int, begun: int) -> tuple[int, int]:
     """Take `every` as many steps as `record` has room for; how many it were, and 0 or what stopped them.
 
     The first `begun` of them have been taken, and `drive` may end before the others do.  It is COARSE where the next
-    step is made in more parts than `drive` has samples of: the state is that before it.  The `scheme` is that of whole
-    steps.  Recorded is each `every`-th step.
+    step is made in more parts than `drive` has samples of: the state is that before it.  Recorded is
+    each `every`-th step.
     """
+    failed = start_sides(loop.sides, loop, drive.s[0], drive.f[0])
+    if failed:
+        return begun, failed
     row, until = np.int64(begun // every), every - begun % every
     steps = min(every * len(record.multipliers), begun + (len(drive.s) - 1) // drive.per)
-    for step in range(begun, steps):
-        n = step - begun
+    for number in range(begun, steps):
+        n = number - begun
         begin_impulses(loop.state.contact)
-        failed = _step(loop.levels, loop, scheme, drive, n, record.peaks, row)
+        failed = step(loop.levels, loop, drive, n, record.peaks, row)
         if failed:
-            return step, failed
+            return number, failed
         until -= 1
         if until == 0:
             _record(loop, record, row)
@@ -53,10 +56,10 @@ def run(loop: Loop, scheme: Scheme, drive: Drive, record: Record, every: int, be
 
 
 @inlined
-def _step(levels: Any, loop: Loop, scheme: Scheme, drive: Drive, n: int, peaks: Any, row: int) -> int:
+def step(levels: Any, loop: Loop, drive: Drive, n: int, peaks: Any, row: int) -> int:
     """Step number n, whole or in parts; as `advance` returns."""
     if levels is None:  # decided when compiled
-        return make_part(loop, scheme, drive.s[n + 1], drive.f[n + 1], _at(drive.c, n + 1))
+        return make_part(loop, drive.s[n + 1], drive.f[n + 1], _at(drive.c, n + 1))
     reach = slice(n * drive.per, (n + 1) * drive.per + 1)
     return step_in_parts(loop, drive.given[n], drive.s[reach], drive.f[reach], _at(drive.c, reach), peaks[row])
 

@@ -18,6 +18,7 @@ from pmr.simulation.native import loop as kernel
 from pmr.simulation.native.arrays import ROW, Drive, Record, V, Z
 from pmr.simulation.native.building import loop_of
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.handles import handle
 from pmr.simulation.native.part import Loop
 from pmr.simulation.native.parts import COARSE
 from pmr.simulation.native.scheme import GeneralizedAlpha
@@ -95,7 +96,6 @@ class March:
         self._fine_step = stepping.divided(self.finest).step
         self._drive = s, f, c = self._sampled(0, stepping.steps, 1)
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
-        self.scheme = methods[0].scheme()
         x = places(form.modal, excitation)
         rigid = np.all(Assembly(form.modal).at(x[0]).F == 0.0, axis=1)
         needs = needs_of(form.modal, rigid, x, stepping.rho_inf)
@@ -149,6 +149,20 @@ class March:
         friction = None if self._friction is None else self.friction
         return self.form.forces(self.loop.state.multipliers.copy(), friction)
 
+    @property
+    def loop(self) -> Loop:
+        """The simulation, and where it stands."""
+        return self._handle.kept[0]
+
+    @loop.setter
+    def loop(self, loop: Loop) -> None:
+        self._handle = handle(loop)
+
+    def failed(self, number: int, where: str) -> SimulationError:
+        """Why the compiled loop stopped, from what it returned."""
+        why = reason(self.form.modal, self.loop.state.modes[ROW:], number)
+        return SimulationError(f"march failed at {where}: {why}")
+
     def run(self, take: Callable[[Steps], None], progress: Progress | None = None) -> Ended:
         """Take all steps; `take` gets some of them at a time.
 
@@ -180,6 +194,8 @@ class March:
 
         def advance(first: int, last: int) -> None:
             self._take((first - 1) * every + 1, some(room, slice(1, last - first + 1)), every)
+            if last == 1 and room.energy is not None:  # that of the start, which the loop finds
+                room.energy[:] = self.loop.sides.energy
 
         def taken(first: int, last: int) -> None:
             rows = some(room, slice(last - first + 1))
@@ -200,17 +216,16 @@ class March:
 
     def _take(self, first: int, rows: Record, every: int) -> None:
         """Take steps from number `first` on, as many as there is room for."""
-        count, taken, loop = every * len(rows.multipliers), 0, self.loop
+        count, taken = every * len(rows.multipliers), 0
         while True:  # once where no step is taken, too: so it is compiled before the clock runs
             begun, per = first - 1 + taken, self._parts_of(first - 1 + taken)
             end = first - 1 + (count if per == 1 else min(count, taken + FINE))
             s, f, c = self._sampled(begun, end, per) if per > 1 else (one[begun : end + 1] for one in self._drive)
             given = None if self._given is None else self._given[begun:end]
             drive = Drive(s, f, given, c if c.shape[1] else None, per)
-            taken, failed = kernel.run(loop, self.scheme, drive, rows, every, taken)
+            taken, failed = kernel.run(self._handle, handle(drive), handle(rows), every, taken)
             if failed and failed != COARSE:
-                why = reason(self.form.modal, loop.state.modes[ROW:], failed)
-                raise SimulationError(f"march failed at {self._where(first + taken)}: {why}")
+                raise self.failed(failed, self._where(first + taken) if count else self._start)
             if taken == count:
                 return
 
@@ -278,6 +293,10 @@ class March:
         if not finite.all():
             where = self._where((first + int(np.argmin(finite))) * every)
             raise SimulationError(f"march failed at {where}: not finite")
+
+    @property
+    def _start(self) -> str:
+        return f"t = 0 s{places_of(self._paths, self.s[0])}"
 
     def _where(self, step: int) -> str:
         return f"step {step}, t = {self.t[step]:g} s{places_of(self._paths, self.s[step])}"

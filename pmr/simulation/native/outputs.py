@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import Outputs, State, Tables, Z
-from pmr.simulation.native.compilation import inlined
+from pmr.simulation.native.compilation import called, inlined
 from pmr.simulation.native.rows import dot
 from pmr.simulation.native.side_arrays import Bodies, SideOutputs, Sides
 from pmr.simulation.native.simd import LANES, load, spread, store
@@ -51,7 +51,7 @@ def observe(tables: Tables, outputs: Outputs, state: State, f: Array, y: Array) 
         store(y, at, _add(of_rows, shares, at, _add(of_modes, z, at, spread(0.0))))
 
 
-@inlined
+@called
 def observe_sides(outputs: SideOutputs, bodies: Bodies, sides: Sides, state: State, f: Array, y: Array) -> None:
     """The same of bodies whose contacts have places of their own."""
     rows, z, count = bodies.rows, state.modes[Z], len(y)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from pmr.simulation.native import quasi_static, terms
 from pmr.simulation.native.arrays import Divided, Modes, Outputs, Scheme, State, Tables
-from pmr.simulation.native.compilation import compiled, compiled_and_inlined, inlined
+from pmr.simulation.native.compilation import compiled_and_inlined, inlined
 from pmr.simulation.native.energy import account
 from pmr.simulation.native.outputs import observe, observe_moments, observe_sides
 from pmr.simulation.native.rows import move_rows
 from pmr.simulation.native.side_arrays import SideOutputs, Sides
-from pmr.simulation.native.sides import give, move_sides
+from pmr.simulation.native.sides import give, move_sides, press
 from pmr.simulation.native.step import advance
 
 Array = NDArray[np.float64]
@@ -28,6 +28,7 @@ class Loop(NamedTuple):
 
     modes: Modes
     divided: Divided
+    scheme: Scheme
     tables: Any  # `Tables`, or None
     bodies: Any  # `Bodies` and `Sides`, or None
     sides: Any
@@ -39,29 +40,43 @@ class Loop(NamedTuple):
 
 
 @inlined
-def make_part(loop: Loop, scheme: Scheme, s: Array, f: Array, c: Any) -> int:
-    """One part of a step to s (P,), f (i,) and amplitudes c (K,) or None at its end; as `advance` returns."""
-    quasi_static.leave(loop.quasi_static, loop.state.modes)
-    failed = move(loop.tables, loop.sides, loop, scheme, s)
-    if failed == 0:
-        _give(loop.sides, loop, f)
-        failed = advance(loop.divided, scheme, loop.state, loop.terms, loop.quasi_static, f, c)
-    if failed == 0:
-        quasi_static.stop(loop.quasi_static, loop.state.modes)
-        _account(loop.sides, loop)
-        terms.account(loop.terms, loop.state)
-        quasi_static.finish(loop.quasi_static, scheme, loop.state.modes)
+def start_sides(sides: Sides | None, loop: Loop, s: Array, f: Array) -> int:
+    """Before the first step: the sides at s (P,), and the energy under f (i,); as `move_sides` returns."""
+    failed = 0
+    if sides is not None:  # decided when compiled
+        if np.isnan(sides.energy[0]):
+            failed = move_sides(loop.bodies, loop.divided, loop.scheme, loop.state, sides, s)
+            if failed == 0:
+                press(loop.modes, loop.bodies, loop.state, sides, f)
+                account(loop.modes, loop.bodies, loop.state, sides)
+                sides.energy[1] = 0.0
     return failed
 
 
 @inlined
-def move(tables: Tables | None, sides: Sides | None, loop: Loop, scheme: Scheme, s: Array) -> int:
+def make_part(loop: Loop, s: Array, f: Array, c: Any) -> int:
+    """One part of a step to s (P,), f (i,) and amplitudes c (K,) or None at its end; as `advance` returns."""
+    quasi_static.leave(loop.quasi_static, loop.state.modes)
+    failed = move(loop.tables, loop.sides, loop, s)
+    if failed == 0:
+        _give(loop.sides, loop, f)
+        failed = advance(loop.divided, loop.scheme, loop.state, loop.terms, loop.quasi_static, f, c)
+    if failed == 0:
+        quasi_static.stop(loop.quasi_static, loop.state.modes)
+        _account(loop.sides, loop)
+        terms.account(loop.terms, loop.state)
+        quasi_static.finish(loop.quasi_static, loop.scheme, loop.state.modes)
+    return failed
+
+
+@inlined
+def move(tables: Tables | None, sides: Sides | None, loop: Loop, s: Array) -> int:
     """Take the rows to s (P,); 0, or the number from 1 of one that depends on those before it."""
     failed = 0
     if tables is not None:
         failed = move_rows(tables, loop.divided, loop.state, s[0])
     if sides is not None:
-        failed = move_sides(loop.bodies, loop.divided, scheme, loop.state, sides, s)
+        failed = move_sides(loop.bodies, loop.divided, loop.scheme, loop.state, sides, s)
         terms.turn(loop.terms, loop.bodies, sides)
     return failed
 
@@ -78,25 +93,24 @@ def _account(sides: Sides | None, loop: Loop) -> None:
         account(loop.modes, loop.bodies, loop.state, sides)
 
 
+class Alone(NamedTuple):
+    """A body on one path."""
+
+    tables: Tables
+    divided: Divided
+    scheme: Scheme
+    outputs: Outputs
+    state: State
+
+
 @compiled_and_inlined
-def step_on_tables(
-    tables: Tables, divided: Divided, scheme: Scheme, outputs: Outputs, state: State, s: float, f: Array, y: Array
-) -> int:
+def step_on_tables(body: Alone, s: float, f: Array, y: Array) -> int:
     """One step of a body on one path to s under f (i,), and its outputs y (o,); 0, or what `advance` returns."""
-    failed = move_rows(tables, divided, state, s)
+    failed = move_rows(body.tables, body.divided, body.state, s)
     if failed == 0:
-        failed = advance(divided, scheme, state, None, None, f, None)
+        failed = advance(body.divided, body.scheme, body.state, None, None, f, None)
     if failed == 0:
-        observe(tables, outputs, state, f, y)
-    return failed
-
-
-@compiled
-def step_observed(loop: Loop, scheme: Scheme, outputs: Any, s: Array, f: Array, c: Any, y: Array) -> int:
-    """One step to s (P,) under f (i,) and c (K,) or None, and all outputs y (o,); as `advance` returns."""
-    failed = make_part(loop, scheme, s, f, c)
-    if failed == 0:
-        observe_all(loop, outputs, f, y)
+        observe(body.tables, body.outputs, body.state, f, y)
     return failed
 
 

@@ -12,19 +12,16 @@ from numpy.typing import NDArray
 
 from pmr.simulation.native import friction
 from pmr.simulation.native.arrays import Scheme, State
-from pmr.simulation.native.compilation import inlined
+from pmr.simulation.native.compilation import called, inlined
 from pmr.simulation.native.contact import begin_impulses
 from pmr.simulation.native.energy import keep
+from pmr.simulation.native.handles import instead
 from pmr.simulation.native.levels import (
     Control,
-    contact_of,
-    divided_of,
     mark,
     missed,
     note,
     predict,
-    scheme_of,
-    tables_of,
     take_back,
     turn_to,
 )
@@ -55,7 +52,7 @@ def step_in_parts(loop: Loop, given: int, s: Array, f: Array, c: Any, peaks: Arr
         if loop.levels.parts[level] > len(s) - 1:
             control.level[0] = level
             return COARSE
-        now = _on(loop, level)
+        now = instead(loop, loop.levels.loops[level])
         if level != control.active[0]:
             failed = _begin(now, level, s[0], f[0], None if c is None else c[0])
             if failed:
@@ -72,48 +69,34 @@ def step_in_parts(loop: Loop, given: int, s: Array, f: Array, c: Any, peaks: Arr
     return failed
 
 
-@inlined
-def _on(loop: Loop, level: int) -> Loop:
-    """With the constants of parts on a level."""
-    state, levels = loop.state, loop.levels
-    now = State(
-        state.modes, state.multipliers, state.position, state.interval, state.couplings, state.factor, state.weighted,
-        state.shares, state.given, state.pushed, contact_of(state.contact, levels, level), state.reach,
-    )  # fmt: skip
-    tables = tables_of(loop.tables, levels, level)
-    divided = divided_of(levels, level)
-    return Loop(loop.modes, divided, tables, loop.bodies, loop.sides, now, levels, loop.control, loop.terms,
-                loop.quasi_static)  # fmt: skip
-
-
-@inlined
+@called
 def _parts(loop: Loop, level: int, judged: bool, s: Array, f: Array, c: Any, peaks: Array) -> tuple[int, float]:
     """The parts of a step on a level; what failed, or 0, and what one of them misses over what it may."""
     levels, state, control = loop.levels, loop.state, loop.control
-    scheme, stride, off = scheme_of(levels, level), (len(s) - 1) // levels.parts[level], 0.0
+    stride, off = (len(s) - 1) // levels.parts[level], 0.0
     for at in range(stride, len(s), stride):
         if judged:
             note(state.contact, state, control)
-        failed = make_part(loop, scheme, s[at], f[at], None if c is None else c[at])
+        failed = make_part(loop, s[at], f[at], None if c is None else c[at])
         if failed:
             return failed, off
         for k in range(len(peaks)):
             force = state.multipliers[k]
             peaks[k] = force if at == stride else max(peaks[k], force)
         if judged:
-            off = max(off, missed(loop.modes, loop.terms, state.contact, state, control, scheme, f[at]))
+            off = max(off, missed(loop.modes, loop.terms, state.contact, state, control, loop.scheme, f[at]))
     return FINISHED, off
 
 
-@inlined
+@called
 def _begin(loop: Loop, level: int, s: Array, f: Array, c: Any) -> int:
     """Begin anew on a level at s (P,) under f (i,) and c (K,), where the last step ended; as `move_sides` returns."""
     turn_to(loop.levels, level, loop.state, loop.control)
-    failed = move(loop.tables, loop.sides, loop, scheme_of(loop.levels, level), s)
+    failed = move(loop.tables, loop.sides, loop, s)
     if failed == 0:
         _begin_terms(loop.terms, loop.state, c)
-        predict(loop.modes, loop.levels, level, loop.terms, loop.state.contact, loop.state, loop.control, f)
-        _follow(loop.quasi_static, scheme_of(loop.levels, level), loop.state)
+        predict(loop.modes, loop.scheme, level, loop.terms, loop.state.contact, loop.state, loop.control, f)
+        _follow(loop.quasi_static, loop.scheme, loop.state)
         _keep(loop.sides, loop, f)
     return failed
 

@@ -108,7 +108,7 @@ class Sides(NamedTuple):
     old_loads: Array
     old_forces: Array
     of_loads: Array  # (2,) J: f^T B^T R B f, now and a step before
-    energy: Array  # (2,) J: what is stored, and the work done since the start
+    energy: Array  # (2,) J: what is stored, NaN before the start, and the work done since
 
 
 def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
@@ -233,7 +233,7 @@ def sides(constants: Bodies, paths: int) -> Sides:
         old_loads=aligned(np.zeros(i)),
         old_forces=aligned(np.zeros(wide)),
         of_loads=np.zeros(2),
-        energy=np.zeros(2),
+        energy=np.array([np.nan, 0.0]),
     )
 
 

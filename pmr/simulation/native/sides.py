@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import ROW, UNIT, Divided, Modes, Scheme, State
-from pmr.simulation.native.compilation import compiled_and_inlined, inlined
+from pmr.simulation.native.compilation import called, inlined
 from pmr.simulation.native.rows import add_to_factor, dot, of_body
 from pmr.simulation.native.side_arrays import Bodies, Polynomials, Sides
 from pmr.simulation.native.simd import LANES, entry, load, spread, store, total, totals
@@ -26,7 +26,7 @@ from pmr.simulation.native.simd import LANES, entry, load, spread, store, total,
 Array = NDArray[np.float64]
 
 
-@compiled_and_inlined
+@called
 def move_sides(bodies: Bodies, divided: Divided, scheme: Scheme, state: State, sides: Sides, s: Array) -> int:
     """Evaluate rows and factor at s (P,) m of the paths; number of the first contact that depends on others, or 0."""
     moved = np.isnan(state.position[0])
@@ -72,7 +72,7 @@ def _locate(rows: Polynomials, sides: Sides, a: int) -> None:
         power *= x - rows.breaks[first + j]
 
 
-@inlined
+@called
 def _enter(bodies: Bodies, sides: Sides, a: int) -> None:
     """Coefficients of all products of a side in the interval that it has entered."""
     rows, body, width = bodies.rows, bodies.rows.body[a], bodies.rows.width[a]
@@ -229,7 +229,7 @@ def give(modes: Modes, bodies: Bodies, divided: Divided, state: State, sides: Si
             store(state.given, n, load(state.modes[UNIT], n) * load(sides.push, n))
 
 
-@compiled_and_inlined
+@called
 def press(modes: Modes, bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
     """Loads, each on its own body, and how far they move the contacts by themselves."""
     r = modes.B.shape[1]

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from pmr.constraints.dependence import of_rows
 from pmr.errors import SimulationError
 from pmr.simulation.native import contact as contact_rows
-from pmr.simulation.native import energy, friction, quasi_static, terms
+from pmr.simulation.native import friction, quasi_static, terms
 from pmr.simulation.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, V, Z
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.handles import handle
 from pmr.simulation.native.part import Loop
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.sides import move_sides, press
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -64,7 +64,7 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     free = loop.modes.B.T @ onset.f - (D[0] * v if len(D) == 1 else D @ v) - stiffness * z
     state.modes[Z], state.modes[V] = z, v
     if loop.terms is not None:
-        terms.begin(loop.terms, state, onset.c)
+        terms.begin(handle(loop.terms), handle(state), onset.c)
         free += loop.terms.force
     try:
         state.multipliers[:] = multipliers_of(C, rows.F, free, C @ z + rows.H @ onset.f, state.contact)
@@ -80,17 +80,11 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     held = modes[STIFFNESS] * modes[Z_NEXT] + modes[DAMPING] * modes[V_NEXT]
     modes[Z_FREE] = modes[Z_NEXT] - method.scheme().z_gain * held
     if loop.quasi_static is not None:
-        quasi_static.follow(loop.quasi_static, method.scheme(), modes)
+        quasi_static.follow(handle(loop.quasi_static), handle(method.scheme()), modes)
     if loop.control is not None:
         loop.control.acceleration[0] = a
     if loop.sides is not None:
-        failed = move_sides(loop.bodies, loop.divided, method.scheme(), state, loop.sides, onset.s)
-        if failed:
-            why = reason(form.modal, C, failed)
-            raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}")
-        press(loop.modes, loop.bodies, state, loop.sides, onset.f)
-        energy.account(loop.modes, loop.bodies, state, loop.sides)
-        loop.sides.energy[1] = 0.0
+        loop.sides.energy[:] = np.nan, 0.0  # the loop takes them to their places
 
 
 class NotSettledError(Exception):
@@ -124,7 +118,7 @@ def _closed(contact: Contact, F: Array, motion: Array) -> Array:
     of_those = contact_rows.contact(clearance, contact.memory)
     forces, multipliers = motion[gives], np.zeros(len(motion))
     assert of_those is not None
-    failed = contact_rows.settle(of_those, F[np.ix_(gives, gives)], np.zeros((len(gives), len(gives))), forces)
+    failed = contact_rows.settle(handle(of_those), F[np.ix_(gives, gives)], np.zeros((len(gives), len(gives))), forces)
     if failed:
         raise NotSettledError(failed if failed < 0 else int(gives[failed - 1]) + 1)
     contact.closed[gives], multipliers[gives] = of_those.closed, forces

@@ -22,7 +22,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numba import typeof
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
@@ -33,15 +32,16 @@ from pmr.simulation.contact_step import MOST_PARTS, contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import bound_step as bound_step
 from pmr.simulation.native import tables
-from pmr.simulation.native.arrays import ROW, V, Z
+from pmr.simulation.native.arrays import V, Z
 from pmr.simulation.native.driving import Driving, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.handles import Handle, entry_of, handle
 from pmr.simulation.native.march import March
-from pmr.simulation.native.part import step_observed
+from pmr.simulation.native.part import Alone
 from pmr.simulation.native.parts import COARSE
 from pmr.simulation.native.side_arrays import side_outputs
-from pmr.simulation.native.start import places_of, reason
-from pmr.simulation.native.stepped import step_in_parts_observed
+from pmr.simulation.native.start import places_of
+from pmr.simulation.native.stepped import step_observed, step_of
 from pmr.simulation.native.systems import static_start
 from pmr.simulation.recorded import Recorded, recorded
 from pmr.simulation.start import InitialState
@@ -155,26 +155,20 @@ class Stepper:
         self._single: Any = memoryview(self._f) if alone else None  # type: ignore[arg-type]
         self._place: Any = None
         if on_tables is not None and not frame_moves and whole and np.all(self._chosen < len(moved)):
-            self._y = np.zeros(len(self._chosen))
+            self._y, loop = np.zeros(len(self._chosen)), self._march.loop
             observed = tables.outputs(on_tables, self._chosen.tolist())
+            body_alone = Alone(loop.tables, loop.divided, loop.scheme, observed, self._state)
             #: What `step_on_tables` takes before s (float), the loads f (i,) and the outputs y (o,).
-            self.arguments = (
-                self._march.loop.tables,
-                self._march.loop.divided,
-                self._march.scheme,
-                observed,
-                self._state,
-            )
+            self.arguments = (handle(body_alone),)
             self._entry, self._place = bound_step.entry(self._state.contact is not None), memoryview(self._s)  # type: ignore[arg-type]
-            self._memory = bound_step.store(*self.arguments, self._f, self._y)
-            self._address = self._memory.ctypes.data
+            self._bound = handle(bound_step.Bound(body_alone, self._f, self._y))
         else:
             self._seen = side_outputs(form) if on_tables is None else tables.outputs(on_tables, every)
-            self._moved = np.zeros(len(moved))
-            if whole:  # compiled or loaded: not in the first step
-                step_observed.compile(tuple(map(typeof, self._observed)))
-            else:
-                step_in_parts_observed.compile(tuple(map(typeof, self._sampled(1))))
+            self._moved, self._stepped = np.zeros(len(moved)), dict[int, Handle]()
+            self._advance = entry_of(step_observed, self._sampled(0))  # compiled or loaded: not in the first step
+            failed = self._advance(self._sampled(0))
+            if failed:
+                raise self._march.failed(failed, f"t = 0 s{places_of(tuple(self._ranges), self._s)}")
 
     def step(self, s: Values, F: Values | None = None, frame: Mapping[str, Motion] | None = None) -> Array:
         """Advance by one step.
@@ -213,15 +207,14 @@ class Stepper:
         if self._place is None:
             failed = self._on_places(s)
         else:
-            failed = self._entry(self._address, s) if isinstance(s, float) else bound_step.OFF_THE_PATH
+            failed = self._entry(self._bound, s) if isinstance(s, float) else bound_step.OFF_THE_PATH
             if failed == bound_step.OFF_THE_PATH:
                 self._driving.take_path(s)
-                failed = self._entry(self._address, self._place[0])
+                failed = self._entry(self._bound, self._place[0])
             else:
                 self._place[0] = s
         if failed:
-            why = reason(self._march.form.modal, self._state.modes[ROW:], failed)
-            raise SimulationError(f"{self._where}{places_of(tuple(self._ranges), self._s)}: {why}")
+            raise self._march.failed(failed, f"{self._where}{places_of(tuple(self._ranges), self._s)}")
         self._steps += 1
         return self._y
 
@@ -282,33 +275,35 @@ class Stepper:
     def check_finite(self) -> None:
         """Raise SimulationError if the state is not finite: loads may have been NaN."""
         if not np.all(np.isfinite(self._state.modes[Z])):
-            raise SimulationError(f"{self._where}: not finite")
+            raise SimulationError(f"march failed at {self._where}: not finite")
 
     def _on_places(self, s: Values) -> int:
         """A step of bodies on places of their own, or of which forces are asked for; what stopped it, or 0."""
         self._driving.take_path(s)
         self._driving.find()
-        if self._march.loop.levels is None:
-            failed = step_observed(*self._observed)
-        else:
-            failed = COARSE
-            while failed == COARSE:
-                levels, control = self._march.loop.levels, self._march.loop.control
-                failed = step_in_parts_observed(*self._sampled(int(levels.parts[control.level[0]])))
+        levels, control, failed = self._march.loop.levels, self._march.loop.control, COARSE
+        while failed == COARSE:
+            failed = self._advance(self._sampled(1 if levels is None else int(levels.parts[control.level[0]])))
         self._y = np.concatenate([self._moved, self.multipliers])[self._chosen]
         return int(failed)
 
-    @property
-    def _observed(self) -> tuple[Any, ...]:
-        """Arguments of a step with all outputs."""
-        c = None if self._driving.c is None else self._march.mixed(self._driving.c)
-        return self._march.loop, self._march.scheme, self._seen, self._s, self._f, c, self._moved
-
-    def _sampled(self, parts: int) -> tuple[Any, ...]:
-        """Arguments of a step that is known at so many parts."""
-        s, f, c = self._driving.samples(parts, self._step)
-        mixed = None if self._driving.c is None else np.array([self._march.mixed(one) for one in c])
-        return self._march.loop, self._seen, s, f, mixed, np.zeros(len(self._state.multipliers)), self._moved
+    def _sampled(self, parts: int) -> Handle:
+        """What `step_observed` takes of a step that is known at so many parts, or at the start alone with none."""
+        loop = self._march.loop
+        if parts not in self._stepped:
+            amplitudes = None if self._driving.c is None else len(self._march.mixed(self._driving.c))
+            sizes = len(self._s), len(self._f), amplitudes
+            self._stepped[parts] = step_of(loop, self._seen, self._moved, parts, sizes)
+        drive = self._stepped[parts].kept[0].drive
+        drive.s[-1], drive.f[-1] = self._s, self._f
+        if parts > 0 and loop.levels is not None:  # where its parts are other ones than before, it begins anew
+            s, f, c = self._driving.samples(parts, self._step)
+            drive.s[:-1], drive.f[:-1] = s[:-1], f[:-1]
+            if drive.c is not None:
+                drive.c[:-1] = [self._march.mixed(one) for one in c[:-1]]
+        if self._driving.c is not None:
+            drive.c[-1] = self._march.mixed(self._driving.c)
+        return self._stepped[parts]
 
     def _omega(self, known: Recorded | None) -> float:
         """Of contacts that only push, rad/s: on the way of the scene, or anywhere."""
@@ -335,4 +330,4 @@ class Stepper:
 
     @property
     def _where(self) -> str:
-        return f"march failed at step {self._steps + 1}, t = {self.time + self._step:g} s"
+        return f"step {self._steps + 1}, t = {self.time + self._step:g} s"

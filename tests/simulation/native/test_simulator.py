@@ -252,7 +252,7 @@ def test_what_is_compiled_for_the_first_time_is_not_timed(rich: FullBody, monkey
     taken, run = [], marching.kernel.run
 
     def recorded(*arguments: Any) -> tuple[int, int]:
-        taken.append(len(arguments[3].multipliers))
+        taken.append(len(arguments[2].kept[0].multipliers))
         return run(*arguments)
 
     monkeypatch.setattr(marching.kernel, "run", recorded)
