@@ -153,5 +153,5 @@ def test_callbacks_refuse_rows_that_give_way(rich: FullBody) -> None:
 
 def test_a_slider_on_a_support_fails_with_its_place(simulate: Simulate, full: FullBody) -> None:
     model: ReducedModel = flexible(full, 6)
-    with pytest.raises(SimulationError, match="slider at 0 m: the rows slider 0 can't tell"):
+    with pytest.raises(SimulationError, match="slider at 0 m: the forces of the rows slider 0 are not"):
         simulate(model, driven(Constant(amount=0.0), Constant(amount=1.0), TimeStepping(0.01, 1e-3)))
