@@ -1,27 +1,27 @@
 """Parametric model reduction of sliding and telescopic structures.
 
 A beam that slides through pads changes its boundary conditions all the time.  `pmr` reduces it with one global
-basis whose coordinates keep their meaning, and leaves the sliders as a few constraint rows that move::
+basis for all positions; the sliders are a few constraint rows that move::
 
     import pmr
 
     scene = pmr.load_scene("boom.toml", ["reduction.coordinates=8"])
-    outcome = pmr.run(scene)                      # the whole way, with comparison; needs FEniCSx
+    outcome = pmr.run(scene)                      # reduces, simulates, compares; needs FEniCSx
     print(outcome.result.summary["errors"])
 
     pmr.reduce(scene).reduced.save("reduced.npz")  # the reduced model alone; needs FEniCSx
 
-    model = pmr.ReducedModel.load("reduced.npz")  # from here on on any machine
+    model = pmr.ReducedModel.load("reduced.npz")  # on any machine, without FEniCSx
     response = pmr.simulate(scene, model)
     response.t, response.displacement
 
     boom = pmr.load_scene("boom_three")           # several sections; workflows go by their names
-    response = pmr.simulate(boom, pmr.reduce(boom).reduced)  # a model a section
+    response = pmr.simulate(boom, pmr.reduce(boom).reduced)  # a model for each section
 
-    given = pmr.from_matrices(M, K, points, groups)  # what another program assembled
+    given = pmr.from_matrices(M, K, points, groups)  # matrices of another program
     given.save("boom.npz")                        # body.model = "matrices", mesh.file = "boom.npz"
 
-What is named here stays; everything else may change between versions.
+The names of this module stay; everything else may change between versions (docs/stays.md).
 """
 
 from typing import TYPE_CHECKING

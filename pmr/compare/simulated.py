@@ -29,15 +29,16 @@ from pmr.system.system import System
 
 
 def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel]) -> Response:
-    """Response of a reduced system to the paths and loads of a `pmr.scene.Scene`, by the first simulator that it names.
+    """Response of a reduced model or system to the paths and loads of a `pmr.scene.Scene`.
 
-    A model is that of a body alone; models of all sections, by their names, are joined as the scene says.
+    The first simulator of the scene computes it.  `reduced` is a system, the model of a single body, or the models of
+    all sections by their names, which are then joined as the scene says.
 
     Raises
     ------
     InputError
-        If the scene describes other bodies, joints or loads than those that the system was made from, or a boom comes
-        with anything but its system or a model for each of its sections.
+        If the scene has other bodies, joints or loads than those from which the system was made.  Of a boom also if
+        `reduced` is neither its system nor a model for each of its sections.
     """
     return simulate_with_states(scene, reduced, ()).response
 

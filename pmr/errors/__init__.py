@@ -14,10 +14,10 @@ BEYOND_ENDS = 1e-5
 
 
 class InputError(ValueError):
-    """Something that was asked for cannot be done as stated.
+    """An input is not possible: a value of a scene, a study, an option or a file.
 
-    `source` is the file (or option) in which the value stands, `key` dotted, e.g. ``body.length``, or empty when the
-    file as a whole is meant; `value` was found, and `allowed` says in words what would be accepted.
+    `source` is the file (or option) with the value.  `key` is the dotted key, such as ``body.length``, or empty if the
+    error is about the whole file.  `value` is the value that was found, and `allowed` says in words what is accepted.
     """
 
     def __init__(self, source: str, key: str, value: Any, allowed: str) -> None:
@@ -44,7 +44,7 @@ class InputError(ValueError):
 
 
 class SimulationError(RuntimeError):
-    """A simulation did not reach its end, or its result is not finite."""
+    """A simulation stopped before its end, or its result is not finite."""
 
 
 class GrowthError(SimulationError):
@@ -68,7 +68,7 @@ class GrowthError(SimulationError):
 
 
 class ConvergenceError(RuntimeError):
-    """An iterative solver returned less than was asked for; the message says what to change."""
+    """An iterative solver did not converge to what was asked for; the message says what to change."""
 
 
 class TooManyModesError(ConvergenceError):

@@ -31,8 +31,8 @@ _PARTS = ("data", "indices", "indptr")
 class GivenMatrices:
     """M q'' + K q = f of a body whose n coordinates are displacements and rotations of N nodes.
 
-    Raises InputError if matrices are not square, of one size, finite and symmetric, have a diagonal entry that is not
-    positive, or node, direction or groups name what is not there.
+    Raises InputError if the matrices are not square, of one size, finite and symmetric, or have a diagonal entry that
+    is not positive.  It is also raised if node, direction or groups refer to a node or direction that does not exist.
     """
 
     M: sp.csr_matrix  #: (n, n), symmetric; SI units.  Free of the supports that slide
@@ -74,7 +74,7 @@ class GivenMatrices:
         return int(self.K.shape[0])
 
     def save(self, path: str | Path) -> Path:
-        """Write all of it as npz, without pickle."""
+        """Write matrices, points and groups as one npz file, without pickle."""
         arrays: dict[str, Any] = {"points": self.points, "node": self.node, "direction": self.direction}
         for name in ("M", "K"):
             arrays |= {f"{name}.{part}": getattr(getattr(self, name), part) for part in _PARTS}
@@ -84,7 +84,7 @@ class GivenMatrices:
 
     @classmethod
     def load(cls, path: Path) -> GivenMatrices:
-        """Read what `save` wrote; raises InputError if the file is missing, another one, or what it holds unsound."""
+        """Read a file of `save`; raises InputError if it is missing, of another kind, or its content is not valid."""
         if not isfile(path):
             raise InputError(str(path), "", None, "no such file; pmr matrices writes one")
         try:
@@ -135,7 +135,7 @@ def from_matrices(
     node: ArrayLike | None = None,
     direction: ArrayLike | None = None,
 ) -> GivenMatrices:
-    """Mass and stiffness of a body that another program assembled, checked; `save` writes the file that scenes name.
+    """Check mass and stiffness from another program and make a body of them; its `save` writes a file for scenes.
 
     Parameters
     ----------
@@ -144,10 +144,10 @@ def from_matrices(
     points : (N, 3) array, m
         z up, the axis along x.
     groups : mapping of name to sequence of int, optional
-        Numbers of nodes, from 0, or a mask, an array of N truth values: the faces that pads slide on, tail and tip.
+        Nodes of the faces that pads slide on, and of tail and tip: numbers from 0, or a mask of N truth values.
     node, direction : sequences of int, optional
-        Of each coordinate, its node and 0 to 5 for x, y, z, rx, ry, rz.  Without them all nodes have the same three or
-        six coordinates, node by node.
+        Node and direction of each coordinate, the direction as 0 to 5 for x, y, z, rx, ry, rz.  Without them all nodes
+        have the same three or six coordinates, node by node.
 
     Raises InputError as `GivenMatrices`.
     """

@@ -38,7 +38,7 @@ STAGES = ("assemble", "snapshots", "pod", "reduce", "machine", "recover", "estim
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run returns on rank 0: its result, and the system of its reduced bodies."""
+    """Result of a run, and the system of its reduced bodies; a run returns it on rank 0."""
 
     result: RunResult
     system: System
@@ -64,16 +64,18 @@ def run(
     cache: Path | None = None,
     measures: Path | None = None,
 ) -> Outcome | None:
-    """Run a scene on `comm`; what is not distributed runs on rank 0, the other ranks get None.
+    """Reduce, simulate and compare a scene; on rank 0 of `comm` this returns the outcome, on other ranks None.
 
-    With a `checkpoint`, a file, a full-order simulation that was cut off goes on.  In a `cache`, a folder, reductions
-    and frequencies of full models are cached and found.  With a folder `measures` mesh and structural model are judged
-    without being asked for, where that costs little; what takes the time is cached there.
+    The file `checkpoint` lets a full-order simulation continue after an interruption.  The folder `cache` keeps
+    reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
+    of mesh and structural model, even if the scene does not ask for them, where this takes little time; the folder
+    keeps what takes longest.
 
     Raises
     ------
     InputError
-        If the scene asks for what cannot be had; its source is ``"scene"``, its key that of the scene's file.
+        If the scene asks for something that is not possible.  The error's source is ``"scene"``, its key that of the
+        scene's file.
     ConvergenceError, SimulationError
         If a solver fails.
     """
@@ -167,9 +169,10 @@ def _run(
 
 
 def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
-    """Reduce a body alone, or all sections of a scene; collective.
+    """Reduce the single body or all sections of a scene, without a simulation; a collective call on all ranks.
 
-    Raises as `run`, and an InputError if a tolerance or a budget is to decide: it asks for a step as well.
+    Errors are those of `run`.  An InputError is also raised if the scene has a tolerance or a budget: these choose the
+    time step, too, so only `run` can follow them.
     """
     clock = clock or Clock()
     if scene.ordered is not None:

@@ -65,45 +65,46 @@ class ReducedModel:
     M, D, K : (r, r) arrays
         Symmetric; units follow from the basis (module docstring).
     B : (r, i) array
-        One column an input; inputs are forces in N (or moments in N m).
+        One column for each input; inputs are forces in N (or moments in N m).
     outputs : (o, r) array
-        What is observed at `output_positions`: transverse displacements in m, in space forces of pads too.
+        Outputs at `output_positions`: transverse displacements in m, in space also forces of pads.
     rows : PPoly with values (m, r)
         C(s), exact between its breaks; s in m.
     input_names, row_names : tuples of str
     output_positions : (o,) array, m
     output_names, output_units, output_kinds : tuples of str
-        What each output is, its unit, and its kind and direction, such as ``"tip z"`` (`pmr.results.outputs`).  Without
-        names and units all are displacements; models of earlier versions have no kinds (`pmr.system.body.kinds_of`).
+        Name of each output, its unit, and its kind and direction, such as ``"tip z"`` (`pmr.results.outputs`).  Without
+        names and units all are displacements.  Models of earlier versions have no kinds (`pmr.system.body.kinds_of`).
     left_out : tuple of str
-        Rows that the basis satisfies identically (its vectors vanish there): they would make the system singular.
+        Rows that all vectors of the basis satisfy.  They are left out, because they would make the system singular.
     provenance : dict
-        How the model came about: scene hash, basis, versions.
+        How the model was made: scene hash, basis, versions.
     pads : (m,) array, m/N, or None
         Compliance 1/k of each row's pad; None where all are rigid.
     flexibility : Flexibility, optional
-        What the coordinates leave out, quasi-static.
+        Residual flexibility: the quasi-static response that the coordinates leave out.
     enrichment : EnrichmentModes, optional
-        The first modes left out, with which the error is estimated (`pmr.compare.estimate`).
+        The first modes that the basis leaves out; the error is estimated with them (`pmr.compare.estimate`).
     clearance : (m,) array, m, or None
-        How far a row that only pushes lets the body go, NaN where it holds both ways; None where all do.
+        Play of a row that only pushes, NaN where a row holds both ways; None where all do.
     rayleigh : Rayleigh, optional
-        What D is made of, where it is Rayleigh's.
+        Factors of Rayleigh damping, if D is of this kind.
     carriers : CarriedRows, optional
         The rows on their carriers, for a system in which each has a path coordinate of its own.
     reactions : Reactions, optional
-        What tells the forces of rigid supports.
+        From which the forces of rigid supports are computed.
     section : SectionOf, optional
-        Of which boom this is a section.
+        The boom of which this is a section.
     ports : mapping of str to (r,) array
-        How coordinates move a place where something may be attached: m along ``"tip z"``, rad about ``"tip ry"``.
+        Motion of a place where connectors may be attached, for each coordinate: ``"tip z"`` in m, ``"tip ry"`` in rad.
     matrices : mapping of str to (r, r) array
-        V^T A V of what a moving frame and axial forces add, by the names of `pmr.reduced.moving`; those that vanish are
-        left out.
+        V^T A V of the terms of a moving frame and of axial forces, by the names of `pmr.reduced.moving`; matrices that
+        are zero are left out.
     rigid_work : (k, i) array, optional
-        Work of the inputs on the body's k rigid motions, along the axes and about them through the tail.
+        Work of the inputs on the body's k rigid motions: translations along the axes, rotations about axes through
+        the tail.
     quasi_static : (q,) array of int
-        Numbers of coordinates whose inertia simulators leave out (`pmr.reduced.quasi_static`); M has it.
+        Numbers of coordinates without inertia in simulators (`pmr.reduced.quasi_static`); M has their inertia.
     """
 
     AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
@@ -143,7 +144,7 @@ class ReducedModel:
 
     @property
     def cylinder_modes(self) -> int:
-        """How many of the last coordinates are modes of the section's cylinder (`pmr.reduced.attachment`)."""
+        """Number of modes of the section's cylinder (`pmr.reduced.attachment`); they are the last coordinates."""
         known = None if self.carriers is None else self.carriers.answers
         return 0 if known is None else known.turned.shape[1]
 
@@ -174,7 +175,7 @@ class ReducedModel:
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Of each input, by the scene that the model was made from: N, N m of a moment, m/s^2 of gravity and frames."""
+        """Unit of each input, from the scene of the model: N, N m of a moment, m/s^2 of gravity and frames."""
         scene = self.provenance.get("scene")
         loads = scene.get("loads") if isinstance(scene, Mapping) else None
         listed = [load for load in loads if isinstance(load, Mapping)] if isinstance(loads, list | tuple) else []
@@ -184,14 +185,14 @@ class ReducedModel:
         return tuple(given.get(name, "N") for name in self.input_names)
 
     def ensure_whole(self, source: str) -> None:
-        """Raise an InputError of `source` if this is but a section of a boom, whose joints are not in it."""
+        """Raise an InputError of `source` if this is a section of a boom: its joints are not in the model."""
         if self.section is not None and set(self.row_names) & set(self.section.joints):
             allowed = f"the model of a whole body is allowed: this is a section of {self.section.boom!r} without what "
             allowed += "joins it to the others; `pmr run` and pmr.simulate(boom, models) know that"
             raise InputError(source, "section", self.section.name, allowed)
 
     def without_joints(self) -> ReducedModel:
-        """A section alone, on its own supports or free: without the rows of its joints; any other model as it is."""
+        """The model without the rows of joints, free or on its own supports; one that has no joints stays as it is."""
         joints = () if self.section is None else self.section.joints
         return self.with_rows([k for k, name in enumerate(self.row_names) if name not in joints])
 
@@ -227,7 +228,7 @@ class ReducedModel:
         return times(self.rows, V)
 
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
-        """The model with none but these of its rows: the others are let go, and errors can't be estimated any more."""
+        """The model with these rows only; the other rows hold nothing, and errors can no longer be estimated."""
         chosen = list(numbers)
         if chosen == list(range(len(self.row_names))):
             return self
@@ -249,7 +250,7 @@ class ReducedModel:
         Raises
         ------
         ValueError
-            If it has a residual flexibility, which belongs to all of its coordinates.
+            If the model has a residual flexibility, because it belongs to all coordinates together.
         """
         if self.flexibility is not None:
             raise ValueError("a residual flexibility belongs to all coordinates of its model")
@@ -285,8 +286,7 @@ class ReducedModel:
         Raises
         ------
         InputError
-            If the file is missing, is no reduced model, claims to hold more than it does, or was written by a later
-            format.
+            If the file is missing, is no reduced model, has less content than its header says, or has a later format.
         """
         path = Path(path)
         if not isfile(path):
@@ -313,7 +313,7 @@ class ReducedModel:
         return model
 
     def contradiction(self) -> str | None:
-        """What is wrong with the arrays, in words; None where shapes agree, breaks increase and all is finite."""
+        """Fault of the arrays in words; None if shapes agree, breaks increase and all is finite."""
         o, m = len(self.output_positions), len(self.row_names)
         if not {len(self.output_names), len(self.output_units), len(self.output_kinds)} <= {0, o}:
             counts = (

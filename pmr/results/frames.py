@@ -17,10 +17,11 @@ if TYPE_CHECKING:
 
 
 def load(folder: str | Path) -> dict[str, DataFrame]:
-    """Frames of what a run or a study left in a folder, by name; units stand in the names of columns.
+    """Results of a run or a study in a folder, as frames of pandas by name; names of columns have the units.
 
-    A run has its tables (`pmr.results.tables`) and the histories of each simulator, over the time in s, under the
-    simulator's name.  A study has ``runs`` and ``seconds``; a collection those of its studies, ``<study>/runs``.
+    Of a run these are its tables (`pmr.results.tables`), and the histories of each simulator over the time in s, under
+    the name of the simulator.  A study has ``runs`` and ``seconds``.  A collection has the frames of all its studies,
+    such as ``<study>/runs``.
 
     Raises
     ------

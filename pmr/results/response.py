@@ -28,7 +28,7 @@ class Energy:
 
 @dataclass(frozen=True)
 class Response:
-    """What one simulator says of the beam, in quantities that all of them share.
+    """Histories that one simulator computed, in quantities that all simulators have in common.
 
     Attributes
     ----------
@@ -36,34 +36,37 @@ class Response:
     x : (o,) array, m
         Beam coordinates of the outputs.
     displacement : (T, o) array, m
-        Transverse; the last column is the tip.  In space that of all places along y, along z, then of the tip.
+        Transverse displacements; the last column is the tip.  In space first those of all places along y, then along
+        z, then those of the tip.
     energy : Energy
     slider_force : (T, m) array, N
-        Multipliers of the sliders; in space forces of all pads.  Which is which, `force_names` say.
+        Multipliers of the sliders; in space forces of all pads.  `force_names` has their names.
     residual_position : (T,) array, m
         Largest violation of a row, the largest absolute entry of C(s) q; NaN where a simulator has no such rows.
     residual_velocity : (T,) array, m/s
-        Largest violation of its time derivative, that of C(s) q' + C'(s) s' q; NaN likewise.
+        Largest violation of the row's time derivative, C(s) q' + C'(s) s' q; NaN likewise.
     seconds : float
         Wall time of the solver alone.
     output_names, output_units : tuples of str
-        Of the columns of `displacement`, (o,); empty in results of version 0.1 and where nobody named them.
+        Of the columns of `displacement`, (o,); empty in results of version 0.1, and where outputs have no names.
     others : (T, k) array or None
-        Outputs that are neither in m nor in N, `other_names` in `other_units`; then reactions of rigid supports.
+        Outputs that are neither in m nor in N, then reactions of rigid supports; `other_names` and `other_units` have
+        their names and units.
     force_names : tuple of str
         Of the columns of `slider_force`, (m,), likewise.
     round_off : float, m
-        What of a displacement may be round-off alone (`pmr.compare.errors.round_off`); 0 where that isn't known.
+        Part of a displacement that may be round-off (`pmr.compare.errors.round_off`); 0 where it is not known.
     force_round_off : float, N
-        The same of a force (`pmr.compare.errors.force_round_off`).
+        Part of a force that may be round-off (`pmr.compare.errors.force_round_off`).
     force_peaks : (T, m) array, N, or None
-        `slider_force`, but of pads that only push the largest within the step that ends at t; None where a step is one.
+        As `slider_force`, but for pads that only push the largest force within the step that ends at t.  None if steps
+        are not divided into parts.
     kinds, bodies : tuples of str
-        Of all columns, those of displacements, of forces, then of others: kind and direction, such as ``"tip z"``
-        (`pmr.results.outputs`), and the body that has them.  Empty in earlier results.
+        Kind and direction of each column, such as ``"tip z"`` (`pmr.results.outputs`), and the body that it belongs to.
+        Columns of displacements come first, then those of forces, then the others.  Empty in earlier results.
     surplus : float
-        Share of the largest energy that neither loads nor moving rows put in; NaN where a simulator can't tell, and in
-        results of version 0.1.
+        Share of the largest energy that comes neither from loads nor from moving rows (docs/time_integration.md); NaN
+        where a simulator has no energy balance, and in results of version 0.1.
     """
 
     t: Array

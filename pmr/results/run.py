@@ -45,17 +45,19 @@ Columns = Mapping[str, list[str]]
 
 @dataclass(frozen=True)
 class RunResult:
-    """All of one run, of a body alone or of a boom of sections.
+    """All results of one run, of a single body or of a boom of several sections.
 
-    `responses` is keyed by model: ``reduced`` and, as asked, ``full`` and ``ancf``; `bodies` by section, a body alone
-    under the empty name.  `summary` is what summary.json holds: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
+    `responses` has the histories by model: ``reduced`` and, if the scene compares with them, ``full`` and ``ancf``.
+    `bodies` has results by section; a single body has the empty name.
+
+    `summary` is the content of summary.json: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
     ``absolute_errors`` likewise (e_abs, m), ``not_judged`` (`pmr.compare.ringing`),
     ``max_displacement`` and ``max_error`` (m),
     ``estimate.{beam,tip,pad_force,velocity,probe,probes,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
     ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``,
     ``coordinates``, ``basis``, ``seconds``, ``versions``, ``scene_hash``, ``pads`` and ``cylinders`` (name, min and max
-    in N, when), ``sections`` of a boom (name, coordinates, errors) and more; ``max_von_mises.{full,reduced}`` (Pa)
-    where stresses are recovered.
+    in N, their times), ``sections`` of a boom (name, coordinates, errors) and more;
+    ``max_von_mises.{full,reduced}`` (Pa) where stresses are recovered.
     """
 
     scene: Scene

@@ -31,10 +31,12 @@ DIALECT = Dialect(
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     """Read a scene file in TOML: its path, a folder with a ``scene.toml``, or the name of a workflow of the package.
 
-    Its ``extends`` key names a base file, relative to it, whose keys it overrides.  `overrides` are
-    ``"section.key=value"`` with the value in TOML notation (a bare word is taken as a string).
+    A file may extend another one: its key ``extends`` names a base file, relative to it, and its other keys override
+    those of the base file.  `overrides` are ``"section.key=value"`` with the value in TOML notation (a bare word is
+    taken as a string).
 
-    Raises InputError in one line: file, key, value, what is allowed; as a scene of several bodies is refused.
+    Raises InputError in one line: file, key, value, what is allowed.  A scene of several sections is refused, too;
+    `load_any` reads it.
     """
     scene = load_any(path, overrides)
     try:
@@ -45,7 +47,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
 
 
 def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
-    """The same for a file that may have several sections."""
+    """Read a scene file of one section or of several; arguments and errors are those of `load`."""
     return vary(path, [override(text) for text in overrides])
 
 

@@ -90,10 +90,10 @@ class JointPad:
 
 @dataclass(frozen=True)
 class Joint:
-    r"""What joins two neighbouring sections of a telescope.
+    r"""Pads between two neighbouring sections of a telescope.
 
-    With the inner section's tail at s on the outer one, of length L_out, a pad d from the inner tail, and one d from
-    the outer mouth, have
+    The tail of the inner section is at s on the outer section of length L_out.  A pad at a distance d from the inner
+    tail, and a pad at d from the outer mouth, have the places
 
     .. math:: x_{in} = d,\; x_{out} = s + d \qquad \text{and} \qquad x_{in} = L_{out} - d - s,\; x_{out} = L_{out} - d
 
@@ -103,9 +103,9 @@ class Joint:
         Bodies of the system.
     inner_length, outer_length : float, m
     path : str
-        Name of the path s(t), where the inner tail is on the outer section, in m from its tail.
+        Name of the path s(t): the place of the inner tail on the outer section, in m from the outer tail.
     tail, mouth : tuples of JointPad
-        Pads that travel with the inner section's tail, and those that sit at the outer one's mouth.
+        Pads that move with the tail of the inner section, and pads that stay at the mouth of the outer one.
     """
 
     inner: str

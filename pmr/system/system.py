@@ -166,7 +166,7 @@ class Joined(Generic[AnyBody]):
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Smallest and largest s in m of each path between which all rows are defined that travel on it."""
+        """Smallest and largest s of each path, in m; in between all rows on this path are defined."""
         found = {path: (-np.inf, np.inf) for path in self.paths}
         for side in self.sides:
             place = side.place
@@ -200,7 +200,7 @@ class Joined(Generic[AnyBody]):
 
 @dataclass(frozen=True)
 class System(Joined[SlidingBody]):
-    """Reduced or full bodies, each on one process, and what joins them."""
+    """Bodies and the contacts that join them; each body is reduced or full, and on one process."""
 
     provenance: dict[str, Any] = field(default_factory=dict)  # how it came about: the scene, its hash, versions
     # makes the terms of other models of the same bodies; a system from a file, which has the terms, has none
@@ -274,22 +274,21 @@ class System(Joined[SlidingBody]):
     def save(self, path: str | Path) -> Path:
         """Write reduced bodies, contacts, terms and provenance as one npz file, not compressed; nothing is pickled.
 
-        Beside them stand the bodies without modes of cylinders and without inertia, by which errors are estimated.
-
-        An InputError is raised where a body is not reduced.
+        The file also has the bodies without modes of cylinders and without inertia; errors are estimated with them.
+        An InputError is raised if a body is not reduced.
         """
         saved.write(Path(path), saved.Saved(self.reduced, self.contacts, self.terms, self.provenance, self.on_modes))
         return Path(path)
 
     @classmethod
     def load(cls, path: str | Path) -> System:
-        """Read what `save` wrote; a file of one reduced model is a body alone.
+        """Read a file of `save`, or a file of one reduced model as a system of a single body.
 
         Raises
         ------
         InputError
-            If the file is missing, holds neither, claims to hold more than it does, contradicts itself, or was written
-            by a later format.
+            If the file is missing, is neither of both, has less content than its header says, contradicts itself, or
+            has a later format.
         """
         found = saved.read(Path(path))
         try:
@@ -301,9 +300,9 @@ class System(Joined[SlidingBody]):
 
     @classmethod
     def of(cls, body: SlidingBody) -> System:
-        """A body alone, whose rows are contacts with the ground; what moves does so along one path, ``slider``.
+        """A single body; its rows are contacts with the ground, and those that move have one path, ``slider``.
 
-        An InputError is raised where it is a section of a boom, which its joints hold.
+        An InputError is raised if the body is a section of a boom, because its joints hold it.
         """
         body.ensure_whole("system")
         return cls({ALONE: body}, grounded(body), body.provenance if isinstance(body, ReducedModel) else {})

@@ -54,51 +54,51 @@ Array = NDArray[np.float64]
 
 
 class Stepper:
-    """The compiled simulator of `pmr.simulation.native.systems`, advanced from outside.
+    """The compiled simulator of `pmr.simulation.native.systems`, which your own loop advances step by step.
 
-    A body alone on one path takes well under a microsecond from Python, and neither its step nor its outputs allocate
-    memory.  In compiled code of one's own (Numba), call ``step_on_tables(*stepper.arguments, s, f, y)`` of
-    `pmr.simulation.native.part`, which involves no Python.
+    A step of a single body on one path takes well under a microsecond from Python.  Neither the step nor the outputs
+    allocate memory.  Compiled code of your own (Numba) calls ``step_on_tables(*stepper.arguments, s, f, y)`` of
+    `pmr.simulation.native.part`, without Python in between.
 
     Parameters
     ----------
     body : SlidingBody or System
-        Usually a `ReducedModel`, or a system of such.
+        Usually a `ReducedModel`, or a system of reduced models.
     step : float, s
-        `contact` says whether it resolves contacts that only push.
+        Time step; `contact` shows whether it resolves contacts that only push.
     s : float where there is one path, mapping of str to float, or sequence of float, m
-        Path coordinates at the start; a sequence is in the order of `System.paths`.  Where the scene has a frame
-        also with rates and second rates, {"fly": (s, s', s'')}: they are zero where they are left out.
+        Path coordinates at the start; a sequence is in the order of `System.paths`.  If the scene has a frame, give
+        rates and second rates, too, {"fly": (s, s', s'')}; those that are left out are zero.
     F : float where there is one load, (i,) array, or mapping of str to float, N (gravity m/s^2)
-        Loads at the start; an array is in the order of `System.input_names`.  What a mapping leaves out, and all by
-        default, is that of the scene of the system at t = 0, its weight in full even where it rises, or zero where it
-        knows none.  Where the scene has a frame, loads are as the scene names them, gravity among them, and what the
-        frame's motion makes of them is found from it (`pmr.simulation.moving`).
+        Loads at the start; an array is in the order of `System.input_names`.  Loads that are not given are those of the
+        system's scene at t = 0, with its full weight even where the weight rises; they are zero if the system has no
+        scene.  If the scene has a frame, name loads as the scene does, gravity included; their components in the moving
+        frame are computed (`pmr.simulation.moving`).
     rho_inf : float
-        Less than 1 as long as rigid rows move.  Their multipliers (index 3) grow from step to step where it is near 1,
-        the sooner the faster they move, and nothing here checks the energy as `systems.simulate` does: at most 0.9, and
-        `systems.simulate` on the fastest path that may come (docs/time_integration.md has what was measured).  A model
-        with residual flexibility has no such multipliers.
+        Spectral radius at infinite frequency.  If rigid rows move, take at most 0.9: near 1 their multipliers (index 3)
+        grow from step to step, the sooner the faster they move.  The stepper does not check the energy, so try the
+        fastest path that you expect with `systems.simulate`, which does (docs/time_integration.md).  A model with
+        residual flexibility has no such multipliers.
     outputs : sequence of int or str, optional
-        What `step` returns: numbers or names of `output_names`, forces of contacts among them; by default all outputs
-        of the bodies.
+        The outputs that `step` returns: numbers in `output_names`, or names from it, which include forces of contacts.
+        By default all outputs of the bodies.
     initial : InitialState, or mapping of str to InitialState, optional
-        Of the body, or of each body; those that are missing start at rest, undeformed.  By default all start as the
-        scene of the system says, in equilibrium with F or at rest; at rest where it knows no scene.
+        State of the body, or of each body, at the start; bodies that are missing start at rest, undeformed.  By default
+        all start as the scene of the system says, in equilibrium with F or at rest; at rest if there is no scene.
     frame : mapping of str to float, or to (value, rate, second rate), optional
-        How the frame moves at the start: ``luffing``, ``slewing``, ``base.rx`` ... in rad; of ``base.x`` ... the
-        pivot's acceleration in m/s^2 alone.  A rate or second rate that is left out is zero; what the mapping leaves
-        out, all by default, is as in the scene at t = 0.
+        Motion of the frame at the start: ``luffing``, ``slewing``, ``base.rx`` ... in rad; for ``base.x`` ... only the
+        acceleration of the pivot, in m/s^2.  A rate or second rate that is left out is zero.  Motions that are not
+        given are those of the scene at t = 0.
     parts : int
-        Of how many parts a step is made where contacts only push; 0: as few as keep their forces to a tolerance, as a
+        Number of parts of a step where contacts only push; 0 takes as few as keep their forces within a tolerance, as a
         run does.  Within a step, paths and loads are cubics if they are given with their rates, {"fly": (s, s')}, at
-        both ends of it, and straight lines otherwise; in a frame, what has a second rate has that at both ends.
+        both ends, and straight lines otherwise.  In a frame, second rates that are given hold at both ends, too.
 
     Raises
     ------
     InputError
-        If a number is out of its range, a name is none of the system's, loads are not one for each input, the initial
-        position violates a rigid row, a rigid row only pushes, or nothing holds the bodies in equilibrium.
+        If a number is out of its range, the system has no such name, or there is not one load for each input.  Also if
+        the initial position violates a rigid row, a rigid row only pushes, or nothing holds the bodies in equilibrium.
     SimulationError
         If contacts depend on each other at the start.
     """
@@ -176,23 +176,22 @@ class Stepper:
         Parameters
         ----------
         s : as for the start, m
-            Path coordinates at the end of the step; `pmr.errors.BEYOND_ENDS` of a path's length beyond an end they are
-            taken there.  What a mapping leaves out stays.
+            Path coordinates at the end of the step.  A path may go beyond its end by `pmr.errors.BEYOND_ENDS` of its
+            length; it is then taken at the end.  Paths that a mapping leaves out stay where they are.
         F : as for the start, N (gravity m/s^2)
-            Loads at the end of the step; quickest as a Python float.  What a mapping leaves out, and all by default,
-            stays.
+            Loads at the end of the step; a Python float is fastest.  Loads that are not given stay as they are.
         frame : as for the start
-            How the frame moves at the end of the step; what it leaves out stays, with its rates.
+            Motion of the frame at the end of the step; motions that are not given stay as they are, with their rates.
 
         Returns
         -------
         (o,) array
-            The chosen outputs, in their units; it may be the same array in every step, copy what is to be kept.
+            The chosen outputs, in their units.  It may be the same array in every step: copy values that you keep.
 
         Raises
         ------
         InputError
-            If a path leaves its range, a name is none of the system's, or loads are not one for each input.
+            If a path leaves its range, the system has no such name, or there is not one load for each input.
         SimulationError
             If contacts depend on each other.
         """
@@ -231,7 +230,7 @@ class Stepper:
 
     @property
     def states(self) -> dict[str, InitialState]:
-        """Coordinates and their rates of each body, by its name; what `initial` takes."""
+        """Coordinates of each body and their rates, by the body's name, as `initial` takes them."""
         form, modes = self._march.form, self._state.modes
         own = {name: modes[:, columns] for name, columns in form.columns.items()}
         return {name: InitialState(one.X @ own[name][Z], one.X @ own[name][V]) for name, one in form.forms.items()}
@@ -253,12 +252,12 @@ class Stepper:
 
     @property
     def forces(self) -> dict[str, float]:
-        """The same by the contacts' names."""
+        """Forces of the contacts by their names, in N, as in `multipliers`."""
         return dict(zip(self._system.contact_names, self.multipliers.tolist(), strict=True))
 
     @property
     def friction(self) -> dict[str, float]:
-        """What the pads of each joint resist sliding with, in N, by the section that slides; empty without any."""
+        """Friction force of the pads of each joint, in N, by the section that slides; empty without friction."""
         known = Friction.of(self._system.contacts)
         return (
             {} if known is None else dict(zip(known.joints, known.totals(self._march.friction).tolist(), strict=True))
@@ -266,9 +265,9 @@ class Stepper:
 
     @property
     def contact(self) -> float:
-        """The step times the contact frequency of contacts that only push, all paths together; 0 without such.
+        """Time step times the contact frequency of contacts that only push, over all paths; 0 without such contacts.
 
-        Above `contact_step.RESOLVED` impacts lose force and energy (docs/pads.md): a step is one step here.
+        With `parts` = 1, impacts lose force and energy where this is above `contact_step.RESOLVED` (docs/pads.md).
         """
         return self._step * contact_frequency(self._system, self._anywhere)
 
