@@ -3,7 +3,7 @@ A crane's boom that is raised
 =============================
 
 `pmr new crane` writes a scene of a boom of three sections that luffs, slews and telescopes with a load.  Here the hook
-becomes heavier, and the lowest natural frequency of the extended boom is compared: a low frequency is felt as swaying.
+becomes heavier, and the lowest natural frequency of the extended boom is compared.  A boom with a low frequency sways.
 """
 
 from pathlib import Path

@@ -2,8 +2,8 @@
 A boom on a turret, with a payload on a rope
 ============================================
 
-The turret is a rigid body of Exudyn's own on a hinge, raised by a hydraulic cylinder whose valve opens for a while.
-The boom rides on it, and its tip swings with the payload on a rope, while it telescopes.
+The turret is a rigid body in Exudyn on a hinge.  A hydraulic cylinder, whose valve opens for a while, raises it.  The
+boom is mounted on the turret and telescopes; its tip swings with the payload on a rope.
 """
 
 import exudyn as exu

@@ -2,8 +2,9 @@
 A boom drawn out by a cylinder whose force is given
 ===================================================
 
-The extension is a coordinate of the mbs: a piston of 40 kg, pushed by a force over time and braked as it runs.  The
-boom, raised by 0.3 rad, weighs on it.  The extension of the scene only says how far it may go.
+The extension is a coordinate of the mbs: a piston of 40 kg, with a force over time that pushes it and a damper that
+brakes it.  The boom is raised by 0.3 rad, so its weight acts on the piston, too.  The extension of the scene only gives
+the range of the piston.
 """
 
 import exudyn as exu
@@ -52,7 +53,7 @@ mbs.CreateGenericJoint(itemNumbers=[ground, carrier], position=[0.0, 0.0, 0.0])
 
 
 def push(t):
-    """Of the cylinder, N: more than what weighs on it at 0.3 rad, from 0.1 s on."""
+    """Force of the cylinder in N at t: more than the weight along the boom at 0.3 rad, from 0.1 s on."""
     return 550.0 + 450.0 * np.clip((t - 0.1) / 0.2, 0.0, 1.0)
 
 

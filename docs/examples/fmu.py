@@ -2,10 +2,10 @@
 An FMU with the sliding in it
 =============================
 
-A functional mock-up unit takes the reduced beam into Simulink, Dymola or OpenModelica.  Here it is loaded as such a
-program does it, through the C interface of FMI 2.0, and driven along the scene's own path.
+A functional mock-up unit brings the reduced beam into Simulink, Dymola or OpenModelica.  This script loads it as these
+programs do, through the C interface of FMI 2.0, and moves it along the path of the scene.
 
-With FMPy the same takes one line: ``fmpy simulate beam.fmu --interface-type CoSimulation``.
+With FMPy one line is enough: ``fmpy simulate beam.fmu --interface-type CoSimulation``.
 """
 
 import ctypes

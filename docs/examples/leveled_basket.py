@@ -2,8 +2,8 @@
 A basket that is kept level
 ===========================
 
-A platform's boom rides on a turret, which a cylinder raises.  Its basket is a rigid body of Exudyn's own, hinged to the
-tip; a controller (PID) keeps it level with a torque between basket and boom, which the boom feels as a load.
+The boom of a platform is mounted on a turret, which a cylinder raises.  The basket is a rigid body in Exudyn, hinged to
+the tip.  A controller (PID) keeps it level with a torque between basket and boom; this torque is a load on the boom.
 """
 
 import exudyn as exu

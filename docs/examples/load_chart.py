@@ -2,10 +2,11 @@
 A load chart, and what a heavier carrier changes
 ================================================
 
-What a crane's boom carries at every extension and angle, limit by limit.  :doc:`/tutorials/load_chart` goes there from
-an empty folder; here the chart is computed twice, on carriers of 14 and 20 tonnes.  Where the boom is far out and low
-the machine tips, so there the heavier one carries more.  Elsewhere the luffing cylinder governs, and nothing changes.
-Last comes the chart of a boom lift whose geometry is published: there stress, the tip and the pads govern.
+A load chart has the load that a crane boom carries at every extension and angle, and the limit that governs there.
+:doc:`/tutorials/load_chart` makes one from an empty folder.  Here the chart is computed twice, for carriers of 14 and
+20 tonnes.  Where the boom is far out and low, tipping governs, so the crane with the heavier carrier carries more.
+Elsewhere the luffing cylinder governs, and nothing changes.  Last comes the chart of a boom lift whose geometry is
+published: there stress, the tip and the pads govern.
 """
 
 import csv

@@ -2,9 +2,9 @@
 Mass and stiffness from elsewhere
 =================================
 
-`pmr` needs two matrices, the nodes and a few named groups of a model that another program assembled.  Here thirty lines
-of NumPy stand for that program: a timber beam of bricks with eight nodes.  `pmr matrices` reads files of CalculiX,
-Nastran, Ansys and Abaqus.
+`pmr` takes models of other programs: it needs two matrices, the nodes and a few named groups.  Here thirty lines of
+NumPy take the place of the other program: a timber beam of bricks with eight nodes.  `pmr matrices` reads files of
+CalculiX, Nastran, Ansys and Abaqus.
 """
 
 from itertools import product

@@ -3,8 +3,8 @@ A basis of one's own
 ====================
 
 Any vectors on the full model's coordinates make a basis.  Here they come from pyMOR: the proper orthogonal
-decomposition of what the evolved case does under its load with the slider held at fifteen places, static and in
-its first modes.
+decomposition of shapes of the evolved case.  The shapes are the static deflection under the load and the first modes,
+each with the slider held at fifteen places.
 """
 
 import tempfile
@@ -35,8 +35,8 @@ body = full_model(scene).gather()  # sparse matrices of SciPy, and rows at any s
 M, K = body.M.toarray(), body.K.toarray()
 
 # %%
-# With N the motions that supports and slider leave, N^T K N x = N^T f is the static answer, and the modes are those of
-# N^T K N and N^T M N.
+# The columns of N are the motions that supports and slider allow.  N^T K N x = N^T f gives the static deflection, and
+# N^T K N and N^T M N give the modes.
 
 pool = []
 for s in np.linspace(*scene.path_bounds, 15):

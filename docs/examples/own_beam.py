@@ -2,7 +2,7 @@
 A beam of one's own
 ===================
 
-A scene is a TOML file; this script writes one, reduces it to five coordinates and looks at how its frequencies change
+A scene is a TOML file.  This script writes one, reduces it to five coordinates and shows how its frequencies change
 while the support travels.
 """
 

@@ -2,8 +2,8 @@
 A mesh of one's own, drawn with gmsh
 ====================================
 
-Any mesh will do that names its groups: ``tail`` and ``tip`` where it ends, and the faces on which pads slide.  Here
-gmsh draws a rail, an I-section of three plates, that slides out between pads on its flanges and its web.
+A mesh for `pmr` needs named groups: ``tail`` and ``tip`` where it ends, and the faces on which pads slide.  Here gmsh
+draws a rail, an I-section of three plates.  The rail slides out between pads on its flanges and its web.
 """
 
 from pathlib import Path

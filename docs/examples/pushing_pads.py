@@ -2,8 +2,8 @@
 Pads that only push
 ===================
 
-Real pads can't pull.  With `unilateral = true` they lift off where they would, and others carry more; those of the
-reference boom hold both ways, which keeps its model linear.
+Real pads can't pull.  With `unilateral = true` a pad that would pull lifts off, and other pads carry more.  The pads of
+the reference boom hold both ways, so its model is linear.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A saved model under other loads
 ===============================
 
-A reduced model is one small file.  It is read and simulated without FEniCSx, on any machine with NumPy and Numba:
-another load, another way along the path, in milliseconds.
+A reduced model is one small file.  Any machine with NumPy and Numba reads and simulates it, without FEniCSx.  Another
+load or another motion along the path takes milliseconds.
 """
 
 from pathlib import Path

@@ -2,8 +2,8 @@
 Sections that slide in each other
 =================================
 
-Three steel boxes of 6 m, one in the other, telescope together under a payload. Each section is reduced by itself; the
-pads between two of them sit on one and travel on the other. They only push.
+Three steel boxes of 6 m, one in the other, telescope together under a payload. Each section is reduced by itself. A pad
+between two sections is fixed to one of them and slides along the other. Pads only push.
 """
 
 import matplotlib.pyplot as plt

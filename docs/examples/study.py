@@ -3,7 +3,7 @@ A study in Python
 =================
 
 `pmr study` varies keys of a scene from a file, spreads the runs over processes and resumes.  For a handful of runs a
-loop does: here the payload of a boom and the stiffness of its pads are varied, and what counts is the largest force of
+loop is enough.  This one varies the payload of a boom and the stiffness of its pads, and compares the largest force of
 a pad.
 """
 

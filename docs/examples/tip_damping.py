@@ -2,9 +2,9 @@
 A boom whose tip is damped by its luffing cylinder
 ==================================================
 
-The boom rides on a turret of Exudyn's own, which a cylinder lifts.  Its valve follows a given speed over time.  A
-controller (PID) adds a correction from the deflection of the tip, which damps its vibration.  Weight is left out: it
-adds a constant deflection only.
+The boom is mounted on a turret in Exudyn, which a cylinder lifts.  The valve of the cylinder follows a given speed over
+time.  A controller (PID) adds a correction from the deflection of the tip, which damps its vibration.  Weight is left
+out: it adds a constant deflection only.
 """
 
 import exudyn as exu
