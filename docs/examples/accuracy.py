@@ -24,7 +24,7 @@ for tolerance in tolerances:
     print(f"{100 * tolerance:g} %: {chosen['coordinates']} coordinates, steps of {1e3 * chosen['step']:.3g} ms")
 
 # %%
-# Both parts are signals, and what is held is their sum, in which they cancel in part.
+# The errors of reduction and step are signals over time, and partly cancel each other.  The tolerance is for their sum.
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 places = range(len(tolerances))

@@ -59,8 +59,8 @@ cylinder = mbs.AddObject(eut.HydraulicActuatorSimple(
 ))  # fmt: skip
 
 # %%
-# The boom on it, and 30 kg on a rope from a winch on the turret over a sheave at the tip.  The winch pays out as much
-# as the boom takes; the valve is open from 0.3 to 1.2 s.
+# The boom is on the turret.  30 kg hang on a rope, from a winch on the turret over a sheave at the tip.  The winch pays
+# out as much rope as the boom gets longer.  The valve is open from 0.3 to 1.2 s.
 
 excitation = Excitation.of(scene)
 loads = {name: signal for name, signal in excitation.loads.items() if "hook" in name}

@@ -41,7 +41,7 @@ scene = Scene.model_validate({
 system = system_of(scene, pmr.reduce(scene).reduced)
 
 # %%
-# The boom stands on a body that is held by the ground.  Its fly's extension is 0.5 m and the piston's displacement.
+# The boom stands on a body that is fixed to the ground.  The fly is out by 0.5 m plus the piston's displacement.
 
 container = exu.SystemContainer()
 mbs = container.AddSystem()

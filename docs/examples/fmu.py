@@ -29,7 +29,7 @@ file = write("fmu", Path(folder.name, "reduced.npz"), Path(folder.name, "beam.fm
 zipfile.ZipFile(file).extractall(folder.name)
 
 # %%
-# The description says what the variables are called, and which number each has.
+# The description of the model lists names and numbers of the variables.
 
 said = Path(folder.name, "modelDescription.xml").read_text()
 number = dict(re.findall(r'<ScalarVariable name="([^"]+)" valueReference="(\d+)"', said))
@@ -55,7 +55,7 @@ def put(**values: float) -> None:
 
 
 # %%
-# Rates of the inputs say where they are going within a step.
+# Rates of the inputs say how they change within a step.
 
 h, path, force = scene.time.step, scene.slider.path, scene.loads[0].signal
 library.fmi2SetupExperiment(unit, 0, c_double(0.0), c_double(0.0), 0, c_double(0.0))

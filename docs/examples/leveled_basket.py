@@ -42,8 +42,8 @@ excitation = Excitation.of(scene)
 
 
 # %%
-# The cylinder raises the turret while the boom telescopes.  All that the controller sets, it sets once a step; P, I and
-# D are in N m for rad, rad s and rad/s.
+# The cylinder raises the turret while the boom telescopes.  The output of the controller is set once a step; P, I and D
+# are in N m for rad, rad s and rad/s.
 
 gains = (2e4, 1e4, 3e3)
 container = exu.SystemContainer()
@@ -58,7 +58,7 @@ cylinder = mbs.CreateSpringDamper(
 )  # fmt: skip
 mbs.variables["torque"] = 0.0
 
-# The boom, whose tip feels what the controller turns the basket with.
+# The boom, with the torque of the controller as a load on its tip.
 loads = {name: signal for name, signal in excitation.loads.items() if "basket" in name}
 loads["fly.basket ry"] = lambda mbs, t: -mbs.variables["torque"]
 known = {"sum": -150.0 * 0.5 * WEIGHT / gains[1]}  # carries the basket

@@ -48,7 +48,7 @@ vectors, sigma = pod(space.make_array(np.hstack(pool)), product=NumpyMatrixOpera
 V = np.asarray(vectors.to_numpy()).reshape(len(M), -1)
 
 # %%
-# The file holds nothing but V, a column a vector; which of them are taken, and how many, the scene says.
+# The file has only V, with a column for each vector.  The scene says how many of them are taken.
 
 errors = {}
 with tempfile.TemporaryDirectory() as folder:

@@ -49,7 +49,7 @@ coordinates = 5
 """
 
 # %%
-# A scene that can't be is refused in one line, so what loads can be run.
+# A scene that is not possible is refused in one line, so a scene that is loaded can be run.
 
 with TemporaryDirectory() as folder:
     file = Path(folder) / "ladder.toml"

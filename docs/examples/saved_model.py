@@ -22,8 +22,8 @@ with TemporaryDirectory() as folder:
 print(f"{1e-3 * size:.0f} kB: {model.size} coordinates; inputs {', '.join(model.input_names)}")
 
 # %%
-# The same loads have to be there, by their names; what they do over time is free, and so is the path, as far as the
-# tables reach.
+# The scene needs loads with the same names.  Their signals may be any, and so may the path, within the range of the
+# model's tables.
 
 cases = {
     "as reduced": [],

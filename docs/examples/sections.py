@@ -21,8 +21,8 @@ errors = summary["errors"]["reduced_vs_full"]
 print(f"{100 * errors['tip']:.4f} % off at the tip")
 
 # %%
-# Every pad's largest force: what is pressed most is the bottom pad at the mouth of the base, on which all that is out
-# rests.
+# Largest force of each pad.  It is largest at the bottom of the base's mouth, because all sections that are out rest
+# there.
 
 pads = summary["pads"]
 heaviest = max(pads, key=lambda pad: pad["max"])

@@ -14,7 +14,7 @@ import pmr
 against_full = ["compare.against=['full']", "simulation.repeats=1"]  # the nonlinear cable is left out here
 
 # %%
-# `pmr.run` goes the whole way: operators, snapshots, basis, reduced model, both simulations and their comparison.
+# `pmr.run` does all steps: operators, snapshots, basis, reduced model, both simulations and their comparison.
 
 ways = {
     "as published, 20": [],

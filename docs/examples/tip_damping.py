@@ -42,8 +42,8 @@ loads = {name: signal for name, signal in excitation.loads.items() if "hook" in 
 
 
 # %%
-# The speed is held for a second.  The controller knows by which angle the tip, seen from the hinge, is above the
-# turret's axis; all is set once a step.
+# The speed is constant for a second.  The controller measures the angle at the hinge between the tip and the turret's
+# axis.  Its output is set once a step.
 
 
 def lifted(gains):
