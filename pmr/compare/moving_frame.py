@@ -94,7 +94,7 @@ def _warnings(kept: bool, found: Stressed) -> list[str]:
         return [past + ("without limit" if kept else "without limit, which is not simulated without second order")]
     size = f"by {100.0 * found.share:.2g} % at {found.share_at:g} s"
     left_out = f"second order is left out: axial forces and the frame's speed change the stiffness {size}, so static "
-    left_out += "deflections are off by as much, vibrations drift out of phase; frame.second_order = 'auto' includes it"
+    left_out += "deflections are off by as much, vibrations drift out of phase; frame.second_order = true includes it"
     return [] if kept or not found.matters else [left_out]
 
 

@@ -29,6 +29,8 @@ SystemOf = Callable[[Scene], System]
 UNKNOWN = (InputError, ConvergenceError, SimulationError)
 #: Why nothing is known yet of what the run had no time for.
 LATER = "not measured yet: the next run of this structure measures it"
+#: Why nothing is known where the model itself finds how its base moves, and another model would find another motion.
+ON_MACHINE = "not measured for a boom on frame.machine; the same boom without it tells"
 _log = logging.getLogger(__name__)
 
 
@@ -86,6 +88,8 @@ def unasked(
     Of the scene's own `system`, whose `response` rank 0 has; what is `known` stays.  A run measures one of them, what
     was measured before is found in the cache.  Collective.
     """
+    if scene.frame is not None and scene.frame.machine is not None:
+        return {"model": {"beside": None, "reason": ON_MACHINE}, "mesh_reason": ON_MACHINE, **known}
     try:
         own = on_first(comm, lambda: Motion.of(scene, system, FEW_PLACES, response))
     except UNKNOWN as error:

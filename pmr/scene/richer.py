@@ -29,7 +29,8 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
     asked, own = scene.compare.richer, [model_of(member) for member in members(scene)]
     known = [ORDER.index(model) for model in own if model in ORDER]
     if len(known) < len(own) or max(known) == len(ORDER) - 1:
-        raise _none(asked, f"a shell is the richest model there is to compare with, beams are less; this is {own[-1]}")
+        models = " and ".join(dict.fromkeys(own))
+        raise _none(asked, f"a shell is the richest model there is to compare with, beams are less; this is {models}")
     richer = ORDER[max(known) + 1] if asked == "next" else asked
     if ORDER.index(richer) <= max(known):
         raise _none(asked, f"{' and '.join(dict.fromkeys(own))} knows as much")

@@ -50,7 +50,7 @@ class Excitation:
         `pmr.simulation.frame` has that load with all others of the frame.
         """
         if scene.frame is not None and scene.frame.machine is not None:
-            allowed = "none is allowed here: how a machine moves is found by pmr run and pmr.simulate alone, with march"
+            allowed = "none is allowed here: only pmr run and pmr.simulate, with march, find how a machine moves"
             raise InputError("scene", "frame.machine", None, allowed)
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
         loads, paths = dict[str, SignalBase](), tuple(scene.paths.values())

@@ -55,6 +55,8 @@ def recorded(system: System, source: str) -> Recorded:
             return _of_body(scene, system)
         return _of_sections(scene, system)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise InputError(source, f"provenance.scene.{error.key}", error.value, error.allowed) from None
         why = "this one has none" if error.args == ("scene",) else repr(error)
         raise InputError(source, "provenance.scene", None, f"a file that holds its scene is allowed: {why}") from None
 

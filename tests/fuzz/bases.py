@@ -142,8 +142,25 @@ TAPERED: dict[str, Any] = DOUBLED | {
         }
     },
 }
+MOVED: dict[str, Any] = BOOM | {
+    "title": "Boom on a machine that moves by itself",
+    "gravity": {"rise": 0.0},
+    "frame": {
+        "pivot": [0.0, 0.0, 0.0],
+        "luffing": {"kind": "smooth_ramp", "times": [0.0, 0.2], "values": [0.3, 0.6]},
+        "machine": {
+            "mass": 3000.0,
+            "center": [0.0, 0.0, -0.5],
+            "inertia": [1000.0, 2000.0, 2000.0],
+            "free": ["z", "ry"],
+            "stiffness": {"z": 2e6, "ry": 3e6},
+            "damping": {"z": 2e4, "ry": 3e4},
+            "rate": {"z": 0.01},
+        },
+    },
+}
 #: How often each is taken.
 BASES = (
     *(BEAM, PAPER, FLEXIBLE, BOOM, BEAM, FLEXIBLE, BOOM, PUSHING, PLANAR_BOOM, BEAM, FLEXIBLE, BOOM, SHELL),
-    *(DOUBLED, TAPERED),
+    *(DOUBLED, TAPERED, MOVED),
 )

@@ -126,7 +126,25 @@ RAISED = {
     "luffing": {"kind": "smooth_ramp", "times": [0.0, 0.2], "values": [0.3, 0.6]},
     "second_order": True,
 }
+ON_MACHINE = {
+    "pivot": [0.0, 0.0, 0.0],
+    "luffing": {"kind": "smooth_ramp", "times": [0.0, 0.2], "values": [0.3, 0.6]},
+    "machine": {
+        "mass": 3000.0,
+        "inertia": [1000.0, 2000.0, 2000.0],
+        "free": ["z", "ry"],
+        "stiffness": {"z": 2e6, "ry": 3e6},
+        "damping": {"z": 2e4, "ry": 3e4},
+    },
+}
 HOISTED = {"cylinder": {"stiffness": 5e7}}
+
+
+def on_machine(scene: dict[str, Any]) -> dict[str, Any]:
+    """Its base held in the mean, as a machine that moves wants it."""
+    scene["sections"][0]["supports"] = [{"name": "clamp", "kind": "clamped", "points": "mean"}]
+    return scene | {"frame": ON_MACHINE}
+
 
 #: By the letter of their columns.
 KINDS = {
@@ -181,4 +199,5 @@ KINDS = {
     "R": Kind(boom("Rigid overlaps", "beam2d", rings(stiffness="rigid") | {"rigid_overlap": True})),
     "S": Kind(boom("Sections in a frame", "beam2d", rings(faces=PLANE) | HOISTED) | {"frame": RAISED}),
     "T": Kind(changed(PLANAR_BOOM, time=STEPPED, recovery=None, gravity={}, frame=RAISED)),
+    "U": Kind(on_machine(boom("Sections on a machine", "beam3d", rings(faces=SPACE)))),
 }

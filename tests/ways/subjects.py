@@ -49,8 +49,8 @@ def command(*arguments: str) -> str:
         sys.argv = argv
     if code == 2 and err.getvalue().count("\n") == 1:
         raise Refused(err.getvalue().strip())
-    if code == 1 and "InputError: " in (why := err.getvalue().partition("\n")[0]):
-        raise Refused(why)
+    if code == 1 and (why := [line for line in err.getvalue().splitlines() if "InputError: " in line]):
+        raise Refused(why[0])  # behind lines of progress, if the study took a while
     assert code == 0, err.getvalue()
     return out.getvalue()
 

@@ -147,7 +147,8 @@ def stepper(subject: Subject) -> None:
     """As the compiled simulator with the same steps."""
     system, scene = subject.system, subject.scene
     rho = min(scene.time.rho_inf, 0.9)
-    excitation = Excitation.of(scene).with_stepping(TimeStepping(scene.time.end, scene.time.step, rho, parts=1))
+    with refusals():
+        excitation = Excitation.of(scene).with_stepping(TimeStepping(scene.time.end, scene.time.step, rho, parts=1))
     (start, *given), y = stepper_inputs(system, excitation), simulated_outputs(system, excitation)
     with refusals():
         one = pmr.Stepper(system, scene.time.step, *start[:2], rho, frame=start[2] if len(start) > 2 else None)
