@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: What no estimate covers; a run's ``step`` has the figure of the time step.
 NEVER = "stresses away from probes"
+#: What no estimate covers where a rigid support holds a body: its force is not among the rows that give way.
+REACTIONS = "reactions of rigid supports"
 #: What it does not cover with second order of a body with too many carriers (`pmr.reduced.attachment.knows_matrices`).
 SECOND_ORDER = "effects of axial forces and the frame on the residual part, most of all on pad forces"
 #: Why there is no estimate of forces.
@@ -83,7 +85,7 @@ def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], 
 
 def warnings(clauses: Sequence[str]) -> list[str]:
     """The clauses that make the estimate too small by an unknown factor, a line each."""
-    without = (NEVER, IMPACTS, RINGING, JUMPS, *UNSETTLED.values())
+    without = (NEVER, REACTIONS, IMPACTS, RINGING, JUMPS, *UNSETTLED.values())
     return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in without]
 
 

@@ -91,7 +91,8 @@ def reduction_error(
         figures = dict.fromkeys((*KINDS, *_FIGURES)) | {"reason": failed or estimate.no_estimate(models)}
         said = warnings(models, excitation.stepping, None) + scattered
         return ReductionError(Part({"estimate": figures} if asked else {}, said))
-    left_out = [*_left_out(telling, system, excitation), *found.unknown.values()]
+    held = any(body.reactions is not None for body in system.bodies.values())
+    left_out = [*_left_out(telling, system, excitation), *[coverage.REACTIONS] * held, *found.unknown.values()]
     said = warnings(models, excitation.stepping, found) + coverage.warnings(left_out)
     said += [found.scatter] if found.scatter else []
     part = Part({"estimate": summary(found, left_out)} if asked else {}, said)

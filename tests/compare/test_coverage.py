@@ -11,7 +11,7 @@ from driving import driven
 from oracle import enriched, full_body
 
 from pmr.compare import coverage
-from pmr.compare.coverage import IMPACTS, JUMPS, NEVER, highest_known, not_covered
+from pmr.compare.coverage import IMPACTS, JUMPS, NEVER, REACTIONS, highest_known, not_covered
 from pmr.errors import InputError, SimulationError
 from pmr.pipeline import run
 from pmr.reduced.damping import Rayleigh
@@ -93,7 +93,19 @@ def test_damping_that_couples_modes_is_not_covered_but_estimated_without() -> No
 
 
 SHORT = ["time.end=0.4", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.3],values=[1.25,1.6]}"]
+HELD = "supports=[{name='cylinder',on='tail',directions=['x'],stiffness=%s}]"
 TONE = "loads=[{name='F',on=5.0,signal={kind='sum',terms=[10.0,{kind='sine',amplitude=50.0,frequency=197.0}]}}]"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stiffness", ["'rigid'", "1e9"])
+def test_reactions_of_rigid_supports_alone_are_named(load_scene, stiffness: str) -> None:
+    short = ["time.end=0.1", "compare.against=[]", "simulation.simulators=['march']", "recovery.frames=2"]
+    outcome = run(load_scene("boom_beam", [*short, HELD % stiffness, "recovery.every=0.05"]))
+    assert outcome is not None
+    found = outcome.result.summary["estimate"]["not_covered"]
+    assert (REACTIONS in found) == (stiffness == "'rigid'") and NEVER in found
+    assert not any(REACTIONS in line for line in outcome.result.summary["warnings"])
 
 
 @pytest.mark.slow
@@ -103,8 +115,8 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
     assert outcome is not None
     summary, text = outcome.result.summary, " ".join(point.text for point in sentences.points(outcome.result))
     left_out = summary["estimate"]["not_covered"]
-    assert left_out[-2:] == [NEVER, IMPACTS] and NEVER in sentences.estimate(outcome.result) and NEVER in text
-    assert (len(left_out) == 3) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
+    assert left_out[-3:] == [NEVER, REACTIONS, IMPACTS] and NEVER in sentences.estimate(outcome.result) and NEVER in text
+    assert (len(left_out) == 4) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
     assert all(clause in text for clause in left_out)
 
 
