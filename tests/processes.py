@@ -17,13 +17,14 @@ from pmr.cli.app import main
 FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
 PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
-#: The command whose reports have empty figures and an empty PDF, which take longer than a short run: for tests of
-#: anything else.
-UNDRAWN = (
+_NO_FIGURES = (
     "from pmr.report import blocks, paper\n"
     "blocks.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
-    "paper.print_page = lambda text, file: file.touch()\n"
-) + COMMAND
+)
+#: The command whose reports have empty figures, in a real PDF.
+WITHOUT_FIGURES = _NO_FIGURES + COMMAND
+#: The same with an empty PDF too, for tests of anything else: both take longer than a short run.
+UNDRAWN = _NO_FIGURES + "paper.print_page = lambda text, file: file.touch()\n" + COMMAND
 
 
 @dataclass(frozen=True)

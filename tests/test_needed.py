@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from processes import UNDRAWN, Called, called
+from processes import WITHOUT_FIGURES, Called, called
 
 from pmr import scene
 from pmr.compare import responses
@@ -25,7 +25,7 @@ def run_without(folder: Path, package: str, content: str, *arguments: str) -> su
     (folder / "hidden").mkdir()
     (folder / "hidden" / f"{package}.py").write_text(content)
     path = os.pathsep.join([str(folder / "hidden"), *filter(None, [os.environ.get("PYTHONPATH")])])
-    command = [sys.executable, "-c", UNDRAWN, *arguments]
+    command = [sys.executable, "-c", WITHOUT_FIGURES, *arguments]
     return subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path}, cwd=folder)
 
 
@@ -64,7 +64,7 @@ def test_without_exudyn_march_does_the_work(tmp_path: Path) -> None:
     scene = str(WORKFLOWS / "paper_simple.toml")
     found = run_without(tmp_path, "exudyn", ABSENT.format("exudyn"), "run", scene, "--out", "results", *overrides)
     assert found.returncode == 0, found.stderr
-    assert (tmp_path / "results" / "report.pdf").exists()
+    assert (tmp_path / "results" / "report.pdf").read_bytes().startswith(b"%PDF")
 
 
 @pytest.mark.slow
