@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 NEVER = "stresses away from probes"
 #: What no estimate covers where a rigid support holds a body: its force is not among the rows that give way.
 REACTIONS = "reactions of rigid supports"
+#: What neither it nor a full model covers that follows a machine whose motion was found with the reduced model.
+MACHINE = "the motion of frame.machine, which is found with the reduced model and its step"
 #: What it does not cover with second order of a body with too many carriers (`pmr.reduced.attachment.knows_matrices`).
 SECOND_ORDER = "effects of axial forces and the frame on the residual part, most of all on pad forces"
 #: Why there is no estimate of forces.
@@ -85,7 +87,7 @@ def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], 
 
 def warnings(clauses: Sequence[str]) -> list[str]:
     """The clauses that make the estimate too small by an unknown factor, a line each."""
-    without = (NEVER, REACTIONS, IMPACTS, RINGING, JUMPS, *UNSETTLED.values())
+    without = (NEVER, REACTIONS, MACHINE, IMPACTS, RINGING, JUMPS, *UNSETTLED.values())
     return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in without]
 
 

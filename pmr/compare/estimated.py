@@ -22,6 +22,7 @@ from pmr.reduced.attachment import knows_matrices
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Reduction, Scene
 from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.found import moves_by_itself
 from pmr.simulation.modal import modal_form
 from pmr.system.contacts import ALONE
 from pmr.system.system import System, SystemTrajectory
@@ -92,7 +93,8 @@ def reduction_error(
         said = warnings(models, excitation.stepping, None) + scattered
         return ReductionError(Part({"estimate": figures} if asked else {}, said))
     held = any(body.reactions is not None for body in system.bodies.values())
-    left_out = [*_left_out(telling, system, excitation), *[coverage.REACTIONS] * held, *found.unknown.values()]
+    left_out = [*_left_out(telling, system, excitation), *[coverage.REACTIONS] * held]
+    left_out += [*[coverage.MACHINE] * moves_by_itself(scene), *found.unknown.values()]
     said = warnings(models, excitation.stepping, found) + coverage.warnings(left_out)
     said += [found.scatter] if found.scatter else []
     part = Part({"estimate": summary(found, left_out)} if asked else {}, said)

@@ -106,6 +106,12 @@ def found_inputs(scene: Scene) -> dict[str, SignalBase]:
     return {} if samples is None else {name: AtSteps(samples=samples, name=name) for name in samples.inputs}
 
 
+def moves_by_itself(scene: Scene) -> bool:
+    """Whether a machine's motion is found with the model, or was: not where all of its directions are held."""
+    machine = None if scene.frame is None else scene.frame.machine
+    return bool(found_inputs(scene)) or (machine is not None and bool(machine.free))
+
+
 @dataclass(frozen=True)
 class MachineMotion:
     """Of a machine at T steps; directions x, y, z of the pivot in m, roll, pitch and yaw in rad."""

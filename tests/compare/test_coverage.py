@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from alone import estimate
 from driving import driven
+from fuzz import toml
+from fuzz.bases import MOVED
 from oracle import enriched, full_body
 
 from pmr.compare import coverage
-from pmr.compare.coverage import IMPACTS, JUMPS, NEVER, REACTIONS, highest_known, not_covered
+from pmr.compare.coverage import IMPACTS, JUMPS, MACHINE, NEVER, REACTIONS, highest_known, not_covered
 from pmr.errors import InputError, SimulationError
 from pmr.pipeline import run
 from pmr.reduced.damping import Rayleigh
 from pmr.report import sentences
+from pmr.scene import load as read
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
 
@@ -106,6 +110,18 @@ def test_reactions_of_rigid_supports_alone_are_named(load_scene, stiffness: str)
     found = outcome.result.summary["estimate"]["not_covered"]
     assert (REACTIONS in found) == (stiffness == "'rigid'") and NEVER in found
     assert not any(REACTIONS in line for line in outcome.result.summary["warnings"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("free", [["z", "ry"], []])
+def test_the_motion_of_a_machine_that_is_found_is_named(tmp_path: Path, free: list[str]) -> None:
+    """The full model follows it, so that no error has it."""
+    held = {"mass": 3000.0, "free": free, "stiffness": dict.fromkeys(free, 2e6)}
+    scene = MOVED | {"frame": MOVED["frame"] | {"machine": held}, "time": {"end": 0.02, "step": 2e-3}, "recovery": None}
+    (tmp_path / "scene.toml").write_text(toml.written({key: one for key, one in scene.items() if one is not None}))
+    outcome = run(read(tmp_path / "scene.toml"))
+    assert outcome is not None
+    assert (MACHINE in outcome.result.summary["estimate"]["not_covered"]) == bool(free)
 
 
 @pytest.mark.slow
