@@ -23,6 +23,7 @@ def scene(*changes: str) -> pmr.scene.Scene:
     return pmr.load_scene(WORKFLOWS / "boom_beam.toml", [*CHANGES, *changes])
 
 
+@pytest.mark.slow
 def test_a_run_measures_its_model_the_next_one_its_mesh_and_then_both_are_found(tmp_path: Path, monkeypatch) -> None:
     result = pmr.run(scene(), measures=tmp_path).result
     first = result.summary["budget"]
