@@ -25,7 +25,6 @@ from pmr.mesh.drawing import NotDrawnError
 from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
-from pmr.models.profile_section import section_of
 from pmr.scene.box import Box
 from pmr.scene.built import OwnModel, PadRing
 from pmr.scene.choice import (
@@ -41,7 +40,7 @@ from pmr.scene.choice import (
 )
 from pmr.scene.frame_terms import tails
 from pmr.scene.members import EXTENSION, TAIL, Member
-from pmr.scene.structures import Beam3DBody, Material, Profile
+from pmr.scene.structures import Beam3DBody
 
 Array = NDArray[np.float64]
 
@@ -154,39 +153,31 @@ def _supports(member: Member) -> tuple[Support, ...]:
 
 
 def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
-    from pmr.models.beam2d import Beam2D
+    from pmr.models.beam2d import Beam2D, planar_beam
 
-    profile = member.part.body.profile or _planar_profile(_box(member), member.part.body.material)
-    mesh, length = member.part.mesh, profile.length
-    drawn = graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
-    return Beam2D(profile, drawn, None if member.part.body.profile else member.part.body.box)
-
-
-def _planar_profile(box: Box, material: Material) -> Profile:
-    section = section_of(box, material.poisson)
-    return Profile(
-        length=box.length,
-        bending_stiffness=material.young * section.second_moment_y,
-        mass_per_length=material.density * section.area,
-        axial_stiffness=material.young * section.area,
-        axial=True,
-    )
+    mesh, length = member.part.mesh, member.part.length
+    nodes = graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
+    profile = member.part.body.profile
+    return Beam2D(profile, nodes) if profile else planar_beam(_beam_body(member), _box(member), nodes)
 
 
 def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
     from pmr.models.beam3d import Beam3D, beam_of
 
-    box, body, elements = _box(member), member.part.body, member.part.mesh.elements
-    profile = None if body.section else box
-    beam = Beam3DBody(
+    body = _beam_body(member)
+    return beam_of(body, _box(member)) if body.profile else Beam3D(body)
+
+
+def _beam_body(member: Member) -> Beam3DBody:
+    box, body = _box(member), member.part.body
+    return Beam3DBody(
         length=box.length,
         section=body.section,
-        profile=profile,
+        profile=None if body.section else box,
         material=body.material,
         shear=body.shear,
-        elements=elements,
+        elements=member.part.mesh.elements,
     )
-    return beam_of(beam, box) if profile else Beam3D(beam)
 
 
 def _meshed(member: Member, comm: MPI.Comm) -> StructuralModel:

@@ -14,5 +14,4 @@ if TYPE_CHECKING:
 
 def slider_row(beam: Beam2D, offset: float = 0.0, name: str = "slider") -> Row:
     """The row w(s + offset) = 0 as an exact piecewise cubic in s; its multiplier is a force in N."""
-    dofs = np.array([beam.bending_dofs(e) for e in range(len(beam.lengths))], np.int64)
-    return row_on_coordinates(name, np.unique(beam.nodes) - offset, dofs, beam.deflection, beam.size)
+    return row_on_coordinates(name, np.unique(beam.nodes) - offset, beam.bending_dofs, beam.deflection, beam.size)

@@ -1,9 +1,17 @@
-"""What beams share: coordinates on nodes along an axis, as many on each as it has directions, and places there."""
+r"""What beams share: coordinates on nodes along an axis, as many on each as it has directions, and places there.
+
+Sections change at nodes, so that each element has constants of its own.  A beam's coordinates are the displacements and
+rotations of points on its axis, which move with their section; those of its function space are its own: of the
+section's centroid and shear centre, along its principal axes.  Where sections change, and where the beam is cut, the
+space has two nodes at one place.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,10 +21,14 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cellwise, constant, create_mesh
-from pmr.fields.envelope import ForceRows
+from pmr.fields.envelope import ForceRows, force_rows
 from pmr.fields.series import Grid
 from pmr.fields.stress import StressRows
+from pmr.mesh.strip import Extent, Plane, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Cut, Line, UnitState, rigid_motions
+from pmr.models.profile_section import MidLine
+from pmr.models.sections_along import SectionsAlong
+from pmr.models.tabulation import CellValues, cell_values
 from pmr.scene.structures import Beam3DBody, Profile
 
 Array = NDArray[np.float64]
@@ -24,8 +36,6 @@ Indices = NDArray[np.int64]
 
 #: Named places, as shares of the length.
 ENDS = {"tail": 0.0, "tip": 1.0}
-#: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.
-HERMITE = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
 
 
 class Beam(ABC):
@@ -46,16 +56,41 @@ class Beam(ABC):
     def masses(self) -> Array:
         """The mass per length rho A of each element, (E,) kg/m."""
 
+    @property
     @abstractmethod
-    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix: ...
+    def signs(self) -> Array:
+        """(d,): a node's coordinate is its motion along a direction, or minus that."""
+
+    @property
+    @abstractmethod
+    def sections(self) -> SectionsAlong | None:
+        """Along the axis; None of a beam that is given by its stiffnesses."""
+
+    @property
+    @abstractmethod
+    def of_node(self) -> Array:
+        """The space's coordinates at a node from the model's, (K, d, d), by the section."""
+
+    @abstractmethod
+    def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
+        """The axis' motion (q, d, 2 d) at X h in q elements with these lengths and sections, on the space's values."""
+
+    @abstractmethod
+    def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
+        """Faces for pads at a place along the axis in m, and what they offer."""
+
+    @abstractmethod
+    def strains(self, space: Any) -> Any:
+        """Those that section forces are of, in UFL, of a trial function."""
+
+    @property
+    @abstractmethod
+    def section_stiffness(self) -> dict[str, Array]:
+        """Section forces of these strains (v,), (E, v) each."""
 
     @abstractmethod
     def on_nodes(self, stations: Array) -> Line:
         """The same beam with nodes (N,) m; between two at one place it is cut."""
-
-    @abstractmethod
-    def interpolated(self, places: Array) -> sp.csr_matrix:
-        """What coordinates on nodes at the places (k,) m along the axis would be, (k d, n)."""
 
     @property
     @abstractmethod
@@ -63,10 +98,85 @@ class Beam(ABC):
         """The section's forces, in the order of `FORCES`, of unit forces on a node's coordinates, (E, k, d)."""
 
     @abstractmethod
-    def section_forces(self) -> ForceRows: ...
-
-    @abstractmethod
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None: ...
+
+    @cached_property
+    def number(self) -> Indices:
+        """Of each element's section, (E,)."""
+        middles = self.node_stations[self.grid.cells].mean(axis=1)
+        return np.zeros(len(middles), np.int64) if self.sections is None else self.sections.at(middles)
+
+    @cached_property
+    def first(self) -> Indices:
+        """Of the space's nodes that each element begins with, (E,); the one it ends with comes right behind it."""
+        cells = self.grid.cells
+        apart = (np.diff(self.number) != 0) | (cells[1:, 0] != cells[:-1, 1])
+        return np.arange(len(cells)) + np.append(0, np.cumsum(apart))
+
+    @cached_property
+    def transformation(self) -> sp.csr_matrix:
+        """T: the space's coordinates from the model's."""
+        d, size = len(self.directions), self.first[-1] + 2
+        of, number = np.empty((2, size), np.int64)
+        for k in (0, 1):
+            of[self.first + k], number[self.first + k] = self.grid.cells[:, k], self.number
+        shape = (d * size, d * len(self.node_stations))
+        found = sp.bsr_matrix((self.of_node[number], of, np.arange(size + 1)), shape=shape).tocsr()
+        found.eliminate_zeros()
+        return found
+
+    def motions(self, places: Array) -> sp.csr_matrix:
+        """Displacements and rotations of the axis at distances (k,) m along it, (k d, n)."""
+        d, x = len(self.directions), self.node_stations[self.grid.cells]
+        e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node the one behind it
+        h = np.diff(x)[e, 0]
+        local = self.in_elements(h, (places - x[e, 0]) / h, self.number[e])
+        columns = np.broadcast_to(d * self.first[e, None, None] + np.arange(2 * d), local.shape)
+        ends, shape = np.arange(0, local.size + 1, 2 * d), (d * len(places), self.transformation.shape[0])
+        return sp.csr_matrix(sp.csr_matrix((local.ravel(), columns.ravel(), ends), shape=shape) @ self.transformation)
+
+    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        at = self.station(place)
+        rows, arm = self.motions(np.array([at])), (self.centroid(at) if about is None else about) - at * np.eye(3)[0]
+        own = [DIRECTIONS.index(direction) for direction in self.directions]
+        moved = np.eye(6)
+        moved[:3, 3:] = np.cross(np.eye(3), arm).T
+        rows = sp.csr_matrix(sp.csr_matrix(moved[np.ix_(own, own)]) @ rows)
+        rows.data[np.abs(rows.data) < 1e-14] = 0.0
+        rows.eliminate_zeros()
+        return rows
+
+    def interpolated(self, places: Array) -> sp.csr_matrix:
+        """What coordinates on nodes at the places (k,) m along the axis would be, (k d, n)."""
+        return sp.csr_matrix(sp.diags(np.tile(self.signs, len(places))) @ self.motions(places))
+
+    def strip(self, face: str, window: Window) -> Strip:
+        """The line beside the axis that stands for a face; how far below or above the axis it is plays no role."""
+        known = self.faces(sum(window.along) / 2.0)
+        if face not in known:
+            raise InputError("scene", "pads.on", face, f"this beam has the faces {', '.join(known)}")
+        plane, extent = known[face]
+        points, weights = line_points(window, self.node_stations)
+        across = sum(window.across) / 2.0
+        turning = np.cross(across * plane.across, plane.normal)  # (theta x arm) n = theta (arm x n)
+        of = np.concatenate([plane.normal, turning])[[DIRECTIONS.index(direction) for direction in self.directions]]
+        normals = sp.csr_matrix(sp.kron(sp.eye(len(points)), of[None]) @ self.motions(points))
+        return Strip(points, np.full(len(points), across), weights, normals, extent, line=True)
+
+    def section_forces(self) -> ForceRows:
+        values, ends = self._strains, self.node_stations[self.grid.cells]
+        size = self.transformation.shape[0]
+        found = force_rows(ends, values.entries, self.section_stiffness, values.coordinates, size)
+        return replace(found, rows=sp.csr_matrix(found.rows @ self.transformation))
+
+    @cached_property
+    def _strains(self) -> CellValues:
+        """At both ends of each element."""
+        return cell_values(self, self.strains, np.array([[0.0], [1.0]]))
+
+    def of_elements(self, mesh: Any, values: Array) -> Any:
+        """A property (K,) of the sections in UFL."""
+        return constant(mesh, float(values[0])) if len(values) == 1 else cellwise(mesh, values[self.number])
 
     def stresses(self) -> StressRows | None:
         """As `corner_stresses`, of the `section_forces`."""
@@ -102,10 +212,13 @@ class Beam(ABC):
         return len(self.directions) * len(self.node_stations)
 
     def domain(self, comm: MPI.Comm) -> Any:
-        return create_mesh(comm, "interval", self.node_stations[:, None], self.grid.cells)
+        cells = self.first[:, None] + np.arange(2)
+        points = np.empty(int(cells[-1, -1]) + 1)
+        points[cells] = self.node_stations[self.grid.cells]
+        return create_mesh(comm, "interval", points[:, None], cells)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        nodes = self.grid.cells[cells]
+        nodes = self.first[cells, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 
     def axial_force(self, mesh: Any, state: UnitState) -> Any:
@@ -168,7 +281,10 @@ class Beam(ABC):
         return min(max(float(at), 0.0), length)
 
     def centroid(self, place: str | float) -> Array:
-        return self.station(place) * np.eye(3)[0]
+        """Where the mean of a shell's end is: in the middle of the walls' line."""
+        at = self.station(place)
+        profile = None if self.sections is None else self.sections.profile_at(at)
+        return np.array([at, *(np.zeros(2) if profile is None else MidLine(profile).middle)])
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         if place not in ENDS:
@@ -179,9 +295,10 @@ class Beam(ABC):
     def rigid_motions(self) -> Array:
         own = [DIRECTIONS.index(direction) for direction in self.directions]
         nodes = self.grid.points
-        return rigid_motions(np.repeat(nodes, len(own), axis=0), np.tile(own, len(nodes)))[:, own]
+        motions = rigid_motions(np.repeat(nodes, len(own), axis=0), np.tile(own, len(nodes)))[:, own]
+        return np.tile(self.signs, len(nodes))[:, None] * motions
 
-    @property
+    @cached_property
     def grid(self) -> Grid:
         """The axis as lines."""
         first = np.flatnonzero(np.diff(self.node_stations))  # not where it is cut
@@ -192,3 +309,8 @@ class Beam(ABC):
         rows = 3 * nodes + ["xyz".index(d) for d in along]
         columns = len(self.directions) * nodes + [self.directions.index(d) for d in along]
         return sp.csr_matrix((np.ones(rows.size), (rows.ravel(), columns.ravel())), (3 * len(nodes), self.size))
+
+
+def measure(mesh: Any) -> Any:
+    """That forms of beams are integrated with, in UFL."""
+    return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})

@@ -1,4 +1,4 @@
-r"""The section of a beam from its profile: its properties, and the stresses at its corners.
+r"""The section of a beam from its profile: its properties.
 
 Area and second moments are those of the plates with their thickness, exactly: plates that meet at a sharp corner are
 mitred there, rounded corners are sectors of a ring.  All else follows from the shear flow in thin walls, with p the
@@ -20,31 +20,21 @@ changes of Cowper's coefficient of the box of that width and height: with :math:
 which for :math:`\nu = 0` is the energy's.  Cowper: The shear coefficient in Timoshenko's beam theory, Journal of
 Applied Mechanics 33, 1966, 335-340, table 1.  It is exact within 2 % for a circular tube.  Left out: warping, which is
 free, and the shear that a force along one principal axis makes along the other.
-
-Stresses in the outer corners follow from section forces: Navier's of the normal force and of bending, and Bredt's of
-the torque, in the thinner of both plates that meet.  Left out: shear stresses of transverse forces, largest in the
-middle of a wall; warping; and all that a beam does not know of, as walls that bend under pads.  Outer corners that are
-rounded have the stresses of sharp ones, which are larger.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.fields.envelope import FORCES, ForceRows
-from pmr.fields.stress import FIBRE, StressRows
 from pmr.scene.plates import Side
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import BeamSection
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Gauss' points and weights on (0, 1): exact for straight plates, and to round-off for arcs.
 _X, _W = np.polynomial.legendre.leggauss(16)
@@ -249,53 +239,3 @@ def _shear_coefficient(m: float, nu: float) -> float:
             + 10.0 * m**2 * ((3.0 + nu) * m + 3.0 * m**2)
         )
     )  # fmt: skip
-
-
-def corner_stresses(profile: BoxProfile, section: BeamSection) -> Array:
-    r"""Axial stress and that of torsion in each corner of unit section forces, in the order of `FORCES`, (k, 2, 6).
-
-    .. math:: \sigma = \frac{N}{A} + \begin{pmatrix} -M_z & M_y \end{pmatrix} I^{-1} (p - c), \qquad
-        \tau = \frac{T}{2 A_m t}
-    """
-    I = np.array([[section.second_moment_z, section.product_of_inertia],
-                  [section.product_of_inertia, section.second_moment_y]])  # fmt: skip
-    found, enclosed = np.zeros((len(profile.corners), 2, len(FORCES))), MidLine(profile).enclosed
-    for stresses, corner in zip(found, profile.corners, strict=True):
-        of_z, of_y = np.linalg.solve(I, np.subtract(corner.at, section.centroid))
-        stresses[0, [0, 4, 5]] = 1.0 / section.area, of_y, -of_z
-        stresses[1, 3] = 1.0 / (2.0 * enclosed * corner.thickness)
-    return found
-
-
-def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array], of: Array) -> StressRows:
-    """Stresses in corners of unit section forces, at each of the P places of section forces.
-
-    Parameters
-    ----------
-    element : (P,) array
-        Where the places of each force are.
-    corners : dict of str to (P, 2) or (2,) array, m
-        Where in the section, of all places or of each.
-    of : (k, c, 6) or (P, k, c, 6) array
-        Stresses in k corners, c of them or the axial one alone, likewise.
-    """
-    count, (k, components, _) = len(element), of.shape[-3:]
-    names = forces.names[::count]
-    of = np.broadcast_to(of, (count, k, components, len(FORCES)))[..., [list(FORCES).index(name) for name in names]]
-    ends = np.arange(count * components + 1)
-    local = [
-        sp.hstack([sp.csr_matrix((one[..., n].ravel(), ends[:-1] // components, ends)) for n in range(len(names))])
-        for one in np.moveaxis(of, 1, 0)
-    ]
-    rows = sp.csr_matrix(sp.vstack(local) @ forces.rows)
-    rows.eliminate_zeros()
-    x = forces.x[:count, None]
-    return StressRows(
-        rows=rows,
-        mises=FIBRE[:components, :components],
-        components=("axial", "torsion")[:components],
-        points=np.concatenate([np.hstack([x, np.broadcast_to(at, (count, 2))]) for at in corners.values()]),
-        cell=np.tile(element, len(corners)),
-        faces=tuple(corners),
-        face=np.repeat(np.arange(len(corners)), count),
-    )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pmr.models.profile_section import section_of
 from pmr.scene.box import Box, Stretch
 from pmr.scene.profile import BoxProfile
-from pmr.scene.structures import BeamSection
+from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -26,10 +26,16 @@ class SectionsAlong:
     ends: Array  # (K + 1,) m: where each begins, and the last one ends
     each: tuple[BeamSection, ...]
     stretches: tuple[Stretch | None, ...]  # with the profiles that they are of, where they are known
+    poisson: float = 0.3  # of the material, which shear areas depend on
 
     def at(self, places: Array | float) -> Indices:
         """Numbers of the sections at places along the axis, (k,); where one ends those that begin there."""
         return np.clip(np.searchsorted(self.ends, places, side="right") - 1, 0, len(self.each) - 1)
+
+    def profile_at(self, x: float) -> BoxProfile | None:
+        """At a place along the axis in m; None where it is not known."""
+        stretch = self.stretches[int(self.at(x))]
+        return None if stretch is None else stretch.at(x)
 
     @cached_property
     def area(self) -> Array:
@@ -101,21 +107,23 @@ def about_own_centres(sections: SectionsAlong) -> Array:
     return found
 
 
-def one_section(length: float, section: BeamSection, profile: BoxProfile | None) -> SectionsAlong:
-    """The same all along."""
-    stretch = None if profile is None else Stretch(0.0, length, profile, profile)
-    return SectionsAlong(np.array([0.0, length]), (section,), (stretch,))
+def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> SectionsAlong:
+    """Those of a beam with nodes at the stations (N,) m: one, or of a box that varies one of each of its parts.
 
-
-def sections_of(box: Box, poisson: float, stations: Array) -> SectionsAlong:
-    """Those of a box with nodes at the stations (N,) m: where it changes from place to place one of each element."""
+    Where it changes from place to place a part is an element.
+    """
+    poisson = body.material.poisson
+    if body.profile is None:
+        assert body.section is not None  # one of the two is given
+        return SectionsAlong(np.array([0.0, body.length]), (body.section,), (None,), poisson)
+    whole = [Stretch(0.0, body.length, body.profile, body.profile)]
     parts = [
-        one.part(float(a), float(b))
-        for one in box.stretches
+        one.part(a, b)
+        for one in (whole if box is None else box.stretches)
         for a, b in pairwise([one.start, *_between(one, stations), one.end])
     ]
     ends = np.array([0.0, *(part.end for part in parts)])
-    return SectionsAlong(ends, tuple(mean_section(part, poisson) for part in parts), tuple(parts))
+    return SectionsAlong(ends, tuple(mean_section(part, poisson) for part in parts), tuple(parts), poisson)
 
 
 def mean_section(stretch: Stretch, poisson: float) -> BeamSection:

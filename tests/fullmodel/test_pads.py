@@ -156,7 +156,7 @@ def test_wrong_pads_are_refused() -> None:
         Pads(fixed=(Pad("p", "top"),), moving=(Pad("p", "bottom"),))
     with pytest.raises(InputError, match=r"pads\.travel"):
         Pads(travel=(1.0, 1.0))
-    with pytest.raises(InputError, match="a beam has the faces bottom, left, top, right"):
+    with pytest.raises(InputError, match="this beam has the faces bottom, left, top, right"):
         moving_pad(Pad("p", "floor"), beam(), free(beam()), TRAVEL)
 
 

@@ -31,19 +31,19 @@ def test_a_point_row_is_exact_for_cubics(axial: bool, x: float) -> None:
     model = beam(axial)
     cubic = np.array([0.3, -1.0, 0.7, 2.0])
     q = interpolated(model, lambda z: np.polyval(cubic, z), lambda z: np.polyval(np.polyder(cubic), z))
+    moved = dict(zip(model.directions, model.motion(x) @ q, strict=True))
     for direction, expected in (("z", np.polyval(cubic, x)), ("ry", -np.polyval(np.polyder(cubic), x))):
-        dofs, weights = model.point(x, direction)
-        assert q[dofs] @ weights == pytest.approx(expected, abs=1e-13)
+        assert moved[direction] == pytest.approx(expected, abs=1e-13)
 
 
 def test_a_point_row_at_a_node_is_that_nodes_coordinate() -> None:
-    dofs, weights = beam().point(0.8, "z")
-    assert dofs.tolist() == [7] and weights.tolist() == [1.0]
+    row = beam().motion(0.8)[1]
+    assert row.indices.tolist() == [7] and row.data.tolist() == [1.0]
 
 
 def test_axial_displacement_is_interpolated_linearly() -> None:
-    dofs, weights = beam().point(1.4, "x")
-    assert dofs.tolist() == [6, 9] and weights == pytest.approx([0.5, 0.5])
+    row = beam().motion(1.4)[0]
+    assert row.indices.tolist() == [6, 9] and row.data == pytest.approx([0.5, 0.5])
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.25])
@@ -52,9 +52,7 @@ def test_the_slider_row_is_the_point_row_at_every_s(offset: float) -> None:
     row = slider_row(model, offset)
     assert row.breaks == pytest.approx(NODES - offset)
     for s in np.linspace(-offset, NODES[-1] - offset, 57):
-        expected = np.zeros(model.size)
-        dofs, weights = model.point(min(s + offset, NODES[-1]), "z")
-        expected[dofs] = weights
+        expected = model.motion(min(s + offset, NODES[-1])).toarray()[1]
         assert np.abs(row.at(s).toarray()[0] - expected).max() < 1e-14
 
 
@@ -65,8 +63,7 @@ def test_the_slider_row_has_a_continuous_slope_across_nodes() -> None:
     for node in NODES[1:-1]:
         left, right = (row.apply(np.array([node + side]), q[None], derivative=1)[0] for side in (-1e-9, 1e-9))
         assert left == pytest.approx(right, abs=1e-6)
-        dofs, weights = model.point(node, "ry")
-        assert right == pytest.approx(-q[dofs] @ weights, abs=1e-6)
+        assert right == pytest.approx(-(model.motion(node) @ q)[2], abs=1e-6)
 
 
 def test_the_textbook_oracle_bends_like_a_beam() -> None:
