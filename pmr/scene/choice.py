@@ -12,11 +12,13 @@ import numpy as np
 from pmr.scene.box import Box
 from pmr.scene.built import Load
 from pmr.scene.members import Member
-from pmr.scene.plates import FACES
+from pmr.scene.plates import FACES, Face
 from pmr.scene.section import Direction
 
 #: A wall is taken to answer at once up to this share of its own lowest frequency.
 QUASI_STATIC = 1.0 / 3.0
+#: Faces at the left and at the right.
+SIDES: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bottom right"), ("top left", "top right"))
 
 
 @dataclass(frozen=True)
@@ -211,10 +213,9 @@ def _lateral(member: Member) -> list[str]:
         if mass.at is not None and mass.at[1] != 0.0
     ]
     box = member.part.body.box
-    if box is not None and box.thickness("left") != box.thickness("right"):
+    profiles = () if box is None else [one for part in box.stretches for one in (part.first, part.last)]
+    if any(one.thickness(face) != one.thickness(other) for one in profiles for face, other in SIDES):
         found.append("the walls at left and right differ")
-    if box is not None and box.varying:
-        found.append("its section varies along it")
     if any(" " in face for ring in member.pads for face in ring.faces):
         found.append("pads are on slanted faces")
     if member.gravity is not None and member.gravity.direction[1] != 0.0:

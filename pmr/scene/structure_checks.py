@@ -16,7 +16,7 @@ from pmr.scene.members import Member
 
 BEAMS = ("beam2d", "beam3d")
 #: Models whose section may vary along the body.
-VARYING = ("beam3d", "shell")
+VARYING = ("beam2d", "beam3d", "shell")
 #: Round-off in the stiffness of a beam in space grows with the fourth power of the number: these leave two digits of
 #: the lowest frequency.  What a planar beam's cost it is said of the run.
 MOST_ELEMENTS = 5000
@@ -161,9 +161,11 @@ def _along_the_box(member: Member, box: Box) -> None:
     """Sections that vary along a box take a model that knows of it."""
     model, key = model_of(member), "body.box." + " and ".join(box.varying)
     if box.varying and model not in VARYING:
-        raise refusal("body.model", model, f"{' and '.join(VARYING)} are allowed with {key}")
+        raise refusal("body.model", model, f"{', '.join(VARYING[:-1])} and {VARYING[-1]} are allowed with {key}")
     if box.varying and member.part.body.section is not None:
         raise refusal("body.section", None, f"none is allowed with {key}, which says what the section is")
+    if box.varying and member.part.mesh.grading != 1.0:
+        raise refusal("mesh.grading", member.part.mesh.grading, f"1 is allowed with {key}, which says where nodes are")
     if box.frames and model == "beam2d":  # inherited ones too: their mass would be missing
         raise refusal("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
     if box.frames and model == "beam3d":

@@ -12,6 +12,7 @@ from varying import RHO, E, G, answers, areas, beam, shell
 
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import Assembler, assemble_model
+from pmr.models.beam2d import planar_beam
 from pmr.models.profile_section import section_of
 from pmr.scene.box import Box
 
@@ -88,6 +89,41 @@ def test_the_axial_force_in_a_moving_frame_is_that_of_the_mass_beyond() -> None:
         for one in of_box.stretches
     )  # fmt: skip
     assert turn @ A @ turn == pytest.approx(F * LENGTH - inertia, rel=1e-11)
+
+
+@pytest.mark.mpi
+def test_a_planar_beam_is_the_one_in_space_in_its_plane() -> None:
+    """Its matrices, and what it measures, are the part of it; centroids are beside the axis everywhere."""
+    of_box = box(
+        BOTTOM, wall={"bottom": 0.012, "sides": 0.008, "top": 0.008}, tip_taper={"length": 2.0, "height": 0.25}
+    )
+    space = beam(of_box)
+    planar = planar_beam(space.body, of_box, np.array([0.0, LENGTH]))
+    own, sign = (
+        (6 * np.arange(len(planar.nodes))[:, None] + [0, 2, 4]).ravel(),
+        np.tile(planar.signs, len(planar.nodes)),
+    )
+    state = SimpleNamespace(acceleration=np.array([3.0, 0.0, 0.0]), stretch=0.7, forces=[])
+    for name in ("M", "K", "G"):
+        found, whole = (matrix(model, name, state) for model in (planar, space))
+        assert found == pytest.approx(sign[:, None] * whole[np.ix_(own, own)] * sign, abs=1e-12 * abs(whole).max())
+    for place in ("tail", 0.7, 4.9, "tip"):
+        expected = space.motion(place).toarray()[[0, 2, 4]][:, own] * sign
+        assert planar.motion(place).toarray() == pytest.approx(expected, abs=1e-13)
+    forces, whole = planar.section_forces(), space.section_forces()
+    kept = [name in forces.names for name in whole.names]
+    expected = whole.rows.toarray()[kept][:, own] * sign
+    assert forces.rows.toarray() == pytest.approx(expected, rel=1e-9, abs=1e-9 * abs(expected).max())
+    assert planar.resultants == pytest.approx(
+        (space.resultants[:, [0, 2, 4]][:, :, [0, 2, 4]] * planar.signs), abs=1e-12
+    )
+
+
+def matrix(model, name: str, state: SimpleNamespace) -> np.ndarray:
+    assembler = Assembler(model, model.domain(MPI.COMM_WORLD))
+    forms = model.forms(assembler.space)
+    of = {"M": forms.mass, "K": forms.stiffness, "G": model.geometric_stiffness(assembler.space, state)}
+    return gathered(assembler.matrix(of[name]))
 
 
 def test_stresses_know_where_walls_are_thicker() -> None:

@@ -66,8 +66,8 @@ def test_what_is_refused_of_a_box_is_said_in_one_line(given: str, key: str, says
 @pytest.mark.parametrize(
     ("scene", "changes", "says"),
     [
-        ("boom", ["body.model=beam2d"], "beam3d and shell are allowed with body.box.doublers"),
-        ("boom_solid", [], "beam3d and shell are allowed with body.box.doublers"),
+        ("boom", ["body.model=beam2d", "mesh.grading=2.0"], "1 is allowed with body.box.doublers, which says"),
+        ("boom_solid", [], "beam2d, beam3d and shell are allowed with body.box.doublers"),
         (
             "boom_beam",
             ["body.shear=false", f"body.section={{{SECTION}}}"],
@@ -82,9 +82,11 @@ def test_models_that_do_not_know_doublers_are_refused(scene: str, changes: list[
         )
 
 
-def test_a_section_that_varies_takes_a_beam_in_space() -> None:
-    chosen = choose(member_at(scenes.load(WORKFLOWS / "boom.toml", [DOUBLED, "loads=[]", "masses=[]"])))
-    assert chosen.model == "beam3d" and "its section varies along it" in chosen.reasons
+def test_a_section_that_is_thicker_on_one_side_takes_a_beam_in_space() -> None:
+    for faces, model in (("['left', 'top']", "beam3d"), ("['bottom']", "beam2d")):
+        doubler = f"body.box.doublers=[{{start=0.0, end=1.0, thickness=0.005, faces={faces}}}]"
+        chosen = choose(member_at(scenes.load(WORKFLOWS / "boom.toml", [doubler, "loads=[]", "masses=[]"])))
+        assert chosen.model == model and ("the walls at left and right differ" in chosen.reasons) == (model == "beam3d")
 
 
 TAPER = "body.box.tip_taper={length=@, height=0.3}"

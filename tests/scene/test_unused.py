@@ -41,7 +41,9 @@ def test_a_key_without_effect_is_refused_in_one_line(name: str, change: str, say
 
 
 def test_frames_that_a_planar_beam_inherits_are_refused_for_their_mass() -> None:
-    with pytest.raises(InputError, match=r"sections\[0\].body.model = 'beam2d': beam3d and shell are allowed with"):
+    with pytest.raises(
+        InputError, match=r"sections\[0\].body.model = 'beam2d': beam3d and shell are allowed with body.box.frames"
+    ):
         scenes.load_any(WORKFLOWS / "boom_three.toml", ["section.body.box.frames=[3.0]"])
     assert scenes.load_any(WORKFLOWS / "boom_three.toml", ["section.body.box.frames=[]"])
 
