@@ -15,15 +15,13 @@ from pmr.scene.frame import INERTIA
 from pmr.simulation.excitation import Excitation, rates_of_places
 from pmr.simulation.floating import Extended
 from pmr.simulation.moving import AXES, OF_BASE, MovingFrame
-from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import ROW, V, Z
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.handles import Handle, entry_of
 from pmr.simulation.native.march import March
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.side_arrays import side_outputs
 from pmr.simulation.native.start import Onset, begin, places_of
-from pmr.simulation.native.stepped import step_observed, step_of
+from pmr.simulation.native.stepped import outputs_of, step_observed, step_of
 from pmr.simulation.start import InitialState
 from pmr.system.assembly import Assembly
 from pmr.system.statics import equilibrium
@@ -55,13 +53,12 @@ class Flexible:
         self.method = GeneralizedAlpha(self.excitation.stepping.step, self.excitation.stepping.rho_inf)
         self._drivers = self.frame.motions(self.excitation, self.excitation.times)
         self._angles, self._axes = ([self.frame.drivers.index(one) for one in some] for some in (OF_BASE, AXES))
-        loop, on_tables = self._march.loop, self.form.on_tables
-        outputs = range(len(system.output_names))
-        self._seen = side_outputs(self.form) if on_tables is None else tables.outputs(on_tables, outputs)
+        loop, outputs = self._march.loop, range(len(system.output_names))
         self._y, self._modes = np.zeros(len(outputs)), loop.state.modes
         c = self._march.mixed(np.zeros(len(system.term_names))) if system.terms else None
         sizes = self._march.s.shape[1], len(system.input_names), None if c is None else len(c)
-        self._start, self._step = (step_of(loop, self._seen, self._y, parts, sizes) for parts in (0, 1))
+        observed = outputs_of(self.form, outputs), self._y
+        self._start, self._step = (step_of(loop, observed, parts, sizes) for parts in (0, 1))
         self._advance = entry_of(step_observed, self._step)
         blocks = [one.X[self.assembly.free[name]] for name, one in self.form.forms.items()]
         self._of_modes = np.zeros((self.assembly.size, self._modes.shape[1]))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,106 +18,137 @@ Array = NDArray[np.float64]
 #: Of a motion: its value, or that with its rate, or with its rate and its second rate.
 Motion = float | Sequence[float]
 Values = Mapping[str, float] | Mapping[str, Motion] | ArrayLike
+#: Row of `Motions` with the number of rows above it that count.
+GIVEN = 3
+#: A driver's number, its value, rate and second rate, and how many of these were given.
+Taken = tuple[int, float, float, float, int]
+
+
+class Motions(NamedTuple):
+    """Of n drivers in a step."""
+
+    begun: Array  # (4, n): values, rates and second rates where it begins, and how many of these have been given
+    ended: Array  # (4, n): where it ends
+    step: float  # s: its length
 
 
 class Driving:
-    """Drivers are paths, loads and what moves a frame, n of them; without a frame the loads are the system's inputs."""
+    """Drivers are paths, loads and what moves a frame, n of them; without a frame the loads are the system's inputs.
 
-    def __init__(self, system: System, ranges: Mapping[str, tuple[float, float]]) -> None:
+    What is given at a step is written through memory views, in a tenth of the time that NumPy takes for a number.
+    """
+
+    def __init__(self, system: System, ranges: Mapping[str, tuple[float, float]], step: float) -> None:
         self.frame = MovingFrame.of(system)
         if self.frame is None:
             system.ensure_without_terms("stepper")
-        self._ranges, self._paths = ranges, list(ranges)
+        self._paths, first = list(ranges), len(ranges)
         self.inputs = list(system.input_names if self.frame is None else self.frame.loads)
-        self._moving = [] if self.frame is None else [*self.frame.angles, *self.frame.axes]
-        self.s, self.f = np.full(len(ranges), np.nan), np.zeros(len(system.input_names))  # (P,) m, (i,) N
-        self.c = np.zeros(len(system.terms)) if system.terms else None  # (K,): amplitudes of terms
-        self._now = np.zeros((3, len(ranges) + len(self.inputs) + len(self._moving)))
-        self._order = np.arange(self._now.shape[1])  # of the frame's drivers among these
+        moving = [] if self.frame is None else [*self.frame.angles, *self.frame.axes]
+        n = first + len(self.inputs) + len(moving)
+        self.motions = Motions(np.zeros((4, n)), np.zeros((4, n)), step)
+        ended = self.motions.ended
+        ended[GIVEN] = 1.0
+        self._order = np.arange(n)  # of the frame's drivers among these
         if self.frame is not None:
             if set(self.frame.paths) != set(ranges):
                 raise InputError("stepper", "paths", ", ".join(ranges), f"{', '.join(self.frame.paths)} are allowed")
-            self._order[: len(ranges)] = [self._paths.index(path) for path in self.frame.paths]
-            self._now[:, len(ranges) :] = self.frame.start[:, len(ranges) :]
-        # how many of value, rate and second rate have been given
-        self._given = np.ones(self._now.shape[1], np.int64)
-        self._before, self._given_before = self._now, self._given
+            self._order[:first] = [self._paths.index(path) for path in self.frame.paths]
+            ended[:GIVEN, first:] = self.frame.start[:, first:]
+        self.s = ended[0, :first]  # (P,) m
+        self.s[:] = np.nan
+        self.f = ended[0, first:] if self.frame is None else np.zeros(len(system.input_names))  # (i,) N
+        self.c = np.zeros(len(system.terms)) if system.terms else None  # (K,): amplitudes of terms
+        self._written: list[Any] = [memoryview(row) for row in ended]
+        self._numbers = (
+            _numbers(self._paths, 0),
+            _numbers(self.inputs, first),
+            _numbers(moving, first + len(self.inputs)),
+        )
+        beyond = [BEYOND_ENDS * (high - low) for low, high in ranges.values()]
+        self._ranges = [(low, high, low - b, high + b) for (low, high), b in zip(ranges.values(), beyond, strict=True)]
+        self._missing = True
 
     def leave(self) -> None:
-        """Note where a step begins."""
-        self._before, self._given_before = self._now.copy(), self._given
-        self._given = np.ones_like(self._given)
+        """Note where a step ended; without a frame compiled code does (`pmr.simulation.native.stepped`)."""
+        begun, ended, _ = self.motions
+        begun[:] = ended
+        ended[GIVEN] = 1.0
 
     def take_path(self, s: Values) -> None:
         """Where paths lead; an InputError is raised where one leaves its range, or is missing at the start."""
-        taken = self._taken(s, self._paths, "s", "one path coordinate for each path")
-        for number, motion in taken.items():
-            low, high = self._ranges[self._paths[number]]
-            beyond = BEYOND_ENDS * (high - low)
-            if not low - beyond <= motion[0] <= high + beyond:
-                allowed = f"{low:g} to {high:g} m is allowed"
-                raise InputError("stepper", f"s.{self._paths[number]}", motion[0], allowed)
-            motion[0] = min(max(motion[0], low), high)
-        missing = [k for k, at in enumerate(self.s) if np.isnan(at) and k not in taken]
-        if missing:
-            raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(self._paths)}")
-        self._take(taken, 0)
-        for number, motion in taken.items():
-            self.s[number] = motion[0]
+        taken = _taken(s, self._numbers[0], "s", "one path coordinate for each path")
+        for n, (k, at, rate, second, count) in enumerate(taken):
+            low, high, least, most = self._ranges[k]
+            if not low <= at <= high:
+                if not least <= at <= most:
+                    allowed = f"{low:g} to {high:g} m is allowed"
+                    raise InputError("stepper", f"s.{self._paths[k]}", at, allowed)
+                taken[n] = k, min(max(at, low), high), rate, second, count
+        if self._missing:
+            if len({k for k, *_ in taken}) < len(self._paths):
+                raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(self._paths)}")
+            self._missing = False
+        self._take(taken)
 
     def take_loads(self, F: Values) -> None:
         """Loads, as they are or as a frame turns them."""
-        taken = self._taken(F, self.inputs, "F", "one load for each input")
-        self._take(taken, len(self._paths))
-        if self.frame is None:
-            for number, motion in taken.items():
-                self.f[number] = motion[0]
+        what = "one load for each input"
+        if _by_name(F):
+            return self._take(_taken(F, self._numbers[1], "F", what))
+        ended, own = self.motions.ended, slice(len(self._paths), len(self._paths) + len(self.inputs))
+        ended[0, own], ended[GIVEN, own] = _in_order(F, self._numbers[1], "F", what), 1.0
 
     def take_frame(self, frame: Mapping[str, Motion]) -> None:
         """How the frame moves."""
-        taken = self._taken(frame, self._moving, "frame", "")
-        for number, motion in taken.items():
+        taken, names = _taken(frame, self._numbers[2], "frame", ""), _names(self._numbers[2])
+        for (_, *motion, count), name in zip(taken, frame, strict=True):
             if not np.all(np.isfinite(motion)):
-                raise InputError("stepper", f"frame.{self._moving[number]}", motion, "finite numbers are allowed")
-        self._take(taken, len(self._paths) + len(self.inputs))
+                key = f"frame.{name if isinstance(name, str) else names[name]}"
+                raise InputError("stepper", key, motion[:count], "finite numbers are allowed")
+        self._take(taken)
 
     def find(self) -> None:
         """Amplitudes of inputs and terms from the frame's motion at the end of the step."""
         if self.frame is not None:
-            self.f[:], c = self.frame.find(self._now[:, self._order])
+            self.f[:], c = self.frame.find(self.motions.ended[:GIVEN, self._order])
             if self.c is not None:
                 self.c[:] = c
 
-    def samples(self, parts: int, step: float) -> tuple[Array, Array, Array]:
-        """Paths (parts + 1, P), loads (., i) and amplitudes (., K) at equal parts of a step, its beginning included."""
-        begun, ended, first = self._before, self._now, len(self._paths)
-        at = [begun, *self._between(parts, step), ended]
-        s = np.array([motions[0, :first] for motions in at])
-        if self.frame is None:
-            return s, np.array([motions[0, first:] for motions in at]), np.empty((parts + 1, 0))
-        found = [self.frame.find(motions[:, self._order]) for motions in at]
+    def samples(self, parts: int) -> tuple[Array, Array, Array]:
+        """Paths (parts + 1, P), loads (., i) and amplitudes (., K) at equal parts of a step, its beginning included.
+
+        With a frame; without one compiled code finds them (`pmr.simulation.native.stepped`).
+        """
+        assert self.frame is not None
+        at = [self.motions.begun, *self._between(parts), self.motions.ended]
+        found = [self.frame.find(motions[:GIVEN, self._order]) for motions in at]
+        s = np.array([motions[0, : len(self._paths)] for motions in at])
         return s, np.array([f for f, _ in found]), np.array([c for _, c in found])
 
-    def _between(self, parts: int, step: float) -> list[Array]:
+    def _between(self, parts: int) -> list[Array]:
         """Motions (3, n) of the drivers at the parts of a step but its ends."""
         if parts == 1:
             return []
-        begun, ended, both = self._before, self._now, np.minimum(self._given, self._given_before)
+        (begun, ended, step), lines = self.motions, cubics.by_lines
+        both = np.minimum(begun[GIVEN], ended[GIVEN])
         smooth = cubics.by_rates(begun[0], ended[0], begun[1], ended[1], step)
-        led_on = np.where(both >= 2, smooth, cubics.by_lines(begun[0], ended[0], step))
-        if self.frame is not None:
-            accelerated = cubics.by_second_rates(begun[0], ended[0], begun[2], ended[2], step)
-            led_on = np.where(both >= 3, accelerated, led_on)
+        led_on = np.where(both >= 2, smooth, lines(begun[0], ended[0], step))
+        accelerated = cubics.by_second_rates(begun[0], ended[0], begun[2], ended[2], step)
+        led_on = np.where(both >= 3, accelerated, led_on)
         return [cubics.after(led_on, step * k / parts) for k in range(1, parts)]
 
-    def _take(self, taken: Mapping[int, list[float]], first: int) -> None:
-        for number, motion in taken.items():
-            self._now[:, first + number] = [*motion, 0.0, 0.0][:3]
-            self._given[first + number] = len(motion)
+    def _take(self, taken: list[Taken]) -> None:
+        values, rates, seconds, given = self._written
+        for k, value, rate, second, count in taken:
+            values[k], given[k] = value, count
+            if count > 1 or self.frame is not None:  # else nobody asks for them
+                rates[k], seconds[k] = rate, second
 
-    def _taken(self, values: Values, names: list[str], key: str, what: str) -> dict[int, list[float]]:
-        """Motions that were given by name, or of all in their order, by their numbers."""
-        return dict(_given(values, names, key, what))
+
+def _numbers(names: Sequence[str], first: int) -> dict[str | int, int]:
+    """Of drivers among all, by their names, in their order, and then by their numbers among these."""
+    return {name: first + k for k, name in enumerate(names)} | {k: first + k for k in range(len(names))}
 
 
 def number_of(name: str | int, names: list[str], key: str) -> int:
@@ -128,15 +160,41 @@ def number_of(name: str | int, names: list[str], key: str) -> int:
     return names.index(str(name))
 
 
-def _given(values: Values, names: list[str], key: str, what: str) -> Iterator[tuple[int, list[float]]]:
-    if isinstance(values, Mapping):
-        yield from ((number_of(name, names, key), _motion(value, f"{key}.{name}")) for name, value in values.items())
-        return
+def _by_name(values: Values) -> TypeGuard[Mapping[str, Motion]]:
+    return type(values) is dict or isinstance(values, Mapping)  # the former is known sooner
+
+
+def _taken(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> list[Taken]:
+    """Motions that were given by name, or of all in their order, by their numbers."""
+    if not _by_name(values):
+        in_order = _in_order(values, numbers, key, what).tolist()
+        return [(k, value, 0.0, 0.0, 1) for k, value in zip(numbers.values(), in_order, strict=False)]
+    found = list[Taken]()
+    for name, motion in values.items():
+        if name not in numbers:
+            number_of(name, _names(numbers), key)  # refused
+        if isinstance(motion, float):
+            found.append((numbers[name], motion, 0.0, 0.0, 1))
+        elif type(motion) is tuple and len(motion) == 2 and isinstance(motion[0], float) and type(motion[1]) is float:
+            found.append((numbers[name], motion[0], motion[1], 0.0, 2))
+        else:
+            value, rate, second = [*(given := _motion(motion, f"{key}.{name}")), 0.0, 0.0][:3]
+            found.append((numbers[name], value, rate, second, len(given)))
+    return found
+
+
+def _names(numbers: Mapping[str | int, int]) -> list[str]:
+    return [name for name in numbers if isinstance(name, str)]
+
+
+def _in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
+    """Values of all drivers."""
+    names = len(numbers) // 2
     array = np.asarray(values, dtype=float)
-    if array.shape != (len(names),) and not (array.ndim == 0 and len(names) == 1):
-        allowed = f"{what} is allowed, in this order: {', '.join(names) or 'none'}; or some by their names"
+    if array.shape != (names,) and not (array.ndim == 0 and names == 1):
+        allowed = f"{what} is allowed, in this order: {', '.join(_names(numbers)) or 'none'}; or some by their names"
         raise InputError("stepper", key, array.tolist(), allowed)
-    yield from ((k, [value]) for k, value in enumerate(array.ravel().tolist()))
+    return array.ravel()
 
 
 def _motion(value: Motion, key: str) -> list[float]:

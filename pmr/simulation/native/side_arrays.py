@@ -185,8 +185,8 @@ def _staying_slopes(form: SystemForm, carriers: Indices) -> Array:
     return np.zeros((0, carriers[-1])) if known is None else _staying(form, carriers, 1)[known.pads]
 
 
-def side_outputs(form: SystemForm) -> SideOutputs:
-    """Constants of all outputs, one body after the other."""
+def side_outputs(form: SystemForm, chosen: Sequence[int]) -> SideOutputs:
+    """Constants of the `chosen` outputs (numbers), which are counted one body after the other."""
     all_carried = carried(form)
     carriers = starts([len(one.values) for one in all_carried.values()])
     of_modes, of_inputs, of_carriers = list[Array](), list[Array](), list[Array]()
@@ -201,7 +201,8 @@ def side_outputs(form: SystemForm) -> SideOutputs:
         of_modes, of_inputs, of_carriers = [*of_modes, O], [*of_inputs, W], [*of_carriers, X]
     X = np.hstack(of_carriers)
     of_staying, of_slopes = _staying(form, carriers) @ X, _staying_slopes(form, carriers) @ X
-    return SideOutputs(*(padded(one) for one in (np.hstack(of_modes), np.hstack(of_inputs), of_staying, X, of_slopes)))
+    of_all = (np.hstack(of_modes), np.hstack(of_inputs), of_staying, X, of_slopes)
+    return SideOutputs(*(padded(one[:, list(chosen)]) for one in of_all))
 
 
 def sides(constants: Bodies, paths: int) -> Sides:

@@ -32,16 +32,15 @@ from pmr.simulation.contact_step import MOST_PARTS, contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import bound_step as bound_step
 from pmr.simulation.native import tables
-from pmr.simulation.native.arrays import V, Z
+from pmr.simulation.native.arrays import Drive, V, Z
 from pmr.simulation.native.driving import Driving, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.handles import Handle, entry_of, handle
 from pmr.simulation.native.march import March
 from pmr.simulation.native.part import Alone
 from pmr.simulation.native.parts import COARSE
-from pmr.simulation.native.side_arrays import side_outputs
 from pmr.simulation.native.start import places_of
-from pmr.simulation.native.stepped import step_observed, step_of
+from pmr.simulation.native.stepped import outputs_of, step_observed, step_of
 from pmr.simulation.native.systems import static_start
 from pmr.simulation.recorded import Recorded, recorded
 from pmr.simulation.start import InitialState
@@ -132,7 +131,7 @@ class Stepper:
         self.output_names = (*moved, *map(force_of, system.contact_names))
         names, every = list(self.output_names), range(len(moved))
         self._chosen = np.array([number_of(k, names, "outputs") for k in (every if outputs is None else outputs)], int)
-        self._driving, self._parts = Driving(system, self._ranges), parts
+        self._driving, self._parts = Driving(system, self._ranges, step), parts
         self._s, self._f, frame_moves = self._driving.s, self._driving.f, self._driving.frame is not None
         self._driving.take_path(s)
         known = recorded(system, "stepper") if "scene" in system.provenance else None
@@ -163,12 +162,21 @@ class Stepper:
             self._entry, self._place = bound_step.entry(self._state.contact is not None), memoryview(self._s)  # type: ignore[arg-type]
             self._bound = handle(bound_step.Bound(body_alone, self._f, self._y))
         else:
-            self._seen = side_outputs(form) if on_tables is None else tables.outputs(on_tables, every)
-            self._moved, self._stepped = np.zeros(len(moved)), dict[int, Handle]()
+            loop, own = self._march.loop, self._chosen < len(moved)
+            self._moved, self._stepped = np.zeros(own.sum()), dict[int, Handle]()
+            self._seen = outputs_of(form, self._chosen[own].tolist())
+            self._counts = [1] if loop.levels is None else loop.levels.parts.tolist()
+            level = np.zeros(1, np.int64) if loop.levels is None else loop.control.level
+            self._level = memoryview(level)  # type: ignore[arg-type]
+            #: of these outputs and the contacts' forces behind them; None where it is these
+            behind = own.sum() + self._chosen - len(moved)
+            self._order = None if own.all() else np.where(own, np.cumsum(own) - 1, behind)
             self._advance = entry_of(step_observed, self._sampled(0))  # compiled or loaded: not in the first step
             failed = self._advance(self._sampled(0))
             if failed:
                 raise self._march.failed(failed, f"t = 0 s{places_of(tuple(self._ranges), self._s)}")
+            if frame_moves:
+                self._driving.leave()
 
     def step(self, s: Values, F: Values | None = None, frame: Mapping[str, Motion] | None = None) -> Array:
         """Advance by one step.
@@ -195,8 +203,6 @@ class Stepper:
         SimulationError
             If contacts depend on each other.
         """
-        if self._place is None:
-            self._driving.leave()
         if type(F) is float and self._single is not None:
             self._single[0] = F
         elif F is not None:
@@ -280,29 +286,39 @@ class Stepper:
         """A step of bodies on places of their own, or of which forces are asked for; what stopped it, or 0."""
         self._driving.take_path(s)
         self._driving.find()
-        levels, control, failed = self._march.loop.levels, self._march.loop.control, COARSE
+        failed = COARSE
         while failed == COARSE:
-            failed = self._advance(self._sampled(1 if levels is None else int(levels.parts[control.level[0]])))
-        self._y = np.concatenate([self._moved, self.multipliers])[self._chosen]
+            failed = self._advance(self._sampled(self._counts[self._level[0]]))
+        if self._driving.frame is not None:
+            self._driving.leave()
+        order = self._order
+        self._y = self._moved.copy() if order is None else np.concatenate([self._moved, self.multipliers])[order]
         return int(failed)
 
     def _sampled(self, parts: int) -> Handle:
         """What `step_observed` takes of a step that is known at so many parts, or at the start alone with none."""
-        loop = self._march.loop
-        if parts not in self._stepped:
-            amplitudes = None if self._driving.c is None else len(self._march.mixed(self._driving.c))
-            sizes = len(self._s), len(self._f), amplitudes
-            self._stepped[parts] = step_of(loop, self._seen, self._moved, parts, sizes)
-        drive = self._stepped[parts].kept[0].drive
+        found = self._stepped.get(parts)
+        if found is None:
+            c, led = self._driving.c, self._driving.motions if self._driving.frame is None else None
+            sizes = len(self._s), len(self._f), None if c is None else len(self._march.mixed(c))
+            found = step_of(self._march.loop, (self._seen, self._moved), parts, sizes, led)
+            self._stepped[parts] = found
+        if self._driving.frame is not None:
+            self._fill(found.kept[0].drive, parts)
+        return found
+
+    def _fill(self, drive: Drive, parts: int) -> None:
+        """What drives a step, from the frame's motion."""
         drive.s[-1], drive.f[-1] = self._s, self._f
-        if parts > 0 and loop.levels is not None:  # where its parts are other ones than before, it begins anew
-            s, f, c = self._driving.samples(parts, self._step)
+        if (
+            parts > 0 and self._march.loop.levels is not None
+        ):  # where its parts are other ones than before, it begins anew
+            s, f, c = self._driving.samples(parts)
             drive.s[:-1], drive.f[:-1] = s[:-1], f[:-1]
             if drive.c is not None:
                 drive.c[:-1] = [self._march.mixed(one) for one in c[:-1]]
         if self._driving.c is not None:
             drive.c[-1] = self._march.mixed(self._driving.c)
-        return self._stepped[parts]
 
     def _omega(self, known: Recorded | None) -> float:
         """Of contacts that only push, rad/s: on the way of the scene, or anywhere."""

@@ -16,6 +16,7 @@ from pmr.scene.signals import Constant, SignalBase, Sine, Table
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
+from pmr.simulation.native.driving import Driving
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.start import InitialState
 from pmr.system.system import System
@@ -135,6 +136,21 @@ def test_a_path_that_leaves_its_range_and_loads_that_are_none_are_refused_on_the
     stepper.step([1.0, 2.0], {"fly.tip force": float("nan")})
     with pytest.raises(SimulationError, match="not finite"):
         stepper.check_finite()
+
+
+def test_motions_are_taken_in_whatever_form_they_are_given(system: System) -> None:
+    """Values, rates and second rates of some extensions or loads, and how many of them, where a step ends."""
+    taken = []
+    values, rates = (3.0, np.float64(3.0), 3, [3.0], np.array([3.0])), ((3.0, 2.0), (np.float64(3.0), 2), [3, 2.0])
+    for motion in (*values, *rates, (3.0, 2.0, 1)):
+        driving = Driving(system, system.ranges, STEP)
+        driving.take_path([1.0, 2.0])
+        driving.take_loads({"fly.tip force": motion})
+        driving.take_path({1: 2.5})
+        taken.append(driving.motions.ended[:, [1, 2 + driving.inputs.index("fly.tip force")]])
+    others = ((0.0, 0.0, 1.0), (2.0, 0.0, 2.0), (2.0, 1.0, 3.0))
+    expected = [np.column_stack([(2.5, *others[0]), (3.0, *others[k])]) for k in (0, 0, 0, 0, 0, 1, 1, 1, 2)]
+    np.testing.assert_array_equal(taken, expected)
 
 
 def test_bodies_of_full_order_are_stepped_too() -> None:
