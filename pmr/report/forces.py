@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from pmr.report.blocks import Block, Drawing, Grid, drawing
 from pmr.report.columns import Force, forces
 from pmr.report.figures import forces as figures
-from pmr.report.numbers import Unit, quantity, significant, unit_for
-from pmr.report.subject import alone, forces_called
+from pmr.report.numbers import SPACE, Unit, plain, quantity, significant, unit_for
+from pmr.report.subject import alone, forces_called, rings_of
 from pmr.results import RunResult
 from pmr.results.extremes import Extremes
-from pmr.results.tables import REACTION_OF, reaction_extremes
+from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
 
 #: Of the largest force: what is below is round-off, which a support has even where nothing acts along it.
 ROUND_OFF = 1e-9
 #: What names begin with of what acts at the pivot.
-AT_PIVOT = f"{REACTION_OF}pivot "
+PIVOT = "pivot "
+AT_PIVOT = f"{REACTION_OF}{PIVOT}"
 
 
 def contact(result: RunResult, prefix: str) -> Block | None:
@@ -29,7 +31,7 @@ def contact(result: RunResult, prefix: str) -> Block | None:
 def cylinders(result: RunResult, prefix: str) -> Block | None:
     """What cylinders push their sections out with, and where ropes move some of them, the cylinders that pull these."""
     found, ropes = _block(result, prefix, "cylinder", "cylinder forces"), tuple(_ropes(result))
-    return Block(heading=found.heading, rows=found.rows, grids=(*found.grids, *ropes)) if found else None
+    return replace(found, grids=(*found.grids, *ropes)) if found else None
 
 
 def _ropes(result: RunResult) -> Iterator[Grid]:
@@ -43,7 +45,7 @@ def _ropes(result: RunResult) -> Iterator[Grid]:
             "Forces of ropes or chains, all strands of each together, and of the cylinder that moves all of them: by "
         )
         caption += "virtual work, without friction of sheaves."
-        grid = _grid(found, "N", max(map(size, found.values())), caption, result.coordinate)
+        grid = _grid(found, "N", max(map(size, found.values())), caption)
         elastic = [
             (quantity(one["length"], "m"), quantity(one["stiffness"], "N/m")) if "length" in one else ("", "")
             for one in result.summary["ropes"]
@@ -59,7 +61,7 @@ def supports(result: RunResult, prefix: str) -> Block | None:
     found, rigid = _block(result, prefix, "support", "supports"), tuple(reactions(result))
     if found is None:
         return Block(heading="Supports", grids=rigid) if rigid else None
-    return Block(heading="Supports", rows=found.rows, grids=(*found.grids, *rigid))
+    return replace(found, grids=(*found.grids, *rigid))
 
 
 def pivot(result: RunResult, prefix: str) -> Block | None:
@@ -75,50 +77,65 @@ def pivot(result: RunResult, prefix: str) -> Block | None:
             if any(one.name.endswith("cylinder") for one in some):
                 said += " The luffing cylinder carries its own force of these, along itself, and the pivot the rest."
             row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot, said, result, some))
-    return Block(heading="Forces on the machine", rows=(tuple(row),), grids=tuple(_luffing(result))) if row else None
+    said = "Least and largest {} on the machine, when they occur, and " + place_called(result) + " then."
+    grids = (*_rigid(result, at_pivot=True, caption=said), *_luffing(result))
+    return Block(heading="Forces on the machine", rows=(tuple(row),), grids=grids) if row else None
 
 
 def _luffing(result: RunResult) -> Iterator[Grid]:
     """Force, length, speed and power of the cylinder that raises the boom."""
     if (found := result.summary.get("luffing_cylinder")) is None:
         return
-    s, rows = "the path coordinate" if alone(result) else "the reach", list[tuple[str, ...]]()
+    rows = list[tuple[str, ...]]()
     for name, base in (("force", "N"), ("length", "m"), ("speed", "m/s"), ("power", "W")):
         one = Extremes.from_summary(found[name])
         unit = unit_for(size(one), base)
         rows.append((f"{name} in {unit.name}", *cells(one, unit)))
     caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
-    caption += f"it gets longer; s is {s}."
-    yield Grid(caption, ("", "least", "at t in s", "and s in m", "largest", "at t in s", "and s in m"), tuple(rows))
+    caption += f"it gets longer; when that is, and {place_called(result)} then."
+    yield Grid(caption, ("", "least", "largest"), tuple(rows))
 
 
 def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | None:
     """Figures of a kind's forces, so many panels in each, and a table of the extremes."""
     groups, drawn = forces(result, kind), list[tuple[Drawing, ...]]()
     anchor = "forces" if kind == "pad" else kind
-    for name, group in groups.items():
-        if _nothing(result, group):
-            continue  # the table says so
+    bearing = {name: [one for one in group if bears(result, one)] for name, group in groups.items()}
+    for name, group in bearing.items():
         for first in range(0, len(group), figures.MOST_FORCES):
             some, number = group[first : first + figures.MOST_FORCES], len(drawn) + 1
             caption = _caption(result, kind, name)
             drawn.append((drawing(f"{prefix}-{anchor}-{number}", figures.forces, caption, result, some),))
     if not groups:
         return None
-    grid = extremes(result, [force for group in groups.values() for force in group])
-    return Block(heading=called.capitalize(), rows=tuple(drawn), grids=(grid,) if grid.rows else ())
+    grid = extremes(result, [force for group in bearing.values() for force in group])
+    idle = [_called(one) for name, group in groups.items() for one in group if one not in bearing[name]]
+    text = f"No force at any time on {', '.join(idle)}." if idle else ""
+    return Block(heading=called.capitalize(), text=text, rows=tuple(drawn), grids=(grid,) if grid.rows else ())
 
 
-def _nothing(result: RunResult, group: list[Force]) -> bool:
-    """Whether forces are round-off beside the largest of all, and there are larger ones."""
-    response = result.responses["reduced"]
-    size = max(float(np.abs(force.of(response)).max()) for force in group)
-    return 0.0 < size <= ROUND_OFF * float(np.abs(response.slider_force).max(initial=0.0))
+def bears(result: RunResult, force: Force) -> bool:
+    """Whether a force is in any model more than round-off beside the largest of all."""
+    for response in result.responses.values():
+        nothing = max(response.force_round_off, ROUND_OFF * float(np.abs(response.slider_force).max(initial=0.0)))
+        if float(np.abs(force.of(response)).max(initial=0.0)) > nothing:
+            return True
+    return False
+
+
+def _called(force: Force) -> str:
+    return force.called.removeprefix(FORCE_OF) or force.name
+
+
+def place_called(result: RunResult) -> str:
+    """What tables of extremes say of where something was, in words."""
+    return "the path coordinate s" if alone(result) else "the reach"
 
 
 def _caption(result: RunResult, kind: str, group: str) -> str:
     in_parts = result.responses["reduced"].force_peaks is not None  # a step was made in parts, for pads that only push
-    within = " Of those that only push the largest within each step." if in_parts else ""
+    push = any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
+    within = " Of those that only push the largest within each step." if in_parts and push else ""
     if kind == "cylinder":
         note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
         return f"Cylinder forces over time. {note}"
@@ -135,16 +152,10 @@ def extremes(result: RunResult, wanted: list[Force]) -> Grid:
     """Smallest and largest of forces, and of friction the largest where it is known."""
     response, t = result.responses["reduced"], result.responses["reduced"].t
     path = result.along_at(t)
-    found = {
-        force.called.removeprefix("force of "): Extremes.of(force.of(response), t, path)
-        for force in wanted
-        if force.called
-    }
+    found = {_called(force): Extremes.of(force.of(response), t, path) for force in wanted if force.called}
     friction = {one["name"]: one["friction"] for one in result.summary.get("cylinders", ()) if "friction" in one}
-    s = "the path coordinate s" if alone(result) else "the reach"
-    caption = f"Least and largest forces, when they occur, and {s} then."
-    largest = float(np.abs(response.slider_force).max(initial=0.0))
-    grid = _grid(found, "N", largest, caption, result.coordinate)
+    caption = f"Least and largest forces, when they occur, and {place_called(result)} then."
+    grid = _grid(found, "N", float(np.abs(response.slider_force).max(initial=0.0)), caption)
     if not friction.keys() & found.keys():
         return grid
     column = [quantity(friction[name], "N") if name in friction else "" for name in found]
@@ -154,27 +165,28 @@ def extremes(result: RunResult, wanted: list[Force]) -> Grid:
 
 def reactions(result: RunResult) -> Iterator[Grid]:
     """Smallest and largest forces and moments on rigid supports."""
+    said = "Least and largest {} on rigid supports, positive along the axes, when they occur, and "
+    return _rigid(result, at_pivot=False, caption=f"{said}{place_called(result)} then.")
+
+
+def _rigid(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
+    """Those at the pivot of a boom in a frame, which are sums over all supports, or those of each support."""
     response, found = result.responses["reduced"], dict[str, dict[str, Extremes]]()
     for of, one in reaction_extremes(response, result.along_at(response.t)).items():
-        if size(one) > 0.0:  # nothing acts along a support that only keeps a direction
-            found.setdefault(of.unit, {})[of.support] = one
-    s = "s is the path coordinate" if alone(result) else "s is the reach"
+        if (result.scene.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
+            found.setdefault(of.unit, {})[of.support.removeprefix(PIVOT)] = one
     for base, of_unit in found.items():
-        what = "Moments on rigid supports" if base == "N m" else "Forces on rigid supports"
-        caption = f"{what}, positive along the axes, when they occur, and s then; {s}."
-        yield _grid(of_unit, base, max(map(size, of_unit.values())), caption, "s")
+        largest = max(map(size, of_unit.values()))
+        bearing = {name: one for name, one in of_unit.items() if size(one) > ROUND_OFF * largest}
+        if bearing:  # nothing acts along a support that only keeps a direction
+            yield _grid(bearing, base, largest, caption.format("moments" if base == "N m" else "forces"))
 
 
-def _grid(found: Mapping[str, Extremes], base: str, largest: float, caption: str, place: str) -> Grid:
-    """A row for each, in a unit that fits the largest; zero at no time where it is round-off beside that."""
+def _grid(found: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
+    """A row for each, in a unit that fits the largest of them; what is round-off beside `largest` is 0."""
     unit = unit_for(max(map(size, found.values()), default=0.0), base)
-    rows = {
-        name: tuple(cells(one, unit)) if size(one) > ROUND_OFF * largest else ("0", "", "") * 2
-        for name, one in found.items()
-    }
-    when = ("at t in s", f"and {place} in m")
-    head = ("", f"least in {unit.name}", *when, f"largest in {unit.name}", *when)
-    return Grid(caption, head, tuple((name or "slider", *shown) for name, shown in rows.items()))
+    rows = tuple((name or "slider", *cells(one, unit, ROUND_OFF * largest)) for name, one in found.items())
+    return Grid(caption, ("", f"least in {unit.name}", f"largest in {unit.name}"), rows)
 
 
 def size(one: Extremes) -> float:
@@ -182,7 +194,8 @@ def size(one: Extremes) -> float:
     return max(one.most, -one.least)
 
 
-def cells(one: Extremes, unit: Unit) -> Iterator[str]:
-    """Both, each with when and where."""
+def cells(one: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:
+    """Both, each with when and where; 0 alone up to `nothing`."""
     for value, t, s in ((one.least, one.t_least, one.s_least), (one.most, one.t_most, one.s_most)):
-        yield from (significant(value / unit.size, 3), significant(t, 4), significant(s, 4))
+        when = f" at {plain(round(t, 3))}{SPACE}s, {plain(round(s, 3))}{SPACE}m"
+        yield f"{significant(value / unit.size)}{when}" if abs(value) > nothing else "0"

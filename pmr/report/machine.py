@@ -8,11 +8,10 @@ import numpy as np
 
 from pmr.report.numbers import SPACE, plain, quantity, significant
 from pmr.report.parameters import by_face, doubled, framed, stiff, tapered
-from pmr.report.subject import loads_as_asked, spoken
+from pmr.report.subject import loads_as_asked, rings_of, spoken
 from pmr.results import RunResult
-from pmr.scene.built import PadRing, Support
+from pmr.scene.built import Support
 from pmr.scene.choice import model_of
-from pmr.scene.joints import JointPads
 from pmr.scene.members import members
 from pmr.scene.names import named
 from pmr.scene.parts import OneBody
@@ -94,10 +93,7 @@ def _masses(result: RunResult) -> Rows:
 def _held(result: RunResult) -> Rows:
     """Pads between sections, and what holds the base."""
     for name, part in result.scene.bodies.items():
-        rings: list[PadRing | JointPads] = [*part.pads]
-        if (joint := part.joint) is not None:
-            rings += [*joint.tail, *joint.mouth]
-        if rings:
+        if rings := rings_of(part):
             count = sum(sum(len(places) for places in ring.faces.values()) if ring.faces else 1 for ring in rings)
             stiffness = dict.fromkeys(stiff(ring.stiffness) for ring in rings)
             ways = dict.fromkeys("only pushing" if ring.unilateral else "holding both ways" for ring in rings)

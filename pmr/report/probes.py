@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.report.blocks import Block, Drawing, Grid, drawing
 from pmr.report.figures import captions, histories
-from pmr.report.forces import cells, size
+from pmr.report.forces import cells, place_called, size
 from pmr.report.numbers import SPACE, Unit, significant, unit_for
 from pmr.results import Response, RunResult
 from pmr.results.extremes import Extremes, cycles
@@ -45,8 +45,7 @@ def probes(result: RunResult, prefix: str) -> Block | None:
     for name in named:
         unit = units[known[name]["unit"]]
         rows.append((f"{name} in {unit.name}", *cells(found[name], unit)))
-    when = ("at t in s", f"and {result.coordinate} in m")
-    extremes = Grid(_places(known.values()), ("", "least", *when, "largest", *when), tuple(rows))
+    extremes = Grid(_places(result, known.values()), ("", "least", "largest"), tuple(rows))
     drawn = _foremost(named, found)
     counted = [_counted(result, name, units[known[name]["unit"]]) for name in drawn if known[name]["unit"] != "mm"]
     figures = tuple((_drawn(result, f"{prefix}-probe-{k}", name, known[name]["unit"]),) for k, name in enumerate(drawn))
@@ -93,14 +92,14 @@ def _unit(unit: str, largest: float) -> Unit:
     return STRAIN if unit == "1" else unit_for(largest, unit) if unit == "Pa" else Unit(1.0, unit)
 
 
-def _places(known: Iterable[Mapping[str, Any]]) -> str:
+def _places(result: RunResult, known: Iterable[Mapping[str, Any]]) -> str:
     """Where the probes look, each once."""
     said = dict[str, str]()
     for probe in known:
         name = probe["name"].rpartition(" ")[0]
         place = ", ".join(significant(round(x, 4) + 0.0, 3) for x in probe["at"])
         said[name] = f"{name} at ({place}){SPACE}m" + (f", {probe['face']}" if probe["face"] else "")
-    return f"Least and largest values: {'; '.join(said.values())}."
+    return f"Least and largest values, when they occur, and {place_called(result)} then: {'; '.join(said.values())}."
 
 
 def _counted(result: RunResult, name: str, unit: Unit) -> Grid:

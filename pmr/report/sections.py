@@ -7,7 +7,18 @@ from operator import attrgetter
 
 import numpy as np
 
-from pmr.report import first_page, forces, moving_frame, parameters, position, probes, provenance, sentences, stresses
+from pmr.report import (
+    first_page,
+    forces,
+    moving_frame,
+    parameters,
+    position,
+    probes,
+    provenance,
+    sentences,
+    stresses,
+    subject,
+)
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, Table, drawing
 from pmr.report.columns import is_round_off, lines, not_drawn, tips
 from pmr.report.errors import compared, error_table
@@ -73,10 +84,11 @@ def inputs_over_time(result: RunResult, prefix: str) -> Block:
     heading = f"{moving(result).capitalize()} and loads"
     if not alone(result):
         heading = "Extensions and loads" if loads(result) else "Extensions"
-    if result.scene.frame is None:
-        return Block(heading=heading, rows=(tuple(row),))
-    turning = drawing(f"{prefix}-angles", inputs.angles, "Angles of the boom's frame over time.", result)
-    return Block(heading=f"{heading}, angles of the frame", rows=(tuple(row), (turning,)))
+    if changing := subject.changing_angles(result):
+        caption = f"{' and '.join(changing).capitalize()} over time."
+        row.append(drawing(f"{prefix}-angles", inputs.angles, caption, result, changing))
+        heading = f"{heading}, angles of the boom"
+    return Block(heading=heading, rows=tuple(tuple(row[k : k + 2]) for k in range(0, len(row), 2)))
 
 
 def motion(result: RunResult, prefix: str) -> Block | None:

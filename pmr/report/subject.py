@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 
 from pmr.report.numbers import SPACE, percent, plain
 from pmr.results import BodyResult, RunResult
+from pmr.scene.built import PadRing
 from pmr.scene.choice import choose, parts_of
+from pmr.scene.joints import JointPads
 from pmr.scene.members import member_at, members
 from pmr.scene.names import ALONE, input_of
+from pmr.scene.scene import Part
 from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
@@ -192,6 +195,19 @@ def loads_as_asked(result: RunResult) -> list[Acting]:
 def held(result: RunResult) -> list[str]:
     """Names of what holds a body alone along its axis."""
     return [support.name for support in result.scene.supports if support.held == ("x",)]
+
+
+def changing_angles(result: RunResult) -> dict[str, SignalBase]:
+    """Luffing and slewing of a boom in a frame, those that change; what stays as it is is no history."""
+    frame, end = result.scene.frame, result.scene.time.end
+    angles = {} if frame is None else dict(zip(("luffing", "slewing"), frame.angles, strict=True))
+    bounds = {name: angle.bounds(0.0, end) for name, angle in angles.items()}
+    return {name: angles[name] for name, (low, high) in bounds.items() if high > low}
+
+
+def rings_of(part: Part) -> list[PadRing | JointPads]:
+    """All pads of a body: on the ground, or in the next outer section."""
+    return [*part.pads, *((*part.joint.tail, *part.joint.mouth) if part.joint is not None else ())]
 
 
 def fixtures(result: RunResult) -> list[Fixture]:

@@ -1,16 +1,18 @@
 from __future__ import annotations
 
 import re
+from importlib.resources import files
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib import pyplot
 
+from pmr import report
 from pmr.report.blocks import Drawing, drawing
 from pmr.report.columns import tips
-from pmr.report.figures import captions, histories
-from pmr.report.figures.canvas import PENS, SHADE, log_axis, octave_axis, sheet
+from pmr.report.figures import captions, histories, paper
+from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, octave_axis, sheet, style
 from pmr.report.figures.histories import band
 from pmr.report.figures.timeline import Span, Timeline, sliding
 from pmr.results import RunResult
@@ -187,3 +189,16 @@ def test_the_band_of_the_estimate_holds_what_is_drawn(make_result) -> None:
     edges = filled.get_paths()[0].vertices[:, 1]
     assert edges.max() == -edges.min() == pytest.approx(2.0)
     assert max(np.abs(line.get_ydata()).max() for line in figure.axes[0].lines) == pytest.approx(off)
+
+
+@pytest.mark.parametrize(
+    ("inches", "size"), [(WIDE, "legend.fontsize"), (HALF, "xtick.labelsize"), (paper.WIDTH, "font.size")]
+)
+def test_labels_are_readable_at_390_px(inches: float, size: str) -> None:
+    """At least 9 px high: wide figures are wider than the screen and scroll, others fill it but for 16 px aside."""
+    look, least = (files(report) / "templates" / "screen.css").read_text(), 0.0
+    if inches == WIDE:
+        least = 16.0 * float(re.findall(r"\.wide svg { min-width: ([\d.]+)rem", look)[0])
+    with style():
+        points = mpl.rcParams[size]
+    assert points * max(least, 390.0 - 32.0) / (72.0 * inches) >= 9.0

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pmr.report import forces as drawn
 from pmr.report import probes, stresses
-from pmr.report.columns import forces
 from pmr.report.errors import rows as error_rows
-from pmr.report.forces import contact, extremes
+from pmr.report.forces import contact
 from pmr.results import RunResult
 
+SPACE = "\u00a0"
 NAMES = ("weld stress along", "weld stress shear", "weld strain along", "weld displacement z")
 
 
@@ -45,7 +46,10 @@ def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
         "weld stress along in MPa", "weld strain along in µm/m", "weld displacement z in mm",
     ]  # fmt: skip
     first = dict(zip(extremes.head, extremes.rows[0], strict=False))
-    assert (first["least"], first["largest"]) == ("\u221220.0", "60.0")
+    assert (first["least"], first["largest"]) == (
+        "\u221220.0 at 0\u00a0s, 1.25\u00a0m",
+        "60.0 at 0.25\u00a0s, 1.25\u00a0m",
+    )
     assert "weld stress at (1.50, 0, \u22120.200)\u00a0m, outer" in extremes.caption
     assert stress.head == ("range in MPa", "cycles", "mean in MPa")
     assert [row[1:] for row in stress.rows] == [("6", "20.0")] and stress.rows[0][0] == "72.0 to 80.0"
@@ -55,15 +59,35 @@ def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
 
 def test_forces_have_extremes_with_time_and_place(probed: RunResult) -> None:
     (grid,) = contact(probed, "case-1").grids
-    ((name, least, t_least, _, largest, *_),) = grid.rows
-    assert (name, largest) == ("slider", "99.0") and grid.head[1] == "least in N"
-    response = probed.responses["reduced"]
-    assert float(t_least) == pytest.approx(response.t[response.slider_force[:, 0].argmin()], rel=1e-3)
-    names, force = ("force of slider", "force of pad left"), response.slider_force[:, :1] * (1.0, 1e-14)
-    beside = replace(response, force_names=names, slider_force=force, force_peaks=None)
-    result = replace(probed, responses=probed.responses | {"reduced": beside})
-    grid = extremes(result, forces(result)[""])
-    assert grid.rows[1] == ("pad left", "0", "", "", "0", "", "")  # round-off has no time
+    assert grid.head == ("", "least in N", "largest in N") and grid.caption.endswith("the path coordinate s then.")
+    ((name, least, largest),) = grid.rows
+    t = probed.responses["reduced"].t[probed.responses["reduced"].slider_force[:, 0].argmin()]
+    assert (name, largest) == ("slider", f"99.0 at 0{SPACE}s, 1.25{SPACE}m")
+    assert least == f"\u221298.0 at {t:g}{SPACE}s, 3.75{SPACE}m"
+
+
+def idle(result: RunResult, **forces: float) -> RunResult:
+    """With pads by these names, each with this share of one force of 100 N that varies, and none in the full model."""
+    found, t = {}, result.responses["reduced"].t
+    for name, one in result.responses.items():
+        size = 100.0 if name == "reduced" else 0.0
+        force = size * np.outer(np.cos(t) ** 2, list(forces.values()))
+        names = tuple(f"force of {called}" for called in forces)
+        found[name] = replace(one, slider_force=force, force_names=names, force_peaks=None)
+    return replace(result, responses=found)
+
+
+def test_a_pad_that_never_touches_has_no_panel_and_no_row(probed: RunResult, monkeypatch) -> None:
+    """Neither one without any force, nor one that round-off alone presses on; both are named."""
+    result, panels = idle(probed, lower=1.0, upper=0.0, aside=1e-14, other=1e-3), []
+    monkeypatch.setattr(drawn, "drawing", lambda *given: panels.extend(force.called for force in given[-1]))
+    block = contact(result, "case-1")
+    assert block is not None and panels == ["force of lower", "force of other"]
+    assert [row[0] for row in block.grids[0].rows] == ["lower", "other"]
+    assert block.text == "No force at any time on upper, aside."
+    panels.clear()
+    block = contact(idle(probed, lower=0.0), "case-1")
+    assert block is not None and (block.rows, block.grids, panels) == ((), (), [])
 
 
 def test_the_error_table_has_probes_in_their_units(probed: RunResult) -> None:

@@ -10,9 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from boom_results import SUMMARY, MakeSpace
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from pmr.fields.series import Fields
-from pmr.report import space
+from pmr.report import forces as loads
+from pmr.report import sections, space, subject
 from pmr.report.document import page
 from pmr.report.figures import forces
 from pmr.report.figures import space as figures
@@ -163,6 +167,59 @@ def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None
             places = places[np.isfinite(places).all(axis=1)]
             assert len(places) > 2
             assert (places >= (left, low)).all() and (places <= (right, high)).all()
+
+
+def boxes(figure: Figure, text: str) -> list[np.ndarray]:
+    """Left lower and right upper corners (2, 2) in px of labels that hold a text, as they are drawn."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    found = [one for one in figure.axes[0].texts if text in one.get_text()]
+    for one in found:
+        one.update_positions(renderer)
+    return [Text.get_window_extent(one, renderer).get_points() for one in found]  # without lines that lead to it
+
+
+def test_labels_of_moments_do_not_cover_each_other(make_space: MakeSpace) -> None:
+    """A boom that luffs by 0.1 degrees has one, of the largest stress; one that luffs by 60 degrees has all four."""
+    angle = {"kind": "smooth_ramp", "times": [0.0, 1.0]}
+    for high, count in ((0.602, 1), (1.6, 4)):
+        result = make_space(frame={"pivot": [0.0, 0.0, 0.0], "luffing": angle | {"values": [0.6, high]}})
+        with style():
+            found = boxes(figures.side(result), "\u00a0s")
+        assert len(found) == count
+        for k, one in enumerate(found):
+            assert not any((one[0] < other[1]).all() and (other[0] < one[1]).all() for other in found[:k])
+
+
+def test_the_largest_stress_is_written_where_nothing_is_drawn(turned: RunResult) -> None:
+    with style():
+        figure = figures.side(turned)
+        ((low, high),) = boxes(figure, "MPa")
+    for curve in figure.axes[0].lines:
+        x, y = figure.axes[0].transData.transform(curve.get_xydata()).T
+        along = np.linspace(0.0, len(x) - 1.0, 2000)
+        places = np.stack([np.interp(along, np.arange(len(x)), values) for values in (x, y)], axis=1)
+        assert not ((places > low) & (places < high)).all(axis=1).any()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_an_angle_that_stays_as_it_is_is_not_drawn(make_space: MakeSpace, turned: RunResult) -> None:
+    still, ramp = {"pivot": [0.0, 0.0, 0.0], "slewing": 0.2}, FRAME["luffing"]
+    result = make_space(frame=still | {"luffing": ramp})
+    assert list(subject.changing_angles(result)) == ["luffing"]
+    assert list(subject.changing_angles(turned)) == ["luffing", "slewing"]
+    captions = [one.caption for one in sections.inputs_over_time(result, "case-1").drawings]
+    assert captions[-1] == "Luffing over time."
+    drawings = sections.inputs_over_time(make_space(frame=still | {"luffing": 0.3}), "case-1").drawings
+    assert [one.name for one in drawings] == ["case-1-position", "case-1-loads"]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_sums_over_all_supports_stand_with_the_machine_and_not_among_supports(turned: RunResult) -> None:
+    """The force along y, 1e-11 of that along x, has no row."""
+    block = loads.pivot(turned, "case-1")
+    assert block is not None and [[row[0] for row in grid.rows] for grid in block.grids] == [["x"], ["ry"]]
+    assert block.grids[0].rows[0][1] == "\u221275.0 at 0\u00a0s, 1.5\u00a0m"
+    assert list(loads.reactions(turned)) == []
 
 
 @pytest.mark.parametrize("kind", ["line", "triangle"])

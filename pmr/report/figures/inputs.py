@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from pmr.report.numbers import signed, unit_for
 from pmr.report.subject import length, moving, offsets
 from pmr.results import RunResult
 from pmr.scene.names import named
+from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
@@ -43,14 +44,13 @@ def position(result: RunResult) -> Figure:
     return figure
 
 
-def angles(result: RunResult) -> Figure:
-    """Luffing and slewing over time, in degrees."""
-    assert result.scene.frame is not None
+def angles(result: RunResult, changing: Mapping[str, SignalBase]) -> Figure:
+    """Angles of the boom over time, in degrees."""
     time = Timeline(result)
     figure, axes = sheet(HALF, 1.7)
-    _plot(axes[0, 0], time.t, [np.rad2deg(angle.value(time.t)) for angle in result.scene.frame.angles])
+    _plot(axes[0, 0], time.t, [np.rad2deg(angle.value(time.t)) for angle in changing.values()])
     time.frame(axes[0, 0], "Angle in degrees")
-    key(figure, [*_legend(["luffing", "slewing"]), *time.shade()])
+    key(figure, [*_legend(list(changing), least=1), *time.shade()])
     return figure
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.report import space
 from pmr.report.decimation import spread
-from pmr.report.figures.canvas import HALF, INK, LIMIT, MUTED, SECTIONS, key, octave_axis, sheet
+from pmr.report.figures.canvas import HALF, INK, LETTER, LIMIT, MUTED, ROW, SECTIONS, key, octave_axis, sheet
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import SPACE, plain, quantity
@@ -24,6 +24,7 @@ WAY = 600  # points of the way of a tip
 TALLEST, FLATTEST = 3.4, 1.0  # in, of axes on which a metre is a metre both ways
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
 GROUND = "#9aa5b1"
+CLEAR = 0.06  # in, between a label and what is drawn
 
 
 def side(result: RunResult) -> Figure:
@@ -91,20 +92,16 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     for k, (body, colour) in enumerate(zip(bodies, colours, strict=True)):
         for places in getattr(body, view):
             ax.plot(*places.T, color=colour, linewidth=1.0 + 1.1 * (len(bodies) - 1 - k), solid_capstyle="butt")
-    for step, places in zip(steps, getattr(bodies[-1], view), strict=True):
-        _label(ax, places, f"{float(t[step]):.3g}{SPACE}s")
-    if (worst := space.stressed(result)) is not None:
-        _ring(
-            ax,
-            worst,
-            next(one for one in bodies if one.body == worst.body),
-            view,
-            int(np.flatnonzero(steps == worst.step)[0]),
-        )
+    worst = space.stressed(result)
+    for places in raising:
+        ax.plot(*places.T, color=MUTED, linewidth=1.6, zorder=1.8)
     if ground:
-        for places in raising:
-            ax.plot(*places.T, color=MUTED, linewidth=1.6, zorder=1.8)
-        ax.axhline(0.0, color=GROUND, linewidth=1.2, zorder=1.0)
+        ax.plot(ax.get_xlim(), [0.0, 0.0], color=GROUND, linewidth=1.2, zorder=1.0)
+    worst = space.stressed(result)
+    moment = 0 if worst is None else int(np.argmax(steps == worst.step))
+    labels = _labels(ax, getattr(bodies[-1], view), t[steps], moment)
+    if worst is not None:
+        _ring(ax, worst, next(one for one in bodies if one.body == worst.body), view, moment, labels)
     ax.plot([0.0], [0.0], marker="^" if ground else "o", markersize=6.0, color=INK, zorder=4.0)
     if len(bodies) > 1:
         named = zip(bodies, colours, strict=True)
@@ -120,24 +117,77 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
     return [np.array([frame.cylinder.foot, lug]) for lug in frame.cylinder.raised(frame.angles[0].value(t[steps]))]
 
 
-def _label(ax: Axes, places: Array, text: str) -> None:
-    """Beyond the end of an axis."""
-    way = places[-1] - places[-2]
-    dx, dy = 6.0 * way / max(float(np.linalg.norm(way)), 1e-300)
-    where = "left" if dx > 2.0 else "right" if dx < -2.0 else "center"
-    up = "center" if abs(dy) < 4.0 else "bottom"
-    ax.annotate(text, places[-1], xytext=(dx, dy), textcoords="offset points", ha=where, va=up, fontsize=7.0)
+def _labels(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
+    """When the boom stands so, beyond the end of each axis (S, n, 2); returns the boxes of these labels.
+
+    A label that would cover another is left out. The moment numbered `first`, that of the largest stress, has its label
+    in any case, and of the others the last one comes before those in between.
+    """
+    boxes = list[Array]()
+    for k in dict.fromkeys([first, len(t) - 1, *range(len(t))]):
+        way, text = axes[k, -1] - axes[k, -2], f"{float(t[k]):.3g}{SPACE}s"
+        aside = 6.0 * way / max(float(np.linalg.norm(way)), 1e-300)
+        where = "left" if aside[0] > 2.0 else "right" if aside[0] < -2.0 else "center"
+        up = "center" if abs(aside[1]) < 4.0 else "bottom"
+        box = _box(_inches(ax, axes[k, -1]) + aside / 72.0, text, where, up)
+        if not any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in boxes):
+            boxes.append(box)
+            ax.annotate(text, axes[k, -1], xytext=aside, textcoords="offset points", ha=where, va=up, fontsize=7.0)
+    return boxes
 
 
-def _ring(ax: Axes, worst: space.Stressed, body: space.Axis, view: str, moment: int) -> None:
-    """Around the place of the largest stress, with how large it is."""
+def _ring(ax: Axes, worst: space.Stressed, body: space.Axis, view: str, moment: int, labels: Sequence[Array]) -> None:
+    """Around the place of the largest stress; how large it is stands beside it, clear of all that is drawn."""
     places = getattr(body, view)[moment]
-    at = (float(np.interp(worst.x, body.x, places[:, 0])), float(np.interp(worst.x, body.x, places[:, 1])))
+    at = np.array([np.interp(worst.x, body.x, places[:, 0]), np.interp(worst.x, body.x, places[:, 1])])
+    drawn = [_fine(_inches(ax, np.asarray(line.get_xydata()))) for line in ax.lines]
+    corners = [np.array([(x, y) for x in box[:, 0] for y in box[:, 1]]) for box in labels]
     ax.plot(*at, "o", markersize=9.0, markerfacecolor="none", markeredgecolor=LIMIT, markeredgewidth=1.4, zorder=5.0)
+    text = quantity(worst.value, "Pa")
+    ring, low, high = _inches(ax, at), _inches(ax, np.array(ax.viewLim.min)), _inches(ax, np.array(ax.viewLim.max))
+    aside = _clear(ring, text, np.concatenate([*drawn, *corners, ring[None]]), low, high)
+    leader = {"arrowstyle": "-", "color": LIMIT, "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 5.0}
     ax.annotate(
-        quantity(worst.value, "Pa"), at, xytext=(7.0, -4.0), textcoords="offset points", ha="left", va="top",
-        fontsize=7.0, color=LIMIT, zorder=5.0, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
+        text, (at[0], at[1]), xytext=(72.0 * aside[0], 72.0 * aside[1]), textcoords="offset points", ha="center",
+        va="center", fontsize=7.0, color=LIMIT, zorder=5.0, arrowprops=leader,
     )  # fmt: skip
+
+
+def _clear(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array:
+    """How far beside a place (2,) the middle of a text is clear of points `drawn` (P, 2), all in inches.
+
+    The nearest of such places between two corners, where there is one; else the clearest.
+    """
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    found, best = np.zeros(2), -1.0
+    for aside in (far * np.array([np.cos(turn), np.sin(turn)]) for far in np.arange(0.3, 3.0, 0.1) for turn in turns):
+        box = _box(at + aside, text, "center", "center")
+        if (box[0] < low).any() or (box[1] > high).any():
+            continue
+        away = float(np.linalg.norm(np.maximum(np.maximum(box[0] - drawn, drawn - box[1]), 0.0), axis=1).min())
+        if away >= CLEAR:
+            return aside
+        found, best = (aside, away) if away > best else (found, best)
+    return found
+
+
+def _inches(ax: Axes, places: Array) -> Array:
+    """Where places (..., 2) m are on the sheet, in."""
+    return np.asarray(ax.transData.transform(places)) / ax.figure.dpi
+
+
+def _fine(line: Array) -> Array:
+    """Points along a line (n, 2) in, no further from each other than half of what has to be clear."""
+    steps = np.maximum(np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / (CLEAR / 2.0)).astype(int), 1)
+    pieces = [np.linspace(line[k], line[k + 1], count, endpoint=False) for k, count in enumerate(steps)]
+    return np.concatenate([*pieces, line[-1:]])
+
+
+def _box(at: Array, text: str, across: str, up: str) -> Array:
+    """Left lower and right upper corner (2, 2) in of a text that stands so at a place (2,) in."""
+    size, share = np.array([LETTER * len(text), ROW]), {"left": 0.0, "bottom": 0.0, "center": 0.5, "right": 1.0}
+    low = at - size * [share[across], share[up]]
+    return np.stack([low, low + size])
 
 
 def _paper(drawn: Sequence[Array], across: str, up: str) -> tuple[Axes, Figure]:
