@@ -130,31 +130,40 @@ docs-check: setup .venv/.docs ## the same without executing the examples, which 
 manual: ## commands of the manual, from a wheel in fresh environments (Python 3.12 or newer)
 	@.ci/manual "$(PYTHON312)"
 
-# $(call beside,TARGETS,OTHERS): on two cores at once; what the others say is shown at the end.  Which of both is through
-# first goes on with LAST, so that no core waits.
-LAST =
-define beside
-logs=$$(mktemp -d); go_on() { $(if $(LAST),mkdir "$$logs/taken" 2>/dev/null || return 0; \
-    $(MAKE) --no-print-directory $(LAST) >"$$logs/last" 2>&1 </dev/null,:); }; \
-{ $(MAKE) --no-print-directory $2; status=$$?; go_on || status=1; exit $$status; } >"$$logs/beside" 2>&1 </dev/null & \
-$(MAKE) --no-print-directory $1; status=$$?; go_on || status=1; \
-wait $$! || status=1; cat "$$logs/beside" $(if $(LAST),"$$logs/last"); rm -rf "$$logs"; exit $$status
+# $(call both,TARGETS): on two cores at once. Whichever is through with a target goes on with the next one that nobody has
+# begun, so that no core waits; what the other one says is shown at the end.
+define both
+@logs=$$(mktemp -d); go_on() { for target in $1; do mkdir "$$logs/$$target" 2>/dev/null || continue; \
+    $(MAKE) --no-print-directory $$target </dev/null || touch "$$logs/failed"; done; }; \
+go_on >"$$logs/beside" 2>&1 & go_on; wait; cat "$$logs/beside"; \
+[ ! -e "$$logs/failed" ]; status=$$?; rm -rf "$$logs"; exit $$status
 endef
 
-# Beside the suite on Debian's stack CI runs what of it needs the other stack, and each other kernel on one stack. Left
-# out there, as it runs on Debian's: slow tests of rooms without FEniCSx, slow ones on two ranks, kernels on two ranks.
-OTHER_STACK = test-wheel-part test-mpi test-wheel-part-mpi $(addprefix test-numerical-,$(firstword $(OTHERS))) \
-    $(addprefix test-wheel-numerical-,$(wordlist 2,9,$(OTHERS)))
-ALONE = echo "wheel stack not tested: make test-wheel does it, with Python 3.12 or newer"; \
-    $(call beside,lint test-suite,test-mpi test-kernels)
+# What CI runs: the suite on Debian's stack under KERNEL, its numerical part there under the kernels between, and on the
+# wheel stack what needs the other stack, and the numerical part, under the last kernel. So each stack and each kernel has
+# its turn, and no test runs twice for one of them. Left out, as they run on Debian's: slow tests of rooms without
+# FEniCSx, slow ones on two ranks, kernels on two ranks. LAST is what .ci/run appends.
+LAST_KERNEL := $(lastword $(KERNELS))
+BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
+LAST =
+IN_CI = lint test-wheel-part $(SUITE) test-mpi $(BETWEEN:%=test-numerical-%) test-wheel-part-mpi $(LAST)
+ALONE = lint $(SUITE) test-mpi $(OTHERS:%=test-kernel-%) $(LAST)
+BOTH_STACKS = $(and $(filter true,$(CI)),$(PYTHON312))
+# The suite in two pieces of some length, one after the other or side by side.
+SUITE := test-suite-rooms test-suite-rest
+ROOMS := simulation export
 
 .PHONY: test
-test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too, beside it
-	@$(if $(filter true,$(CI)),$(if $(PYTHON312),$(call beside,lint test-suite,$(OTHER_STACK)),$(ALONE)),$(ALONE))
+test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too
+	$(call both,$(if $(BOTH_STACKS),$(IN_CI),$(ALONE)))
+	@$(if $(BOTH_STACKS),,echo "wheel stack not tested: make test-wheel does it, with Python 3.12 or newer")
 
-.PHONY: test-suite
-test-suite: setup .venv-snakemake/.ready .venv-fmi/.ready
-	$(call pytest,.venv,$(KERNEL))
+.PHONY: $(SUITE)
+test-suite-rooms: setup .venv-fmi/.ready
+	$(call pytest,.venv,$(KERNEL),$(ROOMS:%=tests/%))
+
+test-suite-rest: setup .venv-snakemake/.ready
+	$(call pytest,.venv,$(KERNEL),$(ROOMS:%=--ignore=tests/%))
 
 .PHONY: test-kernels
 test-kernels: $(OTHERS:%=test-kernel-%) ## the numerical part under the other BLAS kernels, on one and two ranks
@@ -222,7 +231,7 @@ python312:
 
 .PHONY: test-wheel
 test-wheel: .venv-wheel/.ready ## all of it on the wheel stack (Python 3.12 or newer)
-	@$(call beside,test-wheel-suite,test-wheel-mpi $(OTHERS:%=test-wheel-kernel-%))
+	$(call both,test-wheel-suite test-wheel-mpi $(OTHERS:%=test-wheel-kernel-%))
 
 .PHONY: test-wheel-suite
 test-wheel-suite: .venv-wheel/.ready
@@ -237,14 +246,11 @@ test-wheel-kernel-%: .venv-wheel/.ready
 
 .PHONY: test-wheel-part
 test-wheel-part: .venv-wheel/.ready
-	$(call pytest,.venv-wheel,$(KERNEL),-m stack)
+	$(call pytest,.venv-wheel,$(LAST_KERNEL),-m "stack or numerical")
 
 .PHONY: test-wheel-part-mpi
 test-wheel-part-mpi: .venv-wheel/.ready
 	$(call ranks,.venv-wheel,$(KERNEL),mpirun,mpi and not slow)
-
-test-wheel-numerical-%: .venv-wheel/.ready
-	$(call numerical,.venv-wheel,$*)
 
 .PHONY: schemas
 schemas: setup ## write what editors complete and check workflows from

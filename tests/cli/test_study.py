@@ -184,7 +184,7 @@ def test_snakemake_makes_the_same_table(small: Path, done: Path, tmp_path: Path,
     own = ROOT / ".venv-snakemake" / "bin" / "snakemake"
     snakemake = str(own) if own.exists() else shutil.which("snakemake")
     if snakemake is None:
-        pytest.skip("Snakemake is not installed: make test-suite does it")
+        pytest.skip("Snakemake is not installed: make test does it")
     options = ["--cores", "2", "--config", f"study={small}", "out=out"]
     script(snakemake, "--snakefile", str(ROOT / "workflows" / "Snakefile"), *options, cwd=tmp_path, env=environment)
     assert tables(tmp_path / "out") == tables(done)

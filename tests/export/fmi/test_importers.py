@@ -68,7 +68,7 @@ class Exported:
 def fmpy() -> Path:
     python = ROOT / ".venv-fmi" / "bin" / "python"
     if not python.exists():
-        pytest.skip("FMPy is not installed: make test-suite does it")
+        pytest.skip("FMPy is not installed: make test does it")
     return python
 
 
