@@ -61,6 +61,16 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         MPI.COMM_WORLD.Abort(1)
 
 
+def pytest_sessionstart() -> None:
+    """Nothing is garbage until all tests are read: to look for it in all that is imported takes as long as reading."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """What runs a part of the tests would read and import all files for the sake of a few."""
     if not (collection_path.name.startswith("test_") and collection_path.suffix == ".py"):
