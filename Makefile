@@ -51,14 +51,14 @@ endef
 
 # $(call kernel,VENV,KERNEL,MPIRUN): the numerical part under one kernel, on one rank and on two.
 define kernel
-$(call numerical,$1,$2)
+$(call numerical,$1,$2,)
 $(call ranks,$1,$2,$3,numerical and mpi)
 endef
 
-# $(call numerical,VENV,KERNEL): the same on one rank.
+# $(call numerical,VENV,KERNEL,LESS): the same on one rank, but for some.
 define numerical
-@echo "numerical part, $1, BLAS kernel $2"
-$(call pytest,$1,$2,-q -m numerical)
+@echo "numerical part$3, $1, BLAS kernel $2"
+$(call pytest,$1,$2,-q -m "numerical$3")
 endef
 
 .PHONY: help
@@ -139,14 +139,15 @@ go_on >"$$logs/beside" 2>&1 & go_on; wait; cat "$$logs/beside"; \
 [ ! -e "$$logs/failed" ]; status=$$?; rm -rf "$$logs"; exit $$status
 endef
 
-# What CI runs: the suite on Debian's stack under KERNEL, its numerical part there under the kernels between, and on the
-# wheel stack what needs the other stack, and the numerical part, under the last kernel. So each stack and each kernel has
-# its turn, and no test runs twice for one of them. Left out, as they run on Debian's: slow tests of rooms without
-# FEniCSx, slow ones on two ranks, kernels on two ranks. LAST is what .ci/run appends.
+# What CI runs: the suite on Debian's stack under KERNEL; on the wheel stack, under the last kernel, what needs the other
+# stack and the numerical part; under the kernels between, on Debian's, the tests for two ranks on two, and what else is
+# numerical. So each stack and each kernel has its turn, and no test runs twice for one of them. Left out, as they run
+# on Debian's: slow tests of rooms without FEniCSx, slow ones on two ranks. LAST is what .ci/run appends.
 LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
 LAST =
-IN_CI = lint test-wheel-part $(SUITE) test-mpi $(BETWEEN:%=test-numerical-%) test-wheel-part-mpi $(LAST)
+IN_CI = lint test-wheel-part $(SUITE) $(or $(BETWEEN:%=test-mpi-%),test-mpi) $(BETWEEN:%=test-between-%) \
+    test-wheel-part-mpi $(LAST)
 ALONE = lint $(SUITE) test-mpi $(OTHERS:%=test-kernel-%) $(LAST)
 BOTH_STACKS = $(and $(filter true,$(CI)),$(PYTHON312))
 # The suite in two pieces of some length, one after the other or side by side.
@@ -171,8 +172,11 @@ test-kernels: $(OTHERS:%=test-kernel-%) ## the numerical part under the other BL
 test-kernel-%: setup
 	$(call kernel,.venv,$*,/usr/bin/mpirun)
 
-test-numerical-%: setup
-	$(call numerical,.venv,$*)
+test-mpi-%: setup
+	$(call ranks,.venv,$*,/usr/bin/mpirun,mpi)
+
+test-between-%: setup
+	$(call numerical,.venv,$*, and not mpi)
 
 # Only the tests of workflows/Snakefile want it.
 .venv-snakemake/.ready: requirements/snakemake.txt

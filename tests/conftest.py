@@ -77,7 +77,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
         return None
     if RANKS > 1:
         return True if FOR_RANKS not in collection_path.read_text() else None
-    if config.option.markexpr == "numerical" and not is_numerical(collection_path):
+    if config.option.markexpr in ("numerical", "numerical and not mpi") and not is_numerical(collection_path):
         return True if FOR_KERNELS not in collection_path.read_text() else None
     return None
 

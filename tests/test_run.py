@@ -7,7 +7,6 @@ import one_body
 import pytest
 from driving import driven
 from one_body import respond
-from processes import undrawn
 from scipy.signal import butter, sosfiltfilt
 from textbook import TIP_DEFLECTION
 
@@ -236,23 +235,22 @@ def test_dropping_the_held_rows_is_better_with_the_same_coordinates(load_scene) 
 
 @pytest.mark.slow
 @pytest.mark.numerical
-def test_one_and_two_ranks_give_the_same_figures(tmp_path) -> None:
-    """The whole command on 1 and 2 ranks, SLEPc's path.
+@pytest.mark.mpi
+@pytest.mark.skipif(MPI.COMM_WORLD.size == 1, reason="compares two ranks with one")
+def test_one_and_two_ranks_give_the_same_figures(load_scene) -> None:
+    """A whole run on 1 and 2 ranks, SLEPc's path.
 
     Ranks add up in another order, which is a perturbation of the pool by E, |E| <= n u sigma_1 (backward error of a
     QR of n rows and of the decomposition after it).  Singular values move by |E| at most (Weyl), the eighteen vectors
     that are not held turn by |E| / (sigma_18 - sigma_19) (Wedin), and errors, which are relative to the motion, by as
     much.  The full model knows nothing of it.
     """
-    summaries = []
-    for ranks in (1, 2):
-        folder = tmp_path / str(ranks)
-        changes = ["--set", "reduction.solver=slepc", "--set", "compare.against=['full']", "--set", "time.end=3.0"]
-        scene = "workflows/paper_evolved.toml"
-        done = undrawn("run", scene, "--out", str(folder), *changes, ranks=ranks)
-        assert done.returncode == 0, done.stderr
-        summaries.append(json.loads((folder / "summary.json").read_text()))
-    a, b = summaries
+    scene = load_scene("paper_evolved", ["reduction.solver=slepc", "compare.against=['full']", "time.end=3.0"])
+    alone, together = (run(scene, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+    if together is None:
+        assert MPI.COMM_WORLD.rank > 0
+        return
+    a, b = (outcome.result.summary for outcome in (alone, together))
     sigma = np.array(a["basis"]["singular_values"])
     E = a["coordinates"]["full"] * np.finfo(float).eps / 2.0 * sigma[0]
     np.testing.assert_allclose(b["basis"]["singular_values"], sigma, rtol=0.0, atol=E)

@@ -57,7 +57,9 @@ GIVES_WAY = ("section.joint.cylinder.stiffness=5e7",)
 RUBS = (*GIVES_WAY, *(f"section.joint.{ring}.0.friction=0.2" for ring in ("tail", "mouth")))
 #: Changes of the crane, and version of the interface: on a ship, with springs alone, and with pads that rub.
 KINDS = {"ship": ((*CRANE, *SHIP), "3"), "springs": ((*CRANE, *GIVES_WAY), "2"), "rubbing": ((*CRANE, *RUBS), "3")}
-pytestmark = [pytest.mark.slow, pytest.mark.numerical]
+#: Whether a pad slips or sticks is decided by round-off where it is near to both.
+GIVEN = ["ship", "springs", pytest.param("rubbing", marks=pytest.mark.numerical)]
+pytestmark = pytest.mark.slow
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class Made:
         return instance
 
 
-@pytest.fixture(scope="module", params=KINDS)
+@pytest.fixture(scope="module", params=GIVEN)
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
     changes, version = KINDS[request.param]
     scene = load_any(WORKFLOWS / "crane.toml", changes)
