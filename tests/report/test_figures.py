@@ -7,6 +7,9 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib import pyplot
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
 
 from pmr import report
 from pmr.report.blocks import Drawing, drawing
@@ -14,7 +17,9 @@ from pmr.report.columns import tips
 from pmr.report.figures import captions, histories, paper
 from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, octave_axis, sheet, style
 from pmr.report.figures.histories import band
+from pmr.report.figures.panel import Panel
 from pmr.report.figures.timeline import Span, Timeline, sliding
+from pmr.report.figures.vector import svg
 from pmr.results import RunResult
 
 LABELS = {
@@ -158,6 +163,42 @@ def test_style_leaves_no_trace(bare: RunResult) -> None:
     assert pyplot.get_fignums() == []
 
 
+def labels_of(axis: Axis) -> list[str]:
+    found = axis.get_major_formatter().format_ticks(axis.get_majorticklocs())
+    assert found
+    return found
+
+
+def test_axes_are_drawn_as_matplotlib_draws_them() -> None:
+    """Labels, lines of the grid, axes and what is common to large values, on linear and on logarithmic scales."""
+    with style():
+        figures = [Figure(figsize=(4.0, 3.0)) for _ in range(2)]
+        drawn = []
+        for figure, kind in zip(figures, (Axes, Panel), strict=True):
+            axes = figure.subplots(2, 2, sharex="col", subplot_kw={"axes_class": kind})
+            for ax, scale in zip(axes.flat, (1.0, 1e9, 1e-9, 1.0), strict=True):
+                ax.plot([0.0, 1.0, 2.0], [scale, -scale, 2.0 * scale])
+                ax.set_ylabel("y")
+                ax.yaxis.set_label_coords(-0.2, 0.5)
+            axes[0, 1].grid(False)
+            log_axis(axes[1, 1], 1e-3, 1.0)
+            axes[1, 0].set_xlim(0.3, 1.7)
+            axes[1, 0].set_xticks([0.0, 1.0, 2.0], ["none", "one", "none"])
+            text = svg(figure, "a", "")
+            lines = re.findall(r'<path d="([^"]+)"[^>]*stroke="(#d9dfe5|#9aa5b1)"', text)
+            parts = [(part.strip(), colour) for path, colour in lines for part in re.split(r"(?=M )", path)]
+            drawn.append((sorted(part for part in parts if part[0]), sorted(re.findall("<text.*?</text>", text))))
+    assert drawn[0] == drawn[1]
+    assert len(drawn[0][0]) > 20 and len(drawn[0][1]) > 20 and "1e9" in str(drawn[0][1])
+
+
+def test_what_would_steer_the_page_is_spelled_out_beside_a_tick() -> None:
+    with style():
+        figure, axes = sheet(3.0, 2.0)
+        axes[0, 0].set_xticks([0.5], ["one\x1b"])
+        assert "one\\x1b" in svg(figure, "a", "")
+
+
 @pytest.mark.parametrize(("low", "high"), [(2e-17, 8e-17), (1e-30, 1e-2), (1.0, 1.0), (3e-13, 1.0)])
 def test_logarithmic_axes_always_have_labels(low: float, high: float) -> None:
     _, axes = sheet(3.0, 2.0)
@@ -167,13 +208,13 @@ def test_logarithmic_axes_always_have_labels(low: float, high: float) -> None:
     inside = [tick for tick in ax.get_yticks() if bottom <= tick <= top]
     assert 2 <= len(inside) <= 8
     assert top >= high and (bottom <= low or top / bottom > 1e17)
-    assert all(label.get_text().startswith("10") for label in ax.get_yticklabels())
+    assert all(label.startswith("10") for label in labels_of(ax.yaxis))
 
 
 def test_frequencies_over_decades_are_labelled_in_hertz() -> None:
     _, axes = sheet(3.0, 2.0)
     octave_axis(axes[0, 0], 0.9, 44.0)
-    assert [label.get_text() for label in axes[0, 0].get_yticklabels()] == ["1", "2", "5", "10", "20"]
+    assert labels_of(axes[0, 0].yaxis) == ["1", "2", "5", "10", "20"]
     _, axes = sheet(3.0, 2.0)
     octave_axis(axes[0, 0], 0.0, 44.0)
     octave_axis(axes[0, 0], 31.0, 44.0)

@@ -85,7 +85,6 @@ def snapshots(result: RunResult) -> Figure:
         ax.set_title(f"t = {float(reduced.t[chosen[i]]):.4g} s", loc="left", pad=2.0)
     end = length(result)
     axes[0, 0].set_xlim(-0.03 * end, 1.02 * end)
-    axes[0, 0].margins(y=0.15)
     figure.supxlabel("x in m", fontsize=7.5, y=0.02)
     figure.supylabel(f"Transverse displacement in {unit.name}", fontsize=7.5, x=0.004)
     markers = {moving(result): ("s", MUTED)} if offsets(result) else {}
