@@ -16,7 +16,7 @@ def print_page(text: str, file: Path) -> None:
 
 
 def _on_paper(text: str) -> str:
-    """The page without what only a screen shows, and with figures as images that stand in it whole.
+    """The page without what only a screen shows or a script reads, and with figures as images that stand in it whole.
 
     As parts of the page each of their lines would be read, and given styles, by what was made for pages: half the time
     that a PDF takes.
@@ -29,5 +29,5 @@ def _on_paper(text: str) -> str:
         image = f'<svg xmlns="http://www.w3.org/2000/svg"{drawn}'
         return f'<embed type="image/svg+xml" src="data:image/svg+xml;base64,{b64encode(image.encode()).decode()}">'
 
-    text = re.sub(f"{SCREEN}.*?{END_OF_SCREEN}", "", text, flags=re.DOTALL)
+    text = re.sub(rf"{SCREEN}.*?{END_OF_SCREEN}|<script\b.*?</script>", "", text, flags=re.DOTALL)
     return re.sub(r"(<style\b.*?</style>)|<svg\b(.*?</svg>)", placed, text, flags=re.DOTALL)
