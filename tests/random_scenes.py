@@ -176,6 +176,8 @@ def driven_boom(seed: int) -> Scene:
             ring = {"at": 0.15, "stiffness": float(10.0 ** rng.uniform(7.0, 9.0)), "faces": sides, "unilateral": False}
             stiffness = "rigid" if rng.random() < 0.5 else float(10.0 ** rng.uniform(6.5, 9.0))
             follows = k > 1 and rng.random() < 0.3
+            if follows and sections[-1]["joint"]["cylinder"]["stiffness"] != "rigid":
+                stiffness = sections[-1]["joint"]["cylinder"]["stiffness"]  # what hangs on what gives way does so too
             driven = {"follows": f"section {k - 1}"} if follows else {"extension": _extension(rng, length)}
             part["joint"] = {"tail": [ring], "mouth": [ring], "cylinder": {"stiffness": stiffness}, **driven}
         if k == count - 1:

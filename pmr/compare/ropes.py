@@ -24,7 +24,7 @@ from pmr.results.extremes import Extremes
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.names import cylinder_of
-from pmr.scene.ropes import borne, drive_stiffness, rope_length
+from pmr.scene.ropes import borne, longest
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def part(scene: Scene, response: Response) -> Part:
     """``ropes``: ``name``, what it ``follows`` or None, and of its ``force`` in N the extremes, when and where.
 
     Of what follows nothing also the ``power`` in W that moves it and all that follow; of a rope whose EA is known its
-    ``length`` in m and its ``stiffness`` in N/m, of all strands together.
+    ``length`` in m, the largest on the way, and the ``stiffness`` in N/m that it has there, of all strands together.
     """
     if len(scene.sections) < 2:
         return Part()
@@ -61,7 +61,8 @@ def part(scene: Scene, response: Response) -> Part:
         if follows is None:
             power = force * scene.paths[name].rate(response.t)
             one["power"] = Extremes.of(power, response.t, along).summary()
-        if (length := rope_length(scene, number)) is not None:
-            one |= {"length": length, "stiffness": drive_stiffness(scene, number)}
+        if (rope := scene.joint(number).rope) is not None:
+            length = longest(scene, number)
+            one |= {"length": length, "stiffness": rope.strands * rope.EA / length}
         said.append(one)
     return Part({"ropes": said} if said else {})

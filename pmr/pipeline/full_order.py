@@ -142,7 +142,7 @@ class FullOrder:
         """The response, and this rank's rows of the states at the steps."""
         whole, comm, excitation = self.whole, self.whole.comm, Excitation.of(self.scene)
         excitation = excitation.with_stepping(made or excitation.stepping)
-        rigid, x = whole.compliance == 0.0, places(whole, excitation)
+        rigid, x = whole.compliance.rigid, places(whole, excitation)
         refuse(self.simulator, needs_of(whole, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
             response: Response | None
@@ -240,8 +240,9 @@ def _sparse(whole: FullSystem, places_of: Array, count: int, c: Array) -> Array 
     found = []
     for at, amplitudes in zip(places_of, c, strict=True):
         K, V = added(K0, terms, "stiffness", amplitudes), added(0.0 * M, terms, "damping", amplitudes)
-        C = scale * contact_rows(system, np.concatenate([at, supports]))
-        A = sp.bmat([[(K + K.T) / 2.0, C.T], [C, -(scale**2) * sp.diags(system.compliance)]], format="csc")
+        x = np.concatenate([at, supports])
+        C, F = scale * contact_rows(system, x), sp.csr_matrix(-(scale**2) * system.gives(x))
+        A = sp.bmat([[(K + K.T) / 2.0, C.T], [C, F]], format="csc")
         factor = spla.splu((A - SHIFT * mass).tocsc())
         start = factor.solve(np.concatenate([M @ np.ones(M.shape[0]), np.zeros(m)]))
         solved = spla.LinearOperator(A.shape, factor.solve)

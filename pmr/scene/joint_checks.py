@@ -7,12 +7,12 @@ import re
 import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.scene.choice import is_axial, is_planar
+from pmr.scene.choice import has_tail, is_axial, is_planar
 from pmr.scene.fit import check_fit
 from pmr.scene.joints import Linear
 from pmr.scene.magnitudes import check_loads, check_proportions, jump_of
 from pmr.scene.members import EXTENSION, footprint, member_at, members, seats
-from pmr.scene.ropes import rope_length
+from pmr.scene.ropes import Drive, borne, longest, rope_length
 from pmr.scene.scene import Scene
 from pmr.scene.simulators import Needs, refuse
 from pmr.scene.structure_checks import check_names, check_reserved, check_structure, refusal
@@ -92,9 +92,34 @@ def _driven(scene: Scene, number: int) -> None:
         )
         raise refusal(f"{key}.rope.length", None, allowed)
     path = scene.extension(number)
+    if joint.rope is not None and longest(scene, number) <= 0.0:
+        least = min(joint.rope.lengthens * s for s in path.bounds(0.0, scene.time.end))
+        allowed = f"more than {-least:g} m is allowed: on the way it gets {-least:g} m shorter than where s = 0"
+        raise refusal(f"{key}.rope.length", joint.rope.length, allowed)
+    _borne(scene, number)
     jump = jump_of(path, 1e-9 * max(1.0, *map(abs, path.bounds(0.0, scene.time.end))))
     if jump is not None:
         raise refusal(f"{key}.extension", None, f"{scene.names[number]} {jump}")
+
+
+def _borne(scene: Scene, number: int) -> None:
+    """What moves a section that others hang on, and these, give way together."""
+    if not has_tail(member_at(scene, number)):
+        return  # nothing holds it along the boom
+    key, borne_by, drive, name = f"sections[{number}].joint", borne(scene), Drive.of(scene, number), scene.names[number]
+    leads = [other for other, shares in borne_by.items() if name in shares and other != name]
+    soft = next((one for one in leads if Drive.of(scene, scene.names.index(one)).compliance), None)
+    if soft and not drive.compliance:
+        allowed = (
+            f"a rope with its EA, or cylinder.stiffness, is needed: what moves {soft}, which it follows, gives way"
+        )
+        raise refusal(f"{key}.rope", None, allowed)
+    rings = ((end, k, ring) for end in ("tail", "mouth") for k, ring in enumerate(getattr(scene.joint(number), end)))
+    rubs = next((f"{end}[{k}]" for end, k, ring in rings if ring.friction), "")
+    hangs = soft or drive.lengthening or (drive.compliance and len(borne_by.get(name, ())) > 1)
+    if rubs and hangs:
+        allowed = f"0 is allowed: what moves {name} changes its length, or gives way together with what moves others"
+        raise refusal(f"{key}.{rubs}.friction", None, allowed)
 
 
 def _held_at_the_start(scene: Scene, number: int) -> None:

@@ -82,10 +82,10 @@ class Cylinder(Section):
 
 
 class Rope(Section):
-    """Rope or chain that moves a section which `follows` another one; its stiffness is strands * EA / length.
+    """Rope or chain that moves a section; its stiffness is strands * EA over the length under tension.
 
-    For section k it is fixed at the head of section k-2, runs over a sheave at the head of section k-1 and ends at the
-    tail of section k.
+    Of section k which `follows` section k-1 it is fixed at the head of section k-2, runs over a sheave at the head of
+    section k-1 and ends at the tail of section k.  Of a section with an extension of its own a winch pulls it.
     """
 
     EA: AxialStiffness = Field(
@@ -93,7 +93,12 @@ class Rope(Section):
     )
     strands: Count = Field(default=1, description="Number of parallel ropes or chains")
     length: Length | None = Field(
-        default=None, description="Length of a strand under tension (by default from the geometry of the sections)"
+        default=None,
+        description="Length of a strand under tension where this extension is 0 (of a section that follows by default "
+        "from the geometry of the sections)",
+    )
+    lengthens: Annotated[float, Field(strict=True), Quantity("1", -1e3, 1e3)] = Field(
+        default=0.0, description="By how much that grows with this extension: -1 of a rope that a winch takes in"
     )
 
 
@@ -124,7 +129,7 @@ class Joint(Section):
     )
     rope: Rope | None = Field(
         default=None,
-        description="Stiffness of the rope or chain of a section that follows another",
+        description="Rope or chain that moves the section, in place of its cylinder",
     )
     rigid_overlap: Switch = Field(
         default=False,
@@ -135,12 +140,8 @@ class Joint(Section):
     def _driven_once(self) -> Joint:
         if sum(given is not None for given in (self.extension, self.overlap, self.follows)) != 1:
             raise ValueError("give extension, overlap or follows, one of them")
-        if self.rope is not None and self.follows is None:
-            raise ValueError("a rope goes with follows: a cylinder moves a section that has an extension of its own")
         if self.rope is not None and self.cylinder.stiffness != "rigid":
-            raise ValueError(
-                "give rope or cylinder.stiffness, one of them: what moves a section that follows is its rope"
-            )
+            raise ValueError("give rope or cylinder.stiffness, one of them: what moves the section")
         return self
 
     @property

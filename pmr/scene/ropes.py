@@ -5,12 +5,13 @@ A rope from the head of section k - 2 over a sheave at the head of section k - 1
 .. math:: l = (s_{k-1} + L_{k-1} - L_{k-2}) + (L_{k-1} - s_k), \qquad k = z\, EA / l
 
 with the extensions s, the sections' lengths L and z strands.  Section k goes as far as section k - 1 does,
-:math:`s_k = s_{k-1} + c`, so that l and its stiffness are the same all along the way.
+:math:`s_k = s_{k-1} + c`, so that l and its stiffness are the same all along the way.  Any other rope, from a winch
+say, is as long as its keys say, :math:`l = l_0 + l' s_k`.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
 from pmr.scene.scene import Scene
 
@@ -37,7 +38,10 @@ def borne(scene: Scene) -> dict[str, dict[str, float]]:
 
 
 def rope_length(scene: Scene, number: int) -> float | None:
-    """Of the rope of a section, 1 or more, in m; None without one, or where it goes another way and none is given."""
+    """Of the rope of a section, 1 or more, in m, where the section's extension is 0.
+
+    None without one, or where it goes another way and none is given.
+    """
     joint = scene.joint(number)
     if joint.rope is None or joint.rope.length is not None:
         return None if joint.rope is None else joint.rope.length
@@ -47,11 +51,27 @@ def rope_length(scene: Scene, number: int) -> float | None:
     return length if length > 0.0 else None
 
 
-def drive_stiffness(scene: Scene, number: int) -> float:
-    """Of what holds a section, 1 or more, along the boom, in N/m; infinite where it is rigid."""
-    joint = scene.joint(number)
-    if joint.rope is not None:
-        length = rope_length(scene, number)
-        assert length is not None  # as the scene's checks say
-        return joint.rope.strands * joint.rope.EA / length
-    return np.inf if joint.cylinder.stiffness == "rigid" else float(joint.cylinder.stiffness)
+def longest(scene: Scene, number: int) -> float:
+    """Of such a rope on the whole way, m; negative where it is used up on the way."""
+    rope, length = scene.joint(number).rope, rope_length(scene, number)
+    assert rope is not None and length is not None  # as the scene's checks say
+    ends = [length + rope.lengthens * s for s in scene.extension(number).bounds(0.0, scene.time.end)]
+    return max(ends) if min(ends) > 0.0 else min(ends)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How what holds a section along the boom gives way under the force that it bears."""
+
+    compliance: float  # m/N, where the section's extension is 0
+    lengthening: float = 0.0  # 1/N: by how much that grows with the extension
+
+    @classmethod
+    def of(cls, scene: Scene, number: int) -> Drive:
+        """Of a section, 1 or more."""
+        joint = scene.joint(number)
+        if joint.rope is not None:
+            length, EA = rope_length(scene, number), joint.rope.strands * joint.rope.EA
+            assert length is not None  # as the scene's checks say
+            return cls(length / EA, joint.rope.lengthens / EA)
+        return cls(0.0 if joint.cylinder.stiffness == "rigid" else 1.0 / float(joint.cylinder.stiffness))

@@ -129,8 +129,7 @@ class Assembly:
         system = self.system
         T, m, i, o = len(x), len(system.contacts), _count(self.inputs), _count(self.observed)
         C, H, X = np.zeros((T, m, self.size)), np.zeros((T, m, i)), np.zeros((T, o, m))
-        F = np.zeros((T, m, m))
-        F[:] = np.diag(system.compliance)
+        F = np.array(np.broadcast_to(system.gives(x), (T, m, m)))
         found = ContactRows(C, F, H, X)
         for name, body in system.bodies.items():
             if on := system.sides_of(name):

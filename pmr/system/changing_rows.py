@@ -40,7 +40,8 @@ class ChangingRows:
             if body.carriers is None and system.sides_of(name):
                 allowed = "a body whose rows are on carriers is allowed, as reduction.basis = 'free_modes' makes them"
                 raise InputError("system", f"bodies.{name}.carriers", None, allowed)
-        self._compliance, self._inputs, self._size = np.diag(system.compliance), assembly.B.shape[1], assembly.size
+        self._inputs, self._size = assembly.B.shape[1], assembly.size
+        self._on = [names.index(path) for path in system.compliance.paths]
         self._bodies = [_Body(assembly, name, names) for name in system.bodies if system.sides_of(name)]
         self._system, self._names, everywhere = system, names, (-np.inf, np.inf)
         self._ends = np.array([system.ranges.get(name, everywhere) for name in names]).T
@@ -58,10 +59,12 @@ class ChangingRows:
         return self._known
 
     def _at(self, s: Array) -> Changing:
-        m, n, i, P = len(self._compliance), self._size, self._inputs, len(self._names)
+        known, n, i, P = self._system.compliance, self._size, self._inputs, len(self._names)
+        m = len(known.constant)
         found = _nothing(m, n, i)
         slopes, curves = _nothing(m, n, i, P), _nothing(m, n, i, P, P)
-        found.F[:] = self._compliance
+        found.F[:] = known.at(s[self._on])
+        np.add.at(slopes.F, self._on, known.slopes)
         for body in self._bodies:
             body.add(s, found, slopes, curves)
         return Changing(found, slopes, curves)

@@ -51,6 +51,10 @@ class Contact:
     kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.outputs`)
     arm: float = 0.0  # m: of friction, from the axis to the face that the contact presses on
     shear_stiffness: float = SHEAR_STIFFNESS  # N/m: along the path, while it sticks
+    # of a rope (`pmr.system.compliance`): by how much its compliance grows with a path, 1/N, and of which
+    lengthening: float = 0.0
+    path: str | None = None
+    bears: tuple[tuple[str, float], ...] = ()  # shares of the forces of other contacts, by their names
 
     def __post_init__(self) -> None:
         for place in (self.inner, *filter(None, (self.outer,))):
@@ -60,6 +64,8 @@ class Contact:
             raise refused(self.name, "direction", self.direction, "1 or -1 is allowed")
         if not 0.0 <= self.compliance < np.inf:
             raise refused(self.name, "compliance", self.compliance, "0 or more, in m/N, is allowed")
+        if not np.isfinite(self.lengthening) or (self.lengthening and self.path is None):
+            raise refused(self.name, "lengthening", self.lengthening, "a finite number, with a path, is allowed")
         if self.clearance is not None and not 0.0 <= self.clearance < np.inf:
             raise refused(self.name, "clearance", self.clearance, "a length from 0 on is allowed")
         if not 0.0 < self.shear_stiffness < np.inf:

@@ -1,7 +1,8 @@
 r"""A boom of several sections as a system: what joins them, and what they stand on.
 
 A cylinder or rope holds a section's tail along the boom against that of the next outer one, and so all of them lean on
-what holds the base.  Only where the outer one has no coordinates along the boom is it the ground.
+what holds the base; it gives way under all that hangs on it.  Only where the outer one has no coordinates along the
+boom is it the ground.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pmr.scene.joints import JointPads
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint, member_at, members
 from pmr.scene.names import ALONE, cylinder_of, named
 from pmr.scene.parts import Part
-from pmr.scene.ropes import drive_stiffness
+from pmr.scene.ropes import Drive, borne
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
 from pmr.system.frame_terms import terms_of
@@ -101,8 +102,22 @@ def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[
     if TAIL in bodies[inner].row_names:
         at = _somewhere(bodies[inner], TAIL)
         held = Place(outer, TAIL, _somewhere(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None
-        compliance = 1.0 / drive_stiffness(scene, number)
-        yield Contact(cylinder_of(inner), Place(inner, TAIL, at), held, -1.0, compliance, kind="cylinder")
+        drive, shares = Drive.of(scene, number), borne(scene).get(inner, {})
+        yield Contact(
+            cylinder_of(inner),
+            Place(inner, TAIL, at),
+            held,
+            -1.0,
+            drive.compliance,
+            kind="cylinder",
+            lengthening=drive.lengthening,
+            path=inner if drive.lengthening else None,
+            bears=tuple(
+                (cylinder_of(name), share)
+                for name, share in shares.items()
+                if name != inner and TAIL in bodies[name].row_names
+            ),
+        )
 
 
 def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:

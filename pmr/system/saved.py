@@ -28,7 +28,7 @@ from pmr.system.contacts import ALONE, Contact
 from pmr.system.terms import Term
 
 FORMAT = "pmr-system"
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,10 @@ class _TermHeader:
 
 @dataclass(frozen=True)
 class _Header:
-    """Of version 4; version 3 has all arrays of models on modes, 2 no such models, 1 no terms either."""
+    """Of version 5; 4 has no ropes that bear others or change their length.
+
+    Version 3 has all arrays of models on modes, 2 no such models, 1 no terms either.
+    """
 
     bodies: tuple[str, ...]
     contacts: tuple[Contact, ...]

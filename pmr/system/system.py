@@ -24,6 +24,7 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.reduced.model import ReducedModel
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, Trajectory, names_of, units_of
+from pmr.system.compliance import Compliance
 from pmr.system.contacts import ALONE, SLIDER, Contact, Place, input_of, named, refused
 from pmr.system.friction import Friction
 from pmr.system.terms import Term
@@ -75,6 +76,10 @@ class Joined(Generic[AnyBody]):
             body = self.bodies[place.body]
             if place.row not in body.row_names:
                 raise refused(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
+        for path in self.compliance.paths:
+            if path not in self.paths:
+                rope = next(one.name for one in self.contacts if one.lengthening and one.path == path)
+                raise refused(rope, "path", path, f"{', '.join(self.paths) or 'none'} are allowed")
         for name, body in self.bodies.items():
             if body.carriers is None and not self.on_one_path:
                 allowed = "a model with carriers is allowed (`pmr.reduction.residual.model.section_model`)"
@@ -134,10 +139,22 @@ class Joined(Generic[AnyBody]):
     def term_names(self) -> tuple[str, ...]:
         return tuple(term.name for term in self.terms)
 
-    @property
-    def compliance(self) -> Array:
-        """1/k of the contacts, (m,) in m/N."""
-        return np.array([contact.compliance for contact in self.contacts])
+    @cached_property
+    def compliance(self) -> Compliance:
+        """How the contacts give way by themselves."""
+        return Compliance.of(self.contacts)
+
+    def gives(self, x: Array) -> Array:
+        """The same, (..., m, m) m/N, with the sides at x (..., sides) m."""
+        return self.compliance.at(self.lengthened(x))
+
+    def lengthened(self, x: Array) -> Array:
+        """Where the paths lead by which ropes get longer, (..., Q) m, likewise."""
+        found = []
+        for path in self.compliance.paths:
+            k, place = next((k, side.place) for k, side in enumerate(self.sides) if side.place.path == path)
+            found.append((x[..., k] - place.at) / place.rate)
+        return np.moveaxis(np.array(found).reshape(-1, *x.shape[:-1]), 0, -1)
 
     @property
     def clearance(self) -> Array:
@@ -259,6 +276,14 @@ class System(Joined[SlidingBody]):
         if (known := Friction.of(self.contacts)) is not None:
             names = ", ".join(self.contact_names[k] for k in known.pads)
             raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")
+        return self
+
+    def ensure_lengths_stay(self, source: str) -> System:
+        """Itself; an InputError of `source`, which knows them not, where it has ropes whose length changes."""
+        if self.compliance.paths:
+            names = ", ".join(one.name for one in self.contacts if one.lengthening)
+            allowed = "0 is allowed here; `pmr simulate` follows ropes whose length changes"
+            raise InputError(source, "rope.lengthens", names, allowed)
         return self
 
     def ensure_without_terms(self, source: str) -> System:

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+import scipy.linalg
 from pydantic import ValidationError
+from scipy.integrate import solve_ivp
 
 import pmr
 from pmr.compare import ropes
 from pmr.errors import InputError
+from pmr.export.exudyn.script_carriers import read_model
+from pmr.fullmodel.build import build_bodies, models_of
+from pmr.pipeline.full_order import FullOrder
 from pmr.report import forces as reported
 from pmr.results.extremes import Extremes
 from pmr.scene import Scene
+from pmr.scene.built import force_of
 from pmr.scene.checks import check
-from pmr.scene.joints import Rope
+from pmr.scene.joints import Cylinder, Rope
+from pmr.scene.names import cylinder_of
+from pmr.simulation import Excitation
+from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
+from pmr.system.system import System
 
 G, TIP, SECOND = 9.80665, 250.0, 0.7
 PADS = [{"at": 0.15, "faces": {"bottom": [0.0], "top": [0.0]}, "unilateral": False}]
@@ -129,7 +142,11 @@ def test_a_section_swings_on_its_rope_by_the_stiffness_of_all_strands(lengths, o
     [
         ({"follows": "first", "ratio": 2.0, "rope": {"EA": 1e6}}, "a length is needed"),
         ({"follows": "first", "cylinder": {"stiffness": 1e6}, "rope": {"EA": 1e6}}, "one of them"),
-        ({"extension": OUT, "rope": {"EA": 1e6}}, "goes with follows"),
+        ({"extension": OUT, "rope": {"EA": 1e6}}, "a length is needed"),
+        (
+            {"extension": OUT, "rope": {"EA": 1e6, "length": 2.5, "lengthens": -1.0}},
+            "more than 3 m is allowed",
+        ),
     ],
 )
 def test_a_rope_that_is_not_known_is_refused_in_one_line(joint, said) -> None:
@@ -153,6 +170,127 @@ def test_the_summary_says_how_long_and_stiff_a_rope_is(simulated) -> None:
     (grid,) = reported._ropes(Result())
     assert grid.head[-2:] == ("length", "EA/l") and [row[-1] for row in grid.rows][:2] == ["", ""]
     assert grid.rows[2][-1] == "2.00\u00a0\u00b7\u00a010\u2076\u00a0N/m"
+
+
+WINCH = {"EA": 1e6, "strands": 2, "length": 5.0, "lengthens": -1.0}
+
+
+def winch(step: float = 1e-3, simulator: str = "march") -> Scene:
+    """One stiff section at 30 degrees on a rope that gets as much shorter as this slides out; it swings on the way."""
+    base, fly = section("base", 0.5, supports=[{"name": "clamp", "kind": "clamped"}]), section("fly", 0.45)
+    fly["joint"] = {"tail": PADS, "mouth": PADS, "extension": OUT, "rope": WINCH}
+    fly["masses"] = [{"name": "load", "on": "tip", "mass": TIP}]
+    found = Scene.model_validate(
+        {
+            "title": "winch",
+            "sections": [base, fly],
+            "gravity": {"inclination": 30.0},
+            "time": {"end": 3.0, "step": step, "rho_inf": 1.0},
+            "simulation": {"simulators": [simulator], "full": "petsc"},
+            "compare": {"against": []},
+        }
+    )
+    check(found)
+    return found
+
+
+def fly_mass() -> float:
+    return TIP + 7850.0 * 6.0 * 0.006 * 2 * 0.8
+
+
+def swinging(scene: Scene, t: np.ndarray) -> np.ndarray:
+    """Force of the rope by m (u'' + s'') + k(s) u = -m g / 2, from rest, by Runge and Kutta's method of order 8."""
+    path, m = scene.paths["fly"], fly_mass()
+
+    def pull(at: float, u: float) -> float:
+        return 2e6 / (5.0 - float(path.value(at))) * u
+
+    def rates(at: float, y: np.ndarray) -> list[float]:
+        return [y[1], -pull(at, y[0]) / m - G / 2.0 - float(path.second_rate(at))]
+
+    still = -m * G / 2.0 * (5.0 - float(path.value(0.0))) / 2e6
+    options = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-12, "max_step": 5e-3}
+    found = solve_ivp(rates, (0.0, t[-1]), [still, 0.0], t_eval=t, **options)
+    return np.array([pull(at, u) for at, u in zip(t, found.y[0], strict=True)])
+
+
+@pytest.mark.parametrize("simulator", ["march", "exudyn", "full"])
+def test_a_section_swings_on_a_winchs_rope_as_its_equation_says(simulator: str) -> None:
+    if simulator == "full":
+        scene = winch()
+        found = FullOrder.of(scene, models_of(build_bodies(scene))).reference("full")
+    else:
+        scene = winch(simulator=simulator)
+        found = pmr.simulate(scene, pmr.reduce(scene).system)
+    force = -found.force(force_of(cylinder_of("fly")), 0)
+    known = swinging(scene, found.t)
+    assert np.ptp(known - fly_mass() * (-G / 2.0)) > 500.0
+    assert force == pytest.approx(known, abs=1e-3 * np.abs(known).max())
+    assert found.surplus < 1e-4
+
+
+def test_the_drums_work_closes_the_balance_of_energy() -> None:
+    """What is stored less all work stays the same; the drum's own is minus the half of lambda^2 dl / EA."""
+    scene = winch()
+    system = pmr.reduce(scene).system
+    ran = systems.simulate(system, Excitation.of(scene))
+    left, force = ran.energy - ran.work, ran.forces[:, system.contact_names.index(cylinder_of("fly"))]
+    shorter = np.diff(scene.paths["fly"].value(ran.t)) / 2e6
+    drum = np.cumsum(((force[1:] + force[:-1]) / 2.0) ** 2 * shorter) / 2.0
+    assert drum[-1] > 5.0
+    assert np.abs(left - left[0]).max() < 1e-3 * drum[-1]
+
+
+def test_a_rope_and_what_pulls_it_give_way_together() -> None:
+    """u = A F with A = S^T diag(1/k) S, S = [[1, r], [0, 1]]: at rest, and in both frequencies."""
+    r, k = 0.7, np.array([4e6, 2e6 / 4.7])
+    scene = elastic((6.0, 5.5, 5.0), 0.0, length=4.7)
+    sections = list(scene.sections)
+    sections[1] = sections[1].model_copy(
+        update={"joint": sections[1].joint.model_copy(update={"cylinder": Cylinder(stiffness=k[0])})}
+    )
+    sections[2] = sections[2].model_copy(update={"joint": sections[2].joint.model_copy(update={"ratio": r})})
+    system = pmr.reduce(scene.model_copy(update={"sections": tuple(sections)})).system
+    S = np.array([[1.0, r], [0.0, 1.0]])
+    A, masses = S.T @ np.diag(1.0 / k) @ S, 7850.0 * 0.006 * 2 * np.array([0.8 * 5.5, 0.7 * 5.0]) + [0.0, TIP]
+    numbers = [system.contact_names.index(cylinder_of(name)) for name in ("first", "fly")]
+    x = system.coordinates({"first": np.array([1.7]), "fly": np.array([r * 1.7])})
+    assert Assembly(system).along(x).F[0][np.ix_(numbers, numbers)] == pytest.approx(A, rel=1e-9)
+    moved = np.array([[1.0, 0.0], [1.0, 1.0]])  # of both sections, by what their drives give way
+    omega2 = scipy.linalg.eigh(np.linalg.inv(A), moved.T @ np.diag(masses) @ moved, eigvals_only=True)
+    found = Assembly(system).frequencies(x, 2, np.zeros((1, 0)))[0]
+    assert found == pytest.approx(np.sqrt(omega2) / (2.0 * np.pi), rel=1e-4)
+
+
+def test_a_chain_of_ropes_gives_way_alike_in_all_simulators(tmp_path: Path) -> None:
+    """Four sections, whose drives couple contacts that share no body; one rope gets longer on the way."""
+    content = boom().model_dump(exclude_unset=True)
+    drives = (
+        {"cylinder": {"stiffness": 4e6}, "extension": OUT | {"times": [0.0, 0.2]}},
+        {"rope": {"EA": 1e6, "length": 9.0, "lengthens": 0.3}},
+        {"rope": {"EA": 2e6}},
+    )
+    for part, drive in zip(content["sections"][1:], drives, strict=True):
+        part["joint"] |= drive
+    content["time"]["end"], found = 0.2, []
+    for name in ("march", "exudyn"):
+        asked = Scene.model_validate(content | {"simulation": {"simulators": [name]}})
+        check(asked)
+        system = found[0][0] if found else pmr.reduce(asked).system
+        found.append((system, pmr.simulate(asked, system)))
+    for name in ("first", "second", "fly"):
+        one, other = (response.force(force_of(cylinder_of(name)), 0) for _, response in found)
+        assert np.ptp(one) > 100.0
+        assert one == pytest.approx(other, abs=1e-6 * np.abs(other).max())
+    with pytest.raises(InputError, match=r"rope.lengthens = 'cylinder of second': 0 is allowed here"):
+        system.ensure_lengths_stay("a script")
+    still = [replace(one, lengthening=0.0, path=None) for one in system.contacts]
+    saved = replace(system, contacts=tuple(still)).save(tmp_path / "system.npz")
+    s = {"first": 1.0, "second": 0.8, "fly": 0.8}
+    expected = Assembly(System.load(saved)).at(system.coordinates(s)).F
+    assert np.count_nonzero(np.abs(expected - np.diag(np.diagonal(expected))) > 1e-9) >= 6
+    read = read_model(saved)
+    assert read.rows([s[path] for path in system.paths]).F == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
 def test_where_nothing_follows_there_are_none(simulated) -> None:

@@ -118,13 +118,15 @@ def peer() -> Deck:
         whole[first[number] : first[number + 1]] = shares
         return whole
 
+    hangs_on = np.zeros((count, 3))  # a rope gets longer by how much farther its section moves than the one it follows
     for k in range(1, 4):
         for within, around in ((FROM_END, EXTENSION + FROM_END), (LENGTH - FROM_END - EXTENSION, LENGTH - FROM_END)):
             for own, outer in zip(tubes[k].pads(within), tubes[k - 1].pads(around), strict=True):
                 means.append(Mean(among(own, k) - among(outer, k - 1), 0, STIFFNESS))
         x = np.eye(3)[0]
-        tails = [among(tubes[n].tail[:, None] * x, n) for n in (k, k - 1)]
-        means.append(Mean(tails[0] - tails[1], 0, BOXES[k][4]))
+        apart = among(tubes[k].tail[:, None] * x, k) - among(tubes[k - 1].tail[:, None] * x, k - 1)
+        means.append(Mean(apart - hangs_on, 0, BOXES[k][4]))
+        hangs_on = apart
     fly = tubes[3]
     r = fly.points - [LENGTH, 0.0, 0.0]
     J = np.array([fly.tip @ (r[:, 1] ** 2 + r[:, 2] ** 2), fly.tip @ r[:, 2] ** 2, fly.tip @ r[:, 1] ** 2])

@@ -78,7 +78,9 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     Raises InputError as `exudyn_script`, if the file is no system, or if writing would replace one.
     """
     npz_path, target = Path(npz_path), Path(target)
-    text = exudyn_script(System.load(npz_path).ensure_constant(npz_path.name), npz_path.name)
+    text = exudyn_script(
+        System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name), npz_path.name
+    )
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(npz_path.name)
     if target == beside:

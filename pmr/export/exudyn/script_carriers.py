@@ -29,13 +29,17 @@ def read_model(path):
                 weights = row_weights(arrays, prefixes[k], row, len(R[k].rows))
                 path = None if place["path"] is None else paths.setdefault(place["path"], len(paths))
                 sides.append((number, k, sign, weights, place["at"], place["rate"], path))
-    compliance = np.array([contact["compliance"] for contact in header["contacts"]])
+    names, S = [contact["name"] for contact in header["contacts"]], np.eye(len(header["contacts"]))
+    for k, contact in enumerate(header["contacts"]):
+        for name, share in contact.get("bears", ()):
+            S[k, names.index(name)] += share
+    compliance = S.T @ (np.array([contact["compliance"] for contact in header["contacts"]])[:, None] * S)
     clearance = np.array([contact["clearance"] for contact in header["contacts"]], float)  # NaN: it holds both ways
 
     def rows(s):
         m = len(compliance)
         C, H = np.zeros((m, len(whole["M"]))), np.zeros((m, whole["B"].shape[1]))
-        F, X = np.diag(compliance), np.zeros((len(whole["outputs"]), m))
+        F, X = compliance.copy(), np.zeros((len(whole["outputs"]), m))
         placed = []
         for number, k, sign, weights, at, rate, path in sides:
             b = sign * weights(at if path is None else at + rate * s[path])

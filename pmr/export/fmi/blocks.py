@@ -199,11 +199,11 @@ class Arrangement:
 
 def arrangement(system: System) -> Arrangement:
     """All rows of a system; an InputError is raised as for `modal_form`, or if a body is not reduced."""
-    parts, friction = _parts(system), Friction.of(system.contacts)
-    compliance = np.pad(system.compliance, (0, 0 if friction is None else len(friction.pads)))
+    parts, friction = _parts(system.ensure_lengths_stay("system")), Friction.of(system.contacts)
+    compliance = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
     m = len(compliance)
     r, i, o = (getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs"))
-    constants = Constants(np.zeros((m, r)), np.diag(compliance), np.zeros((m, i)), np.zeros((m, o)))
+    constants = Constants(np.zeros((m, r)), compliance, np.zeros((m, i)), np.zeros((m, o)))
     if _has_tables(system):
         on, domain = system.paths or (SLIDER,), parts[0].form.body.domain
         return Arrangement(system, parts, on, (domain,), (_of_tables(system, parts[0]),), constants)

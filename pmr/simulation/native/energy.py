@@ -3,12 +3,13 @@ r"""The balance of energy of bodies on their contacts' sides, compiled: a term f
 What is stored and the work that loads and travelling contacts do,
 
 .. math::
-    E &= \tfrac12 |\dot z|^2 + \tfrac12 z^T \Omega^2 z + \tfrac12 \lambda^T (G + 1/k) \lambda - \lambda^T H f
+    E &= \tfrac12 |\dot z|^2 + \tfrac12 z^T \Omega^2 z + \tfrac12 \lambda^T (G + A) \lambda - \lambda^T H f
     + \tfrac12 f^T B^T R B f, \\
     \Delta W &= \bar f^T \Delta (B^T z + B^T R B f - H^T \lambda)
-    + \bar \lambda^T (\Delta C\, \bar z + \Delta H\, \bar f - \tfrac12 \Delta G\, \bar \lambda)
+    + \bar \lambda^T (\Delta C\, \bar z + \Delta H\, \bar f - \tfrac12 \Delta (G + A)\, \bar \lambda)
 
-is `pmr.simulation.balance` for rows with places of their own.
+with A of what gives way by itself (`pmr.system.compliance`), is `pmr.simulation.balance` for rows with places of their
+own.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def account(modes: Modes, bodies: Bodies, state: State, sides: Sides) -> None:
     for k in range(len(state.multipliers)):
         force, old_force = sides.forces[k], sides.old_forces[k]
         if force != 0.0:
-            stored += force * (bodies.compliance[k] * force - 2.0 * state.pushed[k])
+            stored -= 2.0 * force * state.pushed[k]
             for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
                 held = held + load(sides.half[k], n) * load(sides.forces, n) * (2.0 * force)
         if force != 0.0 or old_force != 0.0:
@@ -88,7 +89,7 @@ def _turned(bodies: Bodies, state: State, sides: Sides, k: int) -> Any:
     z, old_z, row, old, turned = state.modes[Z], sides.old_z, state.modes[ROW + k], sides.old_rows[k], spread(0.0)
     for n in range(bodies.moves[k, 0], bodies.moves[k, 1], LANES):
         turned = turned + (load(row, n) - load(old, n)) * (load(z, n) + load(old_z, n))
-    # G = N + N^T, of which a quadratic form takes twice either
+    # G + A = N + N^T, of which a quadratic form takes twice either
     for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
         changed = load(sides.half[k], n) - load(sides.old_half[k], n)
         turned = turned - changed * (load(sides.forces, n) + load(sides.old_forces, n))

@@ -116,7 +116,11 @@ class SystemForm:
             return None
         (form,) = self.forms.values()
         rows = [form.body.row_names.index(contact.inner.row) for contact in self.system.contacts]
-        return replace(form.body.with_rows(rows), pads=self.system.compliance, clearance=self.system.clearance)
+        return replace(
+            form.body.with_rows(rows),
+            pads=np.diagonal(self.system.compliance.constant),
+            clearance=self.system.clearance,
+        )
 
     @cached_property
     def tables(self) -> dict[Scheme, Tables]:
@@ -193,7 +197,13 @@ class SystemForm:
         """Of bodies whose contacts have places of their own."""
         on = [[k for k, own in enumerate(self.joined) if body in own] for body in range(len(self.forms))]
         contacts = [(min(which), max(which) + 1) if which else (0, 0) for which in on]
-        ends = [(min(on[body][0] for body in own), max(on[body][-1] for body in own) + 1) for own in self.joined]
+        given = self.modal.compliance
+        coupled = np.any([given.constant != 0.0, *(slope != 0.0 for slope in given.slopes)], axis=0)
+        touched = [
+            [*(on[body][end] for body in own for end in (0, -1)), *np.flatnonzero(row)]
+            for own, row in zip(self.joined, coupled, strict=True)
+        ]
+        ends = [(int(min(which)), int(max(which)) + 1) for which in touched]
         bodies = [self.starts[:-1], self.starts[1:], self.inputs[:-1], self.inputs[1:], *np.transpose(contacts)]
         return Reach(
             bodies=np.stack(bodies, axis=1).astype(np.int64),

@@ -56,13 +56,16 @@ class Bodies(NamedTuple):
     carriers: Indices  # (bodies + 1,): where each body's begin
     modes: Indices  # (bodies + 1,): likewise, in whole vector registers
     own_inputs: Indices  # (bodies, 2): the first and behind the last input that acts on a body
-    compliance: Array  # (m,) m/N
     moves: Indices  # (m, 2): as in `Reach`
     beside: Indices  # (m, 2): likewise, and of moments of pads that rub
     moved_by: Indices  # (m, 2): the first and behind the last input on a contact's bodies, the first a register's
     staying: Array  # (m, r'): rows of the sides that stay where they are
     staying_inputs: Array  # (m, i') m/N: H of these
-    staying_half: Array  # (m, m') m/N: half of G between these; all of what they measure of moments of pads that rub
+    # (m, m') m/N: half of G between these, and of what contacts give way by themselves where all paths are at 0; all of
+    # what they measure of moments of pads that rub
+    staying_half: Array
+    lengthening: Array  # (Q, m, m') 1/N: half of what ropes add whose length grows with a path
+    lengthening_path: Indices  # (Q,): number of this path
     staying_answers: Array  # (K, m') m/N: U R b^T of these, and U R b'^T of pads that rub
     staying_slopes: Array  # (n, r') 1/m: C' of these
     rows: Polynomials
@@ -95,7 +98,7 @@ class Sides(NamedTuple):
     of_staying: Array  # (q, p', m')
     of_others: Array  # (q, q, p', p'), the lower half
     room: Array  # (d, p')
-    half: Array  # (m, m') m/N: N of G = N + N^T
+    half: Array  # (m, m') m/N: N of G + A = N + N^T
     inputs: Array  # (m, i') m/N: H
     loads: Array  # (i',) N
     forces: Array  # (m',) N
@@ -125,7 +128,7 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         flexibility.append(np.zeros((0, 0)) if left is None else left.rows)
         if left is not None:
             inputs[rows, own], energy[own, own] = left.inputs, left.energy
-    m = len(system.contacts)
+    m, given = len(system.contacts), system.compliance
     moved_by = [(form.inputs[on[0]] // LANES * LANES, form.inputs[on[-1] + 1]) for on in form.joined]
     staying, slopes = _staying(form, carriers), _staying_slopes(form, carriers)
     both = np.vstack([staying, slopes])
@@ -143,17 +146,23 @@ def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
         carriers=carriers,
         modes=form.starts,
         own_inputs=np.stack([form.inputs[:-1], form.inputs[1:]], axis=1),
-        compliance=system.compliance,
         moves=form.reach.moves,
         beside=_beside(form, len(half) if len(slopes) else 0),
         moved_by=np.array(moved_by, np.int64).reshape(-1, 2),
         staying=aligned(staying @ values),
         staying_inputs=padded(staying @ inputs),
-        staying_half=aligned(staying @ answers * half),
+        staying_half=aligned(staying @ answers * half + _beyond(given.constant / 2.0, len(half))),
+        lengthening=aligned(_beyond(given.slopes / 2.0, len(half))),
+        lengthening_path=np.array([list(paths).index(path) for path in given.paths], np.int64),
         staying_answers=aligned(answers),
         staying_slopes=aligned(slopes @ values),
         rows=_polynomials(system, paths),
     )
+
+
+def _beyond(values: Array, wide: int) -> Array:
+    """With zeros behind the last column."""
+    return np.concatenate([values, np.zeros((*values.shape[:-1], wide - values.shape[-1]))], axis=-1)
 
 
 def carried(form: SystemForm) -> dict[str, CarriedRows]:

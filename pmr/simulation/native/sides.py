@@ -5,11 +5,11 @@ r"""The contacts of bodies from their sides, compiled: all that depends on their
     G_{\rho\sigma} = \sum_{a \in \rho,\, c \in \sigma \text{ on one body}} \pm b_a(x_a)\, (U R U^T)\, b_c(x_c)^T, \qquad
     H_{\rho} = \sum_{a \in \rho} \pm b_a(x_a)\, (U R B)
 
-over the sides a of a contact; then the matrix of the multipliers as in `pmr.simulation.native.rows`.  What sides that
-stay contribute is a constant.  Of the others each row is a polynomial between two breaks, and so is every product with
-it: its coefficients are found on the way into an interval, and from then on a pair of sides takes p (p + 1)
-multiplications with the p powers of a place, 20 for cubics, instead of d (d + 1) with the d carriers that a side
-touches, 72 for a pad.
+over the sides a of a contact, G with what contacts give way by themselves (`pmr.system.compliance`); then the matrix of
+the multipliers as in `pmr.simulation.native.rows`.  What sides that stay contribute is a constant.  Of the others each
+row is a polynomial between two breaks, and so is every product with it: its coefficients are found on the way into an
+interval, and from then on a pair of sides takes p (p + 1) multiplications with the p powers of a place, 20 for cubics,
+instead of d (d + 1) with the d carriers that a side touches, 72 for a pad.
 """
 
 from __future__ import annotations
@@ -136,6 +136,10 @@ def _stay(bodies: Bodies, state: State, sides: Sides, k: int) -> None:
         store(state.modes[ROW + k], n, load(bodies.staying[k], n))
     for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
         store(sides.half[k], n, load(bodies.staying_half[k], n))
+    for l in range(len(bodies.lengthening_path)):
+        s = sides.s[bodies.lengthening_path[l]]
+        for n in range(bodies.beside[k, 0], bodies.beside[k, 1], LANES):
+            store(sides.half[k], n, load(sides.half[k], n) + load(bodies.lengthening[l, k], n) * s)
     for n in range(bodies.moved_by[k, 0], bodies.moved_by[k, 1], LANES):
         store(sides.inputs[k], n, load(bodies.staying_inputs[k], n))
 
@@ -196,7 +200,6 @@ def _couple_contact(bodies: Bodies, divided: Divided, scheme: Scheme, state: Sta
         _couple_four(bodies, state, sides, k, first, scheme.z_gain)
     for l in range(bodies.beside[k, 0], k + 1):
         state.couplings[k, l] += sides.half[l, k]
-    state.couplings[k, k] += bodies.compliance[k]
 
 
 @inlined

@@ -45,7 +45,7 @@ class Constraint:
         shared: int = 1,
     ) -> None:
         self._q_gain, self._factor, self._system, self.pushing = q_gain, factor, system, pushing
-        self.rows, self._pads = rows, np.diag(system.compliance)
+        self.rows = rows
         carriers, comm, least = rows.visited.of_bodies, system.comm, 0
         for E in carriers:
             least += E.shape[0] * comm.allreduce(E.shape[1], op=MPI.MAX)
@@ -67,7 +67,7 @@ class Constraint:
         self.rows.move(step)
         x = self.rows.course.x[step]
         if not np.array_equal(x, self._at):
-            self.matrix = self._q_gain * self._compliance.of_rows(self.rows) + self._pads
+            self.matrix = self._q_gain * self._compliance.of_rows(self.rows) + self._system.gives(x)
             if self.pushing is None:
                 self._cholesky, failed = _factorise(self.matrix)
                 if failed:

@@ -33,7 +33,7 @@ def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
     steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))
     rows = paths(system, x[steps])
     mobility = PathCompliance(compliances(system, mass, rows.visited), rows)
-    F = np.diag(system.compliance[pushing])
+    F = system.compliance.constant[np.ix_(pushing, pushing)]
     for k in range(len(steps)):
         rows.move(k)
         largest = max(largest, contact_step.frequency(F, mobility.of_rows(rows)[np.ix_(pushing, pushing)]))

@@ -85,7 +85,7 @@ class _Run:
         self._begin, self._contacts = time.perf_counter(), len(system.contacts)
         self._system, self._initial, self._excitation = system.supported(), initial, excitation
         self._at = sampled(self._system, excitation)
-        self._needs = needs_of(self._system, self._system.compliance == 0.0, self._at.x, excitation.stepping.rho_inf)
+        self._needs = needs_of(self._system, self._system.compliance.rigid, self._at.x, excitation.stepping.rho_inf)
         refuse("petsc", self._needs, REFERENCE)
         self._recorder = Recorder(self._system, excitation.stepping, recording)
         self._onset = Onset(self._at.x[0], self._at.rates[0], self._at.f[0], self._at.c[0])

@@ -137,23 +137,25 @@ class Recorder:
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)
         y, motion, drift, rest = np.split(sums, self._ends, axis=1)
-        compliance, pushes = system.compliance, ~np.isnan(system.clearance)
+        ropes, pushes = system.lengthened(at.x), ~np.isnan(system.clearance)
         forces, of_cylinders = self.multipliers, np.zeros(len(sums))
         if (known := self._friction) is not None:
             forces = forces + known.along(self.friction)
             of_cylinders = known.stored(self.friction, forces)
-        violation = motion - compliance * forces - np.where(pushes, system.clearance, 0.0)
+        given = system.compliance.moved(forces, ropes)
+        violation = motion - given - np.where(pushes, system.clearance, 0.0)
         open_now = pushes & (self.multipliers <= 0.0)
         violation = np.where(open_now, np.maximum(violation, 0.0), violation)
-        if np.any(compliance):
+        if not system.compliance.rigid.all():
             drift = np.full_like(drift, np.nan)
         energies, found = None, np.nan
         if self.recording.energies:
-            strain = rest[:, 1] + forces**2 @ compliance / 2.0
+            strain = rest[:, 1] + balance.dot(forces, given) / 2.0
             energies = Energy(rest[:, 0], strain, rest[:, 2])
             if self._balanced:
                 least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
                 work = np.cumsum(rest[:, 3]) + of_cylinders
+                work[1:] += np.cumsum(system.compliance.work(forces, ropes))
                 found = balance.surplus(rest[:, 0] + strain, work, least, since_start=bool(pushes.any()))
         return History(
             t=at.t[every],

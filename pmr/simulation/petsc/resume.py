@@ -46,7 +46,7 @@ def identity(
         "outputs": recorder.chosen.tolist(),
         "states": recorder.state_steps.tolist(),
     }
-    start = whole_start(system, initial)
+    start, given = whole_start(system, initial), system.compliance
     varying = [term.value(between) for term in excitation.terms.values()]
     of_terms = {"terms": _digest(repr(system.term_names).encode(), at.c, *varying)} if at.c.size else {}
     return {
@@ -57,7 +57,7 @@ def identity(
         "recording": _digest(repr(sorted(recording.items())).encode()),
         "initial state": _digest(start.q, start.v),
         "rows": [float(value) for value in rows],
-        "contacts": _digest(system.compliance, system.clearance, *_of_friction(system)),
+        "contacts": _digest(given.constant, given.slopes, system.clearance, *_of_friction(system)),
         "matrices": [float(value) for value in system.comm.allreduce(np.array(forms))],
     }
 

@@ -95,10 +95,10 @@ def starting_state(
         return State(
             q, v, nothing, nothing.copy(), multipliers, multipliers.copy(), _gripped(system, onset, multipliers)
         )
-    C, compliance = contact_rows(system, onset.x), system.compliance
-    soft, pushes = compliance > 0.0, ~np.isnan(system.clearance)
+    C, soft, pushes = contact_rows(system, onset.x), ~system.compliance.rigid, ~np.isnan(system.clearance)
     excess = C @ start.q - np.where(pushes, system.clearance, 0.0)
-    multipliers[soft] = np.where(pushes, np.maximum(excess, 0.0), excess)[soft] / compliance[soft]
+    pressed = np.where(pushes, np.maximum(excess, 0.0), excess)[soft]
+    multipliers[soft] = np.linalg.solve(system.gives(onset.x)[np.ix_(soft, soft)], pressed)
     held = _Held(system, onset, mass)
     v -= held.impulse(start)
     force = _forces(system, onset.f, q, v) + Terms(system).forces(q, v, onset.c)
@@ -150,7 +150,7 @@ class _Held:
     """M with the rigid contacts at one place each."""
 
     def __init__(self, system: FullSystem, onset: Onset, mass: BlockFactor) -> None:
-        rigid = system.compliance == 0.0
+        rigid = system.compliance.rigid
         self._comm, self._factor = system.comm, mass
         self._names = tuple(name for name, stiff in zip(system.contact_names, rigid, strict=True) if stiff)
         self._C = contact_rows(system, onset.x)[rigid].toarray()
