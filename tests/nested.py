@@ -149,8 +149,8 @@ def section(box: Box) -> FullModel:
     M.assemble()
     up = M.createVecRight()
     up.setArray(np.arange(beam.size) % 2 == 0)
-    loads = {"gravity": (np.arange(beam.size), -(M * up).getArray())}
-    loads |= {"F": beam.point(box.length, "z")} if box.tip_mass else {}
+    loads = {"gravity": carrier(np.arange(beam.size), -(M * up).getArray(), beam.size)}
+    loads |= {"F": beam.displacement("tip")} if box.tip_mass else {}
     clamps = {"clamp deflection": 0, "clamp rotation": 1} if box.clamped else {}
     held = [fixed_row(name, carrier(dof, 1.0, beam.size), (0.0, box.length)) for name, dof in clamps.items()]
     motions = beam.rigid_motions()
@@ -158,8 +158,8 @@ def section(box: Box) -> FullModel:
         M,
         0.0 * M,
         operators.K,
-        inputs=columns(M, sp.vstack([carrier(*load, beam.size) for load in loads.values()])),
-        outputs=columns(M, sp.vstack([carrier(*beam.point(x, "z"), beam.size) for x in observed])),
+        inputs=columns(M, sp.vstack([*loads.values()])),
+        outputs=columns(M, sp.vstack([beam.displacement(float(x)) for x in observed])),
         rows=Rows((*held, slider_row(beam, 0.0, "w")), beam.size),
         input_names=tuple(loads),
         output_positions=observed,
