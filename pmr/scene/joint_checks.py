@@ -31,6 +31,7 @@ def check_joints(scene: Scene) -> None:
     for number in range(1, len(scene.sections)):
         check_fit(scene, number)
         _slides(scene, number)
+        _borne(scene, number)
     for number in range(len(scene.sections)):
         _held_while_sliding(scene, number)
         _pads(scene, number)
@@ -96,7 +97,6 @@ def _driven(scene: Scene, number: int) -> None:
         least = min(joint.rope.lengthens * s for s in path.bounds(0.0, scene.time.end))
         allowed = f"more than {-least:g} m is allowed: on the way it gets {-least:g} m shorter than where s = 0"
         raise refusal(f"{key}.rope.length", joint.rope.length, allowed)
-    _borne(scene, number)
     jump = jump_of(path, 1e-9 * max(1.0, *map(abs, path.bounds(0.0, scene.time.end))))
     if jump is not None:
         raise refusal(f"{key}.extension", None, f"{scene.names[number]} {jump}")
