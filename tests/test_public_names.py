@@ -51,6 +51,7 @@ def test_importing_pmr_or_its_commands_imports_nothing_heavy(imported: str) -> N
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.slow
 def test_versions_are_told_without_what_computes() -> None:
     code = (
         "import sys; from pmr.pipeline import fenicsx_versions; assert not {'pmr.scene', 'pydantic'} & set(sys.modules)"

@@ -23,6 +23,11 @@ ROOT = Path(__file__).parents[1]
 #: How a file begins: its schema for editors, then what it is.
 SAYS = r"#:schema \S*schemas/(scene|study)\.json\n# "
 STUDIES = [file for file in (ROOT / "workflows").rglob("*.toml") if "kind" in tomllib.loads(file.read_text())]
+#: Studies, of which two plan so many scenes that it takes a second and more.
+PLANNED = [
+    pytest.param(file, id=file.stem, marks=[pytest.mark.slow] * (file.stem in ("sections", "trade")))
+    for file in sorted(STUDIES)
+]
 SIX = sorted({*(ROOT / "workflows" / "residual").glob("*.toml")} - {ROOT / "workflows" / "residual" / "base.toml"})
 COMPLETE = sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"}) + SIX
 RESIDUAL = [ROOT / "workflows" / f"{name}_residual.toml" for name in ("simple", "evolved")] + SIX
@@ -41,7 +46,7 @@ def test_every_scene_is_valid_and_says_what_it_is(file: Path) -> None:
     assert scene.load_any(file).title and re.match(SAYS, file.read_text())
 
 
-@pytest.mark.parametrize("file", sorted(STUDIES), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", PLANNED)
 def test_every_study_can_be_planned(file: Path) -> None:
     project = files.load(file)
     assert project.title and re.match(SAYS, file.read_text())

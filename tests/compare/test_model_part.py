@@ -94,6 +94,8 @@ def test_frequencies_are_those_at_places_all_along(name: str) -> None:
         assert found[k] == pytest.approx(Assembly(system).frequencies(x[k : k + 1], 2)[0], rel=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_with_second_order_frequencies_are_those_of_stressed_models() -> None:
     """And modes past the buckling load, where nothing holds them, are at 0 Hz."""
     changes = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import pmr
 from pmr.compare.second_order import TIMES, stressed
@@ -25,6 +26,8 @@ def test_a_kink_of_an_extension_is_no_load_that_lasts() -> None:
     assert found.factor > 100.0
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_what_pulls_at_the_tip_loads_every_cylinder_as_the_weight_of_a_payload_does() -> None:
     """An upright boom: 2,000 kg at its tip, or their weight along it, make the same stiffness of axial forces."""
     upright = ["section.mesh.elements=6", "time.end=0.01", "frame.second_order=true", "frame.pivot=[0.0,0.0,0.0]"]

@@ -29,6 +29,7 @@ def swung(amplitude: float, frequency: float) -> str:
     return f"{{kind='sine', amplitude={amplitude}, frequency={frequency}}}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("second_order", ["true", "false"])
 def test_a_base_that_is_accelerated_upwards_weighs_as_gravity_does(second_order: str) -> None:
     raised = ("frame.luffing=0.7", f"frame.second_order={second_order}", "time.end=1.0")
@@ -40,6 +41,7 @@ def test_a_base_that_is_accelerated_upwards_weighs_as_gravity_does(second_order:
     assert reaction == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_sections_on_a_base_that_is_accelerated_upwards_weigh_as_under_gravity() -> None:
     short = ("section.mesh.elements=8", "section.reduction.estimate=false", "time.end=0.4", "frame.second_order=true")
     gravity = moved(*short, file=LUFFING)
@@ -48,6 +50,7 @@ def test_sections_on_a_base_that_is_accelerated_upwards_weigh_as_under_gravity()
     assert base.slider_force == pytest.approx(gravity.slider_force, abs=1e-9 * np.abs(gravity.slider_force).max())
 
 
+@pytest.mark.slow
 def test_a_displacement_shakes_as_its_second_rate_does() -> None:
     raised, f = ("frame.luffing=0.7", "time.end=1.0"), 2.0
     by_displacement = moved(*raised, f"frame.base={{x={swung(0.01, f)}, z={swung(0.02, f)}}}")
@@ -80,6 +83,7 @@ def test_a_base_that_swings_moves_a_cantilever_as_its_modes_say() -> None:
     assert found.tip == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_a_rigid_boom_presses_on_a_base_that_swings_as_newton_and_euler_say() -> None:
     """Force -m u'', moment about the pivot -(p + L / 2) x m u'': the pivot's own place counts."""
     profile = f"{{length={LENGTH}, bending_stiffness=5e9, mass_per_length={RHO_A}, axial=true, axial_stiffness=2e13}}"

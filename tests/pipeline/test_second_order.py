@@ -125,6 +125,7 @@ def test_lanczos_iterations_find_the_frequencies_of_a_stressed_crane() -> None:
     assert sparse == pytest.approx(found, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_frequencies_over_two_joints_are_those_of_the_stressed_boom_at_rest() -> None:
     """Raised as far as it is on its way; beside the way itself where it rests there, at its end."""
     scene = load(*SMALL, "section.mesh.elements=10", "time.end=20.0", file=LUFFING)
@@ -169,6 +170,7 @@ def test_a_beam_that_is_spun_up_lags_and_comes_to_rest() -> None:
     assert lag[found.t > 16.0].max() < 5e-3  # no growth
 
 
+@pytest.mark.slow
 def test_a_boom_is_the_same_as_a_body_and_as_a_section(tmp_path: Path) -> None:
     text = CANTILEVER.read_text()
     top = text.replace('[[sections]]\nname = "beam"\n', "")
@@ -225,6 +227,7 @@ def held_down(share: float) -> tuple[str, str]:
     return f"sections.beam.loads.0.signal={-share * np.pi**2 / 4.0 * EI / LENGTH**2}", "frame.luffing=0.3"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("asked", "share", "kept"), [("auto", 0.003, True), ("auto", 0.001, False)])
 def test_auto_keeps_second_order_where_axial_forces_matter(asked: str, share: float, kept: bool) -> None:
     """The share of the buckling load in report and summary; the model that is made is that of the choice."""
@@ -245,6 +248,7 @@ def test_auto_keeps_second_order_where_axial_forces_matter(asked: str, share: fl
     assert a == pytest.approx(b, abs=1e-10 * np.abs(b).max())
 
 
+@pytest.mark.slow
 def test_a_saved_system_is_followed_as_it_was_made_under_auto(tmp_path: Path) -> None:
     scene = load(*held_down(0.01), "frame.second_order=auto")
     outcome = pmr.run(scene)
@@ -333,6 +337,7 @@ def test_a_body_alone_of_any_model_is_stressed_as_its_full_model(model: str, tmp
     assert stressed["reduced"][0, 0] == pytest.approx(in_plane, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_line_says_where_buckling_across_the_plane_is_not_looked_for(tmp_path: Path) -> None:
     side = "{name='side', on='tip', direction='y', signal=0.0}"
     press = "{name='press', on='tip', direction='x', signal=-5e5}"

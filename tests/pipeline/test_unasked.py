@@ -63,6 +63,7 @@ def test_walls_that_give_way_are_compared_with_those_of_coarser_cells_if_these_a
         mesh.coarser_walls(scene("body.walls='give'", "mesh.size=0.02", "mesh.along=0.04"))
 
 
+@pytest.mark.slow
 def test_what_costs_more_has_to_be_asked_for(tmp_path: Path) -> None:
     asked = scene("compare.richer='shell'", "mesh.size=0.05", "mesh.along=0.1")
     with pytest.raises(pmr.InputError, match=r"compare.richer = 'shell' measures it, in some \d+ s"):

@@ -42,6 +42,8 @@ def crane() -> tuple[System, Excitation]:
     return system, excitation_in(scene, system)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_a_ring_of_pads_of_a_beam_is_three_contacts(
     crane: tuple[System, Excitation], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -66,6 +68,8 @@ def test_a_ring_of_pads_of_a_beam_is_three_contacts(
         assert fewer.bodies[name].multipliers.shape == body.multipliers.shape
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_pads_that_only_push_or_do_not_give_way_stay_by_themselves(crane: tuple[System, Excitation]) -> None:
     system, _ = crane
     pushing = replace(system, contacts=tuple(replace(c, clearance=0.0) for c in system.contacts))

@@ -38,6 +38,8 @@ NO_WAY = {
 SHORT, LONG = "ACN", re.compile("mpirun|tolerance|study`, (?!scenes)")
 #: Ways that run the whole scene, or compile.
 SLOW = re.compile("pmr run|pmr study|fmu")
+#: The one whose model takes a second to make.
+SLOW_KIND = "N"
 
 
 def rows(head: str) -> Iterator[list[str]]:
@@ -114,7 +116,8 @@ def chosen() -> Iterator[Any]:
     for number, way in enumerate(WAYS):
         right = [kind for kind in SHORT if table[way, kind] == RIGHT]
         if right and not LONG.search(way):
-            yield pytest.param(way, right[number % len(right)], marks=[pytest.mark.slow] * bool(SLOW.search(way)))
+            kind = right[number % len(right)]
+            yield pytest.param(way, kind, marks=[pytest.mark.slow] * bool(kind == SLOW_KIND or SLOW.search(way)))
 
 
 @pytest.mark.usefixtures("undrawn")

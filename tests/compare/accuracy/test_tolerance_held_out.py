@@ -187,6 +187,7 @@ def _full_motion(form: ModalForm, scene: Scene, model: ReducedModel, steps: int,
     return replace(found, force=found.force[:, -rows:])  # rigid holds are rows of the full model alone
 
 
+@pytest.mark.slow
 def test_the_scenes_are_of_all_kinds() -> None:
     scenes = [ordered_scene(seed) for seed in range(60)]
     assert {len(scene.slider.offsets or ()) for scene in scenes} == {1, 2, 3}

@@ -15,6 +15,7 @@ from pmr.simulation.recorded import recorded
 from pmr.system.system import System
 
 
+@pytest.mark.slow
 def test_the_cylinder_carries_the_weight_at_each_angle(tmp_path: Path) -> None:
     """The arm is the height of the triangle of pivot, foot and lug over the cylinder; how it changes with the angle."""
     found = pmr.reduce(raised({"kind": "smooth_ramp", "times": [0.0, 2.0], "values": [0.3, 0.9]}))

@@ -52,6 +52,8 @@ def driven(system: System, start: str = "rest", amplitude: float = 0.9) -> Excit
     return excitation(system, TimeStepping(0.1, 1e-3, 0.9), terms)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.mpi
 def test_full_order_follows_terms_as_march_does() -> None:
     """From equilibrium; coordinates, forces and the energy balance."""
@@ -66,6 +68,8 @@ def test_full_order_follows_terms_as_march_does() -> None:
     assert history.surplus == pytest.approx(expected.surplus, abs=1e-8)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_a_simulation_that_was_cut_off_goes_on_with_its_terms(tmp_path: object) -> None:
     """To the last digit."""
     system, spread = varying(Nested(2, elements=4))
