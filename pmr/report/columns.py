@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.numbers import quantity
 from pmr.report.subject import alone
 from pmr.results import Response, RunResult
 from pmr.results.convention import outputs_of
@@ -93,13 +92,11 @@ def _floor(result: RunResult) -> float:
     )
 
 
-def not_drawn(result: RunResult, directions: Sequence[str]) -> str:
+def not_drawn(directions: Sequence[str]) -> str:
     """Why the tip's displacement along these directions has no figure; empty without any."""
     if not directions:
         return ""
-    floor = _floor(result)
-    size = f"at most {quantity(floor, 'm')}, which may be round-off alone" if floor > 0.0 else "zero at all times"
-    return f"Without a figure is the displacement of the tip along {' and '.join(directions)}: it is {size}."
+    return f"The tip moves along {' and '.join(directions)} by no more than round-off."
 
 
 def lines(result: RunResult, response: Response, direction: str = "z") -> list[Line]:

@@ -13,7 +13,7 @@ from pmr.report.blocks import Table
 from pmr.report.columns import is_round_off, tips
 from pmr.report.machine import between
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
-from pmr.report.subject import across, alone, moving
+from pmr.report.subject import across, alone, moving, rings_of
 from pmr.report.subject import length as reach_of
 from pmr.results import RunResult
 from pmr.results.tables import FORCE_OF
@@ -30,8 +30,12 @@ CALLED = {
     "moment": "largest moment of a support",
     "force on the machine": "largest force of all supports together",
     "moment on the machine": "largest moment of all supports, about the pivot",
+    "force on the ground": "largest force of the machine on the ground",
+    "moment on the ground": "largest moment of the machine on the ground",
 }
-MOMENTS = ("moment", "moment on the machine")
+MOMENTS = ("moment", "moment on the machine", "moment on the ground")
+#: What names of the reactions of a machine that moves by itself begin with.
+MACHINE = "machine "
 #: Of the largest force: what is below is round-off.
 ROUND_OFF = 1e-9
 #: How near to the lug of a luffing cylinder its support is, m.
@@ -69,6 +73,7 @@ def carried(result: RunResult) -> Rows:
     yield from _forces(result)
     yield from _luffing(result)
     yield from _deflection(result)
+    yield from _moved(result)
     yield from _lowest(result)
     if (found := summary.get("buckling", {})).get("factor") is not None:
         when = f"at {_rounded(found['t'])}{SPACE}s{_raised(result, found['t'])}"
@@ -78,7 +83,9 @@ def carried(result: RunResult) -> Rows:
 def _forces(result: RunResult) -> Rows:
     """The largest of each kind, pads, cylinders and supports apart, and the largest moment of a support."""
     summary = result.summary
-    borne = [one for one in summary.get("reactions", ()) if not _at_pivot(result, one)]
+    below = [one for one in summary.get("reactions", ()) if _of_machine(result, one)]
+    ground = {one["name"].removeprefix(MACHINE): one for one in below}
+    borne = [one for one in summary.get("reactions", ()) if not _at_pivot(result, one) and one not in below]
     held = {_directed(result, one["name"]): one for one in borne if one["name"] not in _raising(result)}
     ropes = {f"rope of {one['name']}, all strands": one["force"] for one in summary.get("ropes", ()) if one["follows"]}
     pulled = {f"cylinder of {one['name']}": one["force"] for one in summary.get("ropes", ()) if not one["follows"]}
@@ -90,6 +97,8 @@ def _forces(result: RunResult) -> Rows:
         "moment": {name: one for name, one in held.items() if one["unit"] == "N m"},
         "force on the machine": {f"along {axis}": pivot[axis] for axis in "xyz" if axis in pivot},
         "moment on the machine": {f"about {axis}": pivot[f"r{axis}"] for axis in "xyz" if f"r{axis}" in pivot},
+        "force on the ground": {f"along {axis}": ground[axis] for axis in "xyz" if axis in ground},
+        "moment on the ground": {f"about {axis}": ground[f"r{axis}"] for axis in "xyz" if f"r{axis}" in ground},
     }
     for kind, called in CALLED.items():
         if found := listed.get(kind):
@@ -98,6 +107,8 @@ def _forces(result: RunResult) -> Rows:
             if abs(one[end]) > 0.0:
                 when = _moment(result, one[f"t_{end}"], one[f"s_{end}"])
                 yield called, f"{quantity(one[end], one['unit'] if kind in MOMENTS else 'N')}, {name}, {when}"
+            elif kind == "support":
+                yield called, f"0, {name}"
         else:
             yield from _largest(result, kind, called)
 
@@ -105,6 +116,12 @@ def _forces(result: RunResult) -> Rows:
 def _at_pivot(result: RunResult, reaction: Mapping[str, Any]) -> bool:
     """Whether it is what all supports of a boom in a frame press with together, about its pivot."""
     return result.scene.frame is not None and str(reaction["name"]).startswith("pivot ")
+
+
+def _of_machine(result: RunResult, reaction: Mapping[str, Any]) -> bool:
+    """Whether it is what a machine that moves by itself presses on the ground with."""
+    frame = result.scene.frame
+    return frame is not None and frame.machine is not None and str(reaction["name"]).startswith(MACHINE)
 
 
 def _raising(result: RunResult) -> set[str]:
@@ -168,6 +185,27 @@ def _deflection(result: RunResult) -> Rows:
         yield called, f"{length(float(values[step]))}, {_when(result, step)}"
 
 
+def _moved(result: RunResult) -> Rows:
+    """How far a machine that moves by itself does: displacements of the pivot, and angles."""
+    frame = result.scene.frame
+    if frame is None or frame.machine is None:
+        return
+    found, degrees = (
+        result.summary.get("frame", {}).get("base", {}),
+        1.0 if frame.unit == "degrees" else np.rad2deg(1.0),
+    )
+    parts = []
+    for key, one in found.items():
+        if key not in frame.machine.free:
+            continue
+        turns = key.startswith("r")
+        unit = "°" if turns else f"{SPACE}m" if max(abs(one["min"]), abs(one["max"])) >= 1.0 else f"{SPACE}mm"
+        size = degrees if turns else 1.0 if unit == f"{SPACE}m" else 1e3
+        parts.append(f"{key} {between(size * one['min'], size * one['max'], unit)}")
+    if parts:
+        yield "motion of the machine", ", ".join(parts)
+
+
 def _lowest(result: RunResult) -> Rows:
     found = result.frequencies.models.get("reduced")
     if found is None or not found.size or not np.isfinite(found[:, 0]).any():
@@ -177,7 +215,9 @@ def _lowest(result: RunResult) -> Rows:
         yield "lowest natural frequency", f"0, at {_at(result, float(result.frequencies.along[k]))}"
     else:
         where = _at(result, float(result.frequencies.along[k]))
-        yield "lowest natural frequency", f"{significant(float(found[k, 0]))}{SPACE}Hz, at {where}"
+        push = any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
+        closed = ", every pad closed" if push else ""
+        yield "lowest natural frequency", f"{significant(float(found[k, 0]))}{SPACE}Hz, at {where}{closed}"
 
 
 def _when(result: RunResult, step: int) -> str:
@@ -195,15 +235,15 @@ def _raised(result: RunResult, t: float) -> str:
     if frame is None:
         return ""
     luffing, slewing = (float(np.rad2deg(angle.value(np.array([t]))[0])) for angle in frame.angles)
-    found = [] if frame.luffing is None else [f"raised by {plain(round(luffing, 1))}°"]
-    found += [] if frame.slewing is None else [f"slewed by {plain(round(slewing, 1))}°"]
+    found = [] if frame.luffing is None else [f"raised {plain(round(luffing, 1))}°"]
+    found += [] if frame.slewing is None else [f"slewed {plain(round(slewing, 1))}°"]
     return "".join(f", {one}" for one in found)
 
 
 def _at(result: RunResult, along: float) -> str:
     """How far a boom reaches, or a section is out of its mouth; of a beam where its sliders are."""
     if not alone(result):
-        return f"a reach of {_rounded(along)}{SPACE}m"
+        return f"reach {_rounded(along)}{SPACE}m"
     if moving(result) == "mouth":
         return f"{_rounded(reach_of(result) - along)}{SPACE}m out"
     return f"s = {_rounded(along)}{SPACE}m"

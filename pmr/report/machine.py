@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.report.numbers import SPACE, plain, quantity, significant
 from pmr.report.parameters import by_face, doubled, framed, stiff, tapered
-from pmr.report.subject import loads_as_asked, rings_of, spoken
+from pmr.report.subject import is_raised, length, loads_as_asked, moving, rings_of, spoken
 from pmr.results import RunResult
 from pmr.scene.built import Support
 from pmr.scene.choice import model_of
+from pmr.scene.frame import Frame
 from pmr.scene.members import members
 from pmr.scene.names import named
 from pmr.scene.parts import OneBody
 
+Array = NDArray[np.float64]
 Rows = Iterator[tuple[str, str]]
 
 
@@ -25,21 +28,65 @@ def rows(result: RunResult) -> Rows:
     yield from _masses(result)
     yield from _held(result)
     for load in loads_as_asked(result):
-        values = load.values
-        most = float(values[np.argmax(np.abs(values))]) if len(values) else 0.0
-        yield named(load.body, load.name), f"up to {quantity(most, load.unit)} {load.where}"
+        yield named(load.body, load.name), f"{_range(load.values, load.unit)} {load.where}"
     scene = result.scene
     yield "weight of the boom", _weight(result)
     if scene.frame is not None:
+        yield from _below(scene.frame, scene.time.end)
         for name, angle in zip(("luffing", "slewing"), scene.frame.angles, strict=True):
             low, high = np.rad2deg(angle.bounds(0.0, scene.time.end))
             if low or high:
                 yield name, between(low, high, "°")
-    elif scene.gravity is not None and abs(scene.gravity.raised) >= 0.01:
-        yield "raised by", f"{plain(round(scene.gravity.raised, 1))}°"
+    elif scene.gravity is not None:
+        yield "raised by", f"{plain(round(scene.gravity.raised, 1))}°" if is_raised(result) else "0°, it lies level"
     if result.reach is not None:
         yield "reach along the boom", between(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
+    elif moving(result) == "mouth":
+        low, high = scene.path_bounds
+        yield "out of its mouth", between(length(result) - high, length(result) - low, f"{SPACE}m")
     yield "time", f"{plain(scene.time.end)}{SPACE}s"
+
+
+def _range(values: Array, unit: str) -> str:
+    """The largest of a load, or both ends where it acts both ways."""
+    low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
+    if low < 0.0 < high:
+        return f"{quantity(low, unit)} to {quantity(high, unit)}"
+    return f"up to {quantity(high or low, unit)}"
+
+
+def _below(frame: Frame, end: float) -> Rows:
+    """The machine below the pivot: what it is, what it stands on, what acts on it, and how the ground moves."""
+    if (machine := frame.machine) is not None:
+        place = ", ".join(map(plain, machine.center))
+        free = f"free along {', '.join(machine.free)}" if machine.free else "held"
+        yield "machine", f"{plain(machine.mass)}{SPACE}kg with its centre at ({place}){SPACE}m, {free}"
+        if springs := [f"{key} {_spring(key, value)}" for key, value in machine.stiffness.given.items()]:
+            yield "machine on springs", ", ".join(springs)
+        for what, base, acting in (("force", "N", machine.force), ("moment", "N m", machine.moment)):
+            for axis, signal in acting.given.items():
+                bounds = np.array(signal.bounds(0.0, end))
+                yield f"{what} on the machine", f"{_range(bounds, base)} {'along' if base == 'N' else 'about'} {axis}"
+        for what, given, per in (("displaced", machine.start.given, ""), ("moving", machine.rate.given, "/s")):
+            if given:
+                said = (f"{key} {plain(one)}{_unit(key, frame.unit)}{per}" for key, one in given.items())
+                yield f"machine {what} at the start", ", ".join(said)
+    if frame.base is not None:
+        called = "ground" if frame.machine is not None else "machine"
+        moved = {key: signal.bounds(0.0, end) for key, signal in frame.base.motions.items()}
+        parts = [f"{key} {between(*bounds, _unit(key, frame.unit))}" for key, bounds in moved.items()]
+        parts += [f"accelerated along {key}" for key, signal in frame.base.accelerations.items() if signal is not None]
+        yield f"motion of the {called}", ", ".join(parts)
+
+
+def _spring(key: str, stiffness: float) -> str:
+    return f"{plain(1e-6 * stiffness)}{SPACE}{f'MN{SPACE}m/rad' if key.startswith('r') else 'kN/mm'}"
+
+
+def _unit(key: str, angles: str) -> str:
+    if not key.startswith("r"):
+        return f"{SPACE}m"
+    return "°" if angles == "degrees" else f"{SPACE}rad"
 
 
 def between(low: float, high: float, unit: str) -> str:
@@ -91,15 +138,19 @@ def _masses(result: RunResult) -> Rows:
 
 
 def _held(result: RunResult) -> Rows:
-    """Pads between sections, and what holds the base."""
+    """Pads between sections, those that are alike in one row, and what holds the base."""
+    alike = dict[tuple[int, str], list[str]]()
     for name, part in result.scene.bodies.items():
         if rings := rings_of(part):
             count = sum(sum(len(places) for places in ring.faces.values()) if ring.faces else 1 for ring in rings)
             stiffness = dict.fromkeys(stiff(ring.stiffness) for ring in rings)
             ways = dict.fromkeys("only pushing" if ring.unilateral else "holding both ways" for ring in rings)
-            yield f"pads of {name}" if name else "pads", f"{count}, {', '.join((*stiffness, *ways))}"
+            alike.setdefault((count, ", ".join((*stiffness, *ways))), []).append(name)
         if part.supports:
             yield " ".join(filter(None, (name, "held by"))), "; ".join(map(_support, part.supports))
+    for (count, said), names in alike.items():
+        of = ", ".join(filter(None, names))
+        yield f"pads of {of}" if of else "pads", f"{count}{' each' if len(names) > 1 else ''}, {said}"
 
 
 def _support(support: Support) -> str:

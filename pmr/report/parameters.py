@@ -20,7 +20,7 @@ from pmr.scene.signals import SignalBase
 from pmr.scene.structures import Profile
 
 Rows = Iterator[tuple[str, str]]
-_SIGNAL_UNITS = {"time": "s", "times": "s", "frequency": "Hz", "frequencies": "Hz", "phase": "rad"}
+_SIGNAL_UNITS = {"time": "s", "times": "s", "frequency": "Hz", "frequencies": "Hz", "phase": "rad", "degree": ""}
 _MOST_KNOTS = 6
 
 
@@ -254,4 +254,4 @@ def _with_unit(value: Any, unit: str) -> str:
         if len(value) > _MOST_KNOTS:
             return f"({len(value)} values, {plain(min(value))} to {plain(max(value))}){SPACE}{unit}"
         return f"({', '.join(plain(v) for v in value)}){SPACE}{unit}"
-    return f"{plain(value)}{SPACE}{unit}"
+    return f"{plain(value)}{SPACE}{unit}".rstrip(SPACE)

@@ -127,7 +127,7 @@ def tip(result: RunResult, prefix: str) -> Block:
             said = f"Estimated error of the tip, {across(result, direction)}{inside}."
             wide = result.tip_error[:, number]
             rows.append((drawing(f"{prefix}-band-{direction}", histories.band, said, result, what, wide),))
-    return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(result, still))
+    return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(still))
 
 
 def energy(result: RunResult, prefix: str) -> Block:

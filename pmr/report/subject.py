@@ -56,8 +56,15 @@ class Acting:
 
 
 def across(result: RunResult, direction: str) -> str:
-    """What a direction across the axis is called: z is upwards unless the boom is raised with its frame."""
-    return "in the plane of luffing, z" if direction == "z" and result.scene.frame is not None else _ACROSS[direction]
+    """What a direction across the axis is called: z is upwards unless the boom is raised."""
+    raised = result.scene.frame is not None or is_raised(result)
+    return "in the plane of luffing, z" if direction == "z" and raised else _ACROSS[direction]
+
+
+def is_raised(result: RunResult) -> bool:
+    """Whether the weight acts as on a boom that does not lie level."""
+    gravity = result.scene.gravity
+    return gravity is not None and abs(gravity.raised) >= 0.01
 
 
 @dataclass(frozen=True)
