@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber, drawing
 from pmr.report.numbers import SPACE
-from pmr.report.studies import side_by_side
+from pmr.report.studies import at_a_glance, side_by_side
 from pmr.report.studies.curves import over_parameter, over_seconds
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.names import (
@@ -41,13 +41,19 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     runs = study.results.runs
     done = [run for run in runs if run.status == "done"]
     error = next((name for name in ERRORS if having(done, name)), None)
+    glance = at_a_glance.block(side_by_side.few(runs))
     return Chapter(
         anchor=prefix,
         title=study.title,
         opening=_opening(runs),
         headline=_headline(len(runs), done, error),
         key_numbers=list(_key_numbers(done, error)),
-        blocks=[*_figures(done, error, prefix), Block("Runs", grids=tuple(_grids(runs))), *side_by_side.blocks(runs)],
+        blocks=[
+            *([glance] if glance is not None else ()),  # what the machine bears, before how well that is known
+            *_figures(done, error, prefix),
+            Block("Runs", grids=tuple(_grids(runs))),
+            *side_by_side.blocks(runs),
+        ],
     )
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pmr.report.blocks import Block, Grid
 from pmr.report.numbers import SPACE, Unit, plain, significant, unit_for
-from pmr.report.studies import at_a_glance
 from pmr.report.studies.names import PLACES, called, number_of
 from pmr.studies.engine.task import Scalar
 from pmr.studies.results import RunRecord
@@ -36,11 +35,8 @@ _BASE = {"Pa": ("stress", True), "1": ("strain", False), "mm": ("displacement", 
 
 def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
     """Tables of what the runs have; none for many runs, or for runs that have nothing of it."""
-    done = [run for run in runs if run.status == "done"]
-    if not 0 < len(done) <= MOST_RUNS:
+    if not (done := few(runs)):
         return
-    if (first := at_a_glance.block(done)) is not None:
-        yield first
     found = {heading: _spans(done, *of) for heading, of in _SPANS.items()}
     found |= {
         "Frequencies": (f"In Hz, while pads and sliders rest{_stretch(done)}.", _frequencies(done)),
@@ -52,11 +48,20 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
             yield Block(heading, grids=(Grid(caption, head, tuple(rows)),))
 
 
+def few(runs: Sequence[RunRecord]) -> list[RunRecord]:
+    """Those with a result, where they fit side by side; else none."""
+    done = [run for run in runs if run.status == "done"]
+    return done if len(done) <= MOST_RUNS else []
+
+
 def _spans(runs: Sequence[RunRecord], room: str, base: str, told: str) -> tuple[str, list[tuple[str, ...]]]:
-    """Caption and rows of what figures of a room say, each from its least to its largest value."""
-    names = _names(runs, room, ".max")
-    values = [abs(v) for name in names for v in _values(runs, room + name, "min", "max")]
-    unit = unit_for(max(values, default=0.0), base)
+    """Caption and rows of what figures of a room say, each from its least to its largest value; without round-off."""
+    sizes = {
+        name: max(map(abs, _values(runs, room + name, "min", "max")), default=0.0)
+        for name in _names(runs, room, ".max")
+    }
+    largest = max(sizes.values(), default=0.0)
+    unit, names = unit_for(largest, base), [name for name, size in sizes.items() if size > NOTHING * largest]
     rows = [(name, *(_span(run, room + name, unit.size) for run in runs)) for name in names]
     return f"{told} in {unit.name}; times and places are in runs.csv.", rows
 

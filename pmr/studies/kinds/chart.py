@@ -173,7 +173,8 @@ class Study(StudyBase):
         points = len(self._points)
         found = [results.column(name) for name in ("load.least", "load.most")]
         if not all(np.isfinite(one).any() for one in found):
-            return f"no limit is met up to {self.up_to:g} kg at any of {points} points"
+            asked = "" if self.limits else f"; it was looked for {STABILITY} alone, [[limits]] of the study adds others"
+            return f"no limit is met up to {self.up_to:g} kg at any of {points} points{asked}"
         low, high = float(np.nanmin(found[0])), float(np.nanmax(found[1]))
         return f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits"
 

@@ -154,7 +154,7 @@ def payloads(*masses: float, **figures: float) -> list[RunRecord]:
 def test_a_few_runs_stand_side_by_side() -> None:
     blocks = {block.heading: block.grids[0] for block in said(*payloads(100.0, 250.0)).blocks if block.grids}
     headings = ["Forces of pads, sliders and supports", "Moments on rigid supports", "Stress by region"]
-    assert list(blocks) == ["Runs", "At a glance", *headings, "Frequencies", "Probes"]
+    assert list(blocks) == ["At a glance", "Runs", *headings, "Frequencies", "Probes"]
     forces, moments, stress, frequencies, probes = list(blocks.values())[2:]
     assert moments.rows == (("clamp ry", *["0\u00a0…\u00a02.00"] * 2),) and " in kN m;" in moments.caption
     assert stress.rows == (("top", "25.0", "25.0"),) and stress.caption.startswith("Largest von Mises stress in MPa")
@@ -188,6 +188,14 @@ def test_one_table_has_the_largest_of_all_with_units() -> None:
         ("largest stress over yield stress", "6.42\u00a0%"),
     ]
     assert [row[1] for row in grid.rows][0] == "–" and grid.rows[1][1] == "100\u00a0mm"
+
+
+def test_what_bears_nothing_has_no_row() -> None:
+    """A torque of 1e-9 N m beside a bending moment of 31 kN m, in both runs."""
+    found = {"torque.min": -1e-9, "torque.max": 0.0, "bending moment y.min": 0.0, "bending moment y.max": 31e3}
+    blocks = said(*payloads(100.0, 250.0, **{f"beam_moments.{key}": value for key, value in found.items()})).blocks
+    (grid,) = next(block.grids for block in blocks if block.heading == "Moments along beams")
+    assert [row[0] for row in grid.rows] == ["bending moment y"]
 
 
 def test_many_runs_do_not() -> None:

@@ -218,7 +218,10 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) ->
     told = study.told(small)
     assert told == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
     bare = [replace(run, figures={}) for run in small.runs]
-    assert study.told(replace(small, runs=tuple(bare))) == "no limit is met up to 5000 kg at any of 12 points"
+    unmet = "no limit is met up to 5000 kg at any of 12 points"
+    assert study.told(replace(small, runs=tuple(bare))) == unmet
+    said = study.model_copy(update={"limits": ()}).told(replace(small, runs=tuple(bare)))
+    assert said == f"{unmet}; it was looked for stability alone, [[limits]] of the study adds others"
 
 
 def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyResults, folder: Path) -> None:

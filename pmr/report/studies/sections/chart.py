@@ -39,6 +39,11 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     load = np.where(np.isnan(table["load"]), np.inf, table["load"])
     which = governing(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
+    if not np.isfinite(
+        least
+    ).any():  # a picture without any load, and tables that say so at each place, tell nothing more
+        limits, cases = Block("Limits", grids=(_limits(study, names),)), Block("Load cases", grids=(_cases(study),))
+        return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=[limits, cases])
     error = np.where(which >= 0, np.take_along_axis(table["error"], np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
     chart = Chart(table["place"], least, which, names)
     caption = (
@@ -105,16 +110,21 @@ def _kg(load: Any) -> str:
 
 def _headline(study: FinishedStudy, least: Array) -> str:
     if not np.isfinite(least).any():
-        return f"No limit is met up to {study.asked['up_to']:g}{SPACE}kg at any point."
+        asked = (
+            ""
+            if study.asked["limits"]
+            else f" It was looked for {STABILITY} alone: [[limits]] of the study adds others."
+        )
+        return f"No limit is met up to {study.asked['up_to']:g}{SPACE}kg at any of {least.size} points.{asked}"
     low, high = np.nanmin(least), np.nanmax(least)
     return f"It carries {_kg(low)} to {_kg(high)}, depending on extension and angle."
 
 
 def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNumber]:
-    found = [KeyNumber(str(least.size), "points", f"{len(study.asked['limits']) + 1} limits")]
-    if np.isfinite(least).any():
-        found.append(KeyNumber(_kg(np.nanmax(least)), "most"))
-        found.append(KeyNumber(_kg(np.nanmin(least)), "least"))
+    count = len(study.asked["limits"]) + 1
+    found = [KeyNumber(str(least.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
+    found.append(KeyNumber(_kg(np.nanmax(least)), "most"))
+    found.append(KeyNumber(_kg(np.nanmin(least)), "least"))
     if np.isfinite(error).any():
         largest, doubt = f"{np.nanmax(error):.2g}{SPACE}kg", str(study.figures["in_doubt"])
         found.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, rotations"))

@@ -1,0 +1,32 @@
+"""What the report of a load chart leaves out."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from pmr.report.studies.sections.chart import content
+
+
+def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_nothing() -> None:
+    """At two extensions and three angles: the headline says so, and what else might have been looked for."""
+    angles = {"least": 20.0, "most": 60.0, "count": 3}
+    asked = {"limits": [], "slewing": [0.0], "luffing": angles, "up_to": 2e4, "error_bars": True, "classes": {}}
+    unknown = dict.fromkeys(
+        ("load", "error", "error.reduction", "error.mesh", "error.rotation"), np.full((3, 1), np.nan)
+    )
+    arrays = unknown | {"place": np.array([(10.0, 4.0), (8.0, 7.0), (5.0, 9.0)])}
+    runs = [SimpleNamespace(key=key, parameters={}, figures={}) for key in "ab"]
+    figures = {"governs.stability": 0, "never.stability": 6, "at_no_load.stability": 0}
+    results = SimpleNamespace(runs=runs, arrays=lambda key: arrays)
+    study: Any = SimpleNamespace(
+        title="Chart", asked=asked | {"cases": [{"name": "rest"}]}, results=results, figures=figures
+    )
+    chapter = content(study, "part-1")
+    assert [block.heading for block in chapter.blocks] == ["Limits", "Load cases"]
+    assert not any(block.drawings for block in chapter.blocks) and not chapter.key_numbers
+    assert "not met" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
+    start = "No limit is met up to 20000\u00a0kg at any of 6 points. It was looked for stability alone"
+    assert chapter.headline.startswith(start)
