@@ -1,4 +1,4 @@
-"""Load charts beside full order at places that were drawn beforehand: the reduction's part of the error bars."""
+"""Load charts beside full order at random places: the reduction's part of the error bars."""
 
 from __future__ import annotations
 
