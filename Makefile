@@ -127,7 +127,7 @@ docs-check: setup .venv/.docs ## the same without executing the examples, which 
 	@.venv/bin/python -m sphinx -q -W --keep-going -b html -D plot_gallery=0 docs docs/_build/check
 
 .PHONY: manual
-manual: ## commands of the manual, from a wheel in fresh environments (Python 3.12 or newer)
+manual: ## commands and Python of the manual, from a wheel in fresh environments (Python 3.12 or newer)
 	@.ci/manual "$(PYTHON312)"
 
 # $(call both,TARGETS): on two cores at once. Whichever is through with a target goes on with the next one that nobody has

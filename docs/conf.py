@@ -39,6 +39,7 @@ sphinx_gallery_conf = {
     "filename_pattern": "/",  # all of them are executed
     "within_subsection_order": "gallery.in_order",
     "image_scrapers": ("matplotlib", "gallery"),
+    "reset_modules": ("matplotlib", "gallery.unprinted"),
     "abort_on_example_error": True,
     "download_all_examples": False,
     "min_reported_time": 3600,

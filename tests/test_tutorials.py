@@ -121,34 +121,3 @@ def test_a_load_chart_from_an_empty_folder(
     (code,), (shown,) = blocks("load_chart.md", "python"), blocks("load_chart.md", "text")
     by_hand = python("-c", code, cwd=tmp_path)
     assert by_hand.stdout == shown and f"{loads['15']:.0f} kg\n" == shown
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
-def test_the_body_in_exudyn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    first, last = blocks("exudyn.md")
-    monkeypatch.chdir(tmp_path)
-    for command in (first, last):
-        if command is last:
-            code = "".join(blocks("exudyn.md", "python"))
-            code = code.replace(
-                '"evolved_residual.toml"', repr(str(PAGES.parents[1] / "workflows" / "evolved_residual.toml"))
-            )
-            said = python("-c", code, cwd=tmp_path)
-            assert said.returncode == 0, said.stderr
-            by_coordinates, whole = (float(x) for x in re.findall(r"([\d.]+) mm", said.stdout))
-            assert by_coordinates == pytest.approx(whole, rel=0.02) and whole == pytest.approx(47.8, rel=0.01)
-        done = called(monkeypatch, capsys, *shlex.split(command)[1:])
-        assert done.returncode == 0, done.stderr
-    assert (tmp_path / "evolved" / "sliding_body.py").exists()
-
-
-@pytest.mark.slow
-def test_bases_beside_each_other(tmp_path: Path) -> None:
-    (code,), (shown,) = blocks("model_reduction.md", "python"), blocks("model_reduction.md", "text")
-    code = code.replace('"evolved_residual.toml"', repr(str(PAGES.parents[1] / "workflows" / "evolved_residual.toml")))
-    done = python("-c", code, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == shown

@@ -8,6 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from pmr.report import paper
+
 #: In which order examples are shown.
 EXAMPLES = (
     "sliding_beam", "own_beam", "residual_flexibility", "saved_model", "study", "accuracy", "pushing_pads", "crane",
@@ -31,6 +33,11 @@ def report(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> s
     name = f"report_{Path(variables['src_file']).stem}.html"
     Path(settings["src_dir"], "_static", name).write_text(text, encoding="utf-8")
     return FRAME.format(name=name)
+
+
+def unprinted(settings: dict[str, Any], file: str) -> None:
+    """The manual shows pages of reports and no PDF, which would take longer than the page."""
+    paper.print_page = lambda text, file: file.touch()
 
 
 def in_order(file: str) -> int:

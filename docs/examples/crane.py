@@ -17,12 +17,12 @@ from pmr.cli.app import app
 from pmr.report.document import page
 from pmr.report.sections import chapter
 
-hooks = [150.0, 600.0, 2400.0]  # kg
+hooks = [150.0, 2400.0]  # kg
 curves, sway, luffing = {}, {}, {}
 with TemporaryDirectory() as folder:
     CliRunner().invoke(app, ["new", "crane", f"{folder}/crane"])  # as `pmr new crane crane` does
     for hook in hooks:
-        changes = [f"sections.fly.masses.hook block.mass={hook}", "section.mesh.elements=8", "time.step=1e-2"]
+        changes = [f"sections.fly.masses.hook block.mass={hook}", "section.mesh.elements=6", "time.step=1e-2"]
         changes += ["section.reduction.estimate=false", "simulation.repeats=1"]
         result = pmr.run(pmr.load_scene(Path(folder, "crane"), changes)).result
         curves[hook] = result.frequencies

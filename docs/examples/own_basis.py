@@ -29,6 +29,7 @@ CHANGES = [
     "reduction.estimate=false",
     "compare.against=['full']",
     "simulation.simulators=['march']",
+    "simulation.repeats=1",
 ]
 scene = pmr.load_scene("evolved_residual", CHANGES)
 body = full_model(scene).gather()  # sparse matrices of SciPy, and rows at any s

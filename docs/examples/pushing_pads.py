@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 
 import pmr
 
-short = ["time.end=4.0", "slider.path.times=[0.5, 2.0, 3.5]", "simulation.repeats=1", "compare.against=[]"]
+short = ["time.end=4.0", "slider.path.times=[0.5, 2.0, 3.5]", "compare.against=[]", "reduction.estimate=false"]
 pushing = ["pads.tail.unilateral=true", "pads.mouth.unilateral=true"]
 
 # %%

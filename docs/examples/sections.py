@@ -11,7 +11,8 @@ import numpy as np
 
 import pmr
 
-boom = pmr.load_scene("boom_three", ["time.end=4.0", "section.mesh.elements=20"])
+short = ["time.end=4.0", "section.mesh.elements=12", "section.reduction.estimate=false", "simulation.repeats=1"]
+boom = pmr.load_scene("boom_three", short)
 result = pmr.run(boom).result
 summary = result.summary
 for section in summary["sections"]:
