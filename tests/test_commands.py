@@ -24,9 +24,13 @@ TUTORIALS = ROOT / "docs" / "tutorials"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(TUTORIALS.glob("*.md"))]
 PROGRAM = r"(?:pmr|make|pip|python -m|mpirun|mpiexec|sbatch|ccx)"
 
+THREE = "reports/boom_three/system.npz"
 #: What is run here, in this order and one folder, and what makes it short; `.ci/manual` runs most blocks of the pages.
 RUN = {
-    'pmr export reports/boom_lift/system.npz --to matlab --at "mid=3.6,fly=3.3; mid=4.8,fly=4.5"': "",
+    f"pmr info {THREE}": "",
+    f"pmr simulate {THREE} --scene boom_three --set time.end=2 --out reports/shorter": "--set section.mesh.elements=8 "
+    "--set time.end=0.02",
+    f"pmr export {THREE} --to fmu --out three.fmu": "",
     "pmr export two/system.npz --to exudyn": "",
     "pmr flexible boom_solid --at 2.5 --to sid --set masses=[]": "--set mesh.size=0.15 --set mesh.along=0.75",
     "pmr schema scene": "",
@@ -45,7 +49,7 @@ TESTED = {
     "pmr matrices job.sti": "tests/peers/test_matrices_in.py",
     "pmr run SCENE --tolerance 1%": "tests/compare/accuracy/test_order.py",
     "pmr run SCENE --cache DIR": "tests/ways/test_ways.py",
-    "pmr export reports/boom_three/system.npz --to fmu --platforms all": "tests/export/fmi/test_platforms.py",
+    f"pmr export {THREE} --to fmu --platforms all": "tests/export/fmi/test_platforms.py",
     "sbatch --ntasks=65 workflows/study.slurm STUDY.toml": "tests/cli/test_study.py",
     "sbatch --ntasks=65 workflows/study.slurm STUDY.toml reports/study": "tests/cli/test_study.py",
     "sbatch workflows/scale.slurm 0.0125 1 2 4 8 16 32 64": "tests/benchmarks/test_scale.py",
@@ -189,11 +193,11 @@ def test_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytes
     """In a folder with what the runs of the pages have left, of fewer elements."""
     monkeypatch.chdir(tmp_path)
     linear = ["section.mesh.elements=8", "section.reduction.estimate=false"]
-    for name, file in (("boom_lift", "reports/boom_lift/system.npz"), ("boom_two", "two/system.npz")):
+    for name, file in (("boom_three", THREE), ("boom_two", "two/system.npz")):
         Path(file).parent.mkdir(parents=True, exist_ok=True)
         pmr.reduce(pmr.load_scene(name, linear)).system.save(file)
     for command, short in RUN.items():
         done = called(monkeypatch, capsys, *shlex.split(f"{command} {short}")[1:])
         assert done.returncode == 0, (command, done.stderr)
-    for left in ("two/sliding_body.py", "body.SID_FEM"):
+    for left in ("three.fmu", "two/sliding_body.py", "body.SID_FEM"):
         assert (tmp_path / left).is_file(), left
