@@ -107,13 +107,18 @@ def _what_is_loaded_stays() -> None:
 
 
 @pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drawings and PDFs stay empty, which take most of a page's time: for tests of what stands beside them."""
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawings stay empty, which take most of a page's time."""
 
     def empty(name: str, draw: object, caption: str, *arguments: object) -> Drawing:
         return Drawing(name, "<svg></svg>", caption)
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
+
+
+@pytest.fixture
+def undrawn(without_figures: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """PDFs too: for tests of what stands beside them."""
     monkeypatch.setattr(paper, "print_page", lambda text, file: file.touch())
 
 

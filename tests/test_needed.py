@@ -20,25 +20,35 @@ WORKFLOWS = Path(__file__).parents[1] / "workflows"
 MARCH_ALONE = ["simulation.simulators=['march']", "compare.against=['full']"]
 
 
-def run_without(folder: Path, package: str, content: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """`pmr`, its figures empty, in a process where an earlier entry of the path hides a package by one that fails."""
+ABSENT = "raise ModuleNotFoundError(\"No module named '{}'\")"
+
+
+def hide(package: str, content: str, folder: Path) -> str:
+    """An entry of the path where the package is one whose import does this."""
     (folder / "hidden").mkdir()
     (folder / "hidden" / f"{package}.py").write_text(content)
-    path = os.pathsep.join([str(folder / "hidden"), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return str(folder / "hidden")
+
+
+def run_without(package: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """`pmr`, its figures empty, in a process in which the package is not there."""
+    hidden = hide(package, ABSENT.format(package), folder)
+    path = os.pathsep.join([hidden, *filter(None, [os.environ.get("PYTHONPATH")])])
     command = [sys.executable, "-c", WITHOUT_FIGURES, *arguments]
     return subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path}, cwd=folder)
 
 
-ABSENT = "raise ModuleNotFoundError(\"No module named '{}'\")"
+def forget(package: str, hidden: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on this process finds the hidden one."""
+    monkeypatch.syspath_prepend(hidden)
+    monkeypatch.delitem(sys.modules, package, raising=False)
 
 
 def called_without(
     package: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str
 ) -> Called:
     """The command in this process, in which the package is not there."""
-    (folder / f"{package}.py").write_text(f"raise ModuleNotFoundError(\"No module named '{package}'\")")
-    monkeypatch.syspath_prepend(folder)
-    monkeypatch.delitem(sys.modules, package, raising=False)
+    forget(package, hide(package, ABSENT.format(package), folder), monkeypatch)
     return called(monkeypatch, capsys, *arguments)
 
 
@@ -62,18 +72,21 @@ def test_without_exudyn_march_does_the_work(tmp_path: Path) -> None:
     short = ["time.end=0.1", "mesh.elements=10", "compare.against=['full']", "slider.path=1.25"]
     overrides = [part for override in [*short, "simulation.simulators=['march']"] for part in ("--set", override)]
     scene = str(WORKFLOWS / "paper_simple.toml")
-    found = run_without(tmp_path, "exudyn", ABSENT.format("exudyn"), "run", scene, "--out", "results", *overrides)
+    found = run_without("exudyn", tmp_path, "run", scene, "--out", "results", *overrides)
     assert found.returncode == 0, found.stderr
     assert (tmp_path / "results" / "report.pdf").read_bytes().startswith(b"%PDF")
 
 
 @pytest.mark.slow
-def test_without_a_library_of_weasyprint_all_but_the_report_is_there(tmp_path: Path) -> None:
-    content = "raise OSError('cannot load library libpango')"
+@pytest.mark.usefixtures("without_figures")
+def test_without_a_library_of_weasyprint_all_but_the_report_is_there(tmp_path: Path, monkeypatch, capsys) -> None:
+    hidden = hide("weasyprint", "raise OSError('cannot load library libpango')", tmp_path)
+    forget("weasyprint", hidden, monkeypatch)
+    monkeypatch.chdir(tmp_path)
     short = ["--set", "time.end=0.1", "--set", "mesh.elements=10", "--set", "compare.against=['full']"]
     short += ["--set", "slider.path=1.25"]
     scene = str(WORKFLOWS / "paper_simple.toml")
-    found = run_without(tmp_path, "weasyprint", content, "run", scene, "--out", "results", *short)
+    found = called(monkeypatch, capsys, "run", scene, "--out", "results", *short)
     assert found.returncode == 1 and "Traceback" not in found.stderr
     assert "installation: weasyprint: not found (cannot load library libpango)" in found.stderr
     assert "pip install jinja2 matplotlib fonttools weasyprint" in found.stderr
