@@ -26,6 +26,22 @@ def box(*doublers: dict, **given) -> Box:
     return Box(**({"length": LENGTH, "width": 0.3, "height": 0.4, "wall": 0.008, "doublers": doublers} | given))
 
 
+def test_a_doubler_on_one_face_changes_what_docs_profiles_says() -> None:
+    """Beside one about the walls' middle: both plates' middle is 3 mm farther out, or in."""
+    middle, out, within = (
+        section_of(Box(length=LENGTH, width=0.3 + by, height=0.4 + by, wall=0.014), 0.3) for by in (0.0, 0.006, -0.006)
+    )
+    for key, more, less in (
+        ("second_moment_y", 0.049, 0.048),
+        ("second_moment_z", 0.057, 0.055),
+        ("torsion_constant", 0.054, 0.052),
+        ("area", 0.017, 0.017),
+    ):
+        whole = getattr(middle, key)
+        assert getattr(out, key) / whole - 1.0 == pytest.approx(more, abs=5e-4)
+        assert 1.0 - getattr(within, key) / whole == pytest.approx(less, abs=5e-4)
+
+
 @pytest.mark.mpi
 def test_a_stepped_cantilever_bends_stretches_and_twists_as_its_closed_form() -> None:
     """Statics of stepped beams is exact on any mesh."""

@@ -1,6 +1,6 @@
 """A boom that bends in Exudyn's renderer: a tube for each section, along what its outputs across it say.
 
-Between two places at which the section is observed the tube is straight, and its profile is that of the scene.
+Its profile is that of the scene where the section is observed; between two such places it changes linearly.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Tube:
 
     x: Array  # (k,) m: places at which it is observed
     across: dict[int, NDArray[np.int64]]  # numbers of the outputs (k,) along y (1) and z (2), as far as there are
-    outline: Array  # (c, 2) m: y and z of its profile
+    outline: Array  # (k, c, 2) m: y and z of its profile there
 
 
 def add_drawing(mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) -> Any:
@@ -64,7 +64,7 @@ class Drawn:
 
     def axes(self) -> list[Array]:
         """Of each section the points (k, 3) m of its axis, in the mbs' axes."""
-        return [rings[:, 0] for rings in self._rings([np.zeros((1, 2))] * len(self.tubes))]
+        return [rings[:, 0] for rings in self._rings([np.zeros((1, 1, 2))] * len(self.tubes))]
 
     def graphics(self) -> list[dict[str, Any]]:
         """Exudyn's graphics data."""
@@ -79,13 +79,13 @@ class Drawn:
         return found
 
     def _rings(self, outlines: list[Array]) -> list[Array]:
-        """Of each section an outline (c, 2) m across it at all places, (k, c, 3) m."""
+        """Of each section its outline (k or 1, c, 2) m across it at all places, (k, c, 3) m."""
         shown = exu.ConfigurationType.Visualization
         t = self._mbs.systemData.GetTime(shown)
         outputs, (origin, R, extended) = self._watched.outputs(t, shown), self._posture(t, shown)
         found, observed = list[Array](), self._items.equations.assembly.observed.values()
         for tube, outline, X, at in zip(self.tubes, outlines, np.cumsum(extended), observed, strict=True):
-            rings = np.zeros((len(tube.x), len(outline), 3))
+            rings = np.zeros((len(tube.x), outline.shape[1], 3))
             rings[:, :, 0] = X + tube.x[:, None]
             rings[:, :, 1:] = outline
             for axis, numbers in tube.across.items():
@@ -126,7 +126,7 @@ def tubes(scene: Scene, system: System) -> list[Tube]:
             raise InputError("scene", scene.key_of(number, "observe.stations"), len(x), allowed)
         box = member_at(scene, number).part.body.box
         thin = THIN * np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
-        outline = thin if box is None else np.array([side.start for side in box.sides])
+        outline = [thin if box is None else [side.start for side in box.profile_at(at).sides] for at in x]
         across = {axis: np.array([numbers[one] for one in x]) for axis, numbers in along.items() if numbers}
-        found.append(Tube(np.array(x), across, outline))
+        found.append(Tube(np.array(x), across, np.array(outline)))
     return found

@@ -13,7 +13,7 @@ from free_turret import Turret
 from pmr.errors import InputError
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_drawing, add_sensors, add_system
-from pmr.simulation.exudyn.drawing import Drawn
+from pmr.simulation.exudyn.drawing import Drawn, tubes
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 
@@ -73,6 +73,14 @@ def test_a_boom_on_the_ground_is_where_its_frame_has_it() -> None:
     np.testing.assert_allclose((R.T @ base[0]), scene.frame.place, atol=1e-6)
     np.testing.assert_allclose((R.T @ fly[-1])[:1], scene.frame.place[0] + out + 2.0, atol=1e-6)
     assert R[2, 0] == pytest.approx(np.sin(0.3))
+
+
+def test_a_section_that_tapers_is_drawn_as_it_does() -> None:
+    plain, taper = free_boom.scene(), "sections.fly.body.box.tip_taper={length=0.5,height=0.12}"
+    fly, height = tubes(free_boom.scene(taper), free_boom.system())[1], plain.sections[1].body.box.height
+    drawn = np.ptp(fly.outline[:, :, 1], axis=1)
+    expected = np.interp(fly.x, [0.0, 1.5, 2.0], [height, height, 0.12])
+    assert drawn == pytest.approx(expected, rel=1e-12) and drawn[-1] < 0.8 * drawn[0]
 
 
 def test_what_is_refused() -> None:
