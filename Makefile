@@ -142,16 +142,17 @@ endef
 # What CI runs: the suite on Debian's stack under KERNEL; on the wheel stack, under the last kernel, what needs the other
 # stack and the numerical part; under the kernels between, on Debian's, the tests for two ranks on two, and what else is
 # numerical. So each stack and each kernel has its turn, and no test runs twice for one of them. Left out, as they run
-# on Debian's: slow tests of rooms without FEniCSx, slow ones on two ranks. LAST is what .ci/run appends.
+# on Debian's: slow tests of rooms without FEniCSx, slow ones on two ranks. Long ones begin first, or a core would wait
+# for the last of them. LAST is what .ci/run appends.
 LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
 LAST =
-IN_CI = lint test-wheel-part $(SUITE) $(or $(BETWEEN:%=test-mpi-%),test-mpi) $(BETWEEN:%=test-between-%) \
-    test-wheel-part-mpi $(LAST)
+IN_CI = lint $(SUITE) test-wheel-part $(or $(BETWEEN:%=test-mpi-%),test-mpi) $(BETWEEN:%=test-between-%) $(LAST) \
+    test-wheel-part-mpi
 ALONE = lint $(SUITE) test-mpi $(OTHERS:%=test-kernel-%) $(LAST)
 BOTH_STACKS = $(and $(filter true,$(CI)),$(PYTHON312))
 # The suite in two pieces of some length, one after the other or side by side.
-SUITE := test-suite-rooms test-suite-rest
+SUITE := test-suite-rest test-suite-rooms
 ROOMS := simulation export
 
 .PHONY: test
