@@ -46,8 +46,8 @@ def side_by_side(ways: Mapping[str, Way], repeats: int = 5) -> dict[str, Times]:
     for _ in range(repeats):
         for name, way in ways.items():
             begin = time.perf_counter()
-            told = way()
-            taken[name].append(time.perf_counter() - begin if told is None else told)
+            seconds = way()
+            taken[name].append(time.perf_counter() - begin if seconds is None else seconds)
     return {name: Times(tuple(seconds)) for name, seconds in taken.items()}
 
 

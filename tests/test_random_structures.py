@@ -195,9 +195,9 @@ def test_a_random_structure(number: int) -> None:
     full, own = FullOrder.of(scene, {ALONE: model}).references(), simulate(scene, found.model)
     responses = {"reduced": own, **full.responses}
     error = compare.errors(responses, quantities=quantities(scene, own))["reduced_vs_full"]["beam"]
-    told = estimate(found.model, Excitation.of(scene))
-    print(number, one.model, model.size, "rigid", rigid, left, f"error {error:.2e} estimate {told.beam:.2e}")
+    estimated = estimate(found.model, Excitation.of(scene))
+    print(number, one.model, model.size, "rigid", rigid, left, f"error {error:.2e} estimate {estimated.beam:.2e}")
     assert np.isfinite(error)
-    if told.beam < 1e-4:
+    if estimated.beam < 1e-4:
         assert error < 1e-4
-    assert error < max(3.0 * told.beam, 1e-6)  # no bound, but of the error's size unless round-off is all of it
+    assert error < max(3.0 * estimated.beam, 1e-6)  # no bound, but of the error's size unless round-off is all of it

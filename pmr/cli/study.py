@@ -135,8 +135,8 @@ def _watching() -> Iterator[Watch]:
 def _tell(project: Project, outcome: Outcome) -> None:
     for part in project.parts:
         results = outcome.results[part.name]
-        if results.is_complete and (told := part.study.told(results)):
-            say(out, told)
+        if results.is_complete and (line := part.study.summary_line(results)):
+            say(out, line)
 
 
 def _tell_failures(outcome: Outcome) -> None:

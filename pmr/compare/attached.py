@@ -80,9 +80,9 @@ def scatter(peaks: Sequence[float]) -> str:
 class UnsettledError(SimulationError):
     """Two richer models differ by as much as they tell; `warning` says how far `peaks`, in N, scatter by it."""
 
-    def __init__(self, told: float, apart: float, peaks: Sequence[float]) -> None:
+    def __init__(self, error: float, apart: float, peaks: Sequence[float]) -> None:
         super().__init__(
             "pads lift off and close again, and the motion depends on the exact time of impacts: two richer models "
-            f"differ by {100.0 * apart:.2g} %, and the error to estimate is {100.0 * told:.2g} %"
+            f"differ by {100.0 * apart:.2g} %, and the error to estimate is {100.0 * error:.2g} %"
         )
         self.warning = scatter(peaks)

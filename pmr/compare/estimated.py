@@ -140,8 +140,8 @@ def summary(found: estimate.Estimate, not_covered: Sequence[str] = ()) -> dict[s
 
     Of what has no estimate all are None.
     """
-    told = {name: getattr(found, name) for name in _FIGURES if name != "not_covered"}
-    return dict.fromkeys(KINDS) | dict(found.errors) | told | {"not_covered": list(not_covered)}
+    figures = {name: getattr(found, name) for name in _FIGURES if name != "not_covered"}
+    return dict.fromkeys(KINDS) | dict(found.errors) | figures | {"not_covered": list(not_covered)}
 
 
 def warnings(

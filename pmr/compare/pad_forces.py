@@ -25,7 +25,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Share of a pad's largest push, and of a tenth of the largest force of any pad, from which on a pull is told.
+#: Share of a pad's largest push, and of a tenth of the largest force of any pad, from which a pull is reported.
 PULLED = 0.01
 
 

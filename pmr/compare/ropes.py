@@ -24,7 +24,7 @@ from pmr.results.extremes import Extremes
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.names import cylinder_of
-from pmr.scene.ropes import borne, longest
+from pmr.scene.ropes import longest, rope_shares
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def forces(scene: Scene, response: Response) -> dict[str, Array]:
 
     Empty where nothing follows, or forces along the boom are not known.
     """
-    shares = borne(scene)
+    shares = rope_shares(scene)
     if any(force_of(cylinder_of(name)) not in response.force_names for name in shares):
         return {}
     own = {name: response.force(force_of(cylinder_of(name)), 0) for name in shares}

@@ -61,8 +61,8 @@ def at_intervals(system: System, excitation: Excitation, every: int, rates: bool
     given = excitation.stepping
     seen = excitation.with_stepping(TimeStepping(given.end, every * given.step, given.rho_inf))
     if system.on_one_path and not rates:
-        told = systems.observe(SystemForm.of(system), excitation, every=every)
-        return observed(system, told.y, told.multipliers)
+        watched = systems.observe(SystemForm.of(system), excitation, every=every)
+        return observed(system, watched.y, watched.multipliers)
     if system.on_one_path:
         return outputs(system, run_from_start(system, excitation, every), seen)
     run = run_from_start(system, excitation, 1 if rates else every)

@@ -108,7 +108,7 @@ def summary(found: StepError | None, reason: str | None = None) -> dict[str, flo
 def warnings(
     found: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
-    """A line where the step's error exceeds `LIMIT`, or can't be told; signals with their names.
+    """A line where the step's error exceeds `LIMIT`, or is unknown; signals with their names.
 
     `natural` (S, f) in Hz are frequencies at S places on the way, ascending.
     """

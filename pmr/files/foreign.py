@@ -52,11 +52,11 @@ def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: 
     """Where the others are if nobody says so: beside the stiffness, or in its own file where that holds them."""
     suffix = stiffness.suffix.lower()
     own = {".bdf": ("mass", "dofs", "nodes"), ".op4": ("mass",), ".pch": ("mass", "dofs"), ".mtx": ("dofs",)}
-    told = {"mass": mass, "dofs": dofs, "nodes": nodes}
+    given = {"mass": mass, "dofs": dofs, "nodes": nodes}
     beside = {"mass": ".mas", "dofs": ".dof", "nodes": ".inp"}
     found = {
         key: file or (stiffness if key in own.get(suffix, ()) else stiffness.with_suffix(beside[key]))
-        for key, file in told.items()
+        for key, file in given.items()
     }
     return ForeignFiles(stiffness, **found)
 

@@ -90,7 +90,7 @@ def check_count(count: int, dimension: int) -> None:
 
 
 def clustered(a: float, b: float) -> bool:
-    """Whether omega^2 of two modes are told apart by round-off alone."""
+    """Whether omega^2 of two modes differ by round-off alone."""
     return abs(b - a) <= CLUSTER * max(abs(a), abs(b))
 
 

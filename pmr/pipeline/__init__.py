@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Outcome", "fenicsx_versions", "framed_body", "held_body", "reduce", "run"]
 
-#: Where each name stands: imported when it is asked for, so that versions are told without all that computes.
+#: Where each name stands: imported when it is asked for, so that versions are known without importing what computes.
 _PLACES = {
     "Outcome": "pmr.pipeline.scenes:Outcome",
     "fenicsx_versions": "pmr.fem.compat:versions",

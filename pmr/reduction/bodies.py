@@ -62,8 +62,8 @@ def joined(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
     """The system of a scene's bodies as they are simulated; it knows them on their modes alone too."""
     bodies = as_asked(scene, bodies)
     found = system_of(scene, {name: one.model for name, one in bodies.items()})
-    told = {name: one.modal for name, one in bodies.items() if one.modal is not one.model and one.tells_errors}
-    return replace(found, on_modes=told)
+    on_modes = {name: one.modal for name, one in bodies.items() if one.modal is not one.model and one.tells_errors}
+    return replace(found, on_modes=on_modes)
 
 
 def reduce_bodies(

@@ -85,8 +85,8 @@ def _forces(result: RunResult) -> Rows:
     summary = result.summary
     below = [one for one in summary.get("reactions", ()) if _of_machine(result, one)]
     ground = {one["name"].removeprefix(MACHINE): one for one in below}
-    borne = [one for one in summary.get("reactions", ()) if not _at_pivot(result, one) and one not in below]
-    held = {_directed(result, one["name"]): one for one in borne if one["name"] not in _raising(result)}
+    supports = [one for one in summary.get("reactions", ()) if not _at_pivot(result, one) and one not in below]
+    held = {_directed(result, one["name"]): one for one in supports if one["name"] not in _raising(result)}
     ropes = {f"rope of {one['name']}, all strands": one["force"] for one in summary.get("ropes", ()) if one["follows"]}
     pulled = {f"cylinder of {one['name']}": one["force"] for one in summary.get("ropes", ()) if not one["follows"]}
     pivot = {one["name"].removeprefix("pivot "): one for one in summary.get("reactions", ()) if _at_pivot(result, one)}

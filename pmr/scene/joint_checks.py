@@ -12,7 +12,7 @@ from pmr.scene.fit import check_fit
 from pmr.scene.joints import Linear
 from pmr.scene.magnitudes import check_loads, check_proportions, jump_of
 from pmr.scene.members import EXTENSION, footprint, member_at, members, seats
-from pmr.scene.ropes import Drive, borne, longest, rope_length
+from pmr.scene.ropes import Drive, longest, rope_length, rope_shares
 from pmr.scene.scene import Scene
 from pmr.scene.simulators import Needs, refuse
 from pmr.scene.structure_checks import check_names, check_reserved, check_structure, refusal
@@ -31,7 +31,7 @@ def check_joints(scene: Scene) -> None:
     for number in range(1, len(scene.sections)):
         check_fit(scene, number)
         _slides(scene, number)
-        _borne(scene, number)
+        _gives_way(scene, number)
     for number in range(len(scene.sections)):
         _held_while_sliding(scene, number)
         _pads(scene, number)
@@ -102,12 +102,13 @@ def _driven(scene: Scene, number: int) -> None:
         raise refusal(f"{key}.extension", None, f"{scene.names[number]} {jump}")
 
 
-def _borne(scene: Scene, number: int) -> None:
+def _gives_way(scene: Scene, number: int) -> None:
     """What moves a section that others hang on, and these, give way together."""
     if not has_tail(member_at(scene, number)):
         return  # nothing holds it along the boom
-    key, borne_by, drive, name = f"sections[{number}].joint", borne(scene), Drive.of(scene, number), scene.names[number]
-    leads = [other for other, shares in borne_by.items() if name in shares and other != name]
+    key, drive, name = f"sections[{number}].joint", Drive.of(scene, number), scene.names[number]
+    carried = rope_shares(scene)
+    leads = [other for other, shares in carried.items() if name in shares and other != name]
     soft = next((one for one in leads if Drive.of(scene, scene.names.index(one)).compliance), None)
     if soft and not drive.compliance:
         allowed = (
@@ -116,7 +117,7 @@ def _borne(scene: Scene, number: int) -> None:
         raise refusal(f"{key}.rope", None, allowed)
     rings = ((end, k, ring) for end in ("tail", "mouth") for k, ring in enumerate(getattr(scene.joint(number), end)))
     rubs = next((f"{end}[{k}]" for end, k, ring in rings if ring.friction), "")
-    hangs = soft or drive.lengthening or (drive.compliance and len(borne_by.get(name, ())) > 1)
+    hangs = soft or drive.lengthening or (drive.compliance and len(carried.get(name, ())) > 1)
     if rubs and hangs:
         allowed = f"0 is allowed: what moves {name} changes its length, or gives way together with what moves others"
         raise refusal(f"{key}.{rubs}.friction", None, allowed)

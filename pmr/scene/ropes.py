@@ -1,4 +1,4 @@
-r"""Sections that hang on ropes or chains that other ones drive: what these bear of them, how long and stiff they are.
+r"""Sections that hang on ropes or chains that other ones drive: the force in these, how long and stiff they are.
 
 A rope from the head of section k - 2 over a sheave at the head of section k - 1 to the tail of section k has
 
@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pmr.scene.scene import Scene
 
 
-def borne(scene: Scene) -> dict[str, dict[str, float]]:
-    r"""Shares of what sections need along the boom that a rope or cylinder bears, by the section it moves.
+def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
+    r"""Shares of the sections' forces along the boom that a rope or cylinder carries, by the section it moves.
 
     :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k`, of each section that follows another one or is followed.
     """

@@ -27,7 +27,7 @@ class Answers:
 
 
 class Answering:
-    """Of a boom on its n coordinates, with contacts of which those that give way and hold both ways are told (m,).
+    """Of a boom on its n coordinates, with contacts of which a mask (m,) has those that give way and hold both ways.
 
     Rigid ones, and pads that only push, are left out.
     """

@@ -1,4 +1,4 @@
-"""A frame that moves as it is told instant by instant: amplitudes of inputs and terms, for loops of one's own.
+"""A frame whose motion is given instant by instant: amplitudes of inputs and terms, for loops of one's own.
 
 What drives a system whose frame moves are its *drivers*, each with its rate and its second rate: paths in m; loads as
 the scene names them, in N, and the gravity behind them; angles of the frame and of its base in rad; and, of which the

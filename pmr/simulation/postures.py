@@ -14,7 +14,7 @@ from pmr.scene.choice import directions
 from pmr.scene.frame import INERTIA, rotation
 from pmr.scene.members import members
 from pmr.scene.names import ALONE, cylinder_of
-from pmr.scene.ropes import borne
+from pmr.scene.ropes import rope_shares
 from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import accelerated, resting
 from pmr.simulation.excitation import Excitation, in_order
@@ -150,7 +150,7 @@ class Postures:
             luffing=at.luffing,
             arm=_arms(scene, at),
             ropes=_ropes(scene, system),
-            rope_names=tuple(borne(scene)),
+            rope_names=tuple(rope_shares(scene)),
             parts=parts,
             output_names=names,
             output_kinds=kinds,
@@ -252,8 +252,8 @@ def _arms(scene: Scene, at: Stands) -> Array:
 
 def _ropes(scene: Scene, system: System) -> Array:
     """Shares (r, m) of the cylinders' forces; where none holds a section along the boom, not a number."""
-    found = np.zeros((len(borne(scene)), len(system.contact_names)))
-    for row, shares in zip(found, borne(scene).values(), strict=True):
+    found = np.zeros((len(rope_shares(scene)), len(system.contact_names)))
+    for row, shares in zip(found, rope_shares(scene).values(), strict=True):
         for name, share in shares.items():
             if (known := cylinder_of(name)) in system.contact_names:
                 row[system.contact_names.index(known)] = share

@@ -32,7 +32,7 @@ def overshooting(signals: Sequence[tuple[str, SignalBase]], stepping: TimeSteppi
 
 
 def aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
-    """Whether the signal has a tone that can't be told from a slower one at the steps."""
+    """Whether the signal has a tone that looks like a slower one at the steps."""
     return 2.0 * signal.highest_frequency(0.0, stepping.end) * stepping.step >= 1.0
 
 

@@ -17,7 +17,7 @@ from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, plac
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
 from pmr.studies.field_probes import with_fields
-from pmr.studies.governing import chosen, told
+from pmr.studies.governing import chosen, details
 from pmr.studies.limits import Limit
 from pmr.studies.stops import Stopping
 from pmr.system.assembly import Assembly
@@ -233,7 +233,8 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     number where it is not known, and ``error.rotation``.  With ``hoist`` also ``hoist`` (p,), by which factor of its
     weight the least load of all pulls as it is lifted off, in the first case's amounts.  ``passed`` (p, c, l) says
     which limits are passed in the cases out of service, `left`.  Arrays ``at.`` are those of
-    `pmr.studies.governing.told` at ``at.place`` (l,), where each limit governs the largest load of these places, or -1.
+    `pmr.studies.governing.details` at ``at.place`` (l,), where each limit governs the largest load of these places, or
+    -1.
     Figures are the extremes of the loads that all limits allow.
     """
     models = Models.of(needs["postures"].arrays)
@@ -257,7 +258,7 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     ]
     best, case = chosen(arrays["load"]), arrays["case"]
     at_best = [asked.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
-    pages = told(asked.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
+    pages = details(asked.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     arrays |= {f"at.{name}": one for name, one in (pages | {"place": best}).items()}
     return TaskResult(record, {**arrays, "place": np.column_stack([radius, tip[:, 2]])})
 

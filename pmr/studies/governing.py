@@ -32,10 +32,10 @@ def chosen(load: Array) -> NDArray[np.int64]:
     return found
 
 
-def told(
+def details(
     limits: Sequence[Limit], places: Sequence[Place | None], loads: Array, bent: Bent, stops: Sequence[Stopping]
 ) -> dict[str, NDArray[Any]]:
-    """Arrays of places, each of one limit, None where there is none to tell of, under their loads (p,) kg.
+    """Arrays of places, each of one limit, None without one, under their loads (p,) kg.
 
     ``forces`` (p, m) N, ``bent`` (p, b) m across the boom at ``bent.x`` of ``bent.section`` along ``direction.names``,
     ``stress`` (p, s) Pa, von Mises', ``used`` (p, l), shares of all limits and of what it buckles under, and
@@ -84,5 +84,5 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
 
 
 def _stopped(limit: Limit | None, place: Place, load: float, stops: Sequence[Stopping]) -> dict[str, Array]:
-    found = [one.told(place, load * (1.0 - BELOW), limit) for one in stops]
+    found = [one.row(place, load * (1.0 - BELOW), limit) for one in stops]
     return {"stops": np.array(found).reshape(-1, 5)}

@@ -30,7 +30,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.names import named
-from pmr.scene.ropes import borne
+from pmr.scene.ropes import rope_shares
 from pmr.simulation.postures import HOOK, Postures
 from pmr.studies.field_probes import FIELD, WHOLE, bodies_with_field
 from pmr.studies.own_limits import Own, amount_of, check_names, expression_of, function_of
@@ -207,7 +207,7 @@ class Limit(BaseModel):
             if "stress" in probe.measures
         ]
         if self.of == "rope":
-            known = list(borne(scene))
+            known = list(rope_shares(scene))
         elif self.of != "stress":
             known = list(force_names(scene)[self.of])
         if not all(any(fnmatchcase(name, pattern) for name in known) for pattern in self.which):

@@ -74,8 +74,8 @@ class StudyResults:
                 record = RunRecord(task.key, failure.status, task.parameters, {}, {}, failure.reason, failure.detail)
             else:
                 stored, file = store.headline(digest[task.key]), os.path.relpath(store.path(digest[task.key]), folder)
-                told, notes = stored.result, stored.notes
-                record = RunRecord(task.key, "done", task.parameters, told.record, told.seconds, notes=notes, file=file)
+                done, notes = stored.result, stored.notes
+                record = RunRecord(task.key, "done", task.parameters, done.record, done.seconds, notes=notes, file=file)
             runs.append(record)
         return cls(folder, tuple(runs))
 

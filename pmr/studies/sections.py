@@ -169,8 +169,8 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     system = system_of(boom, {name: one.model for name, one in reduce_bodies(boom, case.built).items()})
     found = respond(system, run_from_start(system, case.excitation))
     responses = {"reduced": found, "full": case.response}
-    told = summary.compared(responses, quantities(case.excitation, found), {}, compare.relative_error).figures
-    record = figures.compared(told, "errors", "absolute_errors")
+    errors = summary.compared(responses, quantities(case.excitation, found), {}, compare.relative_error).figures
+    record = figures.compared(errors, "errors", "absolute_errors")
     sizes = {"full": case.full, "reduced": system}
     record |= {f"coordinates.{model}": sum(body.size for body in one.bodies.values()) for model, one in sizes.items()}
     driven = Excitation.of(boom)

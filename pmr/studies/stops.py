@@ -42,7 +42,7 @@ class Stopping:
     within: float
     turned: Array
 
-    def told(self, place: Place, load: float, limit: Limit | None) -> Array:
+    def row(self, place: Place, load: float, limit: Limit | None) -> Array:
         """Five numbers: by which factor the tip swings beyond a steady deceleration, and what is used of a limit.
 
         The share at rest, under a steady deceleration, and at most in the stop, of both directions; the speed in rad/s.

@@ -65,8 +65,8 @@ class StudyBase(BaseModel):
         """Further tables by the names of their files, once all runs are there, as text."""
         return {}
 
-    def told(self, results: StudyResults) -> str:
-        """What has come out, in a line for whoever waits for it, once all runs are there; empty without one."""
+    def summary_line(self, results: StudyResults) -> str:
+        """The main result in one line for the terminal, once all runs are there; empty without one."""
         return ""
 
     def statements(self) -> tuple[Statement, ...]:

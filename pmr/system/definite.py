@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 ROUND_OFF = 1e-9
 #: Share of a load that is known nearly by which less of it is where the search begins.
 BESIDE = 1e-2
-#: Steps of it, the share by which the last may change the load, and that by which less of the load has to be borne.
+#: Steps of it, the share by which the last may change the load, and that by which the load has to be lower.
 MOST_STEPS, SETTLED, BELOW = 30, 1e-12, 1e-6
 
 

@@ -20,7 +20,7 @@ from pmr.scene.joints import JointPads
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint, member_at, members
 from pmr.scene.names import ALONE, cylinder_of, named
 from pmr.scene.parts import Part
-from pmr.scene.ropes import Drive, borne
+from pmr.scene.ropes import Drive, rope_shares
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
 from pmr.system.frame_terms import terms_of
@@ -102,7 +102,7 @@ def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[
     if TAIL in bodies[inner].row_names:
         at = _somewhere(bodies[inner], TAIL)
         held = Place(outer, TAIL, _somewhere(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None
-        drive, shares = Drive.of(scene, number), borne(scene).get(inner, {})
+        drive, shares = Drive.of(scene, number), rope_shares(scene).get(inner, {})
         yield Contact(
             cylinder_of(inner),
             Place(inner, TAIL, at),

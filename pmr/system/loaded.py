@@ -155,7 +155,7 @@ class Form:
         if d:
             R[o + m :, :n], R[o + m :, n:] = e.C[pushes], -e.F[pushes][:, closed]
         z = [Z @ np.concatenate([b, g[closed]]) for b, g in zip(e.b, e.g, strict=True)]
-        # contacts are closed where C q - F lambda = g: what is beyond that is told by the rest
+        # contacts are closed where C q - F lambda = g: the rest is how far that fails
         rest = [np.concatenate([direct, np.zeros(m), -g[pushes]]) for direct, g in zip(e.direct, e.g, strict=True)]
         self._linear = [R @ one + more for one, more in zip(z, rest, strict=True)]
         Y = (R @ Z[:, :n]) @ e.G[1]

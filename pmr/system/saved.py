@@ -132,8 +132,8 @@ def read(path: Path) -> Saved | ReducedModel:
         raise InputError(str(path), "", None, f"not a system written by pmr ({error})") from None
     if wrong:
         raise InputError(str(path), "", None, f"not a sound system: {wrong}")
-    bodies, told = dict(zip(known.bodies, models, strict=True)), dict(zip(known.on_modes, on_modes, strict=True))
-    return Saved(bodies, known.contacts, terms, known.provenance, told)
+    bodies, modal = dict(zip(known.bodies, models, strict=True)), dict(zip(known.on_modes, on_modes, strict=True))
+    return Saved(bodies, known.contacts, terms, known.provenance, modal)
 
 
 def _term(known: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> Term:

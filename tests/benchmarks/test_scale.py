@@ -30,8 +30,8 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_run_leaves_its_last_line(module) -> None:
-    name = module("import sys, json", "print('words')", "print(json.dumps({'told': sys.argv[1:]}))")
-    assert record_of(name, ["a", "b"], 1, Bounds(PATIENCE)) == {"told": ["a", "b"]}
+    name = module("import sys, json", "print('words')", "print(json.dumps({'given': sys.argv[1:]}))")
+    assert record_of(name, ["a", "b"], 1, Bounds(PATIENCE)) == {"given": ["a", "b"]}
 
 
 def test_a_run_that_fails_says_why(module) -> None:

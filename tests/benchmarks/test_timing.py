@@ -10,11 +10,11 @@ from benchmarks.timing import Times, exponent, side_by_side
 
 def test_ways_take_turns_and_may_say_how_long_they_took() -> None:
     order: list[str] = []
-    told = iter([3.0, 1.0, 2.0])
+    values = iter([3.0, 1.0, 2.0])
 
     def one() -> float:
         order.append("one")
-        return next(told)
+        return next(values)
 
     def other() -> None:
         order.append("other")

@@ -113,8 +113,8 @@ def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_re
         simulate_saved(System.of(model), scene.load(file, [*ours, "loads.gust.direction=z"]))
     with pytest.raises(InputError, match=r"loads\[1\].on = 3.0: that of the model is allowed: 'tip'"):
         simulate(scene.load(file, [*ours, "loads.gust.on=3"]), model)
-    told = model.provenance["scene"]
-    older = {"scene": told | {"gravity": {}, "loads": [{"name": load["name"]} for load in told["loads"]]}}
+    written = model.provenance["scene"]
+    older = {"scene": written | {"gravity": {}, "loads": [{"name": load["name"]} for load in written["loads"]]}}
     check_made_for(replace(model, provenance=older), scene.load(file, ours))
 
 

@@ -150,8 +150,8 @@ def test_interrupted_by_the_keyboard_it_says_how_to_go_on(small: Path, tmp_path:
     child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     wait_until(lambda: list(tmp_path.glob("tasks/*.npz")), child)
     child.send_signal(signal.SIGINT)
-    _, told = child.communicate(timeout=PATIENCE)
-    assert child.returncode == 130 and told == "interrupted; the same command goes on from here\n"
+    _, printed = child.communicate(timeout=PATIENCE)
+    assert child.returncode == 130 and printed == "interrupted; the same command goes on from here\n"
 
 
 @pytest.fixture

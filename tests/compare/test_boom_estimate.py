@@ -168,7 +168,7 @@ def test_peaks_of_pads_that_rattle_are_a_range_if_they_differ() -> None:
 @pytest.mark.slow
 def test_what_no_richer_model_tells_and_an_odd_material_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """Peaks agree here; the material of which section is named by its key."""
-    monkeypatch.setattr(estimates, "settled", lambda told, apart: False)
+    monkeypatch.setattr(estimates, "settled", lambda error, apart: False)
     outcome = run(load("compare.against=[]", "section.body.material.density=7.85"))
     assert outcome is not None
     summary = outcome.result.summary

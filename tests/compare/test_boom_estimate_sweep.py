@@ -14,7 +14,7 @@ from pmr.pipeline import run
 
 SEEDS = range(40) if os.environ.get("PMR_SWEEP") == "full" else range(4)
 #: True errors below this are round-off of two long simulations.
-TOLD = 1e-6
+ROUND_OFF = 1e-6
 
 
 @pytest.mark.slow
@@ -27,7 +27,7 @@ def test_one_to_five_times_the_true_error_on_random_booms() -> None:
         true, said = summary["errors"]["reduced_vs_full"], summary["estimate"]
         assert said["tip"] is not None
         for kind, found in ratios.items():
-            if said[kind] is not None and TOLD < true[kind] < 0.99:
+            if said[kind] is not None and ROUND_OFF < true[kind] < 0.99:
                 found.append(said[kind] / true[kind])
     for found in ratios.values():
         assert found and min(found) > 0.8

@@ -139,20 +139,20 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "told", "error"),
+    ("name", "function", "error"),
     [
         ("evolved_residual", "estimate.estimate", SimulationError("march failed at step 7")),
         ("paper_evolved", "estimate.by_other", InputError("scene", "time", None, "march refuses")),
         ("paper_evolved", "estimate.by_other", SimulationError("march failed at step 7")),
     ],
 )
-def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch, name, told, error) -> None:
+def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch, name, function, error) -> None:
     reason = str(error)  # to which the stage adds its name
 
     def fails(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr(f"pmr.compare.estimated.{told}", fails)
+    monkeypatch.setattr(f"pmr.compare.estimated.{function}", fails)
     outcome = run(load_scene(name, [*SHORT, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     found = outcome.result.summary["estimate"]

@@ -98,8 +98,8 @@ def test_a_base_that_gives_way_along_the_boom_passes_impulses_on_to_its_support(
     true, response = found.summary["errors"]["reduced_vs_full"], found.responses["reduced"]
     assert true["cylinder_force"] < 0.05 and true["support_force"] < 0.05
     reaction, before = response.other("reaction of base: pivot x"), response.t < 0.44
-    borne = float(scipy.integrate.trapezoid((reaction - reaction[0])[before], response.t[before]))
-    assert abs(borne) == pytest.approx(found.summary["cylinders"][0]["kinks"][0]["impulse"], rel=1e-3)
+    impulse = float(scipy.integrate.trapezoid((reaction - reaction[0])[before], response.t[before]))
+    assert abs(impulse) == pytest.approx(found.summary["cylinders"][0]["kinks"][0]["impulse"], rel=1e-3)
 
 
 @pytest.mark.slow

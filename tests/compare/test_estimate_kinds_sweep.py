@@ -57,12 +57,12 @@ def test_pads_that_only_push_have_one_unless_an_impact_decides() -> None:
         except SimulationError as error:
             assert "the exact time of impacts" in str(error)
             unsettled += 1
-    told = "\n".join(f"{seed} {kind}: {ratio:.3f}, {true:.1e}" for seed, kind, ratio, true in found)
-    assert unsettled <= len(PUSHING) // 2, told
+    lines = "\n".join(f"{seed} {kind}: {ratio:.3f}, {true:.1e}" for seed, kind, ratio, true in found)
+    assert unsettled <= len(PUSHING) // 2, lines
     for kind in KINDS:
         of_kind = np.array([ratio for _, name, ratio, _ in found if name == kind])
-        assert len(of_kind) >= len(PUSHING) // 4, told
-        assert np.mean((of_kind >= 1.0) & (of_kind <= 5.0)) >= 0.9 and of_kind.min() >= 0.8, told
+        assert len(of_kind) >= len(PUSHING) // 4, lines
+        assert np.mean((of_kind >= 1.0) & (of_kind <= 5.0)) >= 0.9 and of_kind.min() >= 0.8, lines
 
 
 @pytest.mark.slow
@@ -72,10 +72,10 @@ def test_every_kind_has_an_estimate_that_can_be_relied_on() -> None:
     Paths with kinks have no estimate of forces, and only booms have probes.
     """
     found = [(seed, *one) for seed in SEEDS for one in ratios(sliding_scene(seed))]
-    told = "\n".join(f"{seed} {kind}: {ratio:.2f}, {true:.1e}" for seed, kind, ratio, true in found)
+    lines = "\n".join(f"{seed} {kind}: {ratio:.2f}, {true:.1e}" for seed, kind, ratio, true in found)
     shares = {"beam": 0.95, "tip": 0.95, "pad_force": 0.9, "velocity": 0.9, "probe": 0.9}
     for kind, share in shares.items():
         of_kind = np.array([ratio for _, name, ratio, _ in found if name == kind])
-        assert len(of_kind) >= (0.2 if kind == "probe" else 0.6) * len(SEEDS), told
-        assert np.mean((of_kind >= 1.0) & (of_kind <= 5.0)) >= share, told
-        assert of_kind.min() >= 0.8, told
+        assert len(of_kind) >= (0.2 if kind == "probe" else 0.6) * len(SEEDS), lines
+        assert np.mean((of_kind >= 1.0) & (of_kind <= 5.0)) >= share, lines
+        assert of_kind.min() >= 0.8, lines

@@ -72,9 +72,9 @@ def test_the_estimate_is_above_the_error_wherever_its_second_run_is_good_enough(
     exceeds the error for certain where 1.25 |d| >= (1 + max u_i) (|d| + |u|).
     """
     cases = [one for one in map(case, SEEDS) if one.true > SMALLEST]
-    told = "\n".join(f"{one.seed}: {one.said / one.true:.2f}, {one.true:.1e}, {one}" for one in cases)
+    lines = "\n".join(f"{one.seed}: {one.said / one.true:.2f}, {one.true:.1e}, {one}" for one in cases)
     for one in cases:
-        assert abs(one.seen - one.true) <= one.unseen * (1.0 + 1e-9), told
+        assert abs(one.seen - one.true) <= one.unseen * (1.0 + 1e-9), lines
     certain = [one for one in cases if 1.25 * one.seen >= (1.0 + one.largest) * (one.seen + one.unseen)]
-    assert len(certain) >= 0.7 * len(cases), told
-    assert all(one.said >= one.true for one in certain), told
+    assert len(certain) >= 0.7 * len(cases), lines
+    assert all(one.said >= one.true for one in certain), lines

@@ -211,13 +211,13 @@ COARSE = ["time.end=1.0", "mesh.elements=20", "slider.path={kind='ramp',times=[0
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["evolved_residual", "paper_evolved"])
 def test_a_run_whose_step_is_too_coarse_by_ten_says_so(load_scene, name: str) -> None:
-    def told(step: float) -> tuple[dict, Chapter]:
+    def with_step_of(step: float) -> tuple[dict, Chapter]:
         scene = load_scene(name, [*COARSE, f"time.step={step}", "compare.against=['full']"])
         outcome = run(scene)
         assert outcome is not None
         return outcome.result.summary, chapter(outcome.result, "case-1")
 
-    fine, coarse = told(2e-3), told(2e-2)
+    fine, coarse = with_step_of(2e-3), with_step_of(2e-2)
     assert fine[0]["step"]["beam"] < LIMIT < coarse[0]["step"]["beam"]
     assert [sum("too coarse" in line for line in found["warnings"]) for found, _ in (fine, coarse)] == [0, 1]
     assert coarse[0]["errors"]["reduced_vs_full"]["beam"] < 0.02  # both models miss the same

@@ -29,7 +29,7 @@ def with_step(scene: Scene, step: float) -> Scene:
 @pytest.mark.slow
 def test_what_settles_is_the_error() -> None:
     """Known to a quarter of itself by the scheme's order, and to what the reference run is off by in turn."""
-    told, settled = [], 0
+    lines, settled = [], 0
     for seed in SEEDS:
         given = random_scene(seed)
         scene, model = with_step(given, COARSE * given.time.step), reduce(given).reduced
@@ -37,8 +37,10 @@ def test_what_settles_is_the_error() -> None:
         halved = round(scene.time.step / found.finest) * FURTHER
         fine = simulate(with_step(scene, scene.time.step / halved), model).displacement[::halved]
         true = relative_error(simulate(scene, model).displacement, fine)
-        told.append(f"{seed}: {found.beam:.2e} said, {true:.2e} true, settled {found.settled}, by {found.finest:.1e} s")
+        lines.append(
+            f"{seed}: {found.beam:.2e} said, {true:.2e} true, settled {found.settled}, by {found.finest:.1e} s"
+        )
         settled += found.settled
         if found.settled:
-            assert found.beam == pytest.approx(true, rel=2.0 * SETTLED, abs=NEGLIGIBLE), "\n".join(told)
-    assert settled >= 0.8 * len(told), "\n".join(told)
+            assert found.beam == pytest.approx(true, rel=2.0 * SETTLED, abs=NEGLIGIBLE), "\n".join(lines)
+    assert settled >= 0.8 * len(lines), "\n".join(lines)

@@ -67,12 +67,12 @@ def test_a_run_without_reference_says_so(load_scene) -> None:
     assert summary["max_error"] is None
     assert summary["max_displacement"] < 0.1
     assert list(result.responses) == ["reduced"]
-    [told] = [warning for warning in summary["warnings"] if warning.startswith("no reference by the full model")]
-    assert "rho_inf" in told
+    [warning] = [warning for warning in summary["warnings"] if warning.startswith("no reference by the full model")]
+    assert "rho_inf" in warning
     table = errors.rows(result)
     assert [row.comparison for row in table if row.here == "no reference"] == ["reduced against full"]
     shown = chapter(result, "case-1")
-    assert [told[:1].upper() + told[1:]] == [line for line in shown.warnings if "no reference" in line.lower()]
+    assert [warning[:1].upper() + warning[1:]] == [line for line in shown.warnings if "no reference" in line.lower()]
     assert "times the true error" not in " ".join(point.text for point in shown.points)
 
 

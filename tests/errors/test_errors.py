@@ -38,9 +38,9 @@ def test_a_motion_that_grows_names_what_a_user_can_change(
     rigid_rows: tuple[str, ...], rho_inf: float, key: str, value: float
 ) -> None:
     error = GrowthError("march: the motion grows without bound", rigid_rows)
-    with pytest.raises(GrowthError) as told, Clock().stage("reduced"):
+    with pytest.raises(GrowthError) as caught, Clock().stage("reduced"):
         raise error
-    travelled = pickle.loads(pickle.dumps(told.value))
+    travelled = pickle.loads(pickle.dumps(caught.value))
     found = travelled.refusal(0.01, rho_inf)
     assert (found.source, found.key, found.value) == ("scene", key, value)
     assert "allowed: reduced: march: the motion grows without bound" in str(found)

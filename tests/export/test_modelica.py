@@ -56,8 +56,8 @@ def test_its_numbers_are_those_of_the_state_space(system: System, text: str) -> 
         "  der(x) = A[place, :, :] * x + B[place, :, :] * f;",
         "  y = C[place, :, :] * x + D[place, :, :] * f;",
     ]
-    told = [f"  f[{k}] = {name};" for k, name in enumerate(inputs, 1)]
-    assert equations[2:] == [*told, *(f"  {name} = y[{k}];" for k, name in enumerate(outputs, 1)), "end Boom;"]
+    assigned = [f"  f[{k}] = {name};" for k, name in enumerate(inputs, 1)]
+    assert equations[2:] == [*assigned, *(f"  {name} = y[{k}];" for k, name in enumerate(outputs, 1)), "end Boom;"]
     assert set(declared(text, "input").values()) == {"N", "m/s2"} and set(declared(text, "output").values()) >= {
         "m",
         "N",

@@ -66,7 +66,7 @@ def interrupt(process: subprocess.Popen[str], signal_number: int) -> None:
         try:
             process.communicate(timeout=5.0)
             break
-        except subprocess.TimeoutExpired:  # Python drops what it is told while it tidies up
+        except subprocess.TimeoutExpired:  # Python ignores a signal while it shuts down
             continue
     assert process.returncode != 0
 

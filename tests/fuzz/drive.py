@@ -29,7 +29,7 @@ def verdicts(kind: str, count: int, first: int = 0) -> Iterator[Verdict]:
             number += 1
 
 
-def told(found: list[Verdict]) -> str:
+def summary(found: list[Verdict]) -> str:
     """Counts, and every fault with its number."""
     counts = Counter(verdict.kind for verdict in found)
     faults = [f"\n--- {v.number}: {v.kind} after {v.seconds:.1f} s\n{v.detail}" for v in found if not v.is_sound]
@@ -62,4 +62,4 @@ if __name__ == "__main__":
             print(f"{each.number + 1} judged", flush=True)
         if not each.is_sound:
             print(f"--- {each.number}: {each.kind} after {each.seconds:.1f} s\n{each.detail}", flush=True)
-    print(told(everything).partition("\n")[0])
+    print(summary(everything).partition("\n")[0])

@@ -1,4 +1,4 @@
-"""Model files that are damaged, crafted or lie: read, and if they are accepted, told of, exported and simulated."""
+"""Model files that are damaged, crafted or lie: read, and if they are accepted, described, exported and simulated."""
 
 from __future__ import annotations
 

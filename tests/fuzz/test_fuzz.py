@@ -10,7 +10,7 @@ import os
 
 import pytest
 from fuzz import faults
-from fuzz.drive import told, verdicts
+from fuzz.drive import summary, verdicts
 
 ALL = {"scenes": 3000, "studies": 500, "models": 500, "meshes": 200, "names": 100, "structures": 600, "booms": 400}
 FIRST = {"scenes": 20, "studies": 20, "models": 20, "meshes": 10, "names": 1, "structures": 7, "booms": 4}
@@ -21,16 +21,16 @@ def test_every_kind_of_fault_is_seen_and_the_rest_goes_on() -> None:
     found = list(verdicts("faults", len(faults.KINDS)))
     assert [verdict.kind for verdict in found] == faults.KINDS
     assert [verdict.number for verdict in found] == list(range(len(faults.KINDS)))
-    assert "--- 2: traceback" in told(found) and "KeyError" in told(found)
+    assert "--- 2: traceback" in summary(found) and "KeyError" in summary(found)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", COUNTS)
 def test_every_mutation_runs_or_is_refused_in_one_line(kind: str) -> None:
     found = list(verdicts(kind, COUNTS[kind]))
-    print(told(found))
+    print(summary(found))
     assert len(found) == COUNTS[kind]
-    assert all(verdict.is_sound for verdict in found), told(found)
+    assert all(verdict.is_sound for verdict in found), summary(found)
     assert sum("grows without bound" in verdict.detail for verdict in found) <= len(found) / 50  # a remarkable thing
     kinds = {verdict.kind for verdict in found}
     assert "ran" in kinds and ("refused" in kinds or kind == "names")  # neither all nor nothing; a name is no reason

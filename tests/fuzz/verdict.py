@@ -23,7 +23,7 @@ PATIENCE = 1200  # s of wall time, on a machine that others use too
 class Verdict:
     """`kind` is ``ran`` or ``refused`` (one line and exit code 2); everything else is a fault.
 
-    ``failed``: a solver gave up; ``traceback``; ``nonsense``: a result that can't be and nobody is told; ``slow``;
+    ``failed``: a solver gave up; ``traceback``; ``nonsense``: a result that can't be without a word of it; ``slow``;
     ``died``: the process ended or hung.
     """
 

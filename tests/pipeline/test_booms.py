@@ -70,8 +70,8 @@ def test_summary_says_what_each_section_and_joint_does(outcome: Outcome) -> None
     assert [row["reach"] for row in summary["published_frequencies"]] == [9.0]
     assert any("at a reach of 30 m are left out: this boom reaches 8 to 9.2 m" in said for said in summary["warnings"])
     force = outcome.result.responses["reduced"].force("force of fly mouth top", 0)
-    told = next(pad for pad in summary["pads"] if pad["name"] == "fly mouth top")
-    assert told["min"] == force.min() and told["max"] == force.max()
+    listed = next(pad for pad in summary["pads"] if pad["name"] == "fly mouth top")
+    assert listed["min"] == force.min() and listed["max"] == force.max()
 
 
 def test_outputs_are_what_their_names_mean(outcome: Outcome) -> None:
@@ -149,8 +149,8 @@ def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: Outc
     assert reactions == ["base: clamp x", "base: clamp z", "base: clamp ry"]
     assert found["frequencies"].columns[0] == "reach [m]"
     assert [row[0] for row in found["frequencies"].rows] == result.frequencies.along.tolist()
-    told = {row[1]: row for row in found["forces"].rows if row[0] == "reduced"}
-    assert set(told) == {one["name"] for kind in ("pads", "cylinders") for one in result.summary[kind]}
+    listed = {row[1]: row for row in found["forces"].rows if row[0] == "reduced"}
+    assert set(listed) == {one["name"] for kind in ("pads", "cylinders") for one in result.summary[kind]}
     probe = next(row for row in found["probes"].rows if row[:2] == ("reduced", "middle: waist displacement z"))
     response = result.responses["reduced"]
     beside = 1e3 * response.displacement[:, response.output_names.index("middle: z at 3 m")]
@@ -167,11 +167,11 @@ def test_with_a_cache_another_signal_computes_nothing_again(tmp_path: Path, monk
     for owner, name in ((bodies, "free_modes"), (FullOrder, "frequencies")):
         plain = getattr(owner, name)
 
-        def told(*arguments: Any, name: str = name, plain: Any = plain, **named: Any) -> Any:
+        def counted(*arguments: Any, name: str = name, plain: Any = plain, **named: Any) -> Any:
             calls.append(name)
             return plain(*arguments, **named)
 
-        monkeypatch.setattr(owner, name, told)
+        monkeypatch.setattr(owner, name, counted)
     quick = (*QUICK, "time.end=0.02", "section.reduction.estimate=false")
     signals = (f"sections.fly.loads.0.signal={size}" for size in (3000.0, 6000.0))
     first, other = (run(load(*quick, signal), cache=tmp_path) for signal in signals)
@@ -237,7 +237,7 @@ def test_a_result_is_read_as_it_was_saved_and_reported(outcome: Outcome, tmp_pat
     assert np.array_equal(again.frequencies.models["full"], outcome.result.frequencies.models["full"])
     assert again.frequencies.over_joints is not None and again.frequencies.over_joints.joints == ("middle", "fly")
     page = write_report([again], tmp_path).html.read_text(encoding="utf-8")
-    told = ["A boom of 3 sections", "fly mouth top", "cylinder of middle", "hold both ways and pull"]
+    terms = ["A boom of 3 sections", "fly mouth top", "cylinder of middle", "hold both ways and pull"]
     as_of_one_body = (
         "Total energy",
         "Joints and loads",
@@ -245,7 +245,8 @@ def test_a_result_is_read_as_it_was_saved_and_reported(outcome: Outcome, tmp_pat
         "Loads over time",
         "waist displacement",
     )
-    for said in (*told, *as_of_one_body, "estimated without the full model", "extensions of middle and fly", "A paper"):
+    terms += ["estimated without the full model", "extensions of middle and fly", "A paper"]
+    for said in (*terms, *as_of_one_body):
         assert said in page
     outcome.reduced["fly"].save(tmp_path / "reduced-fly.npz")
     assert ReducedModel.load(tmp_path / "reduced-fly.npz").carriers is not None
@@ -292,10 +293,10 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
     tip = response.displacement[::100, response.output_names.index("fly: tip z")]
     last = int(np.argmax(fields.points[:, 0]))
     assert fields.displacement[:, last, 2] == pytest.approx(tip, rel=1e-5)
-    told = result.summary["max_von_mises"]
-    assert told["reduced"] == pytest.approx(told["full"], rel=0.02) and told["reduced"] > 1e6
+    largest = result.summary["max_von_mises"]
+    assert largest["reduced"] == pytest.approx(largest["full"], rel=0.02) and largest["reduced"] > 1e6
     by_section = [one["max_von_mises"]["reduced"] for one in result.summary["sections"]]
-    assert max(by_section) == told["reduced"]
+    assert max(by_section) == largest["reduced"]
     page = write_report([result], tmp_path).html.read_text(encoding="utf-8")
     assert "Largest von Mises stress of each section" in page and "fly, full" in page
     along = {name: one[1] for name, one in result.travelling.items()}
@@ -383,9 +384,9 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
         resisting = 0.1 * (on_mouth + np.abs(weight - on_mouth))
         added = found.other(f"friction of {name}")
         assert np.abs(added - resisting)[slides].max() < 1e-3 * np.abs(resisting).max()
-    told = {one["name"]: one for one in part(boom, system, found).figures["cylinders"]}
-    assert told["cylinder of fly"]["max"] == found.force("force of cylinder of fly", 0).max()
-    assert told["cylinder of middle"]["friction"] == pytest.approx(np.abs(resisting).max(), rel=1e-3)
+    listed = {one["name"]: one for one in part(boom, system, found).figures["cylinders"]}
+    assert listed["cylinder of fly"]["max"] == found.force("force of cylinder of fly", 0).max()
+    assert listed["cylinder of middle"]["friction"] == pytest.approx(np.abs(resisting).max(), rel=1e-3)
 
 
 @pytest.mark.slow
@@ -394,10 +395,10 @@ def test_three_sections_as_they_come() -> None:
     assert outcome is not None
     summary = outcome.result.summary
     assert summary["coordinates"]["reduced"] == 19 and summary["warnings"] == []
-    true, told = summary["errors"]["reduced_vs_full"], summary["estimate"]
+    true, estimate = summary["errors"]["reduced_vs_full"], summary["estimate"]
     assert max(true.values()) < 2e-4
     known = {kind: error for kind, error in true.items() if not kind.startswith("reaction")}
-    assert all(error < told[kind] < 2.0 * error for kind, error in known.items())  # though pads land and lift off
+    assert all(error < estimate[kind] < 2.0 * error for kind, error in known.items())  # though pads land and lift off
     assert min(pad["min"] for pad in summary["pads"]) >= 0.0
 
 

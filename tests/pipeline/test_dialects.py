@@ -19,7 +19,7 @@ QUICK = WHOLE + "gravity = {rise = 0.1}\nsimulation = {repeats = 1}\n"
 
 @pytest.mark.slow
 def test_figures_and_report_do_not_depend_on_the_dialect(tmp_path: Path, undrawn: None) -> None:
-    """Seconds aside, which the report of one is told of the other."""
+    """Seconds aside, which the two reports differ in."""
     files = [written(tmp_path, listed, QUICK) for listed in (True, False)]
     outcomes = [run(scenes.load(file, [f"title={file.stem}"])) for file in files]
     listed, top = (one.result for one in outcomes if one is not None)

@@ -133,13 +133,13 @@ def test_rigid_sections_in_space_press_and_push_as_newton_and_euler_say() -> Non
         assert found.other(f"reaction of pivot r{axis}") == pytest.approx(-moment[:, k], abs=1e-6 * turning)
     pushed = {"bottom": (2, 1.0), "top": (2, -1.0), "right": (1, 1.0), "left": (1, -1.0)}
     for k, name in ((1, "middle"), (2, "fly")):
-        borne = np.zeros_like(force)
-        borne[:, 0] = found.force(f"force of cylinder of {name}", 0)
+        carried = np.zeros_like(force)
+        carried[:, 0] = found.force(f"force of cylinder of {name}", 0)
         for pad in found.force_names:
             if pad.startswith((f"force of {name} tail", f"force of {name} mouth")):
                 axis, sign = next(way for face, way in pushed.items() if face in pad)
-                borne[:, axis] += sign * found.force(pad, 0)
-        assert borne == pytest.approx(sum(one.force for one in each[k:]), abs=1e-6 * largest)
+                carried[:, axis] += sign * found.force(pad, 0)
+        assert carried == pytest.approx(sum(one.force for one in each[k:]), abs=1e-6 * largest)
 
 
 #: At 0, 5, 10, 15 and 20 s in mm, of a planar code of its own, without second order (0.5 % of the largest, 220.9 mm).

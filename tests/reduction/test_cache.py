@@ -25,11 +25,11 @@ def computed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     for place, name in ((pmr.reduction.bodies, "reduce_body"), (pmr.pipeline.full_order, "lowest_frequencies")):
         plain = getattr(place, name)
 
-        def told(*arguments: object, name: str = name, plain=plain) -> object:
+        def counted(*arguments: object, name: str = name, plain=plain) -> object:
             calls.append(name)
             return plain(*arguments)
 
-        monkeypatch.setattr(place, name, told)
+        monkeypatch.setattr(place, name, counted)
     return calls
 
 

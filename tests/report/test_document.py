@@ -245,8 +245,8 @@ def test_warnings_stand_by_themselves_below_what_it_carries_and_above_coordinate
 def test_the_overview_says_what_a_number_is_to_be_seen_beside(make_result) -> None:
     summary = make_result().summary
     errors = {"reduced_vs_full": summary["errors"]["reduced_vs_full"] | {"pad_force": 0.247}}
-    struck = make_result(summary=summary | {"errors": errors, "impacts": {"band": 7.6, "pad_force": 0.0112}})
-    overview, _, _ = render([case(struck, "case-1"), case(struck, "case-2")]).partition("</nav>")
+    hit = make_result(summary=summary | {"errors": errors, "impacts": {"band": 7.6, "pad_force": 0.0112}})
+    overview, _, _ = render([case(hit, "case-1"), case(hit, "case-2")]).partition("</nav>")
     assert overview.count("<small>below 7.6\u00a0Hz, where the tip moves, 1.12\u00a0%</small>") == 2
 
 

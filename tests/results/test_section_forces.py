@@ -68,7 +68,7 @@ def test_stress_and_its_share_of_the_yield_stress_are_known(ran: RunResult) -> N
     assert [one["name"] for one in ran.summary["masses"]] == ["base", "middle", "fly"]
 
 
-def told(model: str = "reduced", **more: float) -> dict[str, object]:
+def record(model: str = "reduced", **more: float) -> dict[str, object]:
     """What is recovered of a body: its largest stress, and those in regions."""
     peaks = {
         region: {"value": value, "t": 0.5, "position": [1.0, 0.0, 0.0], "face": "outer", "region": region}
@@ -82,7 +82,7 @@ def test_each_region_is_compared_with_its_own_yield_stress() -> None:
     """The largest share need not be where the largest stress is; without a yield stress nothing is said."""
     scene = load_any(BOOM, QUICK)
     plain = load_any(BOOM, [one for one in QUICK if "yield" not in one])
-    stresses = {"middle": told(top=300e6, bottom=200e6)}
+    stresses = {"middle": record(top=300e6, bottom=200e6)}
     assert utilisation(plain, stresses).figures == {}
     found = utilisation(scene, stresses)
     assert found.figures["utilisation"]["reduced"]["region"] == "top" and not found.warnings

@@ -102,9 +102,9 @@ def test_what_contradicts_itself_is_refused_with_key_and_numbers(change: str, sa
     if not said:
         load(change)
         return
-    with pytest.raises(InputError, match=said) as told:
+    with pytest.raises(InputError, match=said) as caught:
         load(change)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_sections_are_held_along_the_boom_where_nothing_slides() -> None:

@@ -29,10 +29,10 @@ def test_what_is_not_declared_is_refused_with_a_key_and_who_can(name: str, what:
     if getattr(SIMULATORS[name], what):
         refuse(name, NEEDS[what])
         return
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as caught:
         refuse(name, NEEDS[what])
-    assert (told.value.key, told.value.value) == ("simulation.simulators", name)
-    assert told.value.allowed.startswith("march ") and "petsc is allowed" not in told.value.allowed
+    assert (caught.value.key, caught.value.value) == ("simulation.simulators", name)
+    assert caught.value.allowed.startswith("march ") and "petsc is allowed" not in caught.value.allowed
     with pytest.raises(InputError, match=r"compare\.against = \['full'\]: \[\] is allowed"):
         refuse(name, NEEDS[what], REFERENCE)
 

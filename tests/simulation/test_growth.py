@@ -1,4 +1,4 @@
-"""Random paths, loads, steps and rho_inf: what grows is told, and what is right is left alone.
+"""Random paths, loads, steps and rho_inf: what grows is reported, and what is right is left alone.
 
 `PMR_SWEEP=full` takes all of them.
 """

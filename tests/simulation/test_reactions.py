@@ -49,7 +49,7 @@ def test_full_reactions_hold_the_supports_and_fulfil_newton() -> None:
     response = respond(body, moved, excitation.path_rate, f)
     assert response.others is not None and response.other_names == NAMES
     assert response.other_units == ("N", "N", "N m", "N")
-    # C^T lambda with the slider's multiplier and the reactions as they are told
+    # C^T lambda with the slider's multiplier and the reactions as they are reported
     slider = body.row_names.index("slider")
     C = np.array([body.C(s).toarray() for s in moved.s])
     pressed = moved.multipliers[:, [slider], None] * C[:, [slider]]
@@ -82,9 +82,10 @@ def test_reduced_reactions_are_as_good_as_the_forces_of_the_slider(outcome: Outc
     largest = max(errors[name] for name in NAMES)
     assert 0.0 < largest <= 2.0 * errors["pad_force"] < 0.02
     assert errors[NAMES[0]] == 0.0  # nothing acts along the axis
-    told = {one["name"]: one for one in outcome.result.summary["reactions"]}
+    listed = {one["name"]: one for one in outcome.result.summary["reactions"]}
     reduced = outcome.result.responses["reduced"]
-    assert told["end"]["max"] == reduced.other("reaction of end").max() and told["support ry at 0 m"]["unit"] == "N m"
+    assert listed["end"]["max"] == reduced.other("reaction of end").max()
+    assert listed["support ry at 0 m"]["unit"] == "N m"
 
 
 def test_a_saved_model_tells_them_too(outcome: Outcome, tmp_path: Path) -> None:
@@ -92,10 +93,10 @@ def test_a_saved_model_tells_them_too(outcome: Outcome, tmp_path: Path) -> None:
     excitation = Excitation.of(scene)
     f = excitation.forces(model.input_names)
     again = respond(model, simulate(model, excitation), excitation.path_rate, f)
-    found, told = (reaction_extremes(one, excitation.s[:, 0]) for one in (again, outcome.result.responses["reduced"]))
-    assert [(of.support, of.unit) for of in found] == [(of.support, of.unit) for of in told]
+    found, first = (reaction_extremes(one, excitation.s[:, 0]) for one in (again, outcome.result.responses["reduced"]))
+    assert [(of.support, of.unit) for of in found] == [(of.support, of.unit) for of in first]
     for of, one in found.items():
-        assert one.most == pytest.approx(told[of].most, rel=1e-9, abs=1e-9)
+        assert one.most == pytest.approx(first[of].most, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.slow
@@ -136,5 +137,5 @@ def test_the_clamp_of_a_boom_of_sections_bears_all_of_them() -> None:
             weight, moment = weight + GRAVITY * one.mass, moment + GRAVITY * one.mass * (tail + box.length)
     assert response.other("reaction of base: clamp z")[-1] == pytest.approx(-weight, rel=1e-6)
     assert response.other("reaction of base: clamp ry")[-1] == pytest.approx(moment, rel=1e-6)
-    told = {one["name"]: one["unit"] for one in outcome.result.summary["reactions"]}
-    assert told == {"base: clamp x": "N", "base: clamp z": "N", "base: clamp ry": "N m"}
+    listed = {one["name"]: one["unit"] for one in outcome.result.summary["reactions"]}
+    assert listed == {"base: clamp x": "N", "base: clamp z": "N", "base: clamp ry": "N m"}

@@ -162,10 +162,10 @@ def test_a_stop_of_luffing_swings_a_load_on_a_massless_boom() -> None:
     weight = mass * G * L**3 / (3.0 * E * I)
     for share in (0.1, 0.3, 0.5, 1.7):
         within = share * 2.0 * np.pi / omega
-        told = Stopping("luffing", speed, within, arrays["turned.luffing"]).told(place, mass, limit)
+        found = Stopping("luffing", speed, within, arrays["turned.luffing"]).row(place, mass, limit)
         factor, steady = 2.0 * np.sin(min(share, 0.5) * np.pi), mass * speed / within * L**4 / (3.0 * E * I)
-        assert told[0] == pytest.approx(factor, rel=2e-3)
-        assert told[1:] == pytest.approx([weight, weight + steady, weight + factor * steady, speed], rel=2e-3)
+        assert found[0] == pytest.approx(factor, rel=2e-3)
+        assert found[1:] == pytest.approx([weight, weight + steady, weight + factor * steady, speed], rel=2e-3)
 
 
 def turning(density: float, coordinates: int = 24) -> Scene:
@@ -205,14 +205,14 @@ def test_a_stop_of_slewing_swings_the_boom_sideways_and_leaves_the_load_behind(a
     place = Place(at, 0, [0.0 if part == WEIGHT else 1.0 for part in at.parts], G)
     down = berry(mass, angle)[0] if angle else mass * G * L**3 / (3.0 * E * I)
     for within in (0.01, 0.05, 0.3, 5.0):
-        told = Stopping("slewing", speed, within, arrays["turned.slewing"]).told(
+        found = Stopping("slewing", speed, within, arrays["turned.slewing"]).row(
             place, mass, Limit(name="tip", of="deflection", most=1.0)
         )
         most, steady = lateral(mass * G * np.sin(angle), within)
         rate = speed / within * np.cos(angle)
         expected = [down, np.hypot(down, rate * steady), np.hypot(down, rate * most), speed]
-        assert told[0] == pytest.approx(most / steady, rel=2e-3)
-        assert told[1:] == pytest.approx(expected, rel=2e-3)
+        assert found[0] == pytest.approx(most / steady, rel=2e-3)
+        assert found[1:] == pytest.approx(expected, rel=2e-3)
 
 
 class Braked(SignalBase):
@@ -252,7 +252,7 @@ def test_a_stop_that_is_simulated_moves_the_tip_as_the_chart_has_it(of: str, dir
     scene, mass, speed, at = turning(7850.0, 12), 400.0, 0.05, 0.05
     arrays, here = arrays_at_rest(scene, [0.0]), at_rest(scene, [0.0])
     place, limit = Place(here, 0, [1.0] * len(here.parts), G), Limit(name="tip", of="deflection", most=1.0)
-    told = Stopping(of, speed, within, arrays[f"turned.{of}"]).told(place, mass, limit)
+    found = Stopping(of, speed, within, arrays[f"turned.{of}"]).row(place, mass, limit)
     pull = Load(name="load", on="tip", direction="z", axes="ground", signal=Constant(amount=-mass * G))
     hung = {"masses": (PointMass(name="load", on="tip", mass=mass),)} if of == "luffing" else {"loads": (pull,)}
     assert scene.frame is not None and scene.gravity is not None
@@ -269,8 +269,8 @@ def test_a_stop_that_is_simulated_moves_the_tip_as_the_chart_has_it(of: str, dir
     run = run_from_start(system, Excitation.of(moving))
     ((name, body),) = system.bodies.items()
     tip = systems.displacements(system, run)[name][:, kinds_of(body).index(f"tip {direction}")]
-    steady = told[2] - told[1] if of == "luffing" else np.sqrt(told[2] ** 2 - told[1] ** 2)
-    assert np.abs(tip - tip[0]).max() == pytest.approx(told[0] * steady, rel=5e-3)
+    steady = found[2] - found[1] if of == "luffing" else np.sqrt(found[2] ** 2 - found[1] ** 2)
+    assert np.abs(tip - tip[0]).max() == pytest.approx(found[0] * steady, rel=5e-3)
 
 
 def test_a_luffing_cylinder_carries_the_moment_to_second_order(raised: Postures) -> None:

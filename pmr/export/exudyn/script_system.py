@@ -74,7 +74,7 @@ def add_system(mbs, model, paths, loads, start):
     ]
 
     def beyond_matrices(mbs, t, item, q, q_t, factor, factor_t):
-        # Exudyn adds K and D to the Jacobian itself; told what else there is, it needs no differences.
+        # Exudyn adds K and D to the Jacobian itself; given the rest, it needs no differences.
         if t > mbs.variables.get(item, 0.0):
             raise ValueError("another SetPreStepUserFunction took the place of `update`: call both from one function")
         if not pushing:

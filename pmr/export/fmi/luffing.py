@@ -40,7 +40,7 @@ class Luffing:
 
 
 def luffing(drivers: Drivers) -> Luffing | None:
-    """Of a system; None without a cylinder by its hinges, or where a force between boom and ground is not told."""
+    """Of a system; None without a cylinder by its hinges, or where a force between boom and ground is unknown."""
     if (frame := drivers.frame) is None or (cylinder := frame.scene.frame.cylinder) is None:  # type: ignore[union-attr]
         return None
     rows, scene = drivers.rows, frame.scene

@@ -209,7 +209,7 @@ def _projected(residual: ResidualFlexibility, basis: Basis, provenance: dict[str
 
 
 def _completed(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
-    """With the flexibility that the basis leaves out, by which all rows can be told apart."""
+    """With the flexibility that the basis leaves out, by which all rows are independent."""
     flexible = _with_flexibility(reduced, flexibility)
     check_independence(flexible)
     return flexible

@@ -52,8 +52,8 @@ def free_modes(
     """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes first; collective.
 
     There are `count` of them, at least as many as there are rigid-body modes and fewer than all, so that flexibility is
-    left, and up to `enrichment` more.  These leave as many modes as there are rigid sliders and pads, whose forces are
-    told apart by what is left: a coarse mesh may have fewer.  Rigid-body modes come from the geometry
+    left, and up to `enrichment` more.  These leave as many modes as there are rigid sliders and pads, whose forces
+    are determined by what is left: a coarse mesh may have fewer.  Rigid-body modes come from the geometry
     (`pmr.reduction.snapshots.free_body`), all others are M-orthogonal to them.
 
     Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act

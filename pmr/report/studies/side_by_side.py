@@ -54,7 +54,7 @@ def few(runs: Sequence[RunRecord]) -> list[RunRecord]:
     return done if len(done) <= MOST_RUNS else []
 
 
-def _spans(runs: Sequence[RunRecord], room: str, base: str, told: str) -> tuple[str, list[tuple[str, ...]]]:
+def _spans(runs: Sequence[RunRecord], room: str, base: str, caption: str) -> tuple[str, list[tuple[str, ...]]]:
     """Caption and rows of what figures of a room say, each from its least to its largest value; without round-off."""
     sizes = {
         name: max(map(abs, _values(runs, room + name, "min", "max")), default=0.0)
@@ -63,7 +63,7 @@ def _spans(runs: Sequence[RunRecord], room: str, base: str, told: str) -> tuple[
     largest = max(sizes.values(), default=0.0)
     unit, names = unit_for(largest, base), [name for name, size in sizes.items() if size > NOTHING * largest]
     rows = [(name, *(_span(run, room + name, unit.size) for run in runs)) for name in names]
-    return f"{told} in {unit.name}; times and places are in runs.csv.", rows
+    return f"{caption} in {unit.name}; times and places are in runs.csv.", rows
 
 
 def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:

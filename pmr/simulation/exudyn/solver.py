@@ -69,9 +69,9 @@ def solve(
 ) -> float:
     """Assemble and integrate; returns the solver's wall time in s.
 
-    `place` says where paths lead at a time in s; `progress` is told the share that is done about a hundred times; steps
-    end at the `times` where these are given, (N,) in s, t = 0 among them.  The SimulationError that is raised where a
-    step fails has its number, time and place.
+    `place` says where paths lead at a time in s; `progress` is called about a hundred times, with the share
+    that is done; steps end at the `times` where these are given, (N,) in s, t = 0 among them.  The SimulationError
+    that is raised where a step fails has its number, time and place.
     """
     if progress is not None:
         _report(mbs, chosen.timeIntegration, progress)
@@ -152,8 +152,8 @@ def _warnings_logged() -> Iterator[None]:
         with redirect_stdout(printed):
             yield
     finally:
-        told = re.sub(r"Python WARNING \[file.*?\]:", "", printed.getvalue(), flags=re.S)  # not where in pmr it was
-        if text := " ".join(told.replace("*", "").split()):
+        message = re.sub(r"Python WARNING \[file.*?\]:", "", printed.getvalue(), flags=re.S)  # not where in pmr it was
+        if text := " ".join(message.replace("*", "").split()):
             _log.warning("Exudyn: %s", text.removeprefix("WARNING: "))
 
 

@@ -10,7 +10,7 @@ machine's velocity is that which these momenta need with what the boom's coordin
 (`pmr.simulation.free_base`); the coordinates follow the compiled loop of `march` in the frame that the machine moves.
 
 - `rigid`: what of momenta and forces machine and boom have,
-- `flexible`: the boom's coordinates in a step whose motion of the machine is told,
+- `flexible`: the boom's coordinates in a step whose motion of the machine is given,
 - `weights`: generalized-alpha for the machine, so that with constant matrices it is that of the whole,
 - `motion`: both together, step by step.
 

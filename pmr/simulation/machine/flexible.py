@@ -1,4 +1,4 @@
-"""A boom's coordinates in a step of the compiled loop, with a motion of the machine that is told."""
+"""A boom's coordinates in a step of the compiled loop, with a given motion of the machine."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class _Part(JITCodeLibrary):
 
     @property
     def codegen(self) -> Any:
-        """Itself, for what would be told the address of an environment."""
+        """Itself, for callers that would set the address of an environment."""
         return self
 
     def set_env(self, name: str, environment: object) -> None:

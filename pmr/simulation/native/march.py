@@ -89,8 +89,8 @@ class March:
             parts = contact_step.levels(omega, stepping)
         given = np.searchsorted(parts, stepping.schedule) if stepping.schedule else np.full(stepping.steps, -1)
         self.finest, self._given, self._sampling = parts[-1], None if parts == (1,) else given, 0.0
-        told = excitation.amplitudes(system.term_names) if amplitudes is None else amplitudes
-        self._numbers, self._mix, matrices = signals(form, told)
+        sizes = excitation.amplitudes(system.term_names) if amplitudes is None else amplitudes
+        self._numbers, self._mix, matrices = signals(form, sizes)
         self._path, self._loads = tuple(excitation.paths.values()), in_order(excitation.loads, system.input_names)
         self._terms = [in_order(excitation.terms, system.term_names, "term")[k] for k in self._numbers]
         self._fine_step = stepping.divided(self.finest).step

@@ -20,7 +20,7 @@ _log = logging.getLogger(__name__)
 
 FORMAT = "pmr-checkpoint"
 FORMAT_VERSION = 2
-#: Version 1 has one number of parts for all steps, and told path and loads at the steps only.
+#: Version 1 has one number of parts for all steps, and path and loads at the steps only.
 READ = (1, FORMAT_VERSION)
 #: Numbers that describe the model agree to this if it is the same, assembled on however many ranks.
 SAME = 1e-9

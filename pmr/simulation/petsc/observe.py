@@ -100,8 +100,8 @@ class _Run:
         """Take all steps that a checkpoint has not."""
         recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:
-            told = identity(self._system, self._excitation, self._at, recorder, self._initial)
-            keeper = Keeper(checkpoint, self._system, told)
+            own = identity(self._system, self._excitation, self._at, recorder, self._initial)
+            keeper = Keeper(checkpoint, self._system, own)
         found = keeper.load(recorder, self._lengths.parts) if keeper else None
         reached = found or self._started()
         steps = self._steps(reached, found is not None)

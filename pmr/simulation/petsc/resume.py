@@ -28,7 +28,7 @@ _SPREAD = tuple(field.name for field in fields(State) if field.name not in ("mul
 def identity(
     system: FullSystem, excitation: Excitation, at: Sampled, recorder: Recorder, initial: Mapping[str, InitialState]
 ) -> dict[str, Any]:
-    """What tells this simulation from others; collective.  Matrices are told apart by one product each.
+    """What distinguishes this simulation from others; collective.  Of each matrix it has one product.
 
     Path and loads count in the middle of steps, too, which may be made in parts.
     """

@@ -144,9 +144,9 @@ class Study(StudyBase):
         }
         runs = []
         for k, row in enumerate(rows):
-            told: dict[str, Scalar] = {f"extension.{name}": value for name, value in row.items()}
+            parameters: dict[str, Scalar] = {f"extension.{name}": value for name, value in row.items()}
             arguments = asked | {"rows": [k * size, (k + 1) * size]}
-            runs.append(Task(f"row{k + 1}", allowed, arguments, {"postures": shared.key}, told))
+            runs.append(Task(f"row{k + 1}", allowed, arguments, {"postures": shared.key}, parameters))
         return Plan(tuple(runs), (shared,))
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
@@ -168,7 +168,7 @@ class Study(StudyBase):
             found[f"stands.{case.name}"] = int((~table["passed"][:, k].any(axis=1)).sum())
         return found
 
-    def told(self, results: StudyResults) -> str:
+    def summary_line(self, results: StudyResults) -> str:
         """The least and the largest load that all limits allow."""
         points = len(self._points)
         found = [results.column(name) for name in ("load.least", "load.most")]

@@ -43,8 +43,8 @@ def test_the_fewest_that_hold_a_tolerance() -> None:
     found = summary("accuracy.tolerance=1e-3", "accuracy.outputs=['pad_force','beam']")
     sizes, true = found["accuracy"]["chosen"]["sections"], found["errors"]["reduced_vs_full"]
     assert found["accuracy"]["holds"] and sum(sizes.values()) + CYLINDER == found["coordinates"]["reduced"]
-    for kind, told in found["budget"]["reduction"].items():
-        assert true[kind] < 1e-3 and told == pytest.approx(MARGIN * true[kind], rel=0.1)
+    for kind, estimate in found["budget"]["reduction"].items():
+        assert true[kind] < 1e-3 and estimate == pytest.approx(MARGIN * true[kind], rel=0.1)
     for name, size in sizes.items():
         fewer = {one: count - (one == name) for one, count in sizes.items()}
         less = summary(*(f"sections.{one}.reduction.coordinates={count}" for one, count in fewer.items()))

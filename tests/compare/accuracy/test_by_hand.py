@@ -50,6 +50,6 @@ def judged(seed: int) -> tuple[float | None, float]:
 def test_an_error_is_within_what_the_run_says() -> None:
     """Where the run's figures are settled, estimate and step together bound the true error, in 95 % of the scenes."""
     found = {seed: judged(seed) for seed in SEEDS}
-    told = {seed: one for seed, one in found.items() if one[0] is not None}
-    assert len(told) >= len(found) / 3, found
-    assert np.mean([true <= allowed for allowed, true in told.values()]) >= 0.95, found
+    estimated = {seed: one for seed, one in found.items() if one[0] is not None}
+    assert len(estimated) >= len(found) / 3, found
+    assert np.mean([true <= allowed for allowed, true in estimated.values()]) >= 0.95, found

@@ -95,7 +95,7 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
         yield Case(seed, demand.tolerance, demand.kinds, found, error(own), error(half), fewer)
 
 
-def told(case: Case) -> str:
+def line(case: Case) -> str:
     found, member = case.found, case.found.member
     return (
         f"{case.seed} {case.kinds[-1]:9} {case.tolerance:g} r {member.coordinates} "
@@ -110,7 +110,7 @@ def told(case: Case) -> str:
 def test_what_is_said_to_hold_does() -> None:
     """In 97 % of the cases, with at most two coordinates more than the smallest model that would."""
     found = [case for seed in SEEDS for case in cases(seed)]
-    lines = "\n".join(map(told, found))
+    lines = "\n".join(map(line, found))
     known = [case for case in found if case.reference < 0.2 * case.tolerance]
     held = [case for case in known if case.found.holds]
     assert len(held) >= 0.5 * len(found), lines
@@ -122,7 +122,7 @@ def test_what_is_said_to_hold_does() -> None:
 def test_what_is_said_to_hold_does_on_pads_that_only_push() -> None:
     """As above; where an impact a moment earlier changes all that follows, nothing is said to hold."""
     found = [case for seed in PUSHING for case in cases(seed, pushing_scene(seed))]
-    lines = "\n".join(map(told, found))
+    lines = "\n".join(map(line, found))
     held = [case for case in found if case.found.holds]
     assert len(held) >= 0.5 * len(found), lines
     known = [case for case in held if case.reference < 0.2 * case.tolerance]

@@ -65,9 +65,9 @@ def plain(rich: FullBody) -> ReducedModel:
 
 def named(model: ReducedModel, name: str) -> ReducedModel:
     """The model with `name` wherever a name may stand."""
-    told = scene(SINE, TABLE)
-    told["title"] = name
-    for load in told["loads"]:
+    given = scene(SINE, TABLE)
+    given["title"] = name
+    for load in given["loads"]:
         load["name"] = load["direction"] = name
     return replace(
         model,
@@ -75,7 +75,7 @@ def named(model: ReducedModel, name: str) -> ReducedModel:
         row_names=(name, f"{name} 0.8"),
         left_out=(name,),
         output_names=tuple(name for _ in model.output_positions),
-        provenance={"scene": told, "scene_hash": name, "basis": name},
+        provenance={"scene": given, "scene_hash": name, "basis": name},
     )
 
 
@@ -137,7 +137,7 @@ def test_a_crafted_model_is_refused(plain: ReducedModel, tmp_path: Path) -> None
     ids=lambda change: json.dumps(change)[:40],
 )
 def test_a_scene_of_anything_but_numbers_is_refused(plain: ReducedModel, change: dict) -> None:
-    told = scene(SINE, STEP) | change
+    given = scene(SINE, STEP) | change
     with pytest.raises(InputError) as caught:
-        exudyn_script(System.of(replace(plain, provenance={"scene": told})), "beam.npz")
+        exudyn_script(System.of(replace(plain, provenance={"scene": given})), "beam.npz")
     assert caught.value.source == "beam.npz" and len(str(caught.value).splitlines()) == 1

@@ -128,8 +128,8 @@ class Instance:
     def step(self, t: float, h: float) -> None:
         more: list[object] = [1]
         if self.library.version == "3":
-            told = [ctypes.byref(ctypes.c_bool()) for _ in range(3)]
-            more = [True, *told, ctypes.byref(ctypes.c_double())]
+            flags = [ctypes.byref(ctypes.c_bool()) for _ in range(3)]
+            more = [True, *flags, ctypes.byref(ctypes.c_double())]
         self.call("DoStep", ctypes.c_double(t), ctypes.c_double(h), *more)
 
     def set_states(self, states: Array) -> None:

@@ -166,9 +166,9 @@ def test_the_reference_that_it_carries_is_that_of_the_run(made: Made) -> None:
 def test_reactions_are_those_of_the_run(made: Made) -> None:
     """Of the pin, from the modes' equations, and of the cylinder by its hinges; with inertia and second order."""
     response = pmr.simulate(made.scene, made.system)
-    told = [*(f"reaction of base: pin {axis}" for axis in ("x", "y", "z", "rx", "rz")), CYLINDER]
-    names = [re.sub("[: ]+", "_", name) for name in told]
-    columns = [response.other_names.index(name) for name in told]
+    listed = [*(f"reaction of base: pin {axis}" for axis in ("x", "y", "z", "rx", "rz")), CYLINDER]
+    names = [re.sub("[: ]+", "_", name) for name in listed]
+    columns = [response.other_names.index(name) for name in listed]
     assert response.others is not None
     expected = response.others[:, columns]
     (inputs, table), instance, found = made.table("in"), made.started(), []

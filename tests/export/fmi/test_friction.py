@@ -95,7 +95,7 @@ class Made:
             instance.set([name + suffix for name in self.inputs], values)
         instance.step(k * h, h)
 
-    def told(self, instance: Instance, first: int, last: int) -> Array:
+    def outputs_of(self, instance: Instance, first: int, last: int) -> Array:
         """Outputs after each of these steps."""
         found = []
         for k in range(first, last):
@@ -132,7 +132,7 @@ def test_pads_rub_as_in_the_stepper(made: Made) -> None:
     """Displacements and forces of all contacts, cylinders with their friction among them, which turns twice."""
     expected, friction = made.stepped()
     assert friction[:, 0].min() < -100.0 and friction[:, 0].max() > 100.0
-    found = made.told(made.started(), 0, STEPS)
+    found = made.outputs_of(made.started(), 0, STEPS)
     forces = np.array([name.startswith("force_of") for name in made.outputs])
     for some in (forces, ~forces):
         size = np.abs(expected[:, some]).max()
@@ -142,25 +142,25 @@ def test_pads_rub_as_in_the_stepper(made: Made) -> None:
 def test_a_state_that_is_taken_up_again_rubs_on(made: Made) -> None:
     """Saved within a stick, and as bytes in another instance; two instances do not mix; a reset forgets friction."""
     instance, other = made.started(), made.started()
-    first = made.told(instance, 0, 30)
+    first = made.outputs_of(instance, 0, 30)
     state = instance.saved()
-    content, on = instance.serialised(state), made.told(instance, 30, 40)
+    content, on = instance.serialised(state), made.outputs_of(instance, 30, 40)
     instance.restore(state)
-    np.testing.assert_array_equal(made.told(instance, 30, 40), on)
-    np.testing.assert_array_equal(made.told(other, 0, 30), first)
+    np.testing.assert_array_equal(made.outputs_of(instance, 30, 40), on)
+    np.testing.assert_array_equal(made.outputs_of(other, 0, 30), first)
     third = Instance(made.library)
     third.restore(third.deserialised(content))
-    np.testing.assert_array_equal(made.told(third, 30, 40), on)
+    np.testing.assert_array_equal(made.outputs_of(third, 30, 40), on)
     instance.call("Reset")
     instance.set(["rho_inf"], [RHO])
     instance.initialise(made.inputs, made.given[:, 0, 0])
-    np.testing.assert_array_equal(made.told(instance, 0, 30), first)
+    np.testing.assert_array_equal(made.outputs_of(instance, 0, 30), first)
 
 
 def test_derivatives_leave_friction_as_it_is(made: Made) -> None:
     """Along the load at the tip against differences of outputs, while friction acts; no pad opens or closes."""
     instance = made.started()
-    made.told(instance, 0, 30)
+    made.outputs_of(instance, 0, 30)
     load = next(name for name in made.inputs if "tip_force" in name)
     at, h = instance.get([load])[0], 1.0
     seen = list[Array]()

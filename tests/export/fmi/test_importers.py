@@ -195,12 +195,12 @@ def test_sources_compile_for_windows_with_the_interface_to_export(version: str, 
         (tmp_path / name).write_text(text)
     flags = [flag for flag in fmu._FLAGS if flag not in ("-shared", "-s")]
     command = [sys.executable, "-m", "ziglang", "cc", "-target", WINDOWS.target, *flags, "-c"]
-    told = set[bytes]()
+    exported = set[bytes]()
     for name in sources:
         if name.endswith(".c"):
             subprocess.run([*command, name, "-o", "one.o"], cwd=tmp_path, check=True)
-            told |= set(re.findall(rb"export:\"?(\w+)", (tmp_path / "one.o").read_bytes()))
-    assert {f"fmi{version}{name}".encode() for name in REQUIRED[version].split()} <= told
+            exported |= set(re.findall(rb"export:\"?(\w+)", (tmp_path / "one.o").read_bytes()))
+    assert {f"fmi{version}{name}".encode() for name in REQUIRED[version].split()} <= exported
 
 
 def test_the_self_check_of_the_manual_on_the_tutorials_boom(

@@ -153,9 +153,9 @@ def test_a_support_between_nodes_bears_the_load_there(model: str, stiffness: flo
     load = Action("tip", "tip", "z", -1.0)
     forces, _ = found(Structure(MODELS[model](), clamps=(Clamp("tail"),), loads=(load,), pads=pads), (TIP,))
     x, moment = forces["bending moment y"]
-    borne = (TIP * LENGTH - moment[0]) / 1.2
-    assert 0.1 * TIP < borne < 4.0 * TIP
-    assert near(moment, TIP * (LENGTH - x) - borne * np.clip(1.2 - x, 0.0, None))
+    carried = (TIP * LENGTH - moment[0]) / 1.2
+    assert 0.1 * TIP < carried < 4.0 * TIP
+    assert near(moment, TIP * (LENGTH - x) - carried * np.clip(1.2 - x, 0.0, None))
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -129,10 +129,10 @@ def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatc
 
 
 def test_progress_is_told_about_a_hundred_times_and_ends_at_one(rich: FullBody) -> None:
-    told: list[float] = []
+    shares: list[float] = []
     stepping = TimeStepping(0.4, 1e-3)
-    one_body.in_exudyn(rich, driven(PATH, LOADS, stepping), progress=told.append)
-    assert told == pytest.approx(np.arange(1, 101) / 100)
+    one_body.in_exudyn(rich, driven(PATH, LOADS, stepping), progress=shares.append)
+    assert shares == pytest.approx(np.arange(1, 101) / 100)
 
 
 def test_wrong_input_is_refused_before_anything_runs(rich: FullBody, simulate: Simulate) -> None:

@@ -98,14 +98,15 @@ def test_a_stepper_rubs_as_a_simulation_does() -> None:
     assert found.friction is not None and found.friction.min() < 0.0 < found.friction.max()
     stepper = Stepper(system, stepping.step, {"1": 2.0}, load, stepping.rho_inf, initial=start)
     moved = np.hstack([found.forces[1:], *(one[1:] for one in systems.displacements(system, found).values())])
-    told, totals = [], []
+    taken, totals = [], []
     for s in given.s[1:, 0]:
         y = stepper.step({"1": s})
-        told.append(np.concatenate([stepper.multipliers, y]))
+        taken.append(np.concatenate([stepper.multipliers, y]))
         totals.append(stepper.friction["1"])
         np.testing.assert_allclose(stepper.outputs[: len(y)], y, rtol=1e-9, atol=1e-12 * np.abs(y).max())
     size = np.abs(moved).max(axis=0)
-    np.testing.assert_allclose(np.array(told) / np.where(size, size, 1.0), moved / np.where(size, size, 1.0), atol=1e-9)
+    size[size == 0.0] = 1.0
+    np.testing.assert_allclose(np.array(taken) / size, moved / size, atol=1e-9)
     states, last = states_of(system, found, np.array([100])), found.friction[[100]]
     np.testing.assert_allclose(states["1"].along, last)  # the inner section towards its tail, the outer one outwards
     np.testing.assert_allclose(states["0"].along, -last)

@@ -17,7 +17,7 @@ from pmr.simulation.native import systems
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System, SystemTrajectory
 
-#: Error of a contact's largest force over the largest of all that the tolerance keeps to, where impacts can be told.
+#: Error of a contact's largest force over the largest of all that the tolerance keeps to, where impacts are resolved.
 WITHIN = 1e-3
 #: Booms of the sweep: a sample in CI, all of them with PMR_SWEEP=full.
 BOOMS = 40 if os.environ.get("PMR_SWEEP") == "full" else 10

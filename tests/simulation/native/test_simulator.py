@@ -267,13 +267,13 @@ def test_blocks_leave_no_trace(rich: FullBody, monkeypatch: pytest.MonkeyPatch, 
     seen = one_body.observe(form, driven(PATH, LOADS, STEPPING), every=3)
     size = form.body.size
     monkeypatch.setattr(marching, *{"steps": ("BLOCK", 13), "numbers": ("RECORDED", 13 * 2 * size)}[limit])
-    told: list[float] = []
-    again = one_body.simulate_modal(form, driven(PATH, LOADS, STEPPING), progress=told.append)
+    shares: list[float] = []
+    again = one_body.simulate_modal(form, driven(PATH, LOADS, STEPPING), progress=shares.append)
     np.testing.assert_array_equal(again.q, whole.q)
     found = one_body.observe(form, driven(PATH, LOADS, STEPPING), every=3)
     np.testing.assert_array_equal(found.multipliers, seen.multipliers)
     np.testing.assert_allclose(found.y, seen.y, rtol=0.0, atol=1e-12 * np.abs(seen.y).max())  # BLAS sums by blocks
-    assert told == pytest.approx([*(np.arange(13, 200, 13) / 200), 1.0])
+    assert shares == pytest.approx([*(np.arange(13, 200, 13) / 200), 1.0])
 
 
 @pytest.mark.slow

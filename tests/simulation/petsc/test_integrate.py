@@ -252,9 +252,10 @@ def test_progress_ends_with_everything(rich: FullBody) -> None:
 def test_a_step_that_fails_is_named(rich: FullBody) -> None:
     model = distributed(rich, MPI.COMM_SELF)
     onto_the_pin = Ramp(times=(0.0, 0.02), values=(0.02, 0.0))
-    with pytest.raises(SimulationError, match=r"step 20, t = 0.02 s, slider at 0 m: .* slider 0, pin y depend") as told:
+    said = r"step 20, t = 0.02 s, slider at 0 m: .* slider 0, pin y depend"
+    with pytest.raises(SimulationError, match=said) as caught:
         observe(model, driven(onto_the_pin, LOADS, STEPPING))
-    assert "0.8" not in str(told.value)
+    assert "0.8" not in str(caught.value)
 
 
 @pytest.mark.mpi
@@ -281,9 +282,9 @@ def test_what_cannot_be_is_refused(rich: FullBody) -> None:
         ((driven(PATH, LOADS, STEPPING), None, InitialState(np.ones(rich.size), np.ones(rich.size))), "q"),
         ((driven(PATH, LOADS, STEPPING), None, InitialState(np.ones(3), np.ones(3))), "q"),
     ]:
-        with pytest.raises(InputError) as told:
+        with pytest.raises(InputError) as caught:
             observe(model, *arguments)
-        assert told.value.key == key
+        assert caught.value.key == key
     pushing = tuple(replace(row, compliance=0.0, clearance=0.0) for row in rich.rows.rows[2:])
     with pytest.raises(InputError, match=r"slider 0, slider 0\.8 only push and are rigid"):
         observe(distributed(replace(rich, rows=Rows(pushing, rich.size))), driven(PATH, LOADS, STEPPING))

@@ -132,7 +132,7 @@ def test_what_is_met_at_no_load_or_never_is_told(small: StudyResults, folder: Pa
 
 
 def test_cases_are_made_of_classes_and_winds(small: StudyResults, folder: Path) -> None:
-    """phi2 = 1.10 + 0.34 v, F = rho v^2 / 2 A c; out of service nothing hangs, and what is passed is told."""
+    """phi2 = 1.10 + 0.34 v, F = rho v^2 / 2 A c; out of service nothing hangs, and what it exceeds is named."""
     project = files.load(folder / "study.toml")
     study = project.parts[0].study
     assert isinstance(study, Study)
@@ -215,12 +215,12 @@ def test_cut_off_and_called_again_it_is_the_same_to_the_byte(folder: Path, tmp_p
 def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) -> None:
     study, loads = files.load(folder / "study.toml").parts[0].study, [row["load [kg]"] for row in rows(folder)]
     known = [float(load) for load in loads if load]
-    told = study.told(small)
-    assert told == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
+    line = study.summary_line(small)
+    assert line == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
     bare = [replace(run, figures={}) for run in small.runs]
     unmet = "no limit is met up to 5000 kg at any of 12 points"
-    assert study.told(replace(small, runs=tuple(bare))) == unmet
-    said = study.model_copy(update={"limits": ()}).told(replace(small, runs=tuple(bare)))
+    assert study.summary_line(replace(small, runs=tuple(bare))) == unmet
+    said = study.model_copy(update={"limits": ()}).summary_line(replace(small, runs=tuple(bare)))
     assert said == f"{unmet}; it was looked for stability alone, [[limits]] of the study adds others"
 
 
