@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from importlib.resources import files
 
 import matplotlib as mpl
@@ -14,13 +15,14 @@ from matplotlib.figure import Figure
 from pmr import report
 from pmr.report.blocks import Drawing, drawing
 from pmr.report.columns import tips
-from pmr.report.figures import captions, histories, paper
+from pmr.report.figures import captions, histories, paper, spectra
 from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, octave_axis, sheet, style
 from pmr.report.figures.histories import band
 from pmr.report.figures.panel import Panel
 from pmr.report.figures.timeline import Span, Timeline, sliding
 from pmr.report.figures.vector import svg
-from pmr.results import RunResult
+from pmr.results import Paths, RunResult
+from pmr.results.parts import FrequencyMap
 
 LABELS = {
     "position": ["Slider position in m", "Time in s"],
@@ -243,3 +245,16 @@ def test_labels_are_readable_at_390_px(inches: float, size: str) -> None:
     with style():
         points = mpl.rcParams[size]
     assert points * max(least, 390.0 - 32.0) / (72.0 * inches) >= 9.0
+
+
+def test_contours_have_their_labels_within_the_map(whole: RunResult) -> None:
+    """Half of a label at the edge would be cut off."""
+    first = np.linspace(0.8, 4.5, 9)
+    found = FrequencyMap(("a", "b"), first, first, 6.0 - 0.5 * (first[:, None] + first))
+    ways = Paths(("a", "b"), np.stack([first, first], axis=1), np.ones((9, 2)))
+    result = replace(whole, paths=ways, frequencies=replace(whole.frequencies, over_joints=found))
+    with style():
+        ax = spectra.frequency_map(result).axes[0]
+    shown = [one for one in ax.texts if one.get_visible()]
+    places = (np.array([one.get_position() for one in shown]) - first[0]) / (first[-1] - first[0])
+    assert len(shown) >= 4 and (places > 0.05).all() and (places < 0.95).all()

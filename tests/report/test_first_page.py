@@ -9,7 +9,7 @@ import pytest
 from boom_results import SUMMARY, MakeSpace
 
 from pmr.report import space
-from pmr.report.blocks import Chapter, Drawing, Table
+from pmr.report.blocks import Chapter, Drawing, KeyNumber, Table
 from pmr.report.document import page as rendered
 from pmr.report.figures import sketch
 from pmr.report.first_page import tables
@@ -237,9 +237,12 @@ def test_the_first_page_in_print_answers_all_of_it(make_space: MakeSpace) -> Non
     found = make_space(frame=frame, summary=summary, loads=loads)
     found = replace(found, responses={name: named(one) for name, one in found.responses.items()})
     drawn = Drawing("case-1-sketch", '<svg width="80mm" height="70mm"></svg>', 150 * "m", half=True)
-    first = Chapter(anchor="case-1", title="Boom", opening=50 * "m", sketch=drawn, first=tables(found))
+    first = Chapter(
+        anchor="case-1", title="Boom", opening=50 * "m", sketch=drawn, first=tables(found),
+        warnings=["second order is left out"], key_numbers=[KeyNumber("1", "coordinates")],
+    )  # fmt: skip
     page, *_ = weasyprint.HTML(string=rendered([first])).render().pages
-    assert {"case-1-sketch", "case-1-asked", "case-1-first-1", "case-1-first-2"} <= set(page.anchors)
+    assert {"case-1-sketch", "case-1-asked", "case-1-first-1", "case-1-first-2", "case-1-warnings"} <= set(page.anchors)
 
 
 def test_masses_and_the_share_of_the_yield_stress_have_rows(result: RunResult) -> None:

@@ -20,6 +20,8 @@ from pmr.results import FrequencyResponse, RunResult, Shapes
 
 CLOSED_FORM_POINTS = 11
 #: Lines of equal frequency on a map at most.
+#: Share of an axis next to its ends within which a contour has no label.
+EDGE = 0.06
 LEVELS = 9
 #: Of places from one end of the path to the other.
 COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#c9b30e")
@@ -96,8 +98,11 @@ def frequency_map(result: RunResult) -> Figure:
     columns = [result.paths.names.index(name) for name in found.joints]
     ax.plot(*result.paths.values[:, columns].T, color="white", linewidth=2.5)
     lines = ax.contour(found.first, found.second, found.lowest.T, levels, colors=INK, linewidths=0.5)
+    low, high = (np.array([found.first[k], found.second[k]]) for k in (0, -1))
     for label in ax.clabel(lines, fmt=lambda value: f"{value:.3g}", inline=False):
         label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+        share = (np.array(label.get_position()) - low) / (high - low)
+        label.set_visible(bool(share.min() >= EDGE and share.max() <= 1.0 - EDGE))  # at the edge half of it is cut off
     ax.set_xlabel(f"Extension of {found.joints[0]} in m")
     ax.set_ylabel(f"Extension of {found.joints[1]} in m")
     return figure
