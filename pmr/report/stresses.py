@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from pmr.report import sentences
 from pmr.report.blocks import Block, Grid, drawing
@@ -14,7 +15,7 @@ from pmr.results.tables import parts_of, stress_peaks
 from pmr.scene.names import ALONE, named
 
 #: Share of the largest force or moment, in N or N m, below which one is nothing to look at.
-NOTHING = 1e-6
+NOTHING = 1e-4
 
 
 def stress(result: RunResult, prefix: str) -> Block | None:
@@ -46,16 +47,19 @@ def along_beams(result: RunResult, prefix: str) -> Block | None:
     for name, part in parts_of(result.summary).items():
         for what, one in part.get("section_forces", {}).get("reduced", {}).items():
             if what in shown and (one["min"] or one["max"]):
-                ends = (
-                    f"{quantity(one[end], one['unit'])} at {plain(round(one[f'x_{end}'], 2))}{SPACE}m, "
-                    f"{plain(round(one[f't_{end}'], 2))}{SPACE}s"
-                    for end in ("min", "max")
-                )
-                found.append((named(name, what), *ends))
+                found.append((named(name, what), *(_end(one, end, NOTHING * largest[what]) for end in ("min", "max"))))
     caption = "Forces and moments of sections along each beam, from the smallest to the largest over time."
     drawn = drawing(f"{prefix}-envelopes", envelopes.envelopes, caption, result, shown)
     grid = Grid("The smallest and the largest, where from the tail, and when.", ("", "min", "max"), tuple(found))
     return Block(heading="Forces along beams", rows=((drawn,),), grids=(grid,))
+
+
+def _end(one: Mapping[str, Any], end: str, nothing: float) -> str:
+    """The smallest or the largest value, where from the tail, and when; 0 alone up to `nothing`."""
+    if abs(one[end]) <= nothing:
+        return "0"
+    at, when = (plain(round(one[f"{of}_{end}"], 2)) for of in ("x", "t"))
+    return f"{quantity(one[end], one['unit'])} at {at}{SPACE}m, {when}{SPACE}s"
 
 
 def _sections(result: RunResult) -> Iterator[Grid]:

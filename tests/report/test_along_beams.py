@@ -15,11 +15,11 @@ from pmr.results import BodyResult, RunResult
 SPACE = "\u00a0"
 
 
-def with_envelope(result: RunResult) -> RunResult:
-    """Of a beam that is bent, and pulled by round-off."""
+def with_envelope(result: RunResult, back: float = -2e3) -> RunResult:
+    """Of a beam that is bent, and pulled by a 1e-4 of that at most."""
     x, t = np.array([0.0, 3.0, 6.0]), np.full((2, 3), 0.5)
-    least = np.array([[-1e-3, 0.0, 0.0], [-2e3, -1e3, 0.0]])
-    most = np.array([[1e-3, 0.0, 0.0], [158e3, 80e3, 0.0]])
+    least = np.array([[-10.0, 0.0, 0.0], [back, 0.5 * back, 0.0]])
+    most = np.array([[10.0, 0.0, 0.0], [158e3, 80e3, 0.0]])
     along = Envelope(("normal force", "bending moment y"), ("N", "N m"), x, least, t, most, t)
     summary = result.summary | {"section_forces": {"reduced": along.extremes()}}
     return replace(result, bodies={"": BodyResult(envelopes={"reduced": along})}, summary=summary)
@@ -33,6 +33,11 @@ def test_extremes_are_in_a_table_and_round_off_is_not(make_space: MakeSpace) -> 
     (row,) = block.grids[0].rows
     assert row[0] == "bending moment y"
     assert row[1:] == (f"−2.00{SPACE}kN m at 0{SPACE}m, 0.5{SPACE}s", f"158{SPACE}kN m at 0{SPACE}m, 0.5{SPACE}s")
+
+
+def test_an_end_that_is_nothing_has_no_place(make_space: MakeSpace) -> None:
+    block = along_beams(with_envelope(make_space(), back=-1.0), "run")
+    assert block is not None and block.grids[0].rows[0][1] == "0"
 
 
 def test_the_figure_has_a_panel_a_quantity_from_least_to_most(make_space: MakeSpace) -> None:
