@@ -67,7 +67,8 @@ class _Knots(SignalBase):
         """Local coordinate in [0, 1], interval, its duration and rise, and whether t lies within the knots."""
         t = np.asarray(t, dtype=float)
         knots, values = self._cached.arrays
-        i = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
+        only = np.zeros((), np.intp)  # of two knots, where nothing has to be sought
+        i = only if len(knots) == 2 else np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
         duration = np.diff(knots)[i]
         x = np.clip((t - knots[i]) / duration, 0.0, 1.0)
         inside = (t >= knots[0]) & (t < knots[-1])
@@ -118,7 +119,12 @@ class SmoothRamp(_Knots):
             parts = np.array_split(t.ravel(), -(-t.size // PART))
             return np.concatenate([self._transition(part, derivative) for part in parts]).reshape(t.shape)
         x, i, duration, rise, inside = self._interval(t)
-        found = rise / duration**derivative * np.polyval(np.polyder(TRANSITIONS[self.degree], derivative), x)
+        first, *others = np.polyder(TRANSITIONS[self.degree], derivative)
+        found = np.full(x.shape, first)
+        for coefficient in others:  # in place: memory takes longer than the sums
+            found *= x
+            found += coefficient
+        found *= rise / duration**derivative
         return np.asarray(self._cached.arrays[1][i] + found if derivative == 0 else np.where(inside, found, 0.0))
 
     def value(self, t: ArrayLike) -> Array:
