@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import replace
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 from benchmarks import beams
 from benchmarks.timing import exponent
 from pmr import load_scene
+from pmr.compare.estimate import estimate
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
+from pmr.reduced.model import ReducedModel
 from pmr.reduction.bodies import reduce_bodies
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.excitation import places
 from pmr.simulation.modal import ModalForm
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.march import March
+from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
@@ -29,7 +38,8 @@ MANY_ELEMENTS = (*ELEMENTS, 200, 400)
 ROWS = (1, 2, 3, 4, 5, 6)
 OUTPUTS = (1, 4, 16, 51)
 SECTIONS = (2, 3, 4, 6, 9, 12)
-EACH = (4, 8, 16)  # coordinates of every section but the base
+EACH = 8  # coordinates of every section but the base
+STEPS, PLACES, LOWEST = 1500, 48, 6  # of a boom: steps, places and frequencies
 
 
 def measure(long: bool, repeats: int = 40) -> dict[str, Any]:
@@ -45,38 +55,89 @@ def measure(long: bool, repeats: int = 40) -> dict[str, Any]:
         "full": full | {"exponent": _slope(full, above=100)},
         "rows": rows | {"coordinates": 40},
         "outputs": outputs | {"coordinates": 20},
-        "booms": booms(repeats),
+        "booms": booms(max(1, repeats // 4)),
     }
 
 
 def booms(repeats: int) -> dict[str, Any]:
-    """Microseconds of a step of booms on pads that hold both ways, and a + b m^2 + c m r fitted to them."""
-    cases = {(count, r): _boom(count, r) for count in SECTIONS for r in EACH}
-    best = dict.fromkeys(cases, np.inf)
-    for _ in range(repeats):
-        for key, (system, drive) in cases.items():
-            seconds = systems.simulate(system, drive).seconds
-            best[key] = min(best[key], 1e6 * seconds / drive.stepping.steps)
-    m = np.array([len(system.contacts) for system, _ in cases.values()])
-    r = np.array([sum(body.size for body in system.bodies.values()) for system, _ in cases.values()])
-    us = np.array(list(best.values()))
-    terms = np.column_stack([np.ones(len(m)), m**2, m * r])
-    fitted = np.linalg.lstsq(terms / us[:, None], np.ones(len(m)), rcond=None)[0]
+    """Processor time in s of a step, an estimate and frequencies at a place, of booms on pads that hold both ways.
+
+    And the power of the number of joints that each grows with; of a step what a joint takes, and two joints on one
+    section besides: a (n - 1) + b (n - 2) of n sections is linear, but grows from two sections to three by more than
+    the number of joints.
+    """
+    best = {name: dict.fromkeys(SECTIONS, np.inf) for name in _WAYS}
+    for name, (way, once) in _WAYS.items():
+        of_sections = {count: way(_boom(count)) for count in SECTIONS}
+        of_sections[SECTIONS[0]]()  # compiled or loaded
+        for _ in range(1 if once else repeats):
+            for count, seconds in of_sections.items():
+                best[name][count] = min(best[name][count], seconds())
+    found = {name: np.array(list(seconds.values())) for name, seconds in best.items()}
+    joints = np.array(SECTIONS) - 1.0
+    terms = np.column_stack([joints, joints - 1.0]) / found["step"][:, None]
+    fitted = np.linalg.lstsq(terms, np.ones(len(joints)), rcond=None)[0]
+    made = [_boom(count).system for count in SECTIONS]
     return {
-        "sections": [len(system.bodies) for system, _ in cases.values()],
-        "contacts": m.tolist(),
-        "coordinates": r.tolist(),
-        "us": us.tolist(),
+        "steps": STEPS,
+        "sections": list(SECTIONS),
+        "contacts": [len(system.contacts) for system in made],
+        "coordinates": [sum(body.size for body in system.bodies.values()) for system in made],
+        "seconds": {name: seconds.tolist() for name, seconds in found.items()},
+        "exponents": {name: exponent(joints, seconds) for name, seconds in found.items()},
         "fitted": fitted.tolist(),
-        "exponent": exponent(np.array(SECTIONS) - 1.0, us.reshape(len(SECTIONS), -1)[:, EACH.index(8)]),
-        "off": float(np.abs(terms @ fitted / us - 1.0).max()),
+        "off": float(np.abs(terms @ fitted - 1.0).max()),
     }
+
+
+@dataclass(frozen=True)
+class _Boom:
+    """A boom of so many sections, on their modes and as it is simulated."""
+
+    models: dict[str, ReducedModel]
+    system: System
+
+    def driven(self, steps: int) -> Excitation:
+        """All of it extends within 1.5 s."""
+        paths = {name: SmoothRamp(times=(0.0, 1.5), values=(1.0, 2.5)) for name in self.system.paths}
+        loads = {name: Constant(amount=1.0) for name in self.system.input_names}
+        return Excitation(paths, loads, TimeStepping(1.5, 1.5 / steps))
+
+
+def _step(boom: _Boom) -> Callable[[], float]:
+    """As the solver times itself, by the processor's clock."""
+    march = March(SystemForm.of(boom.system), boom.driven(STEPS), {})
+
+    def seconds() -> float:
+        with patch.object(time, "perf_counter", time.process_time):
+            return march.again() / STEPS
+
+    return seconds
+
+
+def _estimate(boom: _Boom) -> Callable[[], float]:
+    return lambda: _processor(lambda: estimate(boom.models, boom.system, boom.driven(STEPS)))
+
+
+def _frequencies(boom: _Boom) -> Callable[[], float]:
+    x = places(boom.system, boom.driven(PLACES))
+    return lambda: _processor(lambda: Assembly(boom.system).frequencies(x, LOWEST)) / len(x)
+
+
+#: And whether it takes so long that once is enough.
+_WAYS = {"step": (_step, False), "estimate": (_estimate, True), "frequencies": (_frequencies, False)}
+
+
+def _processor(work: Callable[[], object]) -> float:
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
 
 
 def _chain(count: int) -> str:
     """A scene of so many boxes of 6 m in one another, that all extend at once."""
     pads = "at = 0.15, stiffness = 1e8, faces = { bottom = [0.0], top = [0.0] }"
-    lines = ['title = "Chain"', "[section]", 'body = { model = "beam2d", box.length = 6.0 }', "mesh.elements = 20"]
+    lines = ['title = "Chain"', "[section]", 'body = { model = "beam2d", box.length = 6.0 }', "mesh.elements = 40"]
     lines += [f"joint = {{ tail = [{{ {pads} }}], mouth = [{{ {pads} }}] }}", "[gravity]", "rise = 0.0"]
     for k in range(count):
         lines += ["[[sections]]", f'name = "s{k}"']
@@ -88,17 +149,16 @@ def _chain(count: int) -> str:
     return "\n".join([*lines, "[time]", "end = 1.5", "step = 1e-3"])
 
 
-def _boom(count: int, r: int) -> tuple[System, Excitation]:
+@cache
+def _boom(count: int) -> _Boom:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "chain.toml")
         file.write_text(_chain(count), encoding="utf-8")
-        boom = load_scene(file, [f"section.reduction.coordinates={r}"])
-    bodies = {name: one.model for name, one in reduce_bodies(boom, build_bodies(boom, MPI.COMM_SELF)).items()}
-    given = system_of(boom, bodies)
-    system = System(bodies, tuple(replace(contact, clearance=None) for contact in given.contacts))
-    paths = {name: SmoothRamp(times=(0.0, 1.5), values=(1.0, 2.5)) for name in system.paths}
-    loads = {name: Constant(amount=1.0) for name in system.input_names}
-    return system, Excitation(paths, loads, TimeStepping(1.5, 1e-3))
+        boom = load_scene(file, [f"section.reduction.coordinates={EACH}"])
+    reduced = reduce_bodies(boom, build_bodies(boom, MPI.COMM_SELF))
+    given = system_of(boom, {name: one.model for name, one in reduced.items()})
+    system = System(given.bodies, tuple(replace(contact, clearance=None) for contact in given.contacts))
+    return _Boom({name: one.modal for name, one in reduced.items()}, system)
 
 
 def _series(forms: dict[int, tuple[ModalForm, int]], repeats: int) -> dict[str, Any]:

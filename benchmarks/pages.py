@@ -163,13 +163,18 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
                           (f"outputs, {found['outputs']['coordinates']} modes", "outputs"))
         for size, ns in zip(found[key]["size"], found[key]["ns"], strict=True)
     )  # fmt: skip
-    booms, (own, squared, crossed) = found["booms"], found["booms"]["fitted"]
-    columns = zip(*(booms[key] for key in ("sections", "contacts", "coordinates", "us")), strict=True)
-    sections = tuple((str(k), str(m), str(r), quantity(1e-6 * us, "s")) for k, m, r, us in columns)
+    booms, (joint, beside) = found["booms"], (1e6 * part for part in found["booms"]["fitted"])
+    counts = zip(*(booms[key] for key in ("sections", "contacts", "coordinates")), strict=True)
+    times = zip(*booms["seconds"].values(), strict=True)
+    sections = tuple(
+        (*map(str, sizes), *(quantity(one, "s") for one in taken)) for sizes, taken in zip(counts, times, strict=True)
+    )
+    powers = ", ".join(f"{significant(power, 2)} ({name})" for name, power in booms["exponents"].items())
     said = (
-        f"Booms on pads that hold both ways; {own:.2g} + {squared:.2g} m^2 + {crossed:.2g} m r microseconds "
-        f"with m contacts and r coordinates, at most {100 * booms['off']:.0f} % off. "
-        f"With eight coordinates a section it costs the joints to the power of {significant(booms['exponent'], 2)}."
+        "Processor time of booms of n sections on pads that hold both ways: a step, the error estimate of "
+        f"{booms['steps']} steps, frequencies at a place. Powers of the number of joints: {powers}. "
+        f"A step takes {joint:.2g} (n - 1) + {beside:.2g} (n - 2) microseconds, for joints and for sections between, "
+        f"at most {100 * booms['off']:.0f} % off."
     )
     return Chapter(
         anchor=prefix,
@@ -187,7 +192,7 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
                 grids=(
                     Grid("A step, and its share of each mode.", ("size", "a step", "each"), rows),
                     Grid("Moving rows and outputs.", ("size", "a step", "more than the first"), others),
-                    Grid(said, ("sections", "contacts", "coordinates", "a step"), sections),
+                    Grid(said, ("sections", "contacts", "coordinates", *booms["seconds"]), sections),
                 ),
             )
         ],
