@@ -177,17 +177,17 @@ def test_the_summary_says_how_long_and_stiff_a_rope_is(simulated) -> None:
 WINCH = {"EA": 1e6, "strands": 2, "length": 5.0, "lengthens": -1.0}
 
 
-def winch(step: float = 1e-3, simulator: str = "march") -> Scene:
+def winch(simulator: str = "march") -> Scene:
     """One stiff section at 30 degrees on a rope that gets as much shorter as this slides out; it swings on the way."""
     base, fly = section("base", 0.5, supports=[{"name": "clamp", "kind": "clamped"}]), section("fly", 0.45)
-    fly["joint"] = {"tail": PADS, "mouth": PADS, "extension": OUT, "rope": WINCH}
+    fly["joint"] = {"tail": PADS, "mouth": PADS, "extension": OUT | {"times": [0.1, 1.1]}, "rope": WINCH}
     fly["masses"] = [{"name": "load", "on": "tip", "mass": TIP}]
     found = Scene.model_validate(
         {
             "title": "winch",
             "sections": [base, fly],
             "gravity": {"inclination": 30.0},
-            "time": {"end": 3.0, "step": step, "rho_inf": 1.0},
+            "time": {"end": 1.2, "step": 1e-3, "rho_inf": 1.0},
             "simulation": {"simulators": [simulator], "full": "petsc"},
             "compare": {"against": []},
         }
@@ -216,21 +216,23 @@ def swinging(scene: Scene, t: np.ndarray) -> np.ndarray:
     return np.array([pull(at, u) for at, u in zip(t, found.y[0], strict=True)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("simulator", ["march", "exudyn", "full"])
 def test_a_section_swings_on_a_winchs_rope_as_its_equation_says(simulator: str) -> None:
+    """Within the scheme's phase error, omega^3 h^2 t / 12."""
     if simulator == "full":
         scene = winch()
         found = FullOrder.of(scene, models_of(build_bodies(scene))).reference("full")
     else:
-        scene = winch(simulator=simulator)
+        scene = winch(simulator)
         found = pmr.simulate(scene, pmr.reduce(scene).system)
-    force = -found.force(force_of(cylinder_of("fly")), 0)
-    known = swinging(scene, found.t)
-    assert np.ptp(known - fly_mass() * (-G / 2.0)) > 500.0
-    assert force == pytest.approx(known, abs=1e-3 * np.abs(known).max())
+    force, known = -found.force(force_of(cylinder_of("fly")), 0), swinging(scene, found.t)
+    late = np.sqrt(2e6 / 2.0 / fly_mass()) ** 3 * 1e-3**2 / 12.0 * 1.2  # rad: of the trapezoidal rule, at the shortest
+    assert force == pytest.approx(known, abs=late * np.ptp(known) / 2.0) and late < 0.006
     assert found.surplus < 1e-4
 
 
+@pytest.mark.slow
 def test_the_drums_work_closes_the_balance_of_energy() -> None:
     """What is stored less all work stays the same; the drum's own is minus the half of lambda^2 dl / EA."""
     scene = winch()
@@ -243,6 +245,7 @@ def test_the_drums_work_closes_the_balance_of_energy() -> None:
     assert np.abs(left - left[0]).max() < 1e-3 * drum[-1]
 
 
+@pytest.mark.slow
 def test_a_rope_and_what_pulls_it_give_way_together() -> None:
     """u = A F with A = S^T diag(1/k) S, S = [[1, r], [0, 1]]: at rest, and in both frequencies."""
     r, k = 0.7, np.array([4e6, 2e6 / 4.7])
@@ -264,6 +267,7 @@ def test_a_rope_and_what_pulls_it_give_way_together() -> None:
     assert found == pytest.approx(np.sqrt(omega2) / (2.0 * np.pi), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_chain_of_ropes_gives_way_alike_in_all_simulators(tmp_path: Path) -> None:
     """Four sections, whose drives couple contacts that share no body; one rope gets longer on the way."""
     content = boom().model_dump(exclude_unset=True)
