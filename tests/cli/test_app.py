@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import io
 import json
 import subprocess
@@ -254,3 +256,12 @@ def test_sentences_break_between_words_on_a_terminal_alone(terminal: bool) -> No
     tell(screen, text)
     lines = screen.file.getvalue().rstrip("\n").split("\n")
     assert " ".join(map(str.rstrip, lines)) == text and (max(map(len, lines)) <= 80) == (len(lines) > 1) == terminal
+
+
+def test_what_is_left_at_the_end_is_not_looked_through(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    at_the_end: list[object] = []
+    monkeypatch.setattr(atexit, "register", lambda do, *_: at_the_end.append(do))
+    assert called(monkeypatch, capsys, "--version").returncode == 0
+    assert gc.freeze in at_the_end
