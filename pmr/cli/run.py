@@ -6,6 +6,7 @@ import gc
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from os.path import isdir
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -58,8 +59,8 @@ def run(
     sections system.npz.  With recovery it also has fields.npz and fields.pvd, which ParaView opens.  Several scenes
     have one report, and a folder each for all else.
 
-    A run that is killed leaves the old results as they were.  The simulation of a full model in PETSc that was
-    interrupted is continued.
+    A run that is killed leaves the old results as they were, or the new ones without their report while it measures
+    last how far mesh and model are off.  The simulation of a full model in PETSc that was interrupted is continued.
 
 
     Examples
@@ -103,7 +104,7 @@ def run(
         from pmr.errors.environment import Clock
         from pmr.files.users import users_folder
         from pmr.pipeline import run as run_scene
-        from pmr.report.document import REPORT_FILES, write_report
+        from pmr.report.document import write_report
     gc.freeze()  # what is loaded stays: later looks for garbage need not go through it
 
     first = rank() == 0
@@ -114,16 +115,22 @@ def run(
         with _progress(name, shown=first) as progress:
             try:
                 clock, measures = Clock(progress), cache or users_folder()
-                outcome = run_scene(scene, clock=clock, checkpoint=checkpoint, cache=cache, measures=measures)
+                outcome = run_scene(
+                    scene,
+                    clock=clock,
+                    checkpoint=checkpoint,
+                    cache=cache,
+                    measures=measures,
+                    keep=partial(_save, where, folder),
+                )
             except InputError as error:
                 raise error.found_in(str(file)) from None
             except (np.linalg.LinAlgError, ArithmeticError) as error:
                 allowed = f"sizes, stiffnesses and masses that double precision can carry are allowed ({error})"
                 raise InputError(str(file), "", None, allowed) from None
         if outcome is not None:
-            if where != folder:
-                removed(folder, REPORT_FILES)  # the one of all scenes, which no longer belongs to what is there
-            _save(outcome, where)
+            with fresh(where, ("summary.json",)) as new:
+                outcome.result.save_summary(new)
             checkpoint.unlink(missing_ok=True)
             outcomes.append(outcome)
     if outcomes:
@@ -139,8 +146,11 @@ def run(
         say(out, f"        {written.pdf}")
 
 
-def _save(outcome: Outcome, folder: Path) -> None:
-    """Everything but the report, which comes later: the one that is there belongs to the old results and goes."""
+def _save(folder: Path, of_all: Path, outcome: Outcome) -> None:
+    """Everything but the report, which comes later: the one that is there belongs to the old results and goes.
+
+    So does that of all scenes in the folder `of_all`.
+    """
     from pmr.export.paraview import Travelling, write_series
     from pmr.report.document import REPORT_FILES
     from pmr.results import RESULT_FILES
@@ -149,6 +159,8 @@ def _save(outcome: Outcome, folder: Path) -> None:
 
     result = outcome.result
     recovery = result.scene.recovery
+    if folder != of_all:
+        removed(of_all, REPORT_FILES)
     with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
         result.save(new)
         write_tables(result, new)

@@ -35,8 +35,6 @@ Array = NDArray[np.float64]
 #: Frequencies that are compared, modes among which they are, and places along the path: beams with walls that give way
 #: are off most over an eighth of it, which nine places missed in two of twenty booms (`benchmarks.walls`).
 FREQUENCIES, MODES, PLACES = 2, 12, 33
-#: Of places where nobody asked: both ends and the middle.
-FEW_PLACES = 3
 #: Share of a mode's motion that a poorer model knows, for the mode to be one that it should have.
 KNOWN = 0.5
 #: Of the largest motion of any mode: less is round-off.
@@ -59,14 +57,14 @@ class Motion:
     response: Response
 
     @classmethod
-    def of(cls, scene: Scene, system: System, count: int = PLACES, response: Response | None = None) -> Motion:
-        """With frequencies at `count` places, and a `response` where that is known.
+    def of(cls, scene: Scene, system: System, response: Response | None = None) -> Motion:
+        """With frequencies at `PLACES` places, and a `response` where that is known.
 
         Else an `InputError` is raised where the motion grows without bound.
         """
         scene = as_made(scene, system.terms)
         excitation = Excitation.of(scene)
-        steps = steps_of(excitation, count)
+        steps = steps_of(excitation)
         x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
         if response is None:
             with refused_growth(scene):
@@ -115,10 +113,10 @@ class Motion:
         return found
 
 
-def steps_of(excitation: Excitation, count: int = PLACES) -> list[int]:
-    """Those at which all paths together are nearest to `count` places from shortest to longest."""
+def steps_of(excitation: Excitation) -> list[int]:
+    """Those at which all paths together are nearest to `PLACES` places from shortest to longest."""
     reach = excitation.s.reshape(len(excitation.times), -1).sum(axis=1)
-    at = np.linspace(reach.min(), reach.max(), count)
+    at = np.linspace(reach.min(), reach.max(), PLACES)
     return list(dict.fromkeys(int(np.argmin(np.abs(reach - one))) for one in at))
 
 

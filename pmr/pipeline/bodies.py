@@ -67,7 +67,7 @@ class Bodies:
     """Reduced as the scene asks, with the step and the coordinates that hold its tolerance; methods are collective."""
 
     def __init__(self, scene: Scene, built: Mapping[str, Built], clock: Clock, caches: Mapping[str, Cache]) -> None:
-        self.built, self.clock, self._caches = built, clock, caches
+        self.built, self.clock, self.caches = built, clock, caches
         self._comm = next(iter(built.values())).model.comm
         self.bodies = reduce_bodies(scene, built, caches, clock)
         models = {name: one.model for name, one in self.bodies.items()}
@@ -151,24 +151,27 @@ class Bodies:
         models = {name: one.modal for name, one in self.bodies.items()}
         with self.clock.stage("search"):
             choice: order.Choice = self._comm.bcast(on_first(self._comm, lambda: order.choose(scene, models)))
-        finer = order.finer(choice, scene)
-        if finer is None:
-            return order.without_mesh(choice)
-        with self.clock.stage("finer mesh"):
-            on_finer = self._on_finer(finer)
+        if not scene.ordered.mesh:
+            return choice
+        with self.clock.stage("other mesh"):
+            try:
+                other = order.on_other_mesh(choice, scene)
+                on_other = self._on_other(other.scene)
+            except (InputError, ConvergenceError) as error:  # too coarse to be reduced: no reason not to run
+                return replace(choice, mesh_reason=error.allowed if isinstance(error, InputError) else str(error))
             found: order.Choice = self._comm.bcast(
-                on_first(self._comm, lambda: order.with_mesh(choice, scene, models, on_finer))
+                on_first(self._comm, lambda: order.with_mesh(choice, scene, models, on_other, other.share))
             )
         return found
 
-    def _on_finer(self, finer: Scene) -> dict[str, Any]:
-        """The models of a scene with a finer mesh."""
+    def _on_other(self, scene: Scene) -> dict[str, Any]:
+        """The models of the scene on another mesh."""
 
         def make() -> dict[str, Any]:
-            return {name: one.modal for name, one in reduce_bodies(finer, build_bodies(finer, self._comm)).items()}
+            return {name: one.modal for name, one in reduce_bodies(scene, build_bodies(scene, self._comm)).items()}
 
-        cache = self._caches.get(ALONE)
-        return make() if cache is None else {ALONE: cache.model_of(finer, lambda: make()[ALONE])}
+        cache = self.caches.get(ALONE)
+        return make() if cache is None else {ALONE: cache.model_of(scene, lambda: make()[ALONE])}
 
     def _another(self) -> Any:
         """A model that tells the error of one which can't by itself; None where that can, or no model tells it."""
@@ -176,7 +179,7 @@ class Bodies:
             return None
         other = other_of(self.scene, self.bodies[ALONE].model)
         try:
-            return cached_body(other, self.built[ALONE].model, self._caches.get(ALONE)).model
+            return cached_body(other, self.built[ALONE].model, self.caches.get(ALONE)).model
         except (InputError, ConvergenceError):  # as few modes as a small mesh has: no reason not to run
             return None
 
@@ -188,15 +191,15 @@ class Bodies:
 
     def _full_frequencies(self, at: Visited) -> Array:
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)
-        if not self._caches:
+        if not self.caches:
             return self.full.frequencies(at.s, at.count, c)
         asked = {
-            "bodies": [one.content for one in self._caches.values()],
+            "bodies": [one.content for one in self.caches.values()],
             "contacts": repr(self.full.whole.contacts),
             "s": at.s.tolist(),
             "count": at.count,
             **({"c": c.tolist()} if c.size else {}),
             "solver": self.scene.sections[0].reduction.solver,
         }
-        cache = self._caches[self.scene.names[0]]
+        cache = self.caches[self.scene.names[0]]
         return cache.arrays("frequencies", asked, lambda: self.full.frequencies(at.s, at.count, c))

@@ -10,25 +10,23 @@ from typing import Any
 
 from pmr.compare import model_part
 from pmr.compare.accuracy import mesh
-from pmr.compare.model_part import FEW_PLACES, PLACES, Motion
+from pmr.compare.model_part import Motion
 from pmr.errors import ConvergenceError, InputError, SimulationError, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.reduction.cache import Cache, cache_in
 from pmr.results import Response
-from pmr.scene import Scene
+from pmr.scene import Scene, richer
 from pmr.scene.checks import check
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
-from pmr.scene.richer import alike, beside, candidates, coarsely
+from pmr.scene.richer import alike, beside, candidates
 from pmr.system.system import System
 
 SystemOf = Callable[[Scene], System]
 #: What is no reason not to run: the error is not known then.
 UNKNOWN = (InputError, ConvergenceError, SimulationError)
-#: Why nothing is known yet of what the run had no time for.
-LATER = "not measured yet: the next run of this structure measures it"
 #: Why nothing is known where the model itself finds how its base moves, and another model would find another motion.
 ON_MACHINE = "not measured for a boom on frame.machine; the same boom without it tells"
 _log = logging.getLogger(__name__)
@@ -67,9 +65,9 @@ def measured(
     """
     with clock.stage("richer model"):
         try:
-            own, richer, called = beside(scene)
+            own, other, called = beside(scene)
             cache = next(iter(caches.values()), None)
-            return _part(own, _moved(richer, comm, cache, system_of), called, comm, cache, system_of)
+            return _part(own, _moved(other, comm, cache, system_of), called, comm, cache, system_of)
         except UNKNOWN as error:
             return {"beside": None, "reason": str(error)}
 
@@ -83,29 +81,21 @@ def unasked(
     system_of: SystemOf,
     known: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """``mesh`` and ``model`` of the budget as far as they cost little, on another mesh and beside a coarse shell.
+    """``mesh`` and ``model`` of the budget, on another mesh and beside shells, as far as they are not `known`.
 
-    Of the scene's own `system`, whose `response` rank 0 has; what is `known` stays.  A run measures one of them, what
-    was measured before is found in the cache.  Collective.
+    Of the scene's own `system`, whose `response` rank 0 has.  What was measured before is found in the cache.
+    Collective.
     """
     if scene.frame is not None and scene.frame.machine is not None:
         return {"model": {"beside": None, "reason": ON_MACHINE}, "mesh_reason": ON_MACHINE, **known}
     try:
-        own = on_first(comm, lambda: Motion.of(scene, system, FEW_PLACES, response))
+        own = on_first(comm, lambda: Motion.of(scene, system, response))
     except UNKNOWN as error:
         return {"model": {"beside": None, "reason": str(error)}, "mesh_reason": str(error), **known}
 
-    measured_one = False
-
-    def beside_own(make: Callable[[Scene], Scene], called: str) -> dict[str, Any]:
-        nonlocal measured_one
+    def beside_own(make: Callable[[], Scene], called: str) -> dict[str, Any]:
         try:
-            other = make(scene)
-            if not cache.has_system_of(other):
-                if measured_one:
-                    return {"beside": None, "reason": LATER}
-                measured_one = True
-            moved = _moved(other, comm, cache, system_of, FEW_PLACES)
+            moved = _moved(make(), comm, cache, system_of)
         except (*UNKNOWN, ValueError, ImportError) as error:  # nobody asked: no reason not to run
             return {"beside": None, "reason": error.allowed if isinstance(error, InputError) else str(error)}
         part = None if own is None or moved is None else model_part.model_part(scene, own, moved, called)
@@ -114,7 +104,8 @@ def unasked(
 
     found = dict(known)
     if "model" not in found:
-        found["model"] = beside_own(coarsely, "coarse shell")
+        coarse = all(part.body.walls == "rigid" for part in scene.sections)
+        found["model"] = beside_own(lambda: richer.unasked(scene), "coarse shell" if coarse else "shell")
     return found if scene.ordered is not None else found | mesh.unasked(scene, beside_own)
 
 
@@ -126,9 +117,9 @@ def _chosen(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of
         return _named(scene) | {"tolerance": scene.compare.model_tolerance, "tried": tried} | more
 
     try:
-        richer = _moved(alike(shell), comm, cache, system_of)
+        best = _moved(alike(shell), comm, cache, system_of)
         for one in beams:
-            part = _part(alike(one), richer, "shell", comm, cache, system_of)
+            part = _part(alike(one), best, "shell", comm, cache, system_of)
             tried.append(_named(one) | {"error": model_part.error(part)})
             if comm.rank == 0:
                 _log.info("%(name)s, walls %(walls)s: off by %(error).2g of what a shell says", tried[-1])
@@ -141,21 +132,19 @@ def _chosen(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of
 
 
 def _part(
-    own: Scene, richer: Motion | None, called: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
+    own: Scene, other: Motion | None, called: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
 ) -> dict[str, Any]:
     """On every rank, of motions that rank 0 has."""
     motion = _moved(own, comm, cache, system_of)
-    part = None if motion is None or richer is None else model_part.model_part(own, motion, richer, called)
+    part = None if motion is None or other is None else model_part.model_part(own, motion, other, called)
     found: dict[str, Any] = comm.bcast(part)
     return found
 
 
-def _moved(
-    scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf, count: int = PLACES
-) -> Motion | None:
+def _moved(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:
     """On rank 0; None on the others."""
     system = system_of(scene) if cache is None else cache.system_of(scene, lambda: system_of(scene))
-    return on_first(comm, lambda: Motion.of(scene, system, count))
+    return on_first(comm, lambda: Motion.of(scene, system))
 
 
 def _named(scene: Scene) -> dict[str, Any]:

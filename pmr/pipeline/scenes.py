@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pmr.compare import memory
-from pmr.compare.accuracy import order
+from pmr.compare.accuracy import mesh, order
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
 from pmr.compare.second_order import decided as with_order
@@ -17,16 +18,16 @@ from pmr.errors import InputError, environment, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
-from pmr.fullmodel.build import build_bodies, left_free, log_warnings
+from pmr.fullmodel.build import Built, build_bodies, left_free, log_warnings
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
-from pmr.pipeline.bodies import Bodies
+from pmr.pipeline.bodies import Bodies, Motions
 from pmr.pipeline.model_part import Decided, decided, measured, unasked
 from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
 from pmr.reduction.recover.from_scene import Recovered
-from pmr.results import Loads, Paths, RunResult
+from pmr.results import Frequencies, Loads, Paths, RunResult
 from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation.petsc import Checkpoint
@@ -63,13 +64,14 @@ def run(
     checkpoint: Path | None = None,
     cache: Path | None = None,
     measures: Path | None = None,
+    keep: Callable[[Outcome], None] | None = None,
 ) -> Outcome | None:
     """Reduce, simulate and compare a scene; on rank 0 of `comm` this returns the outcome, on other ranks None.
 
     The file `checkpoint` lets a full-order simulation continue after an interruption.  The folder `cache` keeps
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
-    of mesh and structural model, even if the scene does not ask for them, where this takes little time; the folder
-    keeps what takes longest.
+    of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
+    are measured last: `keep` gets the outcome without them before, on rank 0.
 
     Raises
     ------
@@ -81,7 +83,7 @@ def run(
     """
     try:
         kept = None if checkpoint is None else Checkpoint(checkpoint)
-        return _run(scene, comm, clock or Clock(), kept, cache, measures)
+        return _run(scene, comm, clock or Clock(), kept, cache, measures, keep)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
@@ -93,6 +95,7 @@ def _run(
     checkpoint: Checkpoint | None,
     cache: Path | None,
     measures: Path | None,
+    keep: Callable[[Outcome], None] | None,
 ) -> Outcome | None:
     check_installed(scene)
     chosen = _decided(scene, comm, clock, cache)
@@ -100,9 +103,7 @@ def _run(
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
         free_motions = left_free(scene, built) if scene.free_motions == "allowed" else []
-    models = [one.model for one in built.values()]
-    outputs = sum(model.outputs.getSize()[1] for model in models)
-    size = sum(model.size for model in models)
+    size, outputs = _sizes(built)
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
@@ -115,21 +116,29 @@ def _run(
         with clock.stage("recover"):
             seen |= bodies.recover(motions)
 
-    def system_of(one: Scene) -> System:
-        return _reduced(one, comm).system
-
+    outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, seen, free_motions)
+    if outcome is not None and chosen.said is not None:
+        outcome.result.summary["chosen_model"] = chosen.said
+    if keep is not None:
+        on_first(comm, lambda: outcome and keep(outcome))
     budget = {} if chosen.part is None else {"model": chosen.part}
-    if scene.compare.richer != "none":
-        budget = {"model": measured(bodies.asked, comm, clock, caches, system_of)}
-    if measures is not None:
-        with clock.stage("mesh and model"):
-            response = None if motions.reduced is None else motions.reduced.first.response
-            budget = unasked(
-                bodies.asked, bodies.system, response, comm, cache_in(measures, models[0]), system_of, budget
-            )
-    if motions.reduced is None:
-        return None
+    budget |= _measured(bodies, motions, budget, measures)
+    if outcome is not None and budget:
+        outcome.result.summary["budget"] = budget | outcome.result.summary.get("budget", {})
+    return outcome
+
+
+def _outcome(
+    bodies: Bodies,
+    motions: Motions,
+    frequencies: Frequencies,
+    seen: Mapping[str, Recovered],
+    free_motions: Sequence[str],
+) -> Outcome:
+    """What a run says on rank 0, but for its model's own error."""
+    assert motions.reduced is not None  # as on rank 0
     (judged, tip_error), system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
+    scene, built, clock, (size, outputs) = bodies.scene, bodies.built, bodies.clock, _sizes(bodies.built)
     choice, responses, by_frequency = bodies.choice, motions.responses, in_frequency(scene, bodies.system, excitation)
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     parts = [
@@ -141,6 +150,7 @@ def _run(
         Part(warnings=memory.warnings(scene, size, outputs)),
         *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
         Part(warnings=free_motions),
+        Part(warnings=mesh.warnings(scene)),
         Part(places({name: one.structure.outputs for name, one in built.items()})),
         Part(summary_of_walls({name: one.structure.pads.walls for name, one in built.items()})),
         reliability(motions.references.missing, responses),
@@ -148,10 +158,6 @@ def _run(
         frequency_part(by_frequency),
     ]
     summary = combined(parts)
-    if chosen.said is not None:
-        summary["chosen_model"] = chosen.said
-    if budget:
-        summary["budget"] = budget | summary.get("budget", {})
     result = RunResult(
         bodies.asked,
         summary,
@@ -166,6 +172,29 @@ def _run(
     )
     made_from = bodies.asked.recorded | {"versions": result.summary["versions"]}
     return Outcome(result, replace(system, provenance=made_from) if system.terms or ALONE not in built else system)
+
+
+def _measured(bodies: Bodies, motions: Motions, known: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:
+    """What a run measures of its model and mesh, for ``budget`` of summary.json, beside what is `known`; collective."""
+    comm, clock, asked = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.asked
+
+    def system_of(one: Scene) -> System:
+        return _reduced(one, comm).system
+
+    if asked.compare.richer != "none":
+        known = {"model": measured(asked, comm, clock, bodies.caches, system_of)}
+    if measures is None:
+        return known
+    with clock.stage("mesh and model"):
+        response = None if motions.reduced is None else motions.reduced.first.response
+        cache = cache_in(measures, next(iter(bodies.built.values())).model)
+        return unasked(asked, bodies.system, response, comm, cache, system_of, known)
+
+
+def _sizes(built: Mapping[str, Built]) -> tuple[int, int]:
+    """Coordinates and outputs of all full models."""
+    models = [one.model for one in built.values()]
+    return sum(model.size for model in models), sum(model.outputs.getSize()[1] for model in models)
 
 
 def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:

@@ -98,10 +98,6 @@ class Cache:
             self._write(file, {}, found)
         return found
 
-    def has_system_of(self, scene: Scene) -> bool:
-        """Whether `system_of` would find one, on every rank; collective."""
-        return bool(self.model.comm.bcast(self._of_system(scene).is_file()))
-
     def _of_system(self, scene: Scene) -> Path:
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
         return self._file("system", {"scene": structure_in(scene), "path": path})

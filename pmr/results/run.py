@@ -139,7 +139,7 @@ class RunResult:
         """Write scene.json, summary.json, trajectories.npz, whose ``columns`` names columns, and fields."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1, exclude={"section"}), encoding="utf-8")
-        (folder / "summary.json").write_text(jsonfile.text(self.summary, indent=1), encoding="utf-8")
+        self.save_summary(folder)
         arrays: dict[str, NDArray[Any]] = {"columns": np.array(jsonfile.text(self.columns)), "loads": self.loads.values}
         if self.reach is None:
             arrays |= {"s": self.paths.values[:, 0], "s_rate": self.paths.rates[:, 0]}
@@ -161,6 +161,10 @@ class RunResult:
         if self.frequency_response is not None:
             arrays |= records.arrays(self.frequency_response, "frequency_response.")
         npz.write(folder / "trajectories.npz", arrays)
+
+    def save_summary(self, folder: Path) -> None:
+        """Write summary.json alone, where it is all that changed."""
+        (folder / "summary.json").write_text(jsonfile.text(self.summary, indent=1), encoding="utf-8")
 
     @classmethod
     def load(cls, folder: Path) -> RunResult:

@@ -316,7 +316,7 @@ class _Ordered(Section):
     )
     mesh: Switch = Field(
         default=True,
-        description="Whether the error of the mesh is included, estimated with a second, finer mesh",
+        description="Whether the error of the mesh is included, estimated with a second mesh",
     )
 
 
@@ -324,7 +324,7 @@ class Accuracy(_Ordered):
     """An allowed error; number of coordinates and time step are chosen so that it holds.
 
     `tolerance` is the allowed error of reduction and step together, in each of the `outputs`.  With `mesh` the error of
-    the mesh is included; a second mesh with shorter cells measures it.  The search for a step begins at `time.step`.
+    the mesh is included; a second mesh measures it.  The search for a step begins at `time.step`.
     """
 
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(

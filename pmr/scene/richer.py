@@ -14,9 +14,9 @@ from pmr.scene.scene import Scene
 ORDER = ("beam2d", "beam3d", "shell")
 #: Coordinates of a body where models are compared, whatever the scene's own reduction, and places that are observed.
 COORDINATES, PLACES, FROM_AN_END = 20, 9, 0.05
-#: Of a coarse shell: how many times as long its cells are, how many rectangles of cells it may have to be compared with
-#: unasked, and coordinates.
-COARSE, SMALL, OF_COARSE = 2.0, 250, 12
+#: Of a shell that nobody asked for: how many times as long its cells are beside beams with rigid walls, how many
+#: rectangles of cells it may have, and its coordinates.
+COARSE, MOST_RECTANGLES, OF_COARSE = 2.0, 2500, 12
 #: Seconds that a comparison takes, and that each rectangle of a shell's cells adds: a guess, from boxes of 5 and 6 m.
 FIXED, EACH = 1.0, 6e-3
 
@@ -41,27 +41,24 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
     return alike(scene), _with(scene, [richer] * len(own)), richer
 
 
-def coarsely(scene: Scene) -> Scene:
-    """Coarse shells of the scene's bodies, to tell at little cost how far beams are off.
+def unasked(scene: Scene) -> Scene:
+    """Shells of the scene's bodies, to tell how far its beams are off where nobody asks.
 
-    Raises an `InputError` that says why none are: who wants to know has to ask for it.
+    Beside beams with rigid walls they are coarse; beams whose walls give way have these from shells on the cells of the
+    scene, and are compared with shells on the same ones: what such cells are off by is in both.
+
+    Raises an `InputError` that says why there are none: who wants to know has to ask for it.
     """
-    ask = "not measured; compare.richer = 'shell' measures it"
     shells = scene.model_copy(update={"compare": scene.compare.model_copy(update={"richer": "shell"})})
     _, shells, _ = beside(shells)
-    seconds = FIXED + EACH * sum(rectangles(part, 1.0) for part in shells.sections)
-    ask += f", in some {seconds:.0f} s" if seconds < 100.0 else f", in some {seconds / 60.0:.0f} minutes"
-    if any(part.body.walls == "give" for part in scene.sections):
-        raise _none(
-            "none",
-            f"{ask}: the coarse shell of the automatic comparison is less accurate than beams whose walls give way",
-        )
-    if sum(rectangles(part, COARSE) for part in shells.sections) > SMALL:
-        raise _none("none", ask)
+    by = 1.0 if any(part.body.walls == "give" for part in scene.sections) else COARSE
+    if sum(rectangles(part, by) for part in shells.sections) > MOST_RECTANGLES:
+        minutes = (FIXED + EACH * sum(rectangles(part, 1.0) for part in shells.sections)) / 60.0
+        raise _none("none", f"not measured; compare.richer = 'shell' measures it, in some {minutes:.2g} minutes")
     parts = []
     for part in shells.sections:
-        along = part.mesh.along and COARSE * part.mesh.along
-        cells = part.mesh.model_copy(update={"size": COARSE * part.mesh.size, "along": along})
+        along = part.mesh.along and by * part.mesh.along
+        cells = part.mesh.model_copy(update={"size": by * part.mesh.size, "along": along})
         reduction = part.reduction.model_copy(update={"coordinates": OF_COARSE})
         parts.append(part.model_copy(update={"mesh": cells, "reduction": reduction}))
     return shells.model_copy(update={"sections": tuple(parts)})

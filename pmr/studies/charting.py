@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation.bent import Bent
@@ -51,7 +50,7 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     ``mended`` is the share of a mesh's error that it does not have.
     Arrays ``reach`` (P,) m along the boom and ``tip`` (P, 3) m on the ground, undeformed, as well.
     """
-    from pmr.compare.accuracy.mesh import BEAM, ORDER
+    from pmr.compare.accuracy.mesh import FINER, ORDER
     from pmr.reduction.bodies import joined, reduce_bodies
     from pmr.studies import shared
 
@@ -75,21 +74,20 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
         arrays |= records.arrays(Postures.of(scene, better, at, weights), "richer.")
         if (finer := on_finer_mesh(scene)) is not None:
             arrays |= records.arrays(Postures.of(scene, finer, at, weights), "finer.")
-            arrays["mended"] = np.array(1.0 - BEAM**-ORDER)
+            arrays["mended"] = np.array(1.0 - FINER**-ORDER)
         arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
     return TaskResult(arrays=arrays)
 
 
 def on_finer_mesh(scene: Scene) -> System | None:
     """Reduced in the same way on elements half as long, of beams, whose reduction takes little time; else none."""
-    from pmr.compare.accuracy.mesh import finer_beams
+    from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, once
     from pmr.reduction.bodies import joined, reduce_bodies
     from pmr.studies import shared
 
-    try:
-        finer = finer_beams(scene)
-    except InputError:
+    if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):
         return None
+    finer = once(finer_beams(scene))
     return joined(finer, reduce_bodies(finer, shared.bodies_of(finer)))
 
 

@@ -9,10 +9,9 @@ import pytest
 
 import pmr
 from pmr.compare.accuracy import mesh
-from pmr.pipeline import model_part
 from pmr.pipeline import scenes as pipeline
 from pmr.report import model_error
-from pmr.scene.richer import coarsely
+from pmr.scene.richer import unasked
 
 pytest.importorskip("gmsh")
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -24,17 +23,17 @@ def scene(*changes: str) -> pmr.scene.Scene:
 
 
 @pytest.mark.slow
-def test_a_run_measures_its_model_the_next_one_its_mesh_and_then_both_are_found(tmp_path: Path, monkeypatch) -> None:
-    result = pmr.run(scene(), measures=tmp_path).result
+def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_path: Path, monkeypatch) -> None:
+    before = []
+    result = pmr.run(scene(), measures=tmp_path, keep=lambda one: before.append(dict(one.result.summary))).result
     first = result.summary["budget"]
+    assert "budget" not in before[0] and before[0] == {key: result.summary[key] for key in before[0]}
     assert 'body.walls = "give" adds it to a beam.' in model_error.model(result)
     assert first["model"]["beside"] == "coarse shell" and 0.1 < first["model"]["beam"] < 0.5
-    assert first["mesh"] is None and first["mesh_reason"] == model_part.LATER
-    second = pmr.run(scene(), measures=tmp_path).result.summary["budget"]
-    assert 0.0 < second["mesh"]["beam"] < 1e-3 and second["mesh_reason"] is None
+    assert 0.0 < first["mesh"]["beam"] < 1e-3 and first["mesh_reason"] is None
     monkeypatch.setattr(pipeline, "_reduced", lambda *_: pytest.fail("what was measured is made again"))
-    third = pmr.run(scene(), measures=tmp_path).result.summary["budget"]
-    assert third["model"]["frequency"] == pytest.approx(first["model"]["frequency"], rel=1e-9)
+    again = pmr.run(scene(), measures=tmp_path).result.summary["budget"]
+    assert again["model"]["frequency"] == pytest.approx(first["model"]["frequency"], rel=1e-9)
 
 
 @pytest.mark.slow
@@ -42,7 +41,7 @@ def test_a_shell_is_compared_with_one_on_cells_twice_as_long(tmp_path: Path) -> 
     """Their difference is what it is taken to be off by: of first order, as under pads."""
     cells = ["mesh.size=0.15", "mesh.along=0.3", "recovery.stress=false", "reduction.estimate=false"]
     shell = pmr.load_scene(WORKFLOWS / "boom_shell.toml", [*CHANGES, *cells])
-    coarse = mesh.coarser_walls(shell)
+    coarse = mesh.once(mesh.coarser_walls(shell))
     assert (coarse.mesh.size, coarse.mesh.along) == (0.3, 0.6) and coarse.alone.reduction.estimate is False
     result = pmr.run(shell, measures=tmp_path).result
     summary = result.summary["budget"]
@@ -52,22 +51,36 @@ def test_a_shell_is_compared_with_one_on_cells_twice_as_long(tmp_path: Path) -> 
     assert summary["mesh"]["beam"] == pytest.approx(apart, rel=0.1) and 0.03 < apart < 0.3
 
 
-def test_walls_that_give_way_are_compared_with_those_of_coarser_cells_if_these_are_few() -> None:
+def test_walls_that_give_way_are_compared_with_those_of_coarser_cells_and_with_shells_on_their_own() -> None:
     give = scene("body.walls='give'", "mesh.size=0.1", "mesh.along=0.2")
-    coarse = mesh.coarser_walls(give)
+    coarse = mesh.other_mesh(give).scene
     assert (coarse.mesh.size, coarse.mesh.along, coarse.mesh.elements) == (0.2, 0.4, give.mesh.elements // 2)
-    asked = []
-    found = mesh.unasked(give, lambda make, called: asked.append((make, called)) or {"beam": 0.25, "tip": None})
-    assert asked == [(mesh.coarser_walls, "coarser mesh")] and found == {"mesh": {"beam": 0.25}, "mesh_reason": None}
-    with pytest.raises(pmr.InputError, match=r"not measured: it would take some \d+ s; \[accuracy\] measures it"):
-        mesh.coarser_walls(scene("body.walls='give'", "mesh.size=0.02", "mesh.along=0.04"))
+    found = mesh.unasked(give, lambda make, called: {"beam": 0.25, "tip": None} if make() != give else {})
+    assert found == {"mesh": {"beam": 0.25}, "mesh_reason": None}
+    assert (unasked(give).mesh.size, unasked(give).alone.body.model) == (0.1, "shell")
+    rigid = scene()
+    assert unasked(rigid).mesh.size == 2.0 * rigid.mesh.size
 
 
-@pytest.mark.slow
-def test_what_costs_more_has_to_be_asked_for(tmp_path: Path) -> None:
-    asked = scene("compare.richer='shell'", "mesh.size=0.05", "mesh.along=0.1")
-    with pytest.raises(pmr.InputError, match=r"compare.richer = 'shell' measures it, in some \d+ s"):
-        coarsely(asked)
-    with pytest.raises(pmr.InputError, match="walls give way"):
-        coarsely(scene("body.walls='give'"))
+def test_what_costs_more_has_to_be_asked_for() -> None:
+    asked = scene("compare.richer='shell'", "mesh.size=0.015", "mesh.along=0.04")
+    with pytest.raises(pmr.InputError, match=r"compare.richer = 'shell' measures it, in some [\d.]+ minutes"):
+        unasked(asked)
+
+
+def test_a_python_run_measures_nothing_unasked() -> None:
     assert "budget" not in pmr.run(scene()).result.summary
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ([], ""),
+        (["mesh.size=0.2"], "cells are 0.2 m wide under pads of 0.08 m"),
+        (["mesh.along=0.5"], "cells are 0.5 m long under pads of 0.3 m"),
+    ],
+)
+def test_cells_that_are_long_beside_pads_are_warned_of(changes: list[str], said: str) -> None:
+    found = mesh.warnings(pmr.load_scene(WORKFLOWS / "boom_shell.toml", changes))
+    assert len(found) == bool(said) and said in "".join(found)
+    assert mesh.warnings(scene()) == []  # walls of these don't give way

@@ -19,9 +19,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.quasi_static import as_simulated
 from pmr.scene import Scene
 from pmr.scene.asked import Accuracy, Budget
-from pmr.scene.choice import model_of
 from pmr.scene.frame_terms import frame_terms
-from pmr.scene.members import members
 from pmr.simulation import Excitation
 from pmr.system.contacts import ALONE
 from pmr.system.from_scene import system_of
@@ -136,54 +134,40 @@ def _with_step(scene: Scene, steps: int) -> Scene:
     return scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
 
 
-def finer(choice: Choice, asked: Scene) -> Scene | None:
-    """The scene `asked` with the step that was chosen and shorter cells; None where the part of the mesh isn't wanted.
+def on_other_mesh(choice: Choice, asked: Scene) -> mesh.OtherMesh:
+    """The scene `asked` with the step that was chosen, on the mesh that tells the part of its own.
 
-    None, too, where a mesh is read from a file.  A body alone has `COORDINATES` or twice as many until they suffice:
-    most choices share that scene.
+    A body alone has `COORDINATES` or twice as many until they suffice: most choices share that scene.  Raises an
+    `InputError` that says why there is no other mesh.
     """
-    if not _asked(asked).mesh:
-        return None
-    found = mesh.finer(_with_step(asked, choice.found.steps))
-    if found is None or ALONE not in choice.models:
+    found = mesh.other_mesh(_with_step(asked, choice.found.steps))
+    if ALONE not in choice.models:
         return found
     coordinates = COORDINATES
     while coordinates < choice.found.member.coordinates:
         coordinates *= 2
     reduction = asked.reduction.model_copy(update={"coordinates": coordinates})
-    return found.model_copy(update={"reduction": reduction, "accuracy": None, "budget": None})
+    scene = found.scene.model_copy(update={"reduction": reduction, "accuracy": None, "budget": None})
+    return replace(found, scene=scene)
 
 
 def with_mesh(
-    choice: Choice,
-    asked: Scene,
-    models: Mapping[str, ReducedModel],
-    on_finer: Mapping[str, ReducedModel],
+    choice: Choice, asked: Scene, models: Mapping[str, ReducedModel], on_other: Mapping[str, ReducedModel], share: float
 ) -> Choice:
-    """What `choose` found for the scene `asked`, with the part of its mesh, from models on the `finer` one.
+    """What `choose` found for the scene `asked`, with the part of its mesh, from models `on_other_mesh`.
 
     Where the mesh leaves some of the tolerance, the rest is searched with that much.  Raises InputError or
     SimulationError as for `pmr.simulation.Simulator`.
     """
     found, wanted = choice.found, _asked(asked)
     steps = comparable(found.steps, 1)
-    compared, kinds = _with_step(asked, steps), [model_of(one) for one in members(asked)]
-    families = [family_of(compared, bodies) for bodies in (models, on_finer)]
-    part = mesh.part_of(families[0], families[1], found.member, steps, kinds, wanted.outputs)
+    families = [family_of(_with_step(asked, steps), bodies) for bodies in (models, on_other)]
+    part = mesh.part_of(families[0], families[1], found.member, steps, share, wanted.outputs)
     choice, accuracy = replace(choice, mesh=part, mesh_reason=None), choice.scene.accuracy
     allowed = 0.0 if accuracy is None else accuracy.tolerance
     if choice.found.holds and not choice.holds and max(part.values()) <= MOST_OF_MESH * allowed:
         return replace(choose(asked, models, part), mesh=part, mesh_reason=None)
     return choice
-
-
-def without_mesh(choice: Choice) -> Choice:
-    """The choice with the reason why the part of its mesh isn't known."""
-    wanted = _asked(choice.scene).mesh
-    return replace(choice, mesh_reason=_NOT_FINER) if wanted else choice
-
-
-_NOT_FINER = "a mesh that is read from a file has no finer one"
 
 
 def summary(choice: Choice) -> dict[str, Any]:

@@ -64,7 +64,9 @@ def test_nodes_of_a_graded_mesh_stay_where_they_are(load_scene) -> None:
     """The part of such a mesh is known, of many nodes of which not all are observed, too."""
     for changes in (["mesh.elements=7", "mesh.grading=0.6"], ["mesh.elements=1300"]):
         scene = load_scene("evolved_tolerance", [*SHORT, *changes])
-        coarse, fine = (graded_nodes(3.0, one.mesh.elements, one.mesh.grading) for one in (scene, mesh.finer(scene)))
+        coarse, fine = (
+            graded_nodes(3.0, one.mesh.elements, one.mesh.grading) for one in (scene, mesh.finer_beams(scene))
+        )
         assert np.allclose(fine[::2], coarse, rtol=0.0, atol=1e-14)
     outcome = run(load_scene("evolved_tolerance", [*SHORT, "mesh.grading=0.6", "compare.against=[]"]))
     assert outcome is not None and 0.0 < outcome.result.summary["budget"]["mesh"]["beam"] < 0.01
@@ -87,7 +89,7 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
     model, finer, finest = (reduce(one).reduced for one in scenes)
     families = [family_of(one, Excitation.of(scene)) for one in (model, finer)]
     member = Member((model.size,))
-    said = mesh.part_of(*families, member, scene.time.steps, ["beam2d"], kinds)
+    said = mesh.part_of(*families, member, scene.time.steps, mesh.other_mesh(scenes[0]).share, kinds)
     own, truth = (simulate(asked, one) for asked, one in ((scenes[0], model), (scenes[2], finest)))
     for kind, error in (
         ("tip", relative_error(own.displacement[:, -1:], truth.displacement[:, -1:])),
@@ -158,10 +160,10 @@ def test_what_has_no_error_to_hold_is_refused(load_scene, override: str, said: s
         run(load_scene("evolved_tolerance", ["time.end=5.0", "mesh.elements=10", override]))
 
 
-def test_cells_of_the_finer_mesh(load_scene) -> None:
-    beam, boom = load_scene("evolved_tolerance"), load_scene("boom_tolerance")
-    assert mesh.finer(beam).mesh.elements == 100
-    assert mesh.finer(boom).mesh.size == pytest.approx(boom.mesh.size / 1.5)
+def test_beams_are_compared_with_finer_ones_and_walls_with_coarser_ones(load_scene) -> None:
+    beam, boom = (mesh.other_mesh(load_scene(name)) for name in ("evolved_tolerance", "boom_tolerance"))
+    assert beam.scene.mesh.elements == 100 and beam.share == pytest.approx(4.0 / 3.0)
+    assert boom.scene.mesh.size == 2.0 * load_scene("boom_tolerance").mesh.size and boom.share == 1.0
 
 
 def test_a_percentage_on_the_command_line(load_scene) -> None:
