@@ -68,6 +68,7 @@ def test_what_costs_more_has_to_be_asked_for() -> None:
         unasked(asked)
 
 
+@pytest.mark.slow
 def test_a_python_run_measures_nothing_unasked() -> None:
     assert "budget" not in pmr.run(scene()).result.summary
 
