@@ -137,7 +137,7 @@ class Recorder:
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)
         y, motion, drift, rest = np.split(sums, self._ends, axis=1)
-        ropes, pushes = system.lengthened(at.x), ~np.isnan(system.clearance)
+        ropes, pushes = system.lengthened(at.x[every]), ~np.isnan(system.clearance)
         forces, of_cylinders = self.multipliers, np.zeros(len(sums))
         if (known := self._friction) is not None:
             forces = forces + known.along(self.friction)
