@@ -49,13 +49,7 @@ $3 -n 2 /bin/sh -c 'r=$${OMPI_COMM_WORLD_RANK:-$$PMI_RANK}; [ "$$r" = 0 ] || exe
 [ $$status = 0 ] || { echo '--- rank 1:'; cat "$$log"/*; }; rm -rf "$$log"; exit $$status
 endef
 
-# $(call kernel,VENV,KERNEL,MPIRUN): the numerical part under one kernel, on one rank and on two.
-define kernel
-$(call numerical,$1,$2,)
-$(call ranks,$1,$2,$3,numerical and mpi)
-endef
-
-# $(call numerical,VENV,KERNEL,LESS): the same on one rank, but for some.
+# $(call numerical,VENV,KERNEL,LESS): the numerical part under one kernel on one rank, but for some.
 define numerical
 @echo "numerical part$3, $1, BLAS kernel $2"
 $(call pytest,$1,$2,-q -m "numerical$3")
@@ -130,12 +124,13 @@ docs-check: setup .venv/.docs ## the same without executing the examples, which 
 manual: ## commands and Python of the manual, from a wheel in fresh environments (Python 3.12 or newer)
 	@.ci/manual "$(PYTHON312)"
 
-# $(call both,TARGETS): on two cores at once. Whichever is through with a target goes on with the next one that nobody has
-# begun, so that no core waits; what the other one says is shown at the end.
+# $(call both,TARGETS,ON_RANKS): TARGETS on two cores at once. Whichever is through with a target goes on with the next one
+# that nobody has begun, so that no core waits; what the other one says is shown at the end. Then ON_RANKS one by one: ranks
+# wait for each other at every step, and beside another process on their cores take four times as long.
 define both
-@logs=$$(mktemp -d); go_on() { for target in $1; do mkdir "$$logs/$$target" 2>/dev/null || continue; \
+@logs=$$(mktemp -d); go_on() { for target in "$$@"; do mkdir "$$logs/$$target" 2>/dev/null || continue; \
     $(MAKE) --no-print-directory $$target </dev/null || touch "$$logs/failed"; done; }; \
-go_on >"$$logs/beside" 2>&1 & go_on; wait; cat "$$logs/beside"; \
+go_on $1 >"$$logs/beside" 2>&1 & go_on $1; wait; cat "$$logs/beside"; go_on $2; \
 [ ! -e "$$logs/failed" ]; status=$$?; rm -rf "$$logs"; exit $$status
 endef
 
@@ -147,9 +142,9 @@ endef
 LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
 LAST =
-IN_CI = lint $(SUITE) test-wheel-part $(or $(BETWEEN:%=test-mpi-%),test-mpi) $(BETWEEN:%=test-between-%) $(LAST) \
-    test-wheel-part-mpi
-ALONE = lint $(SUITE) test-mpi $(OTHERS:%=test-kernel-%) $(LAST)
+IN_CI = $(call both,lint $(SUITE) test-wheel-part $(BETWEEN:%=test-between-%) $(LAST),\
+    $(or $(BETWEEN:%=test-mpi-%),test-mpi) test-wheel-part-mpi)
+ALONE = $(call both,lint $(SUITE) $(OTHERS:%=test-numerical-%) $(LAST),test-mpi $(OTHERS:%=test-ranks-%))
 BOTH_STACKS = $(and $(filter true,$(CI)),$(PYTHON312))
 # The suite in two pieces of some length, one after the other or side by side.
 SUITE := test-suite-rest test-suite-rooms
@@ -157,7 +152,7 @@ ROOMS := simulation export
 
 .PHONY: test
 test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too
-	$(call both,$(if $(BOTH_STACKS),$(IN_CI),$(ALONE)))
+	$(if $(BOTH_STACKS),$(IN_CI),$(ALONE))
 	@$(if $(BOTH_STACKS),,echo "wheel stack not tested: make test-wheel does it, with Python 3.12 or newer")
 
 .PHONY: $(SUITE)
@@ -170,8 +165,14 @@ test-suite-rest: setup .venv-snakemake/.ready
 .PHONY: test-kernels
 test-kernels: $(OTHERS:%=test-kernel-%) ## the numerical part under the other BLAS kernels, on one and two ranks
 
-test-kernel-%: setup
-	$(call kernel,.venv,$*,/usr/bin/mpirun)
+test-kernel-%:
+	@$(MAKE) --no-print-directory test-numerical-$* test-ranks-$*
+
+test-numerical-%: setup
+	$(call numerical,.venv,$*)
+
+test-ranks-%: setup
+	$(call ranks,.venv,$*,/usr/bin/mpirun,numerical and mpi)
 
 test-mpi-%: setup
 	$(call ranks,.venv,$*,/usr/bin/mpirun,mpi)
@@ -236,7 +237,7 @@ python312:
 
 .PHONY: test-wheel
 test-wheel: .venv-wheel/.ready ## all of it on the wheel stack (Python 3.12 or newer)
-	$(call both,test-wheel-suite test-wheel-mpi $(OTHERS:%=test-wheel-kernel-%))
+	$(call both,test-wheel-suite $(OTHERS:%=test-wheel-numerical-%),test-wheel-mpi $(OTHERS:%=test-wheel-ranks-%))
 
 .PHONY: test-wheel-suite
 test-wheel-suite: .venv-wheel/.ready
@@ -246,8 +247,11 @@ test-wheel-suite: .venv-wheel/.ready
 test-wheel-mpi: .venv-wheel/.ready
 	$(call ranks,.venv-wheel,$(KERNEL),mpirun,mpi)
 
-test-wheel-kernel-%: .venv-wheel/.ready
-	$(call kernel,.venv-wheel,$*,mpirun)
+test-wheel-numerical-%: .venv-wheel/.ready
+	$(call numerical,.venv-wheel,$*)
+
+test-wheel-ranks-%: .venv-wheel/.ready
+	$(call ranks,.venv-wheel,$*,mpirun,numerical and mpi)
 
 .PHONY: test-wheel-part
 test-wheel-part: .venv-wheel/.ready
