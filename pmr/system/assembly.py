@@ -152,10 +152,11 @@ class Assembly:
         for side, at in zip(self.system.sides, x, strict=True):
             if (known := self._flexibility.get(side.place.body)) is None:
                 continue
-            slope = side.sign * (self.system.row(side.place).weights(np.array([at]), 1) @ known.rows)
+            b = self.system.row(side.place).weights(np.array([at]), 1)
+            slope = side.sign * (b.data @ known.rows[b.indices])
             for number in self.system.sides_of(side.place.body):
                 other = self.system.sides[number]
-                moved = self.system.row(other.place).weights(np.array([x[number]])) @ np.asarray(slope)[0]
+                moved = self.system.row(other.place).weights(np.array([x[number]])) @ slope
                 found[other.contact, side.contact] += other.sign * float(moved[0])
         return found
 
@@ -165,8 +166,8 @@ class Assembly:
         for side, at in zip(self.system.sides, x, strict=True):
             name = side.place.body
             if (known := self._flexibility.get(name)) is not None:
-                slope = self.system.row(side.place).weights(np.array([at]), 1)
-                found[self.observed[name], side.contact] += side.sign * np.asarray(slope @ known.outputs.T)[0]
+                b = self.system.row(side.place).weights(np.array([at]), 1)
+                found[self.observed[name], side.contact] += side.sign * (known.outputs[:, b.indices] @ b.data)
         return found
 
     def _add_carried(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
@@ -176,6 +177,9 @@ class Assembly:
         weights = [self.system.row(side.place).weights(at) for side, at in zip(sides, x, strict=True)]
         for side, b in zip(sides, weights, strict=True):
             b.data *= side.sign
+        # of some thousand carriers the sides touch a few: a product with all would copy tables of 100 MB each time
+        touched = np.unique(np.concatenate([b.indices for b in weights]))
+        weights = [b[:, touched] for b in weights]
         together, contacts, known = (
             sp.vstack(weights, format="csr"),
             [side.contact for side in sides],
@@ -185,16 +189,17 @@ class Assembly:
 
         def measured(values: Array) -> Array:
             """Of the carriers' `values` (carriers, n) the sides' (k, T, n)."""
-            return np.asarray(together @ values).reshape(len(on), T, -1)
+            return np.asarray(together @ values[touched]).reshape(len(on), T, -1)
 
         for k, own in zip(contacts, measured(carriers.values)[:, :, self.free[name]], strict=True):
             found.C[:, k, self.coordinates[name]] += own
         if known is None:
             return
+        between = known.rows[np.ix_(touched, touched)]
         for k, b, H, X in zip(contacts, weights, measured(known.inputs), measured(known.outputs.T), strict=True):
             found.H[:, k, self.inputs[name]] += H
             found.X[:, self.observed[name], k] += X
-            moved = stacked.data * (b @ known.rows)[stacked.row % T, stacked.col]
+            moved = stacked.data * (b @ between)[stacked.row % T, stacked.col]
             found.F[:, k, contacts] += np.bincount(stacked.row, moved, len(on) * T).reshape(-1, T).T
 
     def _add_tables(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
