@@ -85,7 +85,7 @@ def read_bulk(path: Path) -> Bulk:
         with redirect_stdout(StringIO()):
             deck.read_bdf(str(path), xref=False, punch=True)
     except (RuntimeError, SyntaxError, AttributeError, AssertionError, SystemExit) as error:  # the first: its own
-        raise ValueError(_told(error)) from None
+        raise ValueError(_first_line(error)) from None
     square = {name: card for name, card in deck.dmig.items() if card.matrix_form in (SQUARE, SYMMETRIC)}
     entries = {
         name: Entries(np.asarray(card.GCi, np.int64), np.asarray(card.GCj, np.int64), np.asarray(card.Real, float))
@@ -111,10 +111,10 @@ def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
         with redirect_stdout(StringIO()):  # it prints what it can't read
             return {name.strip(): sp.csr_matrix(one.data) for name, one in read(str(path), debug=None).items()}
     except (RuntimeError, AssertionError, AttributeError, struct.error) as error:  # of files that are cut off
-        raise ValueError(_told(error)) from None
+        raise ValueError(_first_line(error)) from None
 
 
-def _told(error: BaseException) -> str:
+def _first_line(error: BaseException) -> str:
     """The first line of what pyNastran says."""
     return str(error).splitlines()[0] if str(error) else type(error).__name__
 

@@ -148,9 +148,9 @@ def _section(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[in
     for k, side in enumerate(boom.sides):
         start, end = (drawing.point(x, *p) for p in ends_of(boom.sides, k, lambda side: -inset))
         if side.centre is None:
-            curves.append(drawing.line(start, end, _divisions(boom, side)))
+            curves.append(drawing.line(start, end, side.cells(boom.size)))
         else:
-            curves.append(drawing.arc(start, drawing.point(x, *side.centre), end, _divisions(boom, side)))
+            curves.append(drawing.arc(start, drawing.point(x, *side.centre), end, side.cells(boom.size)))
     return curves
 
 
@@ -169,7 +169,7 @@ def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
     outside = [[drawing.point(0.0, *p) for p in _outer_ends(boom, k)] for k in range(count)]
     for k, side in enumerate(boom.sides):
         (a, b), (d, c) = outside[k], inside[k]
-        n, after = _divisions(boom, side), (k + 1) % count
+        n, after = side.cells(boom.size), (k + 1) % count
         if side.centre is None:
             along = drawing.line(a, b, n), drawing.line(c, d, n)
         else:
@@ -208,10 +208,6 @@ def _is_square(boom: BoxBoom, k: int) -> bool:
     side, after = boom.sides[k], boom.sides[(k + 1) % len(boom.sides)]
     flat = side.centre is None and after.centre is None
     return flat and abs(float(out(side, side.end) @ out(after, after.start))) < SQUARE
-
-
-def _divisions(boom: BoxBoom, side: Side) -> int:
-    return max(2, round(side.length / boom.size))
 
 
 @dataclass(frozen=True)

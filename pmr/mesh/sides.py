@@ -43,6 +43,9 @@ class Side(Protocol):
     @property
     def thickness(self) -> float: ...
 
+    def cells(self, size: float) -> int:
+        """How many cells of about that size, in m, it is divided into."""
+
 
 @dataclass(frozen=True)
 class Part:

@@ -39,6 +39,10 @@ class Side:
         """Of the mid-line, m."""
         return self.radius * self.angle if self.centre is not None else float(np.hypot(*self._chord))
 
+    def cells(self, size: float) -> int:
+        """How many cells of about that size, in m, it is divided into."""
+        return max(2, round(self.length / size))
+
     @property
     def direction(self) -> Array:
         """Unit vector (2,) along a flat plate."""

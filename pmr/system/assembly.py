@@ -182,7 +182,7 @@ class Assembly:
         weights = [b[:, touched] for b in weights]
         together, contacts, known = (
             sp.vstack(weights, format="csr"),
-            [side.contact for side in sides],
+            [one.contact for one in sides],
             carriers.flexibility,
         )
         stacked = together.tocoo()

@@ -109,7 +109,7 @@ def warnings(scene: Scene) -> list[str]:
         has_walls = has_giving_walls(one) or model_of(one) in ("shell", "solid")
         if body.box is None or cells.file is not None or not has_walls:
             continue
-        across = {side.name: side.length / max(2, round(side.length / cells.size)) for side in body.box.sides}
+        across = {side.name: side.length / side.cells(cells.size) for side in body.box.sides}
         for ring in one.pads:
             found = [(across[face], ring.width, "wide", "size") for face in ring.faces if face in across]
             for cell, pad, way, key in (*found, (cells.along or cells.size, ring.length, "long", "along")):

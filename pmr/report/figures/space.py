@@ -92,7 +92,6 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     for k, (body, colour) in enumerate(zip(bodies, colours, strict=True)):
         for places in getattr(body, view):
             ax.plot(*places.T, color=colour, linewidth=1.0 + 1.1 * (len(bodies) - 1 - k), solid_capstyle="butt")
-    worst = space.stressed(result)
     for places in raising:
         ax.plot(*places.T, color=MUTED, linewidth=1.6, zorder=1.8)
     if ground:

@@ -20,9 +20,9 @@ from pmr.results import FrequencyResponse, RunResult, Shapes
 
 CLOSED_FORM_POINTS = 11
 #: Lines of equal frequency on a map at most.
+LEVELS = 9
 #: Share of an axis next to its ends within which a contour has no label.
 EDGE = 0.06
-LEVELS = 9
 #: Of places from one end of the path to the other.
 COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#c9b30e")
 

@@ -310,9 +310,8 @@ class Stepper:
     def _fill(self, drive: Drive, parts: int) -> None:
         """What drives a step, from the frame's motion."""
         drive.s[-1], drive.f[-1] = self._s, self._f
-        if (
-            parts > 0 and self._march.loop.levels is not None
-        ):  # where its parts are other ones than before, it begins anew
+        # where its parts are other ones than before, it begins anew
+        if parts > 0 and self._march.loop.levels is not None:
             s, f, c = self._driving.samples(parts)
             drive.s[:-1], drive.f[:-1] = s[:-1], f[:-1]
             if drive.c is not None:

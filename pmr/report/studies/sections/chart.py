@@ -39,9 +39,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     load = np.where(np.isnan(table["load"]), np.inf, table["load"])
     which = governing(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
-    if not np.isfinite(
-        least
-    ).any():  # a picture without any load, and tables that say so at each place, tell nothing more
+    if not np.isfinite(least).any():  # the picture would be empty, and so would the tables of all places
         limits, cases = Block("Limits", grids=(_limits(study, names),)), Block("Load cases", grids=(_cases(study),))
         return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=[limits, cases])
     error = np.where(which >= 0, np.take_along_axis(table["error"], np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
