@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 def forces(scene: Scene, response: Response) -> dict[str, Array]:
     """Of each section that follows another one or is followed, by its name, (T,) N, positive where it is pushed out.
 
-    Empty where nothing follows, or forces along the boom are not known.
+    Empty without ropes, or where forces along the boom are not known.
     """
     shares = rope_shares(scene)
     if any(force_of(cylinder_of(name)) not in response.force_names for name in shares):

@@ -13,11 +13,11 @@ from pmr.report.blocks import Table
 from pmr.report.columns import is_round_off, tips
 from pmr.report.machine import between
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
-from pmr.report.subject import across, alone, moving, rings_of
+from pmr.report.subject import across, alone, drive_of, moving, rings_of
 from pmr.report.subject import length as reach_of
 from pmr.results import RunResult
 from pmr.results.tables import FORCE_OF
-from pmr.scene.names import named
+from pmr.scene.names import cylinder_of, named
 
 Rows = Iterator[tuple[str, str]]
 
@@ -87,12 +87,13 @@ def _forces(result: RunResult) -> Rows:
     ground = {one["name"].removeprefix(MACHINE): one for one in below}
     supports = [one for one in summary.get("reactions", ()) if not _at_pivot(result, one) and one not in below]
     held = {_directed(result, one["name"]): one for one in supports if one["name"] not in _raising(result)}
-    ropes = {f"rope of {one['name']}, all strands": one["force"] for one in summary.get("ropes", ()) if one["follows"]}
-    pulled = {f"cylinder of {one['name']}": one["force"] for one in summary.get("ropes", ()) if not one["follows"]}
+    drives = {
+        drive: [one for one in summary.get("ropes", ()) if drive_of(one) == drive] for drive in ("rope", "cylinder")
+    }
     pivot = {one["name"].removeprefix("pivot "): one for one in summary.get("reactions", ()) if _at_pivot(result, one)}
     listed = {
-        "cylinder": {f"{name}, which pulls the ropes": one for name, one in pulled.items()},
-        "rope": ropes,
+        "cylinder": {f"cylinder of {one['name']}, which pulls the ropes": one["force"] for one in drives["cylinder"]},
+        "rope": {f"rope of {one['name']}, all strands": one["force"] for one in drives["rope"]},
         "support": {name: one for name, one in held.items() if one["unit"] == "N"},
         "moment": {name: one for name, one in held.items() if one["unit"] == "N m"},
         "force on the machine": {f"along {axis}": pivot[axis] for axis in "xyz" if axis in pivot},
@@ -151,8 +152,8 @@ def _largest(result: RunResult, kind: str, called: str) -> Rows:
     if response.force_peaks is not None:
         forces = response.force_peaks
     outputs = response.outputs[first : first + forces.shape[1]]
-    raising = _raising(result)
-    columns = [k for k, one in enumerate(outputs) if one.kind == kind and _force_of(one.name) not in raising]
+    elsewhere = {*_raising(result), *(cylinder_of(one["name"]) for one in result.summary.get("ropes", ()))}
+    columns = [k for k, one in enumerate(outputs) if one.kind == kind and _force_of(one.name) not in elsewhere]
     if not columns or not np.isfinite(forces[:, columns]).all():
         return
     step, k = np.unravel_index(int(np.argmax(np.abs(forces[:, columns]))), (len(forces), len(columns)))

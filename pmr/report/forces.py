@@ -11,7 +11,7 @@ from pmr.report.blocks import Block, Drawing, Grid, drawing
 from pmr.report.columns import Force, forces
 from pmr.report.figures import forces as figures
 from pmr.report.numbers import SPACE, Unit, plain, quantity, significant, unit_for
-from pmr.report.subject import alone, forces_called, rings_of
+from pmr.report.subject import alone, drive_of, forces_called, rings_of
 from pmr.results import RunResult
 from pmr.results.extremes import Extremes
 from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
@@ -37,12 +37,12 @@ def cylinders(result: RunResult, prefix: str) -> Block | None:
 def _ropes(result: RunResult) -> Iterator[Grid]:
     """Forces of ropes and chains, and of the cylinders that pull them."""
     found = {
-        f"{'rope' if one['follows'] else 'cylinder'} of {one['name']}": Extremes.from_summary(one["force"])
+        f"{drive_of(one)} of {one['name']}": Extremes.from_summary(one["force"])
         for one in result.summary.get("ropes", ())
     }
     if found:
         caption = (
-            "Forces of ropes or chains, all strands of each together, and of the cylinder that moves all of them: by "
+            "Forces of ropes or chains, all strands of each together, and of a cylinder that moves all of them: by "
         )
         caption += "virtual work, without friction of sheaves."
         grid = _grid(found, "N", max(map(size, found.values())), caption)

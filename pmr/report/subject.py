@@ -212,6 +212,11 @@ def changing_angles(result: RunResult) -> dict[str, SignalBase]:
     return {name: angles[name] for name, (low, high) in bounds.items() if high > low}
 
 
+def drive_of(found: Mapping[str, Any]) -> str:
+    """Rope, or cylinder, of one of the ``ropes`` of summary.json: what follows nothing may hang on a winch's rope."""
+    return "rope" if found["follows"] or "length" in found else "cylinder"
+
+
 def rings_of(part: Part) -> list[PadRing | JointPads]:
     """All pads of a body: on the ground, or in the next outer section."""
     return [*part.pads, *((*part.joint.tail, *part.joint.mouth) if part.joint is not None else ())]

@@ -19,11 +19,13 @@ from pmr.scene.scene import Scene
 def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
     r"""Shares of the sections' forces along the boom that a rope or cylinder carries, by the section it moves.
 
-    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k`, of each section that follows another one or is followed.
+    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k`, of each section that follows another one, is followed
+    or hangs on a rope.
     """
     names = scene.names[1:]
     follows = {name: scene.joint(k).follows for k, name in enumerate(names, 1)}
-    joined = [name for name in names if follows[name] is not None or name in follows.values()]
+    ropes = {name for k, name in enumerate(names, 1) if scene.joint(k).rope is not None}
+    joined = [name for name in names if follows[name] is not None or name in {*follows.values(), *ropes}]
 
     def of(name: str) -> dict[str, float]:
         found = {name: 1.0}

@@ -230,6 +230,10 @@ def test_a_section_swings_on_a_winchs_rope_as_its_equation_says(simulator: str) 
     late = np.sqrt(2e6 / 2.0 / fly_mass()) ** 3 * 1e-3**2 / 12.0 * 1.2  # rad: of the trapezoidal rule, at the shortest
     assert force == pytest.approx(known, abs=late * np.ptp(known) / 2.0) and late < 0.006
     assert found.surplus < 1e-4
+    (said,) = ropes.part(scene, found).figures["ropes"]
+    ends = [5.0 - scene.paths["fly"].value(t) for t in (0.0, scene.time.end)]
+    assert (said["name"], said["follows"], said["length"]) == ("fly", None, pytest.approx(max(ends)))
+    assert said["stiffness"] == pytest.approx(2e6 / max(ends)) and said["force"]["min"] == pytest.approx(-force.max())
 
 
 @pytest.mark.slow

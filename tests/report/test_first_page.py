@@ -112,6 +112,10 @@ def test_a_cylinder_that_pulls_ropes_bears_theirs_too(result: RunResult) -> None
     expected = f"31.3{SPACE}kN, cylinder of first, which pulls the ropes, at 0.5{SPACE}s, 4{SPACE}m out"
     assert carries["largest cylinder force"] == expected
     assert carries["largest rope force"].startswith(f"16.9{SPACE}kN, rope of second, all strands, ")
+    winch = [{"name": "first", "follows": None, "force": force, "length": 9.0, "stiffness": 1e6}]
+    carries = rows(replace(result, summary=result.summary | {"ropes": winch}), "What it carries")
+    assert carries["largest rope force"].startswith(f"31.3{SPACE}kN, rope of first, ")
+    assert "cylinder of first" not in carries.get("largest cylinder force", "")
 
 
 def test_supports_bear_forces_and_moments_each_in_its_unit(result: RunResult) -> None:
