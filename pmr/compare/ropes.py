@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.pad_forces import PULLED, newton
 from pmr.compare.summary import Part
 from pmr.results import Response
 from pmr.results.extremes import Extremes
@@ -49,15 +50,12 @@ def part(scene: Scene, response: Response) -> Part:
     """
     if len(scene.sections) < 2:
         return Part()
-    along, said = scene.along(response.t), list[Mapping[str, Any]]()
+    along, said, slack = scene.along(response.t), list[Mapping[str, Any]](), list[str]()
     for name, force in forces(scene, response).items():
         number = scene.names.index(name)
         follows = scene.joint(number).follows
-        one: dict[str, Any] = {
-            "name": name,
-            "follows": follows,
-            "force": Extremes.of(force, response.t, along).summary(),
-        }
+        found = Extremes.of(force, response.t, along)
+        one: dict[str, Any] = {"name": name, "follows": follows, "force": found.summary()}
         if follows is None:
             power = force * scene.paths[name].rate(response.t)
             one["power"] = Extremes.of(power, response.t, along).summary()
@@ -65,4 +63,10 @@ def part(scene: Scene, response: Response) -> Part:
             length = longest(scene, number)
             one |= {"length": length, "stiffness": rope.strands * rope.EA / length}
         said.append(one)
-    return Part({"ropes": said} if said else {})
+        if (rope or follows) and -found.least > max(PULLED * found.most, response.force_round_off):
+            most = f"{newton(-found.least)} at t = {found.t_least:.4g} s"
+            slack.append(
+                f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "
+                "rope that pulls the section in"
+            )
+    return Part({"ropes": said} if said else {}, slack)

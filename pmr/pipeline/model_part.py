@@ -97,7 +97,9 @@ def unasked(
         try:
             moved = _moved(make(), comm, cache, system_of)
         except (*UNKNOWN, ValueError, ImportError) as error:  # nobody asked: no reason not to run
-            return {"beside": None, "reason": error.allowed if isinstance(error, InputError) else str(error)}
+            reason = error.allowed if isinstance(error, InputError) else str(error)
+            unheld = isinstance(error, InputError) and error.key == "free_motions"
+            return {"beside": None, "reason": f"as a {called} it is not held: {reason}" if unheld else reason}
         part = None if own is None or moved is None else model_part.model_part(scene, own, moved, called)
         found: dict[str, Any] = comm.bcast(part)
         return found

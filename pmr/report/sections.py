@@ -222,12 +222,12 @@ def origin(result: RunResult, prefix: str) -> Block:
     """What was asked for, how large it became, how long it took, where it ran."""
     columns = (
         parameters.bodies(result),
-        (parameters.motion(result), Table("Wall time", tuple(provenance.times(result.summary.get("seconds", {}))))),
         (
-            parameters.method(result),
-            Table("Sizes", tuple(provenance.sizes(result))),
+            parameters.motion(result),
+            Table("Wall time", tuple(provenance.times(result.summary.get("seconds", {})))),
             Table("Run", tuple(provenance.run(result))),
         ),
+        (parameters.method(result), Table("Sizes", tuple(provenance.sizes(result)))),
     )
     shown = [[table for table in column if table.rows] for column in columns]
     return Block(heading="Provenance", columns=shown, software=provenance.software(result))
