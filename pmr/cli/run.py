@@ -23,6 +23,7 @@ from pmr.files.swap import fresh, removed
 if TYPE_CHECKING:
     from pmr.errors.environment import Progress as Report
     from pmr.pipeline import Outcome
+    from pmr.report.beside import Beside
 
 
 def run(
@@ -104,60 +105,61 @@ def run(
         from pmr.errors.environment import Clock
         from pmr.files.users import users_folder
         from pmr.pipeline import run as run_scene
-        from pmr.report.document import write_report
+        from pmr.report.beside import drawn_beside
     gc.freeze()  # what is loaded stays: later looks for garbage need not go through it
 
-    first = rank() == 0
-    outcomes = []
-    for name, file, scene in loaded:
-        where = folder if len(loaded) == 1 else folder / name
-        checkpoint = where / f"full-{scene.hash}.checkpoint"
-        with _progress(name, shown=first) as progress:
-            try:
-                clock, measures = Clock(progress), cache or users_folder()
-                outcome = run_scene(
-                    scene,
-                    clock=clock,
-                    checkpoint=checkpoint,
-                    cache=cache,
-                    measures=measures,
-                    keep=partial(_save, where, folder),
-                )
-            except InputError as error:
-                raise error.found_in(str(file)) from None
-            except (np.linalg.LinAlgError, ArithmeticError) as error:
-                allowed = f"sizes, stiffnesses and masses that double precision can carry are allowed ({error})"
-                raise InputError(str(file), "", None, allowed) from None
-        if outcome is not None:
-            with fresh(where, ("summary.json",)) as new:
-                outcome.result.save_summary(new)
-            checkpoint.unlink(missing_ok=True)
-            outcomes.append(outcome)
-    if outcomes:
-        for outcome in outcomes:
-            _print(outcome)
-        with _progress("report", shown=first) as progress:
-            progress("write", 0.0)
-            try:
-                written = write_report([outcome.result for outcome in outcomes], folder)
-            except Exception as error:  # whatever it is: what was computed is there, and worth more
-                leave(no_report(error, folder), 1)
-        say(out, f"report  {written.html}")
-        say(out, f"        {written.pdf}")
+    first, outcomes = rank() == 0, []
+    with drawn_beside(wanted=first) as report:
+        for name, file, scene in loaded:
+            where = folder if len(loaded) == 1 else folder / name
+            checkpoint = where / f"full-{scene.hash}.checkpoint"
+            with _progress(name, shown=first) as progress:
+                try:
+                    clock, measures = Clock(progress), cache or users_folder()
+                    outcome = run_scene(
+                        scene,
+                        clock=clock,
+                        checkpoint=checkpoint,
+                        cache=cache,
+                        measures=measures,
+                        keep=partial(_save, where, folder, report),
+                    )
+                except InputError as error:
+                    raise error.found_in(str(file)) from None
+                except (np.linalg.LinAlgError, ArithmeticError) as error:
+                    allowed = f"sizes, stiffnesses and masses that double precision can carry are allowed ({error})"
+                    raise InputError(str(file), "", None, allowed) from None
+            if outcome is not None:
+                with fresh(where, ("summary.json",)) as new:
+                    outcome.result.save_summary(new)
+                checkpoint.unlink(missing_ok=True)
+                outcomes.append(outcome)
+        if outcomes:
+            for outcome in outcomes:
+                _print(outcome)
+            with _progress("report", shown=first) as progress:
+                progress("write", 0.0)
+                try:
+                    written = report.write([outcome.result for outcome in outcomes], folder)
+                except Exception as error:  # whatever it is: what was computed is there, and worth more
+                    leave(no_report(error, folder), 1)
+            say(out, f"report  {written.html}")
+            say(out, f"        {written.pdf}")
 
 
-def _save(folder: Path, of_all: Path, outcome: Outcome) -> None:
+def _save(folder: Path, of_all: Path, report: Beside, outcome: Outcome) -> None:
     """Everything but the report, which comes later: the one that is there belongs to the old results and goes.
 
     So does that of all scenes in the folder `of_all`.
     """
     from pmr.export.paraview import Travelling, write_series
-    from pmr.report.document import REPORT_FILES
+    from pmr.report.blocks import REPORT_FILES
     from pmr.results import RESULT_FILES
     from pmr.results.pads import pads_over_time
     from pmr.results.tables import write as write_tables
 
     result = outcome.result
+    report.draw(result)
     recovery = result.scene.recovery
     if folder != of_all:
         removed(of_all, REPORT_FILES)

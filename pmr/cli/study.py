@@ -108,7 +108,7 @@ def _pool(jobs: int | None) -> AbstractContextManager[pools.Pool | None]:
     from pmr.studies.engine import pools
 
     if pools.launched_ranks() == 1:
-        return pools.local_pool(jobs or pools.cores())
+        return pools.local_pool(jobs or environment.cores())
     if jobs:
         raise InputError("command line", "--jobs", jobs, "under MPI all ranks but the first are workers; leave it out")
     return pools.rank_pool()

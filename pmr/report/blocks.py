@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pmr.report.marks import ErrorTable
@@ -13,6 +14,22 @@ if TYPE_CHECKING:
 
 #: Around what a drawing shows at a pointer: paper has none, and goes without.
 SCREEN, END_OF_SCREEN = "<!--screen-->", "<!--end of screen-->"
+
+#: Names of all that a report consists of.
+REPORT_FILES = ("report.html", "report.pdf")
+
+
+@dataclass(frozen=True)
+class ReportFiles:
+    """The two files of a report."""
+
+    html: Path
+    pdf: Path
+
+    @classmethod
+    def within(cls, folder: Path) -> ReportFiles:
+        """Those in a folder."""
+        return cls(*(folder / name for name in REPORT_FILES))
 
 
 @dataclass(frozen=True)
@@ -105,6 +122,14 @@ class Block:
     def drawings(self) -> tuple[Drawing, ...]:
         """Every drawing."""
         return (*self.without_scripts, *(one for row in self.rows for one in row))
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What is drawn of a run: the sketch of its first page, and the blocks behind what is said of its errors."""
+
+    sketch: Drawing
+    blocks: Sequence[Block]
 
 
 @dataclass(frozen=True, kw_only=True)

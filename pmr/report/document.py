@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,33 +13,22 @@ from pmr.errors.environment import uncollected
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report import paper
-from pmr.report.blocks import Chapter
+from pmr.report.blocks import REPORT_FILES, Chapter, Figures, ReportFiles
 from pmr.report.figures.vector import FONT, embedded, words
-from pmr.report.sections import chapter
+from pmr.report.sections import chapter, figures_of
 from pmr.results import RunResult
-
-#: Names of all that a report consists of.
-REPORT_FILES = ("report.html", "report.pdf")
 
 KIND = "Simulation report"
 
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class ReportFiles:
-    """The two files of a report."""
-
-    html: Path
-    pdf: Path
-
-
 @uncollected()
-def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
+def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[Figures] = ()) -> ReportFiles:
     """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
 
     The page holds its figures, fonts, styles and scripts; it asks for nothing from outside.  The same results
-    give the same page, byte by byte.
+    give the same page, byte by byte.  What `drawn` made of each of them needn't be drawn again.
 
     Raises
     ------
@@ -52,8 +40,19 @@ def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     for result in results:
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
-    chapters = [chapter(one, f"case-{number}") for number, one in enumerate(results, start=1)]
+    figures = figures or [drawn(one, number) for number, one in enumerate(results, start=1)]
+    both = zip(results, figures, strict=True)
+    chapters = [chapter(one, _anchor(number), known) for number, (one, known) in enumerate(both, start=1)]
     return write(page(chapters, dated(KIND, [result.summary for result in results])), folder)
+
+
+def drawn(result: RunResult, number: int) -> Figures:
+    """What takes longest, of the result with a number in its report, from 1 on."""
+    return figures_of(result, _anchor(number))
+
+
+def _anchor(number: int) -> str:
+    return f"case-{number}"
 
 
 @uncollected()
@@ -63,7 +62,7 @@ def write(text: str, folder: Path) -> ReportFiles:
         (new / "report.html").write_text(text, encoding="utf-8")
         paper.print_page(text, new / "report.pdf")
     _log.info("report written to %s", folder)
-    return ReportFiles(folder / "report.html", folder / "report.pdf")
+    return ReportFiles.within(folder)
 
 
 def dated(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:

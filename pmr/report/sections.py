@@ -19,7 +19,7 @@ from pmr.report import (
     stresses,
     subject,
 )
-from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, Table, drawing
+from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, drawing
 from pmr.report.columns import is_round_off, lines, not_drawn, tips
 from pmr.report.errors import compared, error_table
 from pmr.report.errors import rows as error_rows
@@ -37,19 +37,27 @@ from pmr.scene.names import named
 Show = Callable[[RunResult, str], Block | None]
 
 
-def chapter(result: RunResult, anchor: str) -> Chapter:
-    """Everything that the report says of one run; `anchor` is put before every identifier."""
-    found = error_rows(result)
+def figures_of(result: RunResult, anchor: str) -> Figures:
+    """What is drawn, without ``budget`` of the summary, known last; `anchor` is put before every identifier."""
+    return Figures(
+        drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result),
+        [block for show in SECTIONS if (block := show(result, anchor))],
+    )
+
+
+def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
+    """Everything that the report says of one run, with the figures that were drawn of it already."""
+    figures, found = figures or figures_of(result, anchor), error_rows(result)
     return Chapter(
         anchor=anchor,
         title=result.scene.title,
         opening=sentences.opening(result),
-        sketch=drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result),
+        sketch=figures.sketch,
         first=first_page.tables(result),
         key_numbers=list(sentences.key_numbers(result)),
         points=sentences.points(result, found),
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
-        blocks=[block for show in SECTIONS if (block := show(result, anchor))],
+        blocks=[*filter(None, (show(result, anchor) for show in OF_ERRORS)), *figures.blocks],
     )
 
 
@@ -233,9 +241,10 @@ def origin(result: RunResult, prefix: str) -> Block:
     return Block(heading="Provenance", columns=shown, software=provenance.software(result))
 
 
-#: In the order in which they stand in the page.
+#: In the order in which they stand in the page; how far a run is off is known at its very end.
+OF_ERRORS: tuple[Show, ...] = (errors, accuracy)
 SECTIONS: tuple[Show, ...] = (
-    errors, accuracy, motion, position.in_space, inputs_over_time, tip, stresses.stress,
+    motion, position.in_space, inputs_over_time, tip, stresses.stress,
     stresses.along_beams, probes.probes, forces.contact,
     forces.cylinders, forces.supports, forces.pivot, energy, constraint, basis, response, origin,
 )  # fmt: skip

@@ -6,7 +6,6 @@ Both are executors of `concurrent.futures`; a local thread or a rank only looks 
 from __future__ import annotations
 
 import atexit
-import os
 import queue
 import sys
 from collections.abc import Callable, Iterator
@@ -81,11 +80,6 @@ def launched_ranks() -> int:
             "command line", "mpiexec", asked, f"the launcher of this Python's own MPI is allowed ({found.strip()})"
         )
     return size
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 _of_rank: list[Worker] = []
