@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -25,7 +26,7 @@ def offered(group: str, own: frozenset[str]) -> dict[str, Any]:
     Raises InputError where one can't be imported, or its name is taken.
     """
     found: dict[str, Any] = {}
-    for point in sorted(metadata.entry_points(group=group)):
+    for point in sorted(_points(group)):
         if point.name in own or point.name in found:
             raise refused(group, point.name, f"a name that nothing else has is allowed ({point.value})")
         try:
@@ -48,7 +49,7 @@ def one_of(group: str, name: str, own: frozenset[str]) -> Any:
 
 def named(group: str) -> set[str]:
     """Names of all that installed distributions offer; nothing is imported."""
-    return {point.name for point in metadata.entry_points(group=group)}
+    return {point.name for point in _points(group)}
 
 
 def refused(group: str, name: str, says: str | None = None) -> InputError:
@@ -58,5 +59,16 @@ def refused(group: str, name: str, says: str | None = None) -> InputError:
 
 def versions() -> list[str]:
     """Distributions that offer something and their versions: what a result depends on beside `pmr`."""
-    points = [point for group in GROUPS for point in metadata.entry_points(group=group)]
+    points = [point for group in GROUPS for point in _points(group)]
     return sorted({f"{point.dist.name} {point.dist.version}" for point in points if point.dist})
+
+
+def _points(group: str) -> list[metadata.EntryPoint]:
+    return [point for point in _points_on(tuple(sys.path)) if point.group == group]
+
+
+@cache
+def _points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
+    """Of all groups, in the distributions on `path`, of each of which Python reads a file: that is done once."""
+    found = metadata.entry_points()
+    return [point for group in GROUPS for point in found.select(group=group)]

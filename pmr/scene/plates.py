@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -92,12 +94,12 @@ class Edge:
     radius: float  # m; 0: none
     arc_thickness: float
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Between the corners, m."""
-        return float(np.hypot(*(self.end - self.start)))
+        return math.hypot(*(self.end - self.start))
 
-    @property
+    @cached_property
     def along(self) -> Array:
         """Unit vector (2,)."""
         return np.asarray((self.end - self.start) / self.length)
@@ -109,11 +111,11 @@ class Edge:
 
     def turn(self, before: Edge) -> float:
         """Angle of the corner where it starts, rad."""
-        return float(np.arccos(np.clip(before.along @ self.along, -1.0, 1.0)))
+        return math.acos(max(-1.0, min(1.0, float(before.along @ self.along))))
 
     def trim(self, before: Edge) -> float:
         """What the arc at this corner takes from both plates, m."""
-        return float(self.radius * np.tan(self.turn(before) / 2.0))
+        return self.radius * math.tan(self.turn(before) / 2.0)
 
 
 def sides_of(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
