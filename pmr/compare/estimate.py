@@ -30,7 +30,7 @@ from pmr.compare.evaluation import respond
 from pmr.compare.indicators import chi
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, probe_differences
 from pmr.compare.ringing import rings
-from pmr.compare.runs import along_path, in_parts, outputs, run_from_start
+from pmr.compare.runs import along_path, in_parts, responded, run_from_start
 from pmr.errors import GrowthError
 from pmr.reduced.attachment import LEFT_OUT, with_attachment_modes
 from pmr.reduced.model import ReducedModel
@@ -118,16 +118,14 @@ class _Simulated:
 
     system: System
     run: SystemTrajectory
+    response: Response
     outputs: Outputs
 
     @classmethod
     def of(cls, system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> _Simulated:
         run = run or run_from_start(system, excitation)
-        return cls(system, run, outputs(system, run, excitation))
-
-    @property
-    def response(self) -> Response:
-        return respond(self.system, self.run)
+        response = respond(system, run)
+        return cls(system, run, response, responded(system, run, excitation, response))
 
 
 @dataclass(frozen=True)

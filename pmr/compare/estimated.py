@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,10 @@ from scipy.ndimage import maximum_filter1d
 
 from pmr.compare import coverage, estimate, step_error
 from pmr.compare.attached import UnsettledError
+from pmr.compare.halved_steps import recorded
 from pmr.compare.outputs import KINDS
 from pmr.compare.responses import Simulations
+from pmr.compare.runs import run_from_start
 from pmr.compare.summary import Part
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
@@ -75,7 +78,7 @@ def reduction_error(
 
     `moved` is the bodies' system with what drove it.  One that is `found` already is not computed again.
     """
-    system, excitation, run = moved
+    system, excitation = moved.system, moved.excitation
     models = system.modal
     asked = all(part.reduction.estimate for part in scene.sections)
     telling = models if other is None else {ALONE: other}
@@ -83,7 +86,7 @@ def reduction_error(
     def make() -> estimate.Estimate:
         if other is not None:
             return estimate.by_other(system, other, excitation)
-        return found or estimate.estimate(models, system, excitation, run)
+        return found or estimate.estimate(models, system, excitation, moved.run)
 
     failed, scattered = "", list[str]()
     if asked and estimate.no_estimate(telling) is None:
@@ -110,18 +113,23 @@ def _left_out(models: Mapping[str, ReducedModel], system: System, excitation: Ex
     return [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped, *stressed]
 
 
-class SimulatedSystem(NamedTuple):
-    """A system of reduced bodies, what drove it, and the motion, which is made again where it is not given."""
+@dataclass(frozen=True)
+class SimulatedSystem:
+    """A system of reduced bodies, what drove it, and the motion, which is made again where it is not `given`."""
 
     system: System
     excitation: Excitation
-    run: SystemTrajectory | None = None
+    given: SystemTrajectory | None = None
 
     @classmethod
     def of(cls, system: System, excitation: Excitation, made: Simulations) -> SimulatedSystem:
         """As the simulators of a scene moved it, in the parts of a step that they took."""
         run = made.first.run
         return cls(system, excitation if run is None else excitation.with_stepping(made.made), run)
+
+    @cached_property
+    def run(self) -> SystemTrajectory:
+        return self.given or run_from_start(self.system, self.excitation)
 
 
 def _made(clock: Clock, make: Callable[[], estimate.Estimate]) -> tuple[estimate.Estimate | None, str, list[str]]:
@@ -184,10 +192,11 @@ def step_part(
 
     One that is `found` already is not computed again.  Where the step was `searched` by its error, nothing is said.
     """
-    system, excitation, _ = moved
+    system, excitation = moved.system, moved.excitation
     with clock.stage("step"):
         try:
-            found = found or step_error.step_error(system, excitation)
+            run = moved.run if found is None and recorded(system, excitation.stepping) else None
+            found = found or step_error.step_error(system, excitation, run)
         except (SimulationError, InputError) as error:
             said = [f"the error of the time step is not known: {error}"]
             return Part({"step": step_error.summary(None, str(error))}, said)

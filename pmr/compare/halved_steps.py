@@ -57,16 +57,22 @@ def reference_rho(system: System, rho_inf: float) -> float:
     return max(rho_inf, UNDAMPED) if known and np.isnan(system.clearance).all() else rho_inf
 
 
+def recorded(system: System, stepping: TimeStepping) -> bool:
+    """Whether all steps of a run are to be recorded."""
+    bodies, contacts = system.bodies.values(), len(system.contacts)
+    return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
+
+
 class Stepped:
-    """A system that is simulated with several steps.
+    """A system that is simulated with several steps; its `run` with the given one is made unless it is known.
 
     The given run chooses its parts as any run does.  What it is compared with makes each step in as many as that run
     made it in or those beside it, whichever are most, and as many in half the step: so parts become shorter with the
     step, at impacts and between them.
     """
 
-    def __init__(self, system: System, excitation: Excitation) -> None:
-        self._system, self.excitation = system, excitation
+    def __init__(self, system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> None:
+        self.system, self.excitation, self._known = system, excitation, run
         self.pushing = not np.isnan(system.clearance).all()
         #: The time grid that the error is asked for of.
         self.given = replace(excitation.stepping, schedule=())
@@ -76,9 +82,9 @@ class Stepped:
         #: Numbers of the tip's displacements among all.
         self.tips = tip_columns(system)
         self.moved = np.flatnonzero(np.concatenate([length_outputs(body) for body in system.bodies.values()]))
-        chosen = self.pushing and not self.given.parts and self.recorded(self.given)
+        chosen = self.pushing and not self.given.parts and recorded(system, self.given)
         #: The given run, where it chose parts.
-        self.run = run_from_start(system, excitation.on_grid(self.given)) if chosen else None
+        self.run = self.simulate(self.given) if chosen else None
         self._parts = self.given.parts
         if self.pushing and self.run is None:
             self._parts = contact_step.parts(contact_frequency(system, excitation), self.given)
@@ -92,24 +98,22 @@ class Stepped:
         most = np.max([made[:-2], made[1:-1], made[2:]], axis=0)
         return TimeStepping(given.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
 
-    def recorded(self, stepping: TimeStepping) -> bool:
-        """Whether all steps of a run are to be recorded."""
-        bodies, contacts = self._system.bodies.values(), len(self._system.contacts)
-        return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
-
     def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
         """All steps of a run; errors as for `pmr.simulation.Simulator`."""
-        return run_from_start(self._system, self.excitation.on_grid(stepping))
+        if self._known is not None and stepping == self.given:
+            return self._known
+        return run_from_start(self.system, self.excitation.on_grid(stepping))
 
-    def displacements(self, run: SystemTrajectory) -> Array:
-        """Displacements (T, o) m of a run."""
-        return np.hstack(list(systems.displacements(self._system, run).values()))[:, self.moved]
+    def displacements(self, run: SystemTrajectory, which: list[int] | None = None) -> Array:
+        """All or some displacements (T, o) m of a run."""
+        chosen = self.moved if which is None else self.moved[which]
+        return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
 
     def observed(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
         """All or some, (T, o) m, at each `every`-th step of a run of which no more is recorded; errors likewise."""
         chosen = self.moved if which is None else self.moved[which]
         excitation = self.excitation.on_grid(stepping)
-        return systems.observe(SystemForm.of(self._system), excitation, chosen.tolist(), every).y
+        return systems.observe(SystemForm.of(self.system), excitation, chosen.tolist(), every).y
 
 
 class Runs:
@@ -179,13 +183,12 @@ class Runs:
             if not np.any(y):
                 y = self._moving(of.observed(stepping, 1))
             return band(y, stepping.step)
-        all_of_them = of.displacements(self._last)
-        y = self._moving(all_of_them[:, of.tips])
-        return band(y if np.any(y) else self._moving(all_of_them), stepping.step)
+        y = self._moving(of.displacements(self._last, of.tips))
+        return band(y if np.any(y) else self._moving(of.displacements(self._last)), stepping.step)
 
     def _made(self, stepping: TimeStepping, every: int) -> tuple[Array, SystemTrajectory | None]:
         """Displacements at each `every`-th step of a run, and the run where all of it is recorded."""
-        if not self._stepped.recorded(stepping):
+        if not recorded(self._stepped.system, stepping):
             return self._stepped.observed(stepping, every), None
         run = self._stepped.simulate(stepping)
         return self._stepped.displacements(run.at(slice(None, None, every))), run

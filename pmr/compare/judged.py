@@ -11,12 +11,11 @@ from pmr.errors.environment import Clock
 from pmr.results import Frequencies
 from pmr.scene import Scene
 from pmr.simulation import Excitation, contact_step
-from pmr.system.system import System
 
 
 def parts_of_motion(
     scene: Scene,
-    system: System,
+    moved: SimulatedSystem,
     made: Simulations,
     natural: Frequencies,
     clock: Clock,
@@ -24,9 +23,11 @@ def parts_of_motion(
 ) -> list[Part]:
     """Forces of contacts and supports, the step's error, published frequencies, and how fine the sampling is.
 
-    `natural` are frequencies on the way; with the step of a `choice` its error is known.
+    `made` is what simulators say of `moved`; `natural` are frequencies on the way; with the step of a `choice` its
+    error is known.
     """
     excitation, known = Excitation.of(scene), None if choice is None else choice.found.step_error
+    system, marched = moved.system, scene.simulation.simulators[0] == "march"
     omega = contact_step.contact_frequency(system, excitation)
     return [
         pad_forces.part(scene, system, made.first.response),
@@ -34,7 +35,11 @@ def parts_of_motion(
         luffing_cylinder.part(scene, made.first.response),
         fatigue.part(scene, made.first.response),
         step_part(
-            SimulatedSystem(system, excitation), natural.models["reduced"], clock, scene.accuracy is not None, known
+            moved if marched else SimulatedSystem(system, excitation),
+            natural.models["reduced"],
+            clock,
+            scene.accuracy is not None,
+            known,
         ),
         boom_figures.beside_published(scene, natural),
         Part(

@@ -70,9 +70,9 @@ class Motion:
             with refused_growth(scene):
                 response = repeated(scene, system, excitation, SIMULATOR).response
         assembly, kinds = Assembly(system), [kind for body in system.bodies.values() for kind in body.output_kinds]
-        frequencies, moved = list[Array](), list[Array]()
-        for place, amplitudes in zip(x, c, strict=True):
-            omega, phi = assembly.modes(place, MODES, amplitudes)
+        frequencies, moved, along = list[Array](), list[Array](), assembly.along(x)
+        for k, amplitudes in enumerate(c):
+            omega, phi = assembly.modes(along.at(k), MODES, amplitudes)
             frequencies.append(omega / (2.0 * np.pi))
             shapes = assembly.outputs @ phi
             rows = ([kind in (f"beam {d}", f"tip {d}") for kind in kinds] for d in DIRECTIONS)

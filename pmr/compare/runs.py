@@ -11,6 +11,7 @@ from pmr.compare.booms import bearing, force_kinds_of, tip_columns
 from pmr.compare.outputs import Outputs
 from pmr.compare.velocities import velocity
 from pmr.reduced.model import ReducedModel
+from pmr.results import Response
 from pmr.simulation.contact_step import as_made, contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
@@ -42,8 +43,24 @@ def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | Non
 
 def outputs(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
     """Of each `every`-th step of a run; the excitation has all of them."""
-    kept = slice(None, None, every)
-    return replace(without_rates(system, run.at(kept)), velocity=velocities(system, run, excitation)[kept])
+    y, kept = np.hstack(list(systems.displacements(system, run).values())), slice(None, None, every)
+    found, moved = observed(system, y[kept], run.forces[kept]), y[:, _moved(system)]
+    return replace(found, velocity=velocities(system, run, excitation, moved)[kept])
+
+
+def responded(system: System, run: SystemTrajectory, excitation: Excitation, response: Response) -> Outputs:
+    """The same of all steps of a run of which the response is known."""
+    probes = np.concatenate([other_outputs(body) for body in system.bodies.values()])
+    others = np.empty((len(run.t), 0)) if response.others is None else response.others
+    return Outputs(
+        displacement=response.displacement,
+        velocity=velocities(system, run, excitation, response.displacement),
+        force=response.slider_force,
+        probe=others[:, : np.count_nonzero(probes)],
+        units=tuple(unit for unit, counts in zip(system.output_units, probes, strict=True) if counts),
+        tips=tuple(tip_columns(system)),
+        forces=force_kinds_of(system),
+    )
 
 
 def without_rates(system: System, run: SystemTrajectory) -> Outputs:
@@ -93,8 +110,13 @@ def observed(system: System, y: Array, forces: Array) -> Outputs:
     )
 
 
-def velocities(system: System, run: SystemTrajectory, excitation: Excitation) -> Array:
-    r"""Rates of the displacements, (T, o) in m/s, of all steps of the excitation.
+def _moved(system: System) -> NDArray[np.bool_]:
+    """Which outputs of all bodies are displacements."""
+    return np.concatenate([length_outputs(body) for body in system.bodies.values()])
+
+
+def velocities(system: System, run: SystemTrajectory, excitation: Excitation, displacement: Array) -> Array:
+    r"""Rates of the `displacement`, (T, o) in m/s and m, of all steps of the excitation.
 
     Of a body on one path those of the residual part follow from its tables (`pmr.compare.velocities`); of several
     bodies, and with attachment modes, :math:`O \dot q` and differences.
@@ -102,12 +124,13 @@ def velocities(system: System, run: SystemTrajectory, excitation: Excitation) ->
     if system.on_one_path and all(map(_by_tables, system.bodies.values())):
         body, motion = along_path(system, run, excitation)
         return velocity(body, motion, excitation.on_slider)[:, length_outputs(body)]
-    of_all, found = systems.displacements(system, run), list[Array]()
+    found, first = list[Array](), 0
     for name, one in system.bodies.items():
-        moved, own = length_outputs(one), run.bodies[name]
-        O = dense(one.outputs)[moved]
-        residual = of_all[name][:, moved] - own.q @ O.T
+        O, own = dense(one.outputs)[length_outputs(one)], run.bodies[name]
+        last = first + len(O)
+        residual = displacement[:, first:last] - own.q @ O.T
         found.append(own.v @ O.T + np.gradient(residual, run.t, axis=0))
+        first = last
     return np.hstack(found)
 
 

@@ -59,7 +59,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
         simulated(made.seconds, made.agreement, {}),
         sections(scene, responses, sizes, {name: error.of_section(name) for name in models}),
         error.part,
-        *parts_of_motion(scene, system, made, natural, clock),
+        *parts_of_motion(scene, moved, made, natural, clock),
         frequency_part(by_frequency),
         reliability({}, responses),
         theory(scene, responses),

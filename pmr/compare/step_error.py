@@ -30,7 +30,7 @@ from pmr.errors.text import rounded
 from pmr.scene.signals import SignalBase
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.system import System
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
@@ -53,14 +53,15 @@ class StepError:
     seconds: float  # wall time of all runs
 
 
-def step_error(system: System, excitation: Excitation) -> StepError:
+def step_error(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> StepError:
     """Error of the time step, from the start of the excitation.
 
-    `march` makes the runs; Exudyn's solver has the same scheme and start.  Raises InputError as for
+    `march` makes the runs; Exudyn's solver has the same scheme and start.  That with the given step may be known,
+    a `run` that chose its parts.  Raises InputError as for
     `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
     """
     begin = time.perf_counter()
-    stepped = Stepped(system, excitation)
+    stepped = Stepped(system, excitation, run)
     runs = Runs(stepped)
     y = runs.next()
     if not runs.affordable:

@@ -128,7 +128,7 @@ def columns(table: PPoly, which: slice | Sequence[int]) -> PPoly:
     return PPoly(np.ascontiguousarray(table.c[..., which]), table.x)
 
 
-def select_rows(table: PPoly, which: slice | Sequence[int]) -> PPoly:
+def select_rows(table: PPoly, which: slice | Sequence[int] | Indices) -> PPoly:
     """The chosen rows of the values (m, n)."""
     return PPoly(np.ascontiguousarray(table.c[:, :, which]), table.x)
 

@@ -60,11 +60,11 @@ class Row:
 
         A ValueError is raised where s lies outside the path.
         """
-        touched, entries = self._on_carriers(s, derivative)
+        touched, entries = self.on_carriers(s, derivative)
         ends = touched.shape[1] * np.arange(len(touched) + 1)
         return sp.csr_matrix((entries.ravel(), touched.ravel(), ends), (len(touched), self.carriers.shape[0]))
 
-    def _on_carriers(self, s: ArrayLike, derivative: int) -> tuple[Indices, Array]:
+    def on_carriers(self, s: ArrayLike, derivative: int) -> tuple[Indices, Array]:
         """The carriers that the row touches at each s, and their weights, both (T, d)."""
         s = within_domain(np.atleast_1d(np.asarray(s, float)), self.breaks[0], self.breaks[-1], self.name)
         j = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
@@ -169,7 +169,7 @@ class Rows:
         """C(s) as a sparse matrix (m, n), or its derivative with respect to s."""
         if not self.rows:
             return sp.csr_matrix((0, self.size))
-        touched, entries = zip(*(row._on_carriers(s, derivative) for row in self.shared.rows), strict=True)
+        touched, entries = zip(*(row.on_carriers(s, derivative) for row in self.shared.rows), strict=True)
         ends = np.cumsum([0, *(part.size for part in touched)])
         weights = np.concatenate(entries, axis=None), np.concatenate(touched, axis=None), ends
         U = self.shared.carriers

@@ -113,7 +113,8 @@ class Bodies:
         """What motions and frequencies say, and how far off the tip may be over time, (T, d) m; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
         assert motions.reduced is not None
-        error = self._error(motions.reduced)
+        moved = SimulatedSystem.of(system, self.excitation, motions.reduced)
+        error = self._error(moved)
         more = {name: error.of_section(name) | (seen[name].summary() if name in seen else {}) for name in scene.names}
         sizes = {
             name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()
@@ -128,7 +129,7 @@ class Bodies:
             sections(scene, responses, sizes, more),
             utilisation(scene, more),
             masses({name: one.model.masses for name, one in self.built.items()}),
-            *parts_of_motion(scene, system, motions.reduced, natural, self.clock, self.choice),
+            *parts_of_motion(scene, moved, motions.reduced, natural, self.clock, self.choice),
         ]
         return parts, error.band
 
@@ -183,10 +184,9 @@ class Bodies:
         except (InputError, ConvergenceError):  # as few modes as a small mesh has: no reason not to run
             return None
 
-    def _error(self, made: Simulations) -> ReductionError:
+    def _error(self, moved: SimulatedSystem) -> ReductionError:
         """The reduction's, as it is estimated."""
         known = None if self.choice is None else self.choice.found.estimate
-        moved = SimulatedSystem.of(self.system, self.excitation, made)
         return reduction_error(self.scene, moved, self.clock, self._other, known)
 
     def _full_frequencies(self, at: Visited) -> Array:

@@ -36,6 +36,8 @@ Kept = TypeVar("Kept")
 _log = logging.getLogger(__name__)
 
 FORMAT = "pmr-cache"
+#: Key of a scene whose refusals are kept: others may be mended without a change of the scene, by installing a package.
+FREE = "free_motions"
 
 
 @dataclass(frozen=True)
@@ -90,17 +92,28 @@ class Cache:
         return made
 
     def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
-        """The reduced system of a scene of any structure; on every rank, collective."""
-        file = self._of_system(scene)
+        """The reduced system of a scene of any structure; on every rank, collective.
+
+        That supports and pads leave it free to move is kept, too: to find it takes the full models.
+        """
+        asked = self._of_system(scene)
+        file, refused = self._file("system", asked), self._file("refused", asked | {"end": scene.time.end})
+        if (known := self._read(refused)) is not None:
+            raise InputError("scene", FREE, scene.free_motions, str(known["allowed"]))
         found = None if self._read(file) is None else self._loaded_by(System.load, file)
         if found is None:
-            found = make()
+            try:
+                found = make()
+            except InputError as error:
+                if error.key == FREE:
+                    self._write(refused, {"allowed": np.array(error.allowed)})
+                raise
             self._write(file, {}, found)
         return found
 
-    def _of_system(self, scene: Scene) -> Path:
+    def _of_system(self, scene: Scene) -> dict[str, Any]:
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
-        return self._file("system", {"scene": structure_in(scene), "path": path})
+        return {"scene": structure_in(scene), "path": path}
 
     def _file(self, kind: str, asked: Mapping[str, Any]) -> Path:
         text = repr((self.content, sorted(asked.items())))

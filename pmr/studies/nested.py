@@ -174,7 +174,8 @@ def _modes(scene: Scene, at: Array, count: int) -> Iterator[tuple[Array, Array, 
     assembly, whole = Assembly(system), np.cumsum([0, *(body.size for body in system.bodies.values())])
     free = np.concatenate([first + own for first, own in zip(whole[:-1], assembly.free.values(), strict=True)])
     for s in at:
-        omega, modes = assembly.modes(system.coordinates(dict(zip(system.paths, s, strict=True))), count)
+        rows = assembly.at(system.coordinates(dict(zip(system.paths, s, strict=True))))
+        omega, modes = assembly.modes(rows, count)
         phi = np.zeros((whole[-1], count))
         phi[free] = np.where(np.abs(modes) > STILL * np.abs(modes).max(), modes, 0.0)
         yield phi, omega, np.full(count, np.nan)

@@ -270,14 +270,14 @@ class Assembly:
             found[k, : len(omega)] = omega / (2.0 * np.pi)
         return found
 
-    def modes(self, x: Array, count: int, c: Array | Sequence[float] = ()) -> tuple[Array, Array]:
-        """The lowest modes, every contact closed, its places at x (sides,) m: omega (f,) and phi (n, f).
+    def modes(self, rows: ContactRows, count: int, c: Array | Sequence[float] = ()) -> tuple[Array, Array]:
+        """The lowest modes, every contact closed, with its `rows` at one place (`at`): omega (f,) and phi (n, f).
 
         Omega in rad/s, ascending; phi^T M phi = 1, phi in 1/sqrt(kg).  Fewer than `count` where there are no more.
         Of terms with amplitudes c (k,) the symmetric stiffness counts; at the buckling load and beyond omega is 0.
         """
         M, stiffness = self.M.toarray(), self.stiffness(c).toarray()
-        K, Z = closed((stiffness + stiffness.T) / 2.0, self.at(x))
+        K, Z = closed((stiffness + stiffness.T) / 2.0, rows)
         K = K + SHIFT * M
         if Z is not None:
             M, K = Z.T @ M @ Z, Z.T @ K @ Z

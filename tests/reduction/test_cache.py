@@ -13,7 +13,8 @@ from pmr.errors import InputError
 from pmr.fullmodel.build import build
 from pmr.fullmodel.model import FullModel
 from pmr.pipeline import run
-from pmr.reduction.cache import cache_in, content_of
+from pmr.reduction.cache import FREE, cache_in, content_of
+from pmr.system.system import System
 
 SHORT = ["time.end=0.02", "compare.against=[]"]
 
@@ -89,6 +90,22 @@ def test_the_content_is_the_same_on_all_ranks_and_changes_with_the_model(load_sc
     found = [content_of(each) for each in (one, same, other)]
     assert found[0] == found[1] != found[2]
     assert len(set(one.comm.allgather(found[0]))) == 1
+
+
+def test_that_a_body_is_free_to_move_is_found_once_for_each_way(load_scene, tmp_path: Path) -> None:
+    """Which takes its full model; a refusal that a package mends is not kept."""
+    scene, made = load_scene("evolved_residual", SHORT), list[str]()
+    cache = cache_in(tmp_path, build(scene).model)
+
+    def refused(key: str) -> System:
+        made.append(key)
+        raise InputError("scene", key, scene.free_motions, f"{key} is wrong")
+
+    longer = scene.model_copy(update={"time": scene.time.model_copy(update={"end": 0.04})})
+    for one, key in ((longer, "body.model"), (scene, FREE), (scene, FREE), (longer, FREE), (longer, FREE)):
+        with pytest.raises(InputError, match=rf"^scene: {key} = 'refused': {key} is wrong$"):
+            cache.system_of(one, lambda key=key: refused(key))
+    assert made == ["body.model", FREE, FREE]
 
 
 def test_a_folder_that_cannot_be_is_refused(load_scene, tmp_path: Path) -> None:

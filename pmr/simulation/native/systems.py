@@ -137,11 +137,9 @@ def observe(
     `pmr.simulation.SystemSimulator`.
     """
     march, system = March(form, excitation, start_of(form.system, excitation)), form.system
-    count, sizes = excitation.stepping.steps // every + 1, [len(one.body.outputs) for one in form.forms.values()]
-    chosen = np.arange(sum(sizes)) if outputs is None else np.asarray(outputs, np.int64)
-    numbers = dict(zip(form.forms, np.split(chosen, np.searchsorted(chosen, np.cumsum(sizes)[:-1])), strict=True))
-    starts = dict(zip(form.forms, np.cumsum([0, *sizes]).tolist(), strict=False))
-    y, forces, evaluated = np.empty((count, len(chosen))), np.empty((count, len(system.contacts))), 0.0
+    count, chosen = excitation.stepping.steps // every + 1, by_body(system, outputs)
+    sizes = {name: len(np.arange(system.bodies[name].outputs.shape[0])[own]) for name, own in chosen.items()}
+    y, forces, evaluated = np.empty((count, sum(sizes.values()))), np.empty((count, len(system.contacts))), 0.0
     rubbing = Friction.of(system.contacts)
 
     def taken(first: int, rows: Record) -> None:
@@ -150,13 +148,13 @@ def observe(
         forces[at], steps, column = form.forces(rows.multipliers, rows.friction), march.steps_of(at, every), 0
         pressed = form.combined.forces(rows.multipliers)
         moments = None if rubbing is None else rubbing.moments(rows.friction, pressed)
-        for k, (name, own) in enumerate(numbers.items()):
-            which, z = (own - starts[name]).tolist(), rows.z[:, form.columns[name]]
+        for k, (name, which) in enumerate(chosen.items()):
+            z = rows.z[:, form.columns[name]]
             x, f = march.x[steps, system.sides_of(name)], march.f[steps, form.inputs[k] : form.inputs[k + 1]]
             turned = None if moments is None else system.pressed(name, moments)
             deformed = deformation(system, name, x, system.pressed(name, pressed), f, which, turned)
-            y[at, column : column + len(own)] = z @ form.forms[name].body.outputs[which].T + deformed
-            column += len(own)
+            y[at, column : column + sizes[name]] = z @ form.forms[name].body.outputs[which].T + deformed
+            column += sizes[name]
         evaluated += perf_counter() - begun
 
     seconds = march.observe(every, taken)
@@ -184,16 +182,31 @@ def start_of(
     return static_start(system, excitation)
 
 
-def displacements(system: System, trajectory: SystemTrajectory) -> dict[str, Array]:
-    """Outputs O q + W f - X lambda of every body, (T, o), and what moments of friction add."""
+def displacements(
+    system: System, trajectory: SystemTrajectory, outputs: Sequence[int] | None = None
+) -> dict[str, Array]:
+    """Outputs O q + W f - X lambda of every body, (T, o), and what moments of friction add; of all or some `outputs`.
+
+    These are numbered from one body to the next, ascending.
+    """
     found, first = {}, 0
-    for name, body in system.bodies.items():
-        motion, last = trajectory.bodies[name], first + len(body.input_names)
+    for name, chosen in by_body(system, outputs).items():
+        body, motion = system.bodies[name], trajectory.bodies[name]
+        last = first + len(body.input_names)
         turned = None if trajectory.moments is None else system.pressed(name, trajectory.moments)
         loads = trajectory.loads[:, first:last]
-        deformed = deformation(system, name, motion.s, motion.multipliers, loads, moments=turned)
-        found[name], first = np.asarray((body.outputs @ motion.q.T).T) + deformed, last
+        deformed = deformation(system, name, motion.s, motion.multipliers, loads, chosen, turned)
+        found[name], first = np.asarray((body.outputs[chosen] @ motion.q.T).T) + deformed, last
     return found
+
+
+def by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
+    """Numbers of some `outputs` of all bodies, ascending, among those of each; None: all."""
+    ends = np.cumsum([0, *(body.outputs.shape[0] for body in system.bodies.values())])
+    if outputs is None:
+        return dict.fromkeys(system.bodies, slice(None))
+    split = np.split(np.asarray(outputs, np.int64), np.searchsorted(outputs, ends[1:-1]))
+    return {name: own - first for name, own, first in zip(system.bodies, split, ends, strict=False)}
 
 
 def deformation(
@@ -202,7 +215,7 @@ def deformation(
     x: Array,
     multipliers: Array,
     loads: Array,
-    chosen: Sequence[int] | slice = slice(None),
+    chosen: Indices | slice = slice(None),
     moments: Array | None = None,
 ) -> Array | float:
     """W f - X lambda of the chosen outputs (T, o) of a body, under the loads (T, i) N on it; 0 where it has no such.
@@ -222,18 +235,18 @@ def deformation(
     known = None if body.carriers is None else body.carriers.flexibility
     if known is None:
         return 0.0
-    at_once = np.asarray(loads @ known.direct[chosen].T)
-    if not own:
-        return at_once
-    pressed = [system.row(place).weights(at) for place, at in zip(own, x.T, strict=True)]
-    if moments is not None:
-        pressed += [system.row(place).weights(at, 1) for place, at in zip(own, x.T, strict=True)]
-        multipliers = np.hstack([multipliers, -moments])
-    shares = [
-        one.data.reshape(len(x), -1) * forces[:, None] for one, forces in zip(pressed, multipliers.T, strict=True)
-    ]
-    touched = [one.indices.reshape(len(x), -1) for one in pressed]
-    return at_once - _summed(np.hstack(shares), np.hstack(touched), known.outputs.T[:, chosen])
+    found, X = np.asarray(loads @ known.direct[chosen].T), known.outputs.T[:, chosen]
+    shares, touched = list[Array](), list[Indices]()
+    for derivative, acting in ((0, multipliers), *([] if moments is None else [(1, -moments)])):
+        for place, at, forces in zip(own, x.T, acting.T, strict=True):
+            stays = bool((at == at[0]).all())
+            on, weights = system.row(place).on_carriers(at[:1] if stays else at, derivative)
+            if stays:
+                found -= forces[:, None] * (weights[0] @ X[on[0]])
+            else:
+                shares.append(weights * forces[:, None])
+                touched.append(on)
+    return found - _summed(np.hstack(shares), np.hstack(touched), X) if shares else found
 
 
 def _summed(weights: Array, touched: Indices, X: Array) -> Array:
