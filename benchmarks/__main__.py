@@ -48,7 +48,7 @@ def sections(long: bool) -> Mapping[str, Callable[[], Any]]:
         "growth": lambda: growth.measure(long),
         "fmu": lambda: fmu.measure(repeats),
         "compiling": compiling.measure,
-        "waited for": waited_for.measure,
+        "waited for": lambda: waited_for.measure(long),
         "chart": chart.measure,
         "peer": lambda: [peer.measure(elements, repeats) for elements in PEER_ELEMENTS],
         "approaches": lambda: {

@@ -5,11 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 from benchmarks.beams import WORKFLOWS
-from benchmarks.waited_for import seconds_of
+from benchmarks.waited_for import taken_by
 
 #: A boom of three sections as beams in space, at 40 extensions and 20 angles, with a limit of each kind that it has.
 STUDY = f"""
@@ -100,8 +99,7 @@ def of(folder: Path) -> dict[str, dict[str, float]]:
     found = {}
     for name, text in zip(ASKED, (STUDY, STUDY.replace(*CHANGED)), strict=True):
         (folder / "chart.toml").write_text(text)
-        begin = time.perf_counter()
-        used = seconds_of(folder, variables, *pmr, "study", "chart.toml", "--jobs", "2")
-        wall = time.perf_counter() - begin
-        found[name] = {"wall": wall, "processor": used, "asked": ASKED[name], "cores": float(os.cpu_count() or 1)}
+        used = taken_by(folder, variables, *pmr, "study", "chart.toml", "--jobs", "2")
+        cores = float(os.cpu_count() or 1)
+        found[name] = {"wall": used.wall, "processor": used.seconds, "asked": ASKED[name], "cores": cores}
     return found

@@ -68,7 +68,7 @@ def booms(repeats: int) -> dict[str, Any]:
     """
     best = {name: dict.fromkeys(SECTIONS, np.inf) for name in _WAYS}
     for name, (way, once) in _WAYS.items():
-        of_sections = {count: way(_boom(count)) for count in SECTIONS}
+        of_sections = {count: way(boom(count)) for count in SECTIONS}
         of_sections[SECTIONS[0]]()  # compiled or loaded
         for _ in range(1 if once else repeats):
             for count, seconds in of_sections.items():
@@ -77,7 +77,7 @@ def booms(repeats: int) -> dict[str, Any]:
     joints = np.array(SECTIONS) - 1.0
     terms = np.column_stack([joints, joints - 1.0]) / found["step"][:, None]
     fitted = np.linalg.lstsq(terms, np.ones(len(joints)), rcond=None)[0]
-    made = [_boom(count).system for count in SECTIONS]
+    made = [boom(count).system for count in SECTIONS]
     return {
         "steps": STEPS,
         "sections": list(SECTIONS),
@@ -91,7 +91,7 @@ def booms(repeats: int) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class _Boom:
+class Boom:
     """A boom of so many sections, on their modes and as it is simulated."""
 
     models: dict[str, ReducedModel]
@@ -104,7 +104,7 @@ class _Boom:
         return Excitation(paths, loads, TimeStepping(1.5, 1.5 / steps))
 
 
-def _step(boom: _Boom) -> Callable[[], float]:
+def step(boom: Boom) -> Callable[[], float]:
     """As the solver times itself, by the processor's clock."""
     march = March(SystemForm.of(boom.system), boom.driven(STEPS), {})
 
@@ -115,17 +115,17 @@ def _step(boom: _Boom) -> Callable[[], float]:
     return seconds
 
 
-def _estimate(boom: _Boom) -> Callable[[], float]:
+def _estimate(boom: Boom) -> Callable[[], float]:
     return lambda: _processor(lambda: estimate(boom.models, boom.system, boom.driven(STEPS)))
 
 
-def _frequencies(boom: _Boom) -> Callable[[], float]:
+def _frequencies(boom: Boom) -> Callable[[], float]:
     x = places(boom.system, boom.driven(PLACES))
     return lambda: _processor(lambda: Assembly(boom.system).frequencies(x, LOWEST)) / len(x)
 
 
 #: And whether it takes so long that once is enough.
-_WAYS = {"step": (_step, False), "estimate": (_estimate, True), "frequencies": (_frequencies, False)}
+_WAYS = {"step": (step, False), "estimate": (_estimate, True), "frequencies": (_frequencies, False)}
 
 
 def _processor(work: Callable[[], object]) -> float:
@@ -150,7 +150,7 @@ def _chain(count: int) -> str:
 
 
 @cache
-def _boom(count: int) -> _Boom:
+def boom(count: int) -> Boom:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "chain.toml")
         file.write_text(_chain(count), encoding="utf-8")
@@ -158,7 +158,7 @@ def _boom(count: int) -> _Boom:
     reduced = reduce_bodies(boom, build_bodies(boom, MPI.COMM_SELF))
     given = system_of(boom, {name: one.model for name, one in reduced.items()})
     system = System(given.bodies, tuple(replace(contact, clearance=None) for contact in given.contacts))
-    return _Boom({name: one.modal for name, one in reduced.items()}, system)
+    return Boom({name: one.modal for name, one in reduced.items()}, system)
 
 
 def _series(forms: dict[int, tuple[ModalForm, int]], repeats: int) -> dict[str, Any]:

@@ -313,23 +313,38 @@ def compiling(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
     )
 
 
-def waited_for(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
-    """Processor time of commands."""
-    rows = tuple((name, quantity(one["seconds"], "s"), quantity(one["asked"], "s")) for name, one in found.items())
-    held = sum(one["seconds"] <= one["asked"] for one in found.values())
+def waited_for(found: Mapping[str, Mapping[str, Any]], prefix: str) -> Chapter:
+    """What people wait for."""
+    rows = tuple(
+        (
+            name,
+            one["before"],
+            _in_unit(one["here"], one["unit"]),
+            quantity(one["wall"], "s"),
+            _in_unit(one["asked"], one["unit"]),
+            "holds" if one["here"] <= one["asked"] else one["limit"] or "missed",
+        )
+        for name, one in found.items()
+    )
+    held = sum(one["here"] <= one["asked"] for one in found.values())
+    heads = ("", "before", "here", "wall time", "asked", "")
     return Chapter(
         anchor=prefix,
         title="",
-        headline=f"{held} of {len(found)} commands take no more than is asked.",
+        headline=f"{held} of {len(found)} take no more than is asked.",
         blocks=[
             Block(
-                "Commands",
-                text="First: with nothing compiled yet, neither loops nor a platform's C library. After pmr compile: "
-                "with what that command has compiled.",
-                grids=(Grid("Processor time of a command and what it starts.", ("command", "here", "asked"), rows),),
+                "Commands and more",
+                text="With nothing compiled: neither loops nor a platform's C library. After pmr compile: with what "
+                "that command has compiled.",
+                grids=(Grid("Processor time, of commands with what they start.", heads, rows),),
             )
         ],
     )
+
+
+def _in_unit(value: float, unit: str) -> str:
+    return quantity(value, unit) if unit else _times(value)
 
 
 def chart(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:

@@ -40,7 +40,8 @@ def _all(sections: Mapping[str, Any]) -> Iterator[Requirement]:
         factor = max(size["factor"] for size in sections["limit"]["sizes"])
         yield Requirement("compiled loop over the least time that the core allows", factor, 3.0, False, "ratio")
     for name, one in sections.get("waited for", {}).items():
-        yield Requirement(f"{name}: processor time", one["seconds"], one["asked"], False, "s")
+        what = ": processor time" if one["unit"] == "s" else ""
+        yield Requirement(f"{name}{what}", one["here"], one["asked"], False, one["unit"])
     for name, one in sections.get("chart", {}).items():
         yield Requirement(f"load chart of 40 x 20 points, {name}: wall time", one["wall"], one["asked"], False, "s")
     if "scale" in sections:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -35,13 +36,28 @@ def test_a_page_of_what_was_measured_needs_nothing_else(tmp_path: Path) -> None:
     assert not re.search(r'(src|href)="(?!#|data:)', page)
 
 
-def test_what_is_waited_for_stands_beside_what_was_asked(tmp_path: Path) -> None:
-    found = {"pmr --help": {"seconds": 0.2, "asked": 0.3}, "pmr info": {"seconds": 0.9, "asked": 0.8}}
-    assert [one["holds"] for one in requirements.judged({"waited for": found})] == [True, False]
-    assert pages.waited_for(found, "waited").headline == "1 of 2 commands take no more than is asked."
-    assert waited_for.seconds_of(tmp_path, {}, sys.executable, "-c", "sum(range(3_000_000))") > 0.0
+def test_what_is_waited_for_stands_beside_what_was_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def take(place: waited_for.Place) -> waited_for.Taken:
+        return waited_for.taken_by(place.folder, {}, sys.executable, "-c", "sum(range(3_000_000))")
+
+    def beside(place: waited_for.Place) -> waited_for.Taken:
+        return replace(place.taken["sum"].less(place.taken["sum"]), memory=3.0)
+
+    row = waited_for.Row
+    rows = (row("sum", 60.0, "9 s", take), row("memory", 2.0, "4 B", beside, "libraries", unit="B"))
+    monkeypatch.setattr(waited_for, "ROWS", (*rows, row("hours", 1.0, "", lambda _: pytest.fail("taken"), long=True)))
+    monkeypatch.setattr(waited_for.Place, "pmr", lambda *_: None)
+    found = waited_for.measure()
+    assert 0.0 < found["sum"]["here"] and 0.0 < found["sum"]["wall"]
+    assert [(one["text"], one["holds"]) for one in requirements.judged({"waited for": found})] == [
+        ("sum: processor time", True),
+        ("memory", False),
+    ]
+    page = pages.waited_for(found, "waited")
+    assert page.headline == "1 of 2 take no more than is asked."
+    assert page.blocks[0].grids[0].rows[1] == ("memory", "4 B", "3.00\xa0B", "0\xa0s", "2.00\xa0B", "libraries")
     with pytest.raises(subprocess.CalledProcessError):
-        waited_for.seconds_of(tmp_path, {}, sys.executable, "-c", "raise SystemExit(2)")
+        waited_for.taken_by(tmp_path, {}, sys.executable, "-c", "raise SystemExit(2)")
 
 
 def test_a_load_chart_takes_no_longer_than_is_asked() -> None:
