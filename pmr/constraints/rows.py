@@ -86,7 +86,7 @@ class Row:
         """Whether the row depends on s."""
         return len(self.breaks) > 2 or len(self.coefficients) > 1
 
-    @property
+    @cached_property
     def held(self) -> int | None:
         """The coordinate that the row holds at zero, where that is all it does."""
         if not self.fixed:

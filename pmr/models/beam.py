@@ -26,7 +26,6 @@ from pmr.fields.series import Grid
 from pmr.fields.stress import StressRows
 from pmr.mesh.strip import Extent, Plane, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Cut, Line, UnitState, rigid_motions
-from pmr.models.profile_section import MidLine
 from pmr.models.sections_along import SectionsAlong
 from pmr.models.tabulation import CellValues, cell_values
 from pmr.scene.structures import Beam3DBody, Profile
@@ -130,18 +129,24 @@ class Beam(ABC):
         d, x = len(self.directions), self.node_stations[self.grid.cells]
         e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node the one behind it
         h = np.diff(x)[e, 0]
-        local = self.in_elements(h, (places - x[e, 0]) / h, self.number[e])
-        columns = np.broadcast_to(d * self.first[e, None, None] + np.arange(2 * d), local.shape)
-        ends, shape = np.arange(0, local.size + 1, 2 * d), (d * len(places), self.transformation.shape[0])
-        return sp.csr_matrix(sp.csr_matrix((local.ravel(), columns.ravel(), ends), shape=shape) @ self.transformation)
+        ends = self.in_elements(h, (places - x[e, 0]) / h, self.number[e]).reshape(len(places), d, 2, d)
+        local = ends.swapaxes(1, 2) @ self.of_node[self.number[e], None]  # `transformation` of these elements alone
+        columns = d * self.grid.cells[e][:, None, :, None] + np.arange(d)
+        entries, columns = (part.ravel() for part in np.broadcast_arrays(local.swapaxes(1, 2), columns))
+        found = sp.csr_matrix(
+            (entries, columns, np.arange(0, entries.size + 1, 2 * d)), (d * len(places), d * len(self.node_stations))
+        )
+        found.eliminate_zeros()
+        return found
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         at = self.station(place)
         rows, arm = self.motions(np.array([at])), (self.centroid(at) if about is None else about) - at * np.eye(3)[0]
-        own = [DIRECTIONS.index(direction) for direction in self.directions]
-        moved = np.eye(6)
-        moved[:3, 3:] = np.cross(np.eye(3), arm).T
-        rows = sp.csr_matrix(sp.csr_matrix(moved[np.ix_(own, own)]) @ rows)
+        if arm.any():
+            own = [DIRECTIONS.index(direction) for direction in self.directions]
+            moved = np.eye(6)
+            moved[:3, 3:] = np.cross(np.eye(3), arm).T
+            rows = sp.csr_matrix(moved[np.ix_(own, own)]) @ rows
         rows.data[np.abs(rows.data) < 1e-14] = 0.0
         rows.eliminate_zeros()
         return rows
@@ -283,8 +288,7 @@ class Beam(ABC):
     def centroid(self, place: str | float) -> Array:
         """Where the mean of a shell's end is: in the middle of the walls' line."""
         at = self.station(place)
-        profile = None if self.sections is None else self.sections.profile_at(at)
-        return np.array([at, *(np.zeros(2) if profile is None else MidLine(profile).middle)])
+        return np.array([at, *(np.zeros(2) if self.sections is None else self.sections.middle_at(at))])
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         if place not in ENDS:

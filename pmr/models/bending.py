@@ -26,6 +26,8 @@ Indices = NDArray[np.int64]
 
 #: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.
 HERMITE = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
+#: Their derivatives.
+FIRST, THIRD = (np.array([np.polyder(p, k) for p in HERMITE]) for k in (1, 3))
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,10 @@ class Bending:
         In q elements of lengths h (m) with these sections.
         """
         scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
-        value, slope, third = (
-            np.array([np.polyval(np.polyder(p, k), X) for p in HERMITE]) * scale / h**k for k in (0, 1, 3)
-        )
+        value, slope = _at(HERMITE, X) * scale, _at(FIRST, X) * scale / h
         if self.shear_stiffness is None:
             return value, slope
+        third = _at(THIRD, X) * scale / h**3
         gamma = -(h**2) / 12.0 / (1.0 + (self.shear_stiffness / (12.0 * self.stiffness))[number] * h**2) * third
         return value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)
 
@@ -78,3 +79,11 @@ class Bending:
         EI = of_elements(self.stiffness)
         found = EI * of.cubic.dx(0).dx(0) * by.cubic.dx(0).dx(0)
         return found if of.shear is None else found + EI * of.shear * by.cubic.dx(0).dx(0).dx(0)
+
+
+def _at(polynomials: Array, X: Array) -> Array:
+    """Values (p, q) of polynomials (p, d), highest power first, at X (q,)."""
+    found = np.zeros((len(polynomials), len(X)))
+    for c in polynomials.T:
+        found = found * X + c[:, None]
+    return found

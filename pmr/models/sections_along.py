@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.models.profile_section import section_of
+from pmr.models.profile_section import MidLine, section_of
 from pmr.scene.box import Box, Stretch
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Beam3DBody, BeamSection
@@ -36,6 +36,23 @@ class SectionsAlong:
         """At a place along the axis in m; None where it is not known."""
         stretch = self.stretches[int(self.at(x))]
         return None if stretch is None else stretch.at(x)
+
+    def middle_at(self, x: float) -> Array:
+        """Of the walls' line there, (2,) m: where a shell has the mean of its end; the axis where it is not known."""
+        number = int(self.at(x))
+        middle, stretch = self._middles[number], self.stretches[number]
+        if middle is None:
+            assert stretch is not None
+            return MidLine(stretch.at(x)).middle
+        return middle
+
+    @cached_property
+    def _middles(self) -> tuple[Array | None, ...]:
+        """The same of each section, None where it varies along it."""
+        return tuple(
+            np.zeros(2) if one is None else MidLine(one.first).middle if one.first is one.last else None
+            for one in self.stretches
+        )
 
     @cached_property
     def area(self) -> Array:
