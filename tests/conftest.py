@@ -30,7 +30,7 @@ WORKFLOWS = TESTS.parent / "workflows"
 #: those that are marked so.
 NUMERICAL = (
     *("compare", "constraints", "convergence", "fem", "fullmodel", "models", "reduction", "reduced"),
-    *("simulation", "studies/kinds", "system", "errors/test_environment.py", "test_run.py", "test_workflows.py"),
+    *("simulation", "studies/kinds", "system", "errors/test_environment.py", "test_run.py"),
 )
 #: Rooms that compute with FEniCSx, PETSc and SLEPc: of the others CI runs slow tests on one stack alone.
 FENICSX = (
@@ -99,9 +99,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.stack)
 
 
-@pytest.fixture(autouse=True, scope="package")
+@pytest.fixture(autouse=True, scope="module")
 def _what_is_loaded_stays() -> None:
-    """`free_dropped` collects garbage often, and needn't look through what earlier folders have left each time."""
+    """`free_dropped` collects garbage often, and needn't look through what earlier files have left each time."""
     gc.collect()
     gc.freeze()
 

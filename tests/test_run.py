@@ -86,6 +86,7 @@ def test_dense_and_slepc_give_the_same_motion(load_scene) -> None:
     assert np.abs(tips[0]).max() > 1e-3 and np.abs(tips[0] - tips[1]).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_six_coordinates_with_residual_flexibility(load_scene) -> None:
     changes = ["reduction.solver=slepc", "simulation.simulators=['march','exudyn','exudyn-multiplier']"]

@@ -75,6 +75,7 @@ def simulated() -> tuple[Scene, pmr.Response, np.ndarray]:
     return scene, pmr.simulate(scene, system), masses
 
 
+@pytest.mark.slow
 def test_a_rope_bears_what_follows_it_and_the_cylinder_bears_all(simulated) -> None:
     """At rest, by statics: a weight counts by how far it moves where the cylinder moves by one."""
     scene, response, masses = simulated
@@ -85,6 +86,7 @@ def test_a_rope_bears_what_follows_it_and_the_cylinder_bears_all(simulated) -> N
     assert at_rest == pytest.approx([first, second, fly], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_cylinder_gives_the_work_that_raises_all_sections(simulated) -> None:
     scene, response, masses = simulated
     drive, t = ropes.forces(scene, response)["first"], response.t
@@ -94,6 +96,7 @@ def test_the_cylinder_gives_the_work_that_raises_all_sections(simulated) -> None
     assert work == pytest.approx(float(masses @ tails) * G / 2.0, rel=2e-4)
 
 
+@pytest.mark.slow
 def test_the_summary_and_the_report_have_them(simulated) -> None:
     scene, response, _ = simulated
     said = ropes.part(scene, response).figures["ropes"]

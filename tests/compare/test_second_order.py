@@ -18,6 +18,7 @@ SHORT = ["section.mesh.elements=8", "time.end=2.0", "time.step=1e-3", "frame.piv
 KINKED = "sections.fly.joint.extension={kind='ramp',times=[0.5,1.5],values=[0.6,2.6]}"
 
 
+@pytest.mark.slow
 def test_a_kink_of_an_extension_is_no_load_that_lasts() -> None:
     """Both kinks fall on times that are looked at; the impulse would be 200 g for a step and buckle the boom."""
     scene = pmr.load_scene("boom_two", [*SHORT, KINKED])

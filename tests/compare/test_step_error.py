@@ -250,6 +250,7 @@ TELESCOPE = (
 )
 
 
+@pytest.mark.slow
 def test_of_sections_on_pads_that_push_the_tolerance_of_parts_is_in_it() -> None:
     """The run that chooses the parts of its steps, against steps a quarter as long in as many parts throughout."""
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", TELESCOPE)

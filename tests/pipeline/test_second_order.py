@@ -191,6 +191,7 @@ def test_a_boom_is_the_same_as_a_body_and_as_a_section(tmp_path: Path) -> None:
     assert natural(section).models["reduced"] == pytest.approx(natural(alone).models["reduced"], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_saved_body_with_second_order_is_simulated_with_it(tmp_path: Path) -> None:
     """As a system, which has its terms: exports that know none refuse it."""
     scene = load("sections.beam.loads.0.signal=-3000.0", "frame.luffing=0.5", "gravity={rise=0.0}")
@@ -207,6 +208,7 @@ def test_a_saved_body_with_second_order_is_simulated_with_it(tmp_path: Path) -> 
         system.ensure_constant("model")
 
 
+@pytest.mark.slow
 def test_a_column_beyond_its_buckling_load_is_warned_of() -> None:
     beyond = -1.2 * np.pi**2 / 4.0 * EI / LENGTH**2
     summary = pmr.run(load(f"sections.beam.loads.0.signal={beyond}")).result.summary
@@ -215,6 +217,7 @@ def test_a_column_beyond_its_buckling_load_is_warned_of() -> None:
     assert said.startswith("the boom is past its buckling load: at 0 s 0.833 of the axial forces") and "\n" not in said
 
 
+@pytest.mark.slow
 def test_a_column_that_grows_under_its_weight_beyond_the_buckling_load() -> None:
     """Upright, q L = 7.8373 EI / L^2 buckles it; the factor is what is left."""
     upright = ("frame.luffing=1.5707963267948966", "gravity={rise=0.0, acceleration=9.81}")
@@ -265,6 +268,7 @@ def test_without_second_order_a_line_says_how_much_is_left_out_where_that_is_not
     assert summary["frame"]["frequencies"] == "unstressed"
 
 
+@pytest.mark.slow
 def test_a_beam_that_spins_needs_second_order_without_any_compression() -> None:
     """Tension and the frame's speed count as much: eta^2 over the square of its frequency, and more."""
     speed = 1.0 / UNIT
@@ -290,6 +294,7 @@ def test_a_clamp_bears_the_moment_of_a_load_along_on_what_is_bent() -> None:
     assert found.other("reaction of pivot z")[0] == pytest.approx(F, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_base_bears_the_moment_of_the_weight_of_bent_sections() -> None:
     """At rest: what rigid sections would press with, and g sin(phi) times how far their mass is aside."""
     scene = load("frame.luffing=40.0", "frame.second_order=true", "section.mesh.elements=8", "time.end=0.02",

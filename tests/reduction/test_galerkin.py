@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
 pytestmark = pytest.mark.mpi
 
 
+@cache
 def reduce(load_scene, *overrides: str) -> tuple[ReducedModel, np.ndarray]:
     """Reduced model and basis (n, r) on every rank."""
     scene = load_scene("paper_simple", ["reduction.basis=eigenmodes", *overrides])

@@ -88,6 +88,7 @@ def test_reduced_reactions_are_as_good_as_the_forces_of_the_slider(outcome: Outc
     assert listed["support ry at 0 m"]["unit"] == "N m"
 
 
+@pytest.mark.slow
 def test_a_saved_model_tells_them_too(outcome: Outcome, tmp_path: Path) -> None:
     scene, model = outcome.result.scene, ReducedModel.load(outcome.reduced.save(tmp_path / "reduced.npz"))
     excitation = Excitation.of(scene)

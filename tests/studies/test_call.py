@@ -70,6 +70,7 @@ def test_all_runs_have_the_figures_of_what_they_need(done: Path) -> None:
     assert results.column("total")[:3].tolist() == [1.0, 5.0, 13.0] and np.isnan(results.column("total")[-1])
 
 
+@pytest.mark.slow
 def test_a_task_has_one_thread_and_one_rank_of_its_own(done: Path) -> None:
     assert StudyResults.load(done).runs[-1].figures == {"threads": "1", "ranks": 1, "input": ""}
 

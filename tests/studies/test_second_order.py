@@ -21,6 +21,7 @@ def test_kinds_that_do_not_follow_it_refuse_a_body_alone_with_second_order() -> 
     assert shared.scene_arguments(scenes.load_any(CANTILEVER, ["frame.second_order=false"]))
 
 
+@pytest.mark.slow
 def test_runs_of_scenes_follow_it() -> None:
     plan = Study(kind="scenes", title="columns", scenes=(CANTILEVER,)).plan()
     assert [task.function for task in plan.runs] == [run_boom_case]

@@ -33,6 +33,7 @@ def ordered(load_scene):
     return outcome
 
 
+@pytest.mark.slow
 def test_a_tolerance_chooses_coordinates_and_step(ordered) -> None:
     summary, scene = ordered.result.summary, ordered.result.scene
     chosen = summary["accuracy"]["chosen"]
@@ -72,6 +73,7 @@ def test_nodes_of_a_graded_mesh_stay_where_they_are(load_scene) -> None:
     assert outcome is not None and 0.0 < outcome.result.summary["budget"]["mesh"]["beam"] < 0.01
 
 
+@pytest.mark.slow
 def test_its_budget_has_the_part_of_each(ordered) -> None:
     budget, estimate = ordered.result.summary["budget"], ordered.result.summary["estimate"]
     for kind in ("beam", "pad_force"):

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ NO_ANCF = "compare.against=[]"
 PAPERS_BASIS = ["reduction.basis=eigenmodes", "reduction.coordinates=20"]
 
 
+@cache
 def reduced(load_scene, *overrides: str) -> ReducedModel:
     scene = load_scene("simple_residual", [NO_ANCF, *overrides])
     model = full_model(scene)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ NODES = np.linspace(0.0, 5.0, 31)
 HELD = {"pinned": [0, 1], "clamped": [0, 1, 2], "roller": [1]}
 
 
+@cache
 def model(load_scene, kind: str, *overrides: str) -> FullModel:
     scene = load_scene(
         "paper_simple",

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ CLAMPED_FREE = (0, [1.87510407, 4.69409113, 7.85475744])
 BENDING = {"pinned": PINNED_FREE, "clamped": CLAMPED_FREE}
 
 
+@cache
 def model(load_scene, *overrides: str) -> FullModel:
     return full_model(load_scene("paper_simple", ["compare.against=[]", "free_motions=allowed", *overrides]))
 

@@ -18,7 +18,7 @@ from pmr.files.whole import replaced
 from pmr.studies.engine.frozen import Sources, sources
 
 SCRIPT = Path(__file__).with_name("edited.py")
-EDITS = 12 if os.environ.get("PMR_SWEEP") == "full" else 2
+EDITS = 12 if os.environ.get("PMR_SWEEP") == "full" else 1
 
 
 def start(code: Path, folder: Path) -> subprocess.Popen[str]:

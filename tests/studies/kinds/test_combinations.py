@@ -32,11 +32,13 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     return finished(folder, SMALL)
 
 
+@pytest.mark.slow
 def test_every_number_of_coordinates_is_a_row(small: StudyResults) -> None:
     assert [run.key for run in small.runs[:2]] == ["3x3", "9x1"]
     assert [run.parameters["coordinates"] for run in small.runs[2:]] == 2 * list(range(3, 10))
 
 
+@pytest.mark.slow
 def test_held_coordinates_are_as_good_as_left_out(small: StudyResults) -> None:
     """Two fewer, whose errors have been found already; the model that holds them moves alike to round-off."""
     runs = {run.key: run.figures for run in small.runs}
@@ -56,6 +58,7 @@ def test_held_coordinates_are_as_good_as_left_out(small: StudyResults) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_the_motions(small: StudyResults) -> None:
     """The strain energy is summed from modal coordinates; here it is q K q / 2."""
     short = scene.load(small.folder / "short.toml")
@@ -73,6 +76,7 @@ def test_errors_are_those_of_the_motions(small: StudyResults) -> None:
     assert found["dropped.strain"] == pytest.approx(abs(strain - full.arrays["strain"].sum()), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_figures_say_where_errors_leave_the_maximum(small: StudyResults) -> None:
     figures = json.loads((small.folder / "summary.json").read_text())["figures"]
     errors = {

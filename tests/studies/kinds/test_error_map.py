@@ -77,6 +77,7 @@ def test_a_tile_is_the_mean_of_simulations_made_elsewhere(
         assert run.figures[f"{treatment}.error"] == pytest.approx(np.mean(errors), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_kept_rows_leave_no_better_model(small: StudyResults) -> None:
     """Which combinations they hold is a matter of round-off, but two are gone, where all of them had served."""
     drop, kept = (
@@ -102,6 +103,7 @@ def test_kept_rows_hold_what_their_entries_say(tmp_path: Path, snapshots: int, m
     assert nrms(found.displacement, expected.displacement) < 1e-8
 
 
+@pytest.mark.slow
 def test_the_lowest_errors_are_named(small: StudyResults) -> None:
     figures = json.loads((small.folder / "summary.json").read_text())["figures"]
     errors = {run.key: run.figures["dropped.error"] for run in small.runs if run.figures["dropped.error"] is not None}

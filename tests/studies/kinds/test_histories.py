@@ -48,6 +48,7 @@ def test_errors_are_those_of_single_runs(small: StudyResults) -> None:
         assert (found[tip], found[beam]) == pytest.approx((expected["tip"], expected["beam"]), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_tips_and_energies_are_kept(small: StudyResults) -> None:
     arrays = small.arrays("short")
     assert arrays["full.displacement"].shape == (501, 1) == arrays["ancf.displacement"].shape

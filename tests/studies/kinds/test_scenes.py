@@ -45,6 +45,7 @@ def shared(folder: Path, rest: str) -> dict[str, int]:
     return {name: names.count(name) for name in names}
 
 
+@pytest.mark.slow
 def test_runs_share_what_is_equal(tmp_path: Path) -> None:
     once = {"modes_at": 5, "frequencies": 1, "reference": 1}
     sizes = "[grid]\nreduction.coordinates = [10, 20]\nreduction.product = ['euclidean', 'mass']"

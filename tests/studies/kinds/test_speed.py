@@ -34,6 +34,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     return finished(folder, SMALL)
 
 
+@pytest.mark.slow
 def test_sizes_and_shares(small: StudyResults) -> None:
     found = {run.parameters["approach"]: run.figures for run in small.runs}
     assert list(found) == list(APPROACHES)
@@ -42,6 +43,7 @@ def test_sizes_and_shares(small: StudyResults) -> None:
     assert [found[name]["steps"] for name in ("full-callbacks", "reduced-callbacks", "ancf")] == [16, 80, 500]
 
 
+@pytest.mark.slow
 def test_times_stand_apart_from_the_table(small: StudyResults) -> None:
     assert all({"repeat1", "repeat2"} <= set(run.seconds) for run in small.runs)
     assert "repeat" not in (small.folder / "runs.csv").read_text()
@@ -63,6 +65,7 @@ def test_a_share_is_extrapolated_to_the_whole(tmp_path: Path, monkeypatch: pytes
     assert timed(arguments, {}).seconds == pytest.approx({"repeat1": 1.0, "repeat2": 1.0})
 
 
+@pytest.mark.slow
 def test_figures_are_ratios_of_medians(small: StudyResults) -> None:
     figures = json.loads((small.folder / "summary.json").read_text())["figures"]
     middle = {
