@@ -29,7 +29,7 @@ def simulate(
     --------
         pmr simulate reports/paper_simple/reduced.npz --scene paper_evolved --set time.end=5
 
-        pmr simulate reports/boom_three/system.npz --scene boom_three --set sections.fly.loads.gust.signal=0.0
+        pmr simulate reports/boom_three/system.npz --scene boom_three --set "sections.fly.loads.tip force.signal=0.0"
     """
     from pmr import scene as scenes
     from pmr.compare.saved_model import simulate_saved
