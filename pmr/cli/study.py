@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bars
+from rich.table import Table
 
 from pmr.cli.console import Folder, Overrides, ensure_writable, err, no_report, out, say
 from pmr.cli.console import study_file as found_file
 from pmr.errors import InputError, environment
+from pmr.errors.text import visible
 
 if TYPE_CHECKING:
     from pmr.studies.call import Outcome
@@ -23,7 +25,8 @@ if TYPE_CHECKING:
     from pmr.studies.files import Project
 
 LOGGED_EVERY = 30.0  # s, where there is no terminal
-SHOWN_FAILURES = 10
+SHOWN_FAILURES, SHOWN_RUNS = 10, 20
+COLUMN = 14  # letters that a column of the table takes
 
 
 def study(
@@ -133,8 +136,19 @@ def _watching() -> Iterator[Watch]:
 
 
 def _tell(project: Project, outcome: Outcome) -> None:
+    from pmr.report.studies.runs import overview
+
     for part in project.parts:
         results = outcome.results[part.name]
+        if all(run.status != "done" for run in results.runs):
+            continue
+        found = overview(results.runs, out.width // COLUMN, SHOWN_RUNS)
+        table = Table(title=visible(part.study.title), title_justify="left", caption=found.caption, title_style="bold")
+        for number, head in enumerate(found.head):
+            table.add_column(visible(head), justify="right" if number else "left", vertical="bottom")
+        for row in found.rows:
+            table.add_row(*map(visible, row))
+        out.print(table)
         if results.is_complete and (line := part.study.summary_line(results)):
             say(out, line)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, plain, signed
-from pmr.report.subject import alone, loads, moving, spoken
+from pmr.report.subject import alone, loads_as_asked, moving, spoken
 from pmr.results import RunResult
 from pmr.scene import Body, Reduction
 from pmr.scene.box import Box, Doubler, Taper
@@ -210,7 +210,7 @@ def _pads(result: RunResult) -> Rows:
 
 
 def _acting(result: RunResult) -> Rows:
-    for load in loads(result):
+    for load in loads_as_asked(result):
         unit = load.unit.replace(" ", SPACE)
         yield named(load.body, f"load {load.name}"), f"{described(load.signal, unit)}; {load.where}"
     if (gravity := result.scene.gravity) is not None:

@@ -53,11 +53,14 @@ def done(small: Path) -> Path:
     folder = small.parent / "out"
     finished = undrawn("study", str(small), "--out", str(folder), "--jobs", "1")
     assert finished.returncode == 0, finished.stderr
-    assert finished.stdout.splitlines() == [
+    first, table = finished.stdout.splitlines()[:3], finished.stdout.splitlines()[3:]
+    assert first == [
         f"table  {folder}/runs.csv",
         f"report {folder}/report.html",
         "2 of 2 runs are there; 9 tasks were computed now",
     ]
+    assert sum("error along the beam" in line and line.count("%") == 2 for line in table) == 1
+    assert max(map(len, table)) <= 80 and "runs.csv" in table[-1]
     assert finished.stderr == ""
     return folder
 

@@ -27,15 +27,21 @@ ROWS: dict[str, tuple[str, Callable[[float], str]]] = {
 
 def block(runs: Sequence[RunRecord]) -> Block | None:
     """A row for each quantity that any of the runs has, with its unit; None where that is but one."""
-    rows = []
-    for word, (names, printed) in ROWS.items():
-        found = [_extreme(run, names, min if word.startswith("lowest") else max) for run in runs]
-        if any(value is not None for value in found):
-            rows.append((word, *("–" if value is None else printed(value) for value in found)))
+    rows = [(word, *cells) for word, cells in columns(runs).items()]
     if len(rows) < 2:
         return None
     caption = "Over the whole run, in either direction; times and places are below and in runs.csv."
     return Block("At a glance", grids=(Grid(caption, ("", *map(called, runs)), tuple(rows)),))
+
+
+def columns(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
+    """For each quantity that any of the runs has the value of every run."""
+    found = {}
+    for word, (names, printed) in ROWS.items():
+        values = [_extreme(run, names, min if word.startswith("lowest") else max) for run in runs]
+        if any(value is not None for value in values):
+            found[word] = ["–" if value is None else printed(value) for value in values]
+    return found
 
 
 def _extreme(run: RunRecord, names: str, which: Callable[..., float | None]) -> float | None:

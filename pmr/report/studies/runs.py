@@ -153,10 +153,45 @@ def varied(done: Sequence[RunRecord]) -> str | None:
     return most if most is not None and counts[most] > 1 else None
 
 
+def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
+    """What was varied, the error and what each run bears, for a terminal on which so many columns and rows fit.
+
+    A column for each of a few runs, else a row; then of more figures than fit those stay in which runs differ.  A kind
+    of study that has none of these shows its own figures.
+    """
+    heads, error = _varied_keys(runs), next((name for name in ERRORS if having(runs, name)), None)
+    found = {quantity_of(error).label: [_cell(run, error) for run in runs]} if error else {}
+    found |= at_a_glance.columns(runs)
+    if len(found) < 2:
+        found |= {quantity_of(name).label: [_cell(run, name) for run in runs] for name in _columns(runs)}
+    more = f"{len(runs) - rows} more runs and all" if len(runs) > rows else "All"
+    caption = f"{more} figures, with times and places, stand in runs.csv."
+    if len(runs) <= columns - 2:  # the first column is as wide as two
+        lines = [(name, *cells) for name, cells in found.items()][:rows]
+        return Grid(caption, ("", *map(called, runs)), tuple(lines))
+    differ = [name for name, cells in found.items() if len(set(cells)) > 1]
+    first = [*differ, *(name for name in found if name not in differ)][: max(columns - len(heads), 1)]
+    lines = [(*_names(run, heads), *(found[name][k] for name in first)) for k, run in enumerate(runs[:rows])]
+    return Grid(caption, (*_headings(heads), *first), tuple(lines))
+
+
+def _varied_keys(runs: Sequence[RunRecord]) -> list[str]:
+    parameters = list(dict.fromkeys(key for run in runs for key in run.parameters))
+    return [key for key in parameters if len({run.parameters.get(key) for run in runs}) > 1] or parameters[:1]
+
+
+def _headings(keys: Sequence[str]) -> tuple[str, ...]:
+    return tuple(map(heading, keys)) or ("run",)
+
+
+def _names(run: RunRecord, keys: Sequence[str]) -> list[str]:
+    return [worded(run.parameters.get(key)) for key in keys] or [run.key]
+
+
 def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
     """Parameters and figures of all runs, as many columns as fit on a page; what all have alike is said once."""
     parameters = list(dict.fromkeys(key for run in runs for key in run.parameters))
-    heads = [key for key in parameters if len({run.parameters.get(key) for run in runs}) > 1] or parameters[:1]
+    heads = _varied_keys(runs)
     found = {name: [_cell(run, name) for run in runs] for name in _columns(runs)}
     same = {name: cells[0] for name, cells in found.items() if len(runs) > 1 and len(set(cells)) == 1}
     shown = [name for name in found if name not in same and not _doubles(runs, name, parameters)]
@@ -165,15 +200,13 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
     parts = [shown[k : k + wide] for k in range(0, len(shown), wide)][:MOST_GRIDS] or [[]]
     left = len(shown) > wide * MOST_GRIDS or len(runs) > MOST_ROWS
     for place, part in enumerate(parts):
-        head = tuple(map(heading, heads)) or ("run",)
         rows = tuple(
-            (*([worded(run.parameters.get(key)) for key in heads] or [run.key]), *(found[name][k] for name in part))
-            for k, run in enumerate(runs[:MOST_ROWS])
+            (*_names(run, heads), *(found[name][k] for name in part)) for k, run in enumerate(runs[:MOST_ROWS])
         )
         said = [f"In all runs: {alike}."] if alike and place == 0 else []
         said += ["Everything else stands in runs.csv."] if left and place == len(parts) - 1 else []
         names = tuple(quantity_of(name).label for name in part)
-        yield Grid(" ".join(["Runs with what was varied and found.", *said]), (*head, *names), rows)
+        yield Grid(" ".join(["Runs with what was varied and found.", *said]), (*_headings(heads), *names), rows)
 
 
 def _columns(runs: Sequence[RunRecord]) -> list[str]:

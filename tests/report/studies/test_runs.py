@@ -10,7 +10,7 @@ import pytest
 from pmr.report.blocks import Chapter
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.names import called, heading, key_words, quantity_of, unit_of
-from pmr.report.studies.runs import MOST_COLUMNS, content, varied
+from pmr.report.studies.runs import MOST_COLUMNS, content, overview, varied
 from pmr.studies.results import RunRecord, StudyResults
 
 BEAM, TIP = "errors.reduced_vs_full.beam", "errors.reduced_vs_full.tip"
@@ -39,6 +39,20 @@ def sweep() -> list[RunRecord]:
             figures |= {"coordinates.full": 153, "coordinates.reduced": r, "basis.kappa": 0.9995}
             found.append(run(f"{way}-{r}", parameters, figures, 1e-4 * r))
     return [*found[:-1], run("paper-20", found[-1].parameters)]
+
+
+def test_a_terminal_has_a_row_for_each_of_many_runs_and_a_column_for_each_of_a_few() -> None:
+    runs = sweep()
+    many = overview(runs, columns=4, rows=5)
+    assert many.head == ("basis", "coordinates", "error along the beam", "largest displacement")
+    assert many.rows[0] == ("eigenmodes", "10", "1.00\u00a0%", "47.9\u00a0mm") and len(many.rows) == 5
+    assert many.caption.startswith("1 more runs and all figures")
+    narrow = overview(runs, columns=3, rows=6)
+    assert narrow.head == many.head[:3]  # in which runs differ
+    assert narrow.rows[5][2] == "–"  # of the run that failed
+    few = overview(runs[:2], columns=4, rows=5)
+    assert few.head == ("", "basis eigenmodes, 10 coordinates", "basis eigenmodes, 12 coordinates")
+    assert ("error along the beam", "1.00\u00a0%", "0.833\u00a0%") in few.rows
 
 
 @pytest.mark.parametrize(
