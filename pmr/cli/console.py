@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import tempfile
+import textwrap
 from collections.abc import Sequence
 from io import TextIOWrapper
 from os.path import isfile
@@ -43,7 +44,18 @@ def say(console: Console, text: str) -> None:
 
 def tell(console: Console, text: str) -> None:
     """Print sentences: broken between words on a terminal, a line where the output goes elsewhere."""
-    console.print(visible(text), soft_wrap=not console.is_terminal)
+    shown = broken(text, console.width, "  ") if console.is_terminal else visible(text)
+    console.print(shown, soft_wrap=True)
+
+
+def broken(text: str, width: int, indent: str = "") -> str:
+    """Lines of at most so many letters, broken at spaces alone: a number stays with its unit; all but the first begin
+    with `indent`.
+    """
+    lines = textwrap.wrap(
+        visible(text), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
+    return "\n".join(lines)
 
 
 class VisibleText(logging.Formatter):

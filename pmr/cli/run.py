@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from os.path import isdir
@@ -12,10 +12,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from pmr.cli.console import Folder, Overrides, ensure_writable, err, leave, no_report, out, rank, say, scene_file, tell
+from pmr.cli.console import (
+    Folder,
+    Overrides,
+    broken,
+    ensure_writable,
+    err,
+    leave,
+    no_report,
+    out,
+    rank,
+    say,
+    scene_file,
+    tell,
+)
 from pmr.errors import InputError, environment
 from pmr.errors.text import visible
 from pmr.files.swap import fresh, removed
@@ -24,6 +38,9 @@ if TYPE_CHECKING:
     from pmr.errors.environment import Progress as Report
     from pmr.pipeline import Outcome
     from pmr.report.beside import Beside
+    from pmr.report.marks import Row
+
+NAMES = 28  # letters on a line of what a figure is called
 
 
 def run(
@@ -200,21 +217,13 @@ def _print(outcome: Outcome) -> None:
     from pmr.report import errors, first_page, model_error, sentences
 
     result, summary = outcome.result, outcome.result.summary
-    found, said = errors.rows(result), [sentences.estimate(result), sentences.step(result), model_error.model(result)]
-    published = any(row.published for row in found)
+    said = [sentences.estimate(result), sentences.step(result), model_error.model(result)]
     out.print(visible(result.scene.title), style="bold")
     carried = Table.grid(padding=(0, 2))
     for name, value in first_page.carried(result):
-        carried.add_row(visible(name), visible(value))
+        carried.add_row(broken(name, NAMES), broken(value, max(out.width - NAMES - 2, NAMES)))
     out.print(carried)
-    table = Table()
-    for head in ("e_NRMS, or largest value", "", "here", *(("published", "") if published else ())):
-        table.add_column(head, justify="right" if head in ("here", "published") else "left")
-    for row in found:
-        mark = f"{row.mark.symbol} {row.mark.text}" if row.mark else ""
-        verdict = [row.published or "", mark] if published else []
-        table.add_row(*map(visible, (row.comparison, row.place, row.here, *verdict)))
-    out.print(table)
+    _print_errors(errors.rows(result))
     each = ", ".join(f"{one['name']} {one['coordinates']['reduced']}" for one in summary.get("sections", ()))
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
@@ -224,6 +233,23 @@ def _print(outcome: Outcome) -> None:
     for pair, length in summary["agreement"].items():
         say(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
     out.print()
+
+
+def _print_errors(found: Sequence[Row]) -> None:
+    """What is compared heads its rows, a place each; beside published figures where there are any."""
+    published = any(row.published for row in found)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for head in ("e_NRMS, or largest value", "here", *(("published", "") if published else ())):
+        table.add_column(head, justify="right" if head in ("here", "published") else "left")
+    above = ""
+    for row in found:
+        if row.place and row.comparison != above:
+            table.add_row(visible(row.comparison))
+        above = row.comparison
+        mark = f"{row.mark.symbol} {row.mark.text}" if row.mark else ""
+        called = broken(f"  {row.place}" if row.place else row.comparison, NAMES + 12, "    ")
+        table.add_row(called, visible(row.here), *([row.published or "", mark] if published else []))
+    out.print(table)
 
 
 @contextmanager

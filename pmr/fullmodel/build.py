@@ -96,10 +96,9 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
             except InputError as error:
                 raise error.called(scene.key_of(member.number, error.key)) from None
         found[name] = made[key]
-    free = left_free(scene, found)
-    if free and scene.free_motions == "refused":
-        allowed = f"{free[0]}; a support that holds it is needed, or 'allowed'"
-        raise InputError("scene", "free_motions", scene.free_motions, allowed)
+    if scene.free_motions == "refused" and (free := _free(scene, found)).said:
+        allowed = f"{_without_limit(found, free)}; a support that holds it is needed, or 'allowed'"
+        raise free_motions.NotHeldError("scene", "free_motions", scene.free_motions, allowed, free.short)
     return found
 
 
@@ -110,10 +109,19 @@ def models_of(built: Mapping[str, Built]) -> dict[str, FullModel]:
 
 def left_free(scene: Scene, built: Mapping[str, Built]) -> list[str]:
     """Rigid motions of the whole that nothing resists somewhere on its way, in a line, if there are any; collective."""
-    models, holds = models_of(built), "supports and pads" if ALONE in built else "supports, pads and cylinders"
+    free = _free(scene, built)
+    return [_without_limit(built, free)] if free.said else []
+
+
+def _without_limit(built: Mapping[str, Built], free: free_motions.Free) -> str:
+    holds = "supports and pads" if ALONE in built else "supports, pads and cylinders"
+    return f"{holds} leave {free.said}: loads along that move it without limit"
+
+
+def _free(scene: Scene, built: Mapping[str, Built]) -> free_motions.Free:
+    models = models_of(built)
     system = FullSystem(models, contacts_of(scene, models)).supported()
-    found = free_motions.words(system, {name: one.structure.model for name, one in built.items()}, _way(scene))
-    return [f"{holds} leave {found}: loads along that move it without limit"] if found else []
+    return free_motions.words(system, {name: one.structure.model for name, one in built.items()}, _way(scene))
 
 
 def _way(scene: Scene) -> free_motions.Way:

@@ -14,10 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
 from pmr.models import DIRECTIONS, StructuralModel
@@ -31,6 +33,22 @@ FREE = 1e-7
 #: What is left of a row by less than this share of its terms is round-off: it measures no rigid motion.
 ROUND_OFF = 1e-9
 AXES = "xyz"
+
+
+class NotHeldError(InputError):
+    """Something is free to move; `short` says it in a clause: ``"middle and fly can move along y"``."""
+
+    def __init__(self, source: str, key: str, value: Any, allowed: str, short: str = "") -> None:
+        super().__init__(source, key, value, allowed)
+        self.short = short
+
+
+@dataclass(frozen=True)
+class Free:
+    """What is free where most is: all of it, and its first motion in a clause; both empty if nothing ever is."""
+
+    said: str = ""  # "fly free to move along x at t = 2 s"
+    short: str = ""  # "fly can move along x"
 
 
 @dataclass(frozen=True)
@@ -105,20 +123,25 @@ def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way:
     return [_split(_null_space(at @ relative), tuple(bodies), scale) for at in rows]
 
 
-def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> str:
-    """What is free where most is: ``"fly free to move along x at t = 2 s"``; empty if nothing ever is.  Collective."""
+def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> Free:
+    """What is free, in words; collective."""
     found = [{name: described(motions) for name, motions in at.items()} for at in freedoms(system, structural, way)]
     counts = [sum(map(len, at.values())) for at in found]
     most, last = int(np.argmax(counts)), list(system.bodies)[-1]
     if not counts[most]:
-        return ""
+        return Free()
     said = "; ".join(
         f"{'the body' if name == ALONE else name if name == last else f'{name} with what it carries'} free to "
         + ", ".join(motions)
         for name, motions in found[most].items()
     )
     always = all(at == found[most] for at in found)
-    return said if always else f"{said} {way.said[most]}"
+    first = next(iter(found[most].values()))[0]
+    names = [name for name, motions in found[most].items() if first in motions]
+    who = "it" if names == [ALONE] else " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    others = counts[most] - len(names)
+    more = f", and in {others} more way{'s' if others > 1 else ''}" if others else ""
+    return Free(said if always else f"{said} {way.said[most]}", f"{who} can {first}{more}")
 
 
 def _contacts(system: FullSystem, bodies: Mapping[str, Body], way: Way, shifts: Mapping[str, Array]) -> Array:

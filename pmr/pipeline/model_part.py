@@ -15,6 +15,7 @@ from pmr.errors import ConvergenceError, InputError, SimulationError, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
+from pmr.fullmodel.free_motions import NotHeldError
 from pmr.reduction.cache import Cache, cache_in
 from pmr.results import Response
 from pmr.scene import Scene, richer
@@ -98,8 +99,10 @@ def unasked(
             moved = _moved(make(), comm, cache, system_of)
         except (*UNKNOWN, ValueError, ImportError) as error:  # nobody asked: no reason not to run
             reason = error.allowed if isinstance(error, InputError) else str(error)
-            unheld = isinstance(error, InputError) and error.key == "free_motions"
-            return {"beside": None, "reason": f"as a {called} it is not held: {reason}" if unheld else reason}
+            if isinstance(error, NotHeldError):
+                short = f"a {called} of it is not held: {error.short}; pads or supports against that are needed"
+                return {"beside": None, "reason": short, "detail": reason}
+            return {"beside": None, "reason": reason}
         part = None if own is None or moved is None else model_part.model_part(scene, own, moved, called)
         found: dict[str, Any] = comm.bcast(part)
         return found

@@ -16,7 +16,7 @@ from oracle import flexible, full_body
 from processes import called, python
 from rich.console import Console
 
-from pmr.cli.console import tell
+from pmr.cli.console import broken, tell
 from pmr.cli.described import described_model
 
 SIMPLE = "workflows/paper_simple.toml"
@@ -139,6 +139,12 @@ def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path, monkeypatc
     assert (tmp_path / "out" / "reduced.npz").stat().st_size and (tmp_path / "out" / "trajectories.npz").stat().st_size
 
 
+def test_lines_on_a_terminal_keep_a_number_with_its_unit() -> None:
+    text = "92.8\u00a0kN, middle mouth bottom, reach 14.28\u00a0m"
+    assert broken(text, 42) == "92.8\u00a0kN, middle mouth bottom, reach\n14.28\u00a0m"
+    assert broken("sliders-and-pads \x1b[31m", 12, "  ") == "sliders-and-pads\n  \\x1b[31m"
+
+
 BAD = [
     (["run", "nowhere.toml"], "nowhere.toml: no such scene file"),
     (["run", SIMPLE, "time.end=1"], "time.end=1: no such scene file; a change of a key stands behind --set"),
@@ -255,7 +261,7 @@ def test_sentences_break_between_words_on_a_terminal_alone(terminal: bool) -> No
     screen = Console(file=io.StringIO(), width=80, force_terminal=terminal, color_system=None)
     tell(screen, text)
     lines = screen.file.getvalue().rstrip("\n").split("\n")
-    assert " ".join(map(str.rstrip, lines)) == text and (max(map(len, lines)) <= 80) == (len(lines) > 1) == terminal
+    assert " ".join(map(str.strip, lines)) == text and (max(map(len, lines)) <= 80) == (len(lines) > 1) == terminal
 
 
 def test_what_is_left_at_the_end_is_not_looked_through(

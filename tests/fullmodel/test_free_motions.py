@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from pmr.fem.compat import MPI
 from pmr.files.matrices import GivenMatrices, from_matrices
 from pmr.fullmodel import free_motions
 from pmr.fullmodel.build import build_bodies, left_free
+from pmr.fullmodel.free_motions import NotHeldError, Way
 from pmr.pipeline import run
 from pmr.scene import Scene
 from pmr.scene.checks import check
@@ -236,6 +238,19 @@ def test_a_boom_may_be_free_where_its_scene_allows_it() -> None:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ["section.mesh.elements=6", rollers, ALLOWED])
     (said,) = left_free(boom, build_bodies(boom, MPI.COMM_SELF))
     assert "leave base with what it carries free to move along x: loads" in said
+    with pytest.raises(NotHeldError) as error:
+        build_bodies(boom.model_copy(update={"free_motions": "refused"}), MPI.COMM_SELF)
+    assert error.value.short == "base can move along x"
+
+
+def test_what_is_free_is_said_shortly_by_its_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    turned = {"middle": ["move along y", "turn about x"], "fly": ["move along y"]}
+    monkeypatch.setattr(free_motions, "described", lambda motions: motions)
+    monkeypatch.setattr(free_motions, "freedoms", lambda *_: [turned])
+    way = Way({}, {}, ["at t = 0 s"])
+    found = free_motions.words(SimpleNamespace(bodies=dict.fromkeys(("base", "middle", "fly"))), {}, way)
+    assert found.short == "middle and fly can move along y, and in 1 more way"
+    assert found.said == "middle with what it carries free to move along y, turn about x; fly free to move along y"
 
 
 def test_what_given_matrices_hold_by_themselves_is_not_free(tmp_path: Path) -> None:
