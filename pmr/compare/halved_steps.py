@@ -73,6 +73,7 @@ class Stepped:
 
     def __init__(self, system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> None:
         self.system, self.excitation, self._known = system, excitation, run
+        self._form = SystemForm.of(system)
         self.pushing = not np.isnan(system.clearance).all()
         #: The time grid that the error is asked for of.
         self.given = replace(excitation.stepping, schedule=())
@@ -102,7 +103,7 @@ class Stepped:
         """All steps of a run; errors as for `pmr.simulation.Simulator`."""
         if self._known is not None and stepping == self.given:
             return self._known
-        return run_from_start(self.system, self.excitation.on_grid(stepping))
+        return run_from_start(self._form, self.excitation.on_grid(stepping))
 
     def displacements(self, run: SystemTrajectory, which: list[int] | None = None) -> Array:
         """All or some displacements (T, o) m of a run."""
@@ -113,7 +114,7 @@ class Stepped:
         """All or some, (T, o) m, at each `every`-th step of a run of which no more is recorded; errors likewise."""
         chosen = self.moved if which is None else self.moved[which]
         excitation = self.excitation.on_grid(stepping)
-        return systems.observe(SystemForm.of(self.system), excitation, chosen.tolist(), every).y
+        return systems.observe(self._form, excitation, chosen.tolist(), every).y
 
 
 class Runs:

@@ -27,9 +27,13 @@ Array = NDArray[np.float64]
 BESIDE_KINK = 2.0
 
 
-def run_from_start(system: System, excitation: Excitation, every: int = 1) -> SystemTrajectory:
-    """Each `every`-th step, from static equilibrium or undeformed, as the excitation says."""
-    return systems.simulate(system, excitation, systems.start_of(system, excitation), every=every)
+def run_from_start(system: System | SystemForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
+    """Each `every`-th step, from static equilibrium or undeformed, as the excitation says.
+
+    Runs of one modal form share its tables.
+    """
+    form = system if isinstance(system, SystemForm) else SystemForm.of(system)
+    return systems.simulate_form(form, excitation, systems.start_of(form.system, excitation), every=every)
 
 
 def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
@@ -69,20 +73,20 @@ def without_rates(system: System, run: SystemTrajectory) -> Outputs:
     return observed(system, y, run.forces)
 
 
-def at_intervals(system: System, excitation: Excitation, every: int, rates: bool) -> Outputs:
+def at_intervals(form: SystemForm, excitation: Excitation, every: int, rates: bool) -> Outputs:
     """Of a run, at each `every`-th step, forces of sections not beside kinks; with velocities where `rates` are wanted.
 
     On tables steps cost less than the balance of their
     energy, so where outputs alone are wanted of them it is not checked.
     """
-    given = excitation.stepping
+    given, system = excitation.stepping, form.system
     seen = excitation.with_stepping(TimeStepping(given.end, every * given.step, given.rho_inf))
     if system.on_one_path and not rates:
-        watched = systems.observe(SystemForm.of(system), excitation, every=every)
+        watched = systems.observe(form, excitation, every=every)
         return observed(system, watched.y, watched.multipliers)
     if system.on_one_path:
-        return outputs(system, run_from_start(system, excitation, every), seen)
-    run = run_from_start(system, excitation, 1 if rates else every)
+        return outputs(system, run_from_start(form, excitation, every), seen)
+    run = run_from_start(form, excitation, 1 if rates else every)
     found = outputs(system, run, excitation, every) if rates else without_rates(system, run)
     kinks = [kink for path in excitation.paths.values() for kink in path.kinks(given.end)]
     beside = BESIDE_KINK * seen.stepping.step

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pmr.compare.attached import loads_carried
 from pmr.compare.booms import force_kinds_of
 from pmr.compare.estimate import Estimate, estimate
-from pmr.compare.halved_steps import reference_rho
+from pmr.compare.halved_steps import recorded, reference_rho
 from pmr.compare.outputs import KINDS, Floors, Outputs, impulsive
 from pmr.compare.runs import at_intervals, in_parts, run_from_start
 from pmr.compare.step_error import StepError, step_error
@@ -87,7 +87,8 @@ class Family:
         self._rho = reference_rho(self._given_system, self._given)
         self._motions: dict[tuple[Member, int, int, float], Outputs] = {}
         self._steps: dict[tuple[Member, int], StepError | None] = {}
-        self._systems, self._schedules = dict[Member, System](), dict[int, tuple[int, ...]]()
+        self._forms, self._schedules = dict[Member, SystemForm](), dict[int, tuple[int, ...]]()
+        self._last: tuple[tuple[Member, int], SystemTrajectory] | None = None
         #: Whether any contact only pushes.
         self.pushing = not np.isnan(self._given_system.clearance).all()
         #: Modes of the smallest member, and of the largest one that all modes are much better than.
@@ -139,13 +140,14 @@ class Family:
         key = member, steps, times, rho_inf
         if key not in self._motions:
             excitation = self._in_parts(self.with_steps(steps, rho_inf))
-            self._motions[key] = at_intervals(self.system(member), excitation, steps // times, self.rates)
+            self._motions[key] = at_intervals(self._form(member), excitation, steps // times, self.rates)
         return self._motions[key]
 
     def estimate(self, member: Member, steps: int) -> Estimate | None:
         """What a run of this member with so many steps estimates of itself; None where it can't, as after impacts."""
         with suppress(SimulationError):
-            return estimate(self.models(member), self.system(member), self.with_steps(steps))
+            run = self._chosen_parts(member, steps)
+            return estimate(self.models(member), self.system(member), self.with_steps(steps), run)
         return None
 
     def step_error(self, member: Member, steps: int) -> StepError | None:
@@ -153,8 +155,16 @@ class Family:
         if (member, steps) not in self._steps:
             self._steps[member, steps] = None
             with suppress(SimulationError):
-                self._steps[member, steps] = step_error(self.system(member), self.with_steps(steps))
+                system, excitation = self.system(member), self.with_steps(steps)
+                run = self._chosen_parts(member, steps) if recorded(system, excitation.stepping) else None
+                self._steps[member, steps] = step_error(system, excitation, run)
         return self._steps[member, steps]
+
+    def _chosen_parts(self, member: Member, steps: int) -> SystemTrajectory:
+        """A run that chooses the parts of its steps, the last of which is kept."""
+        if self._last is None or self._last[0] != (member, steps):
+            self._last = (member, steps), run_from_start(self._form(member), self.with_steps(steps))
+        return self._last[1]
 
     def models(self, member: Member) -> dict[str, ReducedModel]:
         """A member's models by body; of sections without the modes of their cylinders."""
@@ -189,10 +199,10 @@ class Family:
 
     def seconds(self, member: Member, steps: int) -> float:
         """Wall time of the solver for so many steps."""
-        system, excitation = self.system(member), self._in_parts(self.with_steps(steps))
-        if system.on_one_path:
-            return systems.observe(SystemForm.of(system), excitation, every=steps).seconds
-        return run_from_start(system, excitation, steps).seconds
+        form, excitation = self._form(member), self._in_parts(self.with_steps(steps))
+        if form.system.on_one_path:
+            return systems.observe(form, excitation, every=steps).seconds
+        return run_from_start(form, excitation, steps).seconds
 
     def load(self) -> None:
         """Compile or load what simulates the members, one step of the smallest ones: searches are timed without."""
@@ -214,15 +224,19 @@ class Family:
 
     def system(self, member: Member) -> System:
         """Of a member's bodies as they are simulated."""
-        if member not in self._systems:
+        return self._form(member).system
+
+    def _form(self, member: Member) -> SystemForm:
+        if member not in self._forms:
             models = self.models(member)
             if member.attached:
                 loads = loads_carried(self._join(self._wholes), self._run)
                 bodies = {name: with_attachment_modes(model, loads[name]) for name, model in models.items()}
-                self._systems[member] = self._given_system.with_bodies(bodies)
+                system = self._given_system.with_bodies(bodies)
             else:
-                self._systems[member] = self._join(models)
-        return self._systems[member]
+                system = self._join(models)
+            self._forms[member] = SystemForm.of(system)
+        return self._forms[member]
 
     def _in_parts(self, excitation: Excitation) -> Excitation:
         if not self.pushing:

@@ -35,8 +35,9 @@ Array = NDArray[np.float64]
 #: Steps between two looks at the clock, the keyboard and the progress; fewer where steps in parts take long.  The way
 #: into compiled code and cold caches take some 40 us, a seventh of 4096 steps of a body of six coordinates.
 BLOCK = 16384
-#: Steps for which paths and loads are evaluated at once where they are made in parts.
-FINE = 64
+#: Steps for which paths and loads are evaluated at once where they are made in parts: at so many times, of so many
+#: steps at least.  Fewer take as long.
+TIMES, FINE = 2048, 64
 #: Numbers that are recorded in the meantime: fewer steps where there are more coordinates.
 RECORDED = 2**22
 
@@ -219,7 +220,7 @@ class March:
         count, taken = every * len(rows.multipliers), 0
         while True:  # once where no step is taken, too: so it is compiled before the clock runs
             begun, per = first - 1 + taken, self._parts_of(first - 1 + taken)
-            end = first - 1 + (count if per == 1 else min(count, taken + FINE))
+            end = first - 1 + (count if per == 1 else min(count, taken + max(FINE, TIMES // per)))
             s, f, c = self._sampled(begun, end, per) if per > 1 else (one[begun : end + 1] for one in self._drive)
             given = None if self._given is None else self._given[begun:end]
             drive = Drive(s, f, given, c if c.shape[1] else None, per)
