@@ -18,7 +18,7 @@ from pmr.fullmodel.build import build_bodies
 from pmr.fullmodel.free_motions import NotHeldError
 from pmr.reduction.cache import Cache, cache_in
 from pmr.results import Response
-from pmr.scene import Scene, richer
+from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
@@ -26,8 +26,9 @@ from pmr.scene.richer import alike, beside, candidates
 from pmr.system.system import System
 
 SystemOf = Callable[[Scene], System]
-#: What is no reason not to run: the error is not known then.
+#: What is no reason not to run: the error is not known then.  Of a model that the run does not need nothing is.
 UNKNOWN = (InputError, ConvergenceError, SimulationError)
+UNNEEDED = (*UNKNOWN, ValueError, ImportError)
 #: Why nothing is known where the model itself finds how its base moves, and another model would find another motion.
 ON_MACHINE = "not measured for a boom on frame.machine; the same boom without it tells"
 _log = logging.getLogger(__name__)
@@ -57,61 +58,46 @@ def decided(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, syst
         return _chosen(options, comm, cached, system_of)
 
 
-def measured(
-    scene: Scene, comm: MPI.Comm, clock: Clock, caches: Mapping[str, Cache], system_of: SystemOf
-) -> Mapping[str, Any]:
-    """``budget.model`` of summary.json for a scene that asks for it; collective.
-
-    What keeps it from being known stands there as ``reason``.
-    """
-    with clock.stage("richer model"):
-        try:
-            own, other, called = beside(scene)
-            cache = next(iter(caches.values()), None)
-            return _part(own, _moved(other, comm, cache, system_of), called, comm, cache, system_of)
-        except UNKNOWN as error:
-            return {"beside": None, "reason": str(error)}
+def measured(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Mapping[str, Any]:
+    """``budget.model`` of summary.json; what keeps it from being known stands there as ``reason``; collective."""
+    if scene.frame is not None and scene.frame.machine is not None:
+        return {"beside": None, "reason": ON_MACHINE}
+    try:
+        own, other, called = beside(scene)
+        return _part(own, _moved(other, comm, cache, system_of), called, comm, cache, system_of)
+    except UNNEEDED as error:
+        return _unknown(error, "shell")
 
 
-def unasked(
-    scene: Scene,
-    system: System,
-    response: Response | None,
-    comm: MPI.Comm,
-    cache: Cache,
-    system_of: SystemOf,
-    known: Mapping[str, Any],
+def mesh_measured(
+    scene: Scene, system: System, response: Response | None, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
 ) -> dict[str, Any]:
-    """``mesh`` and ``model`` of the budget, on another mesh and beside shells, as far as they are not `known`.
+    """``mesh`` of the budget and ``mesh_reason``, of the scene's own `system`, whose `response` rank 0 has.
 
-    Of the scene's own `system`, whose `response` rank 0 has.  What was measured before is found in the cache.
     Collective.
     """
     if scene.frame is not None and scene.frame.machine is not None:
-        return {"model": {"beside": None, "reason": ON_MACHINE}, "mesh_reason": ON_MACHINE, **known}
-    try:
-        own = on_first(comm, lambda: Motion.of(scene, system, response))
-    except UNKNOWN as error:
-        return {"model": {"beside": None, "reason": str(error)}, "mesh_reason": str(error), **known}
+        return {"mesh_reason": ON_MACHINE}
 
     def beside_own(make: Callable[[], Scene], called: str) -> dict[str, Any]:
         try:
+            own = on_first(comm, lambda: Motion.of(scene, system, response))
             moved = _moved(make(), comm, cache, system_of)
-        except (*UNKNOWN, ValueError, ImportError) as error:  # nobody asked: no reason not to run
-            reason = error.allowed if isinstance(error, InputError) else str(error)
-            if isinstance(error, NotHeldError):
-                short = f"a {called} of it is not held: {error.short}; pads or supports against that are needed"
-                return {"beside": None, "reason": short, "detail": reason}
-            return {"beside": None, "reason": reason}
-        part = None if own is None or moved is None else model_part.model_part(scene, own, moved, called)
+        except UNNEEDED as error:
+            return _unknown(error, called)
+        part = None if own is None or moved is None else model_part.model_part(scene, moved, own, called)
         found: dict[str, Any] = comm.bcast(part)
         return found
 
-    found = dict(known)
-    if "model" not in found:
-        coarse = all(part.body.walls == "rigid" for part in scene.sections)
-        found["model"] = beside_own(lambda: richer.unasked(scene), "coarse shell" if coarse else "shell")
-    return found if scene.ordered is not None else found | mesh.unasked(scene, beside_own)
+    return mesh.unasked(scene, beside_own)
+
+
+def _unknown(error: Exception, called: str) -> dict[str, Any]:
+    reason = error.allowed if isinstance(error, InputError) else str(error)
+    if isinstance(error, NotHeldError):
+        short = f"a {called} of it is not held: {error.short}; pads or supports against that are needed"
+        return {"beside": None, "reason": short, "detail": reason}
+    return {"beside": None, "reason": reason}
 
 
 def _chosen(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Decided:

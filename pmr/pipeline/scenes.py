@@ -23,7 +23,7 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions
-from pmr.pipeline.model_part import Decided, decided, measured, unasked
+from pmr.pipeline.model_part import Decided, decided, measured, mesh_measured
 from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
 from pmr.reduction.recover.from_scene import Recovered
@@ -181,14 +181,17 @@ def _measured(bodies: Bodies, motions: Motions, known: Mapping[str, Any], measur
     def system_of(one: Scene) -> System:
         return _reduced(one, comm).system
 
-    if asked.compare.richer != "none":
-        known = {"model": measured(asked, comm, clock, bodies.caches, system_of)}
-    if measures is None:
-        return known
+    if asked.compare.richer == "none" and measures is None:
+        return {}
+    model, found = next(iter(bodies.built.values())).model, dict[str, Any]()
+    cache = next(iter(bodies.caches.values()), None) if measures is None else cache_in(measures, model)
     with clock.stage("mesh and model"):
-        response = None if motions.reduced is None else motions.reduced.first.response
-        cache = cache_in(measures, next(iter(bodies.built.values())).model)
-        return unasked(asked, bodies.system, response, comm, cache, system_of, known)
+        if asked.compare.richer != "none" or "model" not in known:
+            found["model"] = measured(asked, comm, cache, system_of)
+        if measures is not None and asked.ordered is None:
+            response = None if motions.reduced is None else motions.reduced.first.response
+            found |= mesh_measured(asked, bodies.system, response, comm, cache, system_of)
+    return found
 
 
 def _sizes(built: Mapping[str, Built]) -> tuple[int, int]:

@@ -14,9 +14,9 @@ from pmr.scene.scene import Scene
 ORDER = ("beam2d", "beam3d", "shell")
 #: Coordinates of a body where models are compared, whatever the scene's own reduction, and places that are observed.
 COORDINATES, PLACES, FROM_AN_END = 20, 9, 0.05
-#: Of a shell that nobody asked for: how many times as long its cells are beside beams with rigid walls, how many
-#: rectangles of cells it may have, and its coordinates.
-COARSE, MOST_RECTANGLES, OF_COARSE = 2.0, 2500, 12
+#: Of a shell that nobody asked for: how many times as long its cells are beside beams with rigid walls, and how many
+#: rectangles of cells it may have.
+COARSE, MOST_RECTANGLES = 2.0, 2500
 #: Seconds that a comparison takes, and that each rectangle of a shell's cells adds: a guess, from boxes of 5 and 6 m.
 FIXED, EACH = 1.0, 6e-3
 
@@ -24,8 +24,11 @@ FIXED, EACH = 1.0, 6e-3
 def beside(scene: Scene) -> tuple[Scene, Scene, str]:
     """The scene with its own models and with richer ones, reduced and observed alike; what the richer one is called.
 
-    Raises an `InputError` that says why there is no richer model.
+    Where the scene asks for none these are shells that take little time.  Raises an `InputError` that says why there
+    is no richer model.
     """
+    if scene.compare.richer == "none":
+        return _unasked(scene)
     asked, own = scene.compare.richer, [model_of(member) for member in members(scene)]
     known = [ORDER.index(model) for model in own if model in ORDER]
     if len(known) < len(own) or max(known) == len(ORDER) - 1:
@@ -41,27 +44,24 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
     return alike(scene), _with(scene, [richer] * len(own)), richer
 
 
-def unasked(scene: Scene) -> Scene:
-    """Shells of the scene's bodies, to tell how far its beams are off where nobody asks.
-
-    Beside beams with rigid walls they are coarse; beams whose walls give way have these from shells on the cells of the
-    scene, and are compared with shells on the same ones: what such cells are off by is in both.
-
-    Raises an `InputError` that says why there are none: who wants to know has to ask for it.
+def _unasked(scene: Scene) -> tuple[Scene, Scene, str]:
+    """Beside beams with rigid walls shells are coarse; beams whose walls give way have these from shells on the cells
+    of the scene, and are compared with shells on the same ones: what such cells are off by is in both.
     """
-    shells = scene.model_copy(update={"compare": scene.compare.model_copy(update={"richer": "shell"})})
-    _, shells, _ = beside(shells)
+    compare = scene.compare.model_copy(update={"richer": ORDER[-1]})
+    own, shells, called = beside(scene.model_copy(update={"compare": compare}))
     by = 1.0 if any(part.body.walls == "give" for part in scene.sections) else COARSE
     if sum(rectangles(part, by) for part in shells.sections) > MOST_RECTANGLES:
         minutes = (FIXED + EACH * sum(rectangles(part, 1.0) for part in shells.sections)) / 60.0
         raise _none("none", f"not measured; compare.richer = 'shell' measures it, in some {minutes:.2g} minutes")
+    if by == 1.0:
+        return own, shells, called
     parts = []
     for part in shells.sections:
         along = part.mesh.along and by * part.mesh.along
         cells = part.mesh.model_copy(update={"size": by * part.mesh.size, "along": along})
-        reduction = part.reduction.model_copy(update={"coordinates": OF_COARSE})
-        parts.append(part.model_copy(update={"mesh": cells, "reduction": reduction}))
-    return shells.model_copy(update={"sections": tuple(parts)})
+        parts.append(part.model_copy(update={"mesh": cells}))
+    return own, shells.model_copy(update={"sections": tuple(parts)}), f"coarse {called}"
 
 
 def rectangles(part: Part, by: float) -> float:

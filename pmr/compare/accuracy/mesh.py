@@ -9,6 +9,7 @@ give way are compared with cells twice as long, whose reduction takes half of th
 
 .. math:: e_{mesh} \approx \frac{\lVert y_{2 l} - y_l \rVert}{2^p - 1}, \qquad p = 1
 
+Both are fractions of the motion on the scene's own mesh: on cells twice as long it can be a quarter smaller.
 Pads press on a part of a cell there.  Such a motion converges with the order of the cells only after these are shorter
 than pads: `docs/accuracy.md` has measurements.
 """
@@ -90,7 +91,7 @@ def coarser_walls(scene: Scene) -> Scene:
 def unasked(scene: Scene, beside_own: Callable[[Callable[[], Scene], str], Mapping[str, Any]]) -> dict[str, Any]:
     """``mesh`` of the budget by kind, and its ``mesh_reason``.
 
-    `beside_own` tells what a scene that is made, and called so, is apart from this one.
+    `beside_own` tells what a scene that is made, and called so, is apart from this one, as fractions of this one.
     """
     try:
         other = other_mesh(scene)
@@ -135,7 +136,7 @@ def once(scene: Scene) -> Scene:
 def part_of(
     own: Family, other: Family, member: Member, steps: int, share: float, kinds: Sequence[str]
 ) -> dict[str, float]:
-    """Part of the mesh by kind, fractions: a `share` of what the same member on the other mesh is apart.
+    """Part of the mesh by kind, fractions of `own`: a `share` of what the same member on the other mesh is apart.
 
     Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.halved_steps`).  Raises
     InputError or SimulationError as for `pmr.simulation.Simulator`.
@@ -145,7 +146,7 @@ def part_of(
         family.motion(member, steps, steps).moved_at(places)
         for family, places in zip((own, other), common, strict=True)
     )
-    return {kind: share * apart for kind, apart in differences(mine, theirs, own.floors(steps), kinds).items()}
+    return {kind: share * apart for kind, apart in differences(theirs, mine, own.floors(steps), kinds).items()}
 
 
 def _common(own: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]) -> tuple[list[int], list[int]]:
