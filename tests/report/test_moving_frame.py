@@ -21,6 +21,7 @@ from pmr.report.document import page
 from pmr.report.figures import forces
 from pmr.report.figures import space as figures
 from pmr.report.figures.canvas import style
+from pmr.report.figures.timeline import Timeline
 from pmr.report.motion import album, line, player
 from pmr.report.moving_frame import energy, frame
 from pmr.report.sections import chapter
@@ -167,6 +168,18 @@ def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None
             places = places[np.isfinite(places).all(axis=1)]
             assert len(places) > 2
             assert (places >= (left, low)).all() and (places <= (right, high)).all()
+
+
+def test_all_that_is_prescribed_is_shaded(make_space: MakeSpace) -> None:
+    """Slewing until 0.1 s, however little, sliding from 0.2 s to 0.7 s, and luffing from 0.6 s on to 0.9 s."""
+    luffing, slewing = (
+        {"kind": "ramp", "times": times, "values": values}
+        for times, values in (([0.6, 0.9], [0.0, 1.0]), ([0.0, 0.1], [0.0, 1e-6]))
+    )
+    time = Timeline(make_space(frame={"pivot": [0.0, 0.0, 0.0], "luffing": luffing, "slewing": slewing}))
+    found = np.array([(phase.start, phase.end) for phase in time.phases])
+    assert found == pytest.approx(np.array([(0.0, 0.1), (0.2, 0.9)]), abs=1.5e-3)  # of steps of 1 ms
+    assert [patch.get_label() for patch in time.shade()] == ["boom moves"]
 
 
 def boxes(figure: Figure, text: str) -> list[np.ndarray]:

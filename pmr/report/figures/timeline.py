@@ -1,4 +1,4 @@
-"""What figures over time share: the time axis, phases in which the slider moves, curves, legends."""
+"""What figures over time share: the time axis, phases in which something is moved, curves, legends."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from pmr.report import subject
 from pmr.report.columns import Quantity
 from pmr.report.decimation import extremes, onto
 from pmr.report.figures.canvas import INK, PENS, SHADE, STEPS, bins_of
 from pmr.report.numbers import unit_for
-from pmr.report.subject import moving
 from pmr.results import Response, RunResult
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def reference(result: RunResult) -> str | None:
 
 
 def sliding(t: Array, rate: Array) -> tuple[Span, ...]:
-    """Intervals in which something slides; where one ramp meets the next the rate may vanish for a moment."""
+    """Intervals in which something moves; where one ramp meets the next the rate may vanish for a moment."""
     moving = np.flatnonzero(np.abs(rate) > 1e-9 * np.abs(rate).max(initial=0.0))
     if not len(moving):
         return ()
@@ -54,13 +54,24 @@ def sliding(t: Array, rate: Array) -> tuple[Span, ...]:
     return tuple(Span(float(t[a]), float(t[min(b, last)])) for a, b in zip(starts, ends, strict=True))
 
 
+def _driven(result: RunResult, t: Array) -> Array:
+    """How fast what slides, luffs or slews moves beside its own fastest, the largest of all, (T,).
+
+    The rates of lengths and of angles have no common unit.
+    """
+    angles = [angle.rate(t) for angle in subject.changing_angles(result).values()]
+    rates = np.abs(np.column_stack([result.paths.rates, *angles]))
+    fastest = rates.max(axis=0, initial=0.0)
+    return np.asarray((rates / np.where(fastest > 0.0, fastest, 1.0)).max(axis=1, initial=0.0))
+
+
 class Timeline:
     """The time axis of a case: that of the reduced model, on which the signals of the others are drawn too."""
 
     def __init__(self, result: RunResult) -> None:
         self.result = result
         self.t = result.responses["reduced"].t
-        self.phases = sliding(self.t, np.abs(result.paths.rates).max(axis=1, initial=0.0))
+        self.phases = sliding(self.t, _driven(result, self.t))
 
     def signals(self, what: Quantity) -> dict[str, Array]:
         """A quantity for each simulator that knows it; the others hold values that are no numbers."""
@@ -138,7 +149,7 @@ class Timeline:
             ax.plot(self.t[shown], curve[shown] / size, zorder=2.0 + order / 10.0, **PENS[name].line(weight))
 
     def frame(self, ax: Axes, label: str, span: Span | None = None, last: bool = True) -> None:
-        """Limits and labels of the time axis, and the phases in which the slider moves."""
+        """Limits and labels of the time axis, and the phases in which something is moved."""
         start, end = (span.start, span.end) if span else (float(self.t[0]), float(self.t[-1]))
         for phase in self.phases:
             if phase.end > start and phase.start < end:
@@ -159,5 +170,6 @@ class Timeline:
         ]
 
     def shade(self) -> list[Any]:
-        """Legend entry of the phases in which the slider moves, where there are any."""
-        return [Patch(facecolor=SHADE, label=f"{moving(self.result)} moves")] if self.phases else []
+        """Legend entry of the phases in which something is moved, where there are any."""
+        what = "boom" if subject.changing_angles(self.result) else subject.moving(self.result)
+        return [Patch(facecolor=SHADE, label=f"{what} moves")] if self.phases else []
