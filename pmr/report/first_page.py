@@ -102,6 +102,8 @@ def _forces(result: RunResult) -> Rows:
         "moment on the ground": {f"about {axis}": ground[f"r{axis}"] for axis in "xyz" if f"r{axis}" in ground},
     }
     for kind, called in CALLED.items():
+        if kind == "support" and _raising(result):
+            called += ", but for the luffing cylinder's"
         if found := listed.get(kind):
             name, one = max(found.items(), key=lambda named: max(named[1]["max"], -named[1]["min"]))
             end = "max" if one["max"] >= -one["min"] else "min"

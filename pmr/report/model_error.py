@@ -9,11 +9,7 @@ from pmr.report.blocks import KeyNumber
 from pmr.report.numbers import percent
 from pmr.report.subject import alone, along, chosen_by, spoken
 from pmr.results import RunResult
-from pmr.scene.choice import has_walls_that_could_give
-from pmr.scene.members import members
 
-#: From which error on a way to a better model is said.
-MUCH = 0.05
 #: What the models are called with which others are compared.
 CALLED = {"beam3d": "a beam in space", "shell": "a shell", "coarse shell": "a coarse shell"}
 OF = {
@@ -44,16 +40,8 @@ def model(result: RunResult) -> str:
     return (
         f"{why}Beside {CALLED[found['beside']]} of the same bodies, pads and loads {moved}"
         f"its two lowest frequencies are off by up to {percent(found['frequency'])} along the path{most}. "
-        f"Not compared: {'; '.join(found['not_covered'])}.{_way_out(result, found)}"
+        f"Not compared: {'; '.join(found['not_covered'])}."
     )
-
-
-def _way_out(result: RunResult, found: Mapping[str, Any]) -> str:
-    if max(found["frequency"], found.get("beam") or 0.0) < MUCH or not found["beside"].endswith("shell"):
-        return ""
-    if not any(has_walls_that_could_give(member) for member in members(result.scene)):
-        return ""
-    return ' A shell has the compliance of walls under pads; body.walls = "give" adds it to a beam.'
 
 
 def _chosen(found: Mapping[str, Any]) -> str:

@@ -304,7 +304,9 @@ class Compare(Section):
         default="none", description="Richer structural model with which the error of the scene's own one is measured"
     )
     model_tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
-        default=0.05, description="Allowed error of the structural model that body.model = 'auto' may choose"
+        default=0.05,
+        description="Allowed error of the structural model, by which body.model = 'auto' chooses; a run warns where "
+        "its model or mesh is further off",
     )
 
 
