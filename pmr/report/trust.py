@@ -46,6 +46,7 @@ def table(result: RunResult) -> Table:
     missing = {
         "what the model leaves out": model.get("not_covered") or walls,
         "what the estimate leaves out": estimate.get("not_covered") or (),
+        "what was not looked at": _between(result),
     }
     rows = (*said.items(), *((name, "; ".join(dict.fromkeys(parts))) for name, parts in missing.items() if parts))
     bars = {name: min(max(log10(share / LEAST) / decades, 0.01), 1.0) for name, share in known.items()}
@@ -79,6 +80,13 @@ def _stressed_beams(result: RunResult) -> bool:
     """Whether stresses are asked for of a beam."""
     asked = "reduced" in result.summary.get("max_von_mises", {})
     return asked and any(model_of(member).startswith("beam") for member in members(result.scene))
+
+
+def _between(result: RunResult) -> list[str]:
+    recovery = result.scene.recovery
+    if recovery is None or "reduced" not in result.summary.get("max_von_mises", {}):
+        return []
+    return [f"stresses of the body between times {plain(recovery.every)}{SPACE}s apart (recovery.every)"]
 
 
 def _percent(value: float | None) -> str:

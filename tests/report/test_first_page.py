@@ -77,12 +77,15 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     trust = rows(result, "How far to trust it")
     assert trust["model"].startswith("not known: compare.richer") and trust["time step"] == "not known: too short"
     assert trust["reduction"].startswith("not known") and trust["mesh"].startswith("not known")
+    assert "what was not looked at" not in trust
     assert rows(result, "What it carries")["stress"].startswith("not computed")
     model = {"beside": "shell", "beam": 0.4, "frequency": 0.6}
     known = SUMMARY | {"budget": {"mesh": {"beam": 0.01}, "model": model}}
     trust = rows(make_space(summary=known), "How far to trust it")
     assert trust["model"] == f"40.0{SPACE}% over the run, lowest frequencies 60.0{SPACE}%, beside a shell"
     assert trust["mesh"] == f"1.00{SPACE}%" and trust["reduction"] == f"0.200{SPACE}% off the full model"
+    stressed = rows(make_space(recovery={"every": 0.05}, summary=known), "How far to trust it")
+    assert f"0.05{SPACE}s apart" in stressed["what was not looked at"]
 
 
 def trust(make_space: MakeSpace, **summary: object) -> Table:
