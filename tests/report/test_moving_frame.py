@@ -254,5 +254,33 @@ def test_bodies_are_played_and_pictured_where_they_are(
     assert np.abs(body[:, 1]).max() < 0.3
 
 
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (
+            (1.5, -0.15, -0.2),
+            "seen from the right and below; the tip is to the right. At 0.40\u00a0s, of the times whose",
+        ),
+        ((1.5, 0.15, 0.2), "seen from the left and above; the tip is to the left. At 0.40\u00a0s, of the times whose"),
+    ],
+)
+def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
+    make_space: MakeSpace, make_fields: Callable[[str], Fields], place: tuple[float, ...], said: str
+) -> None:
+    """The body's axis is level in the picture, however it is raised: the camera is turned with it."""
+    peak = {"t": 0.42, "position": place, "value": 49e6}
+    frame = {"pivot": [0.0, 0.0, 0.0], "unit": "degrees", "luffing": 60.0}
+    summary = SUMMARY | {"stress_peak": {"reduced": peak}}
+    result = make_space(fields=make_fields("line"), frame=frame, summary=summary)
+    ((shot, caption),) = [(shot, text) for name, shot, text in album._Views(result).shots() if name == "close"]
+    assert said in caption and "nearest to 0.42\u00a0s" in caption
+    axis, up, aside = np.array([0.5, 0.0, 3**0.5 / 2.0]), np.array([-(3**0.5) / 2.0, 0.0, 0.5]), np.array([0, 1.0, 0])
+    assert np.array(shot.up) == pytest.approx(up, abs=1e-12)
+    for way, k in ((up, 2), (aside, 1)):  # on the side of the axis that the place is on
+        assert np.dot(shot.direction, way) * place[k] > 0.0
+    across = np.cross(shot.up, shot.direction)
+    assert (np.dot(across, axis) > 0.0) == ("to the right" in said)
+
+
 def test_bodies_without_a_frame_have_no_pose(make_space: MakeSpace, make_fields: Callable[[str], Fields]) -> None:
     assert player.player(make_space(fields=make_fields("triangle")))["pose"] is None

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from pmr.report.blocks import Picture
 from pmr.report.motion.instants import (
     Moment,
-    cell_of_the_peak,
     instants,
     of_the_peak,
+    place_of_the_peak,
     places,
     scale,
     seen,
@@ -81,7 +81,7 @@ class _Views:
         for number, (moment, shot) in enumerate(zip(chosen, framed(views, WIDTH), strict=True), start=1):
             yield f"view-{number}", shot, self._caption(moment)
         if self.stressed:
-            yield self._close(of_the_peak(self.result, chosen))
+            yield self._close(of_the_peak(self.result))
         yield self._mesh()
 
     def _bodies(self, moment: Moment, edges: float = 0.6) -> Iterator[Piece]:
@@ -105,23 +105,33 @@ class _Views:
         return points if self.pose is None else self.pose.at(frame, points)
 
     def _close(self, moment: Moment) -> tuple[str, Shot, str]:
-        """The neighbourhood of the cell with the largest stress, from the side that it is on."""
-        name, cell = cell_of_the_peak(self.result, moment)
-        fields, points = self.fields[name], self.surfaces[name].points
-        place = fields.points[fields.cells[cell]].mean(axis=0)
+        """The neighbourhood of the largest stress, from the side that it is on, with the body's axis level."""
+        name, place = place_of_the_peak(self.result, moment)
+        points = self.surfaces[name].points
         low, high = points.min(axis=0), points.max(axis=0)
         middle = (low + high) / 2.0
         left, above = place[1] > high[1] - 0.05 * (high[1] - low[1]), place[2] >= middle[2]
-        direction = (SIDE[0], -SIDE[1] if left else SIDE[1], 0.45 if above else -0.45)
+        direction, up = (SIDE[0], -SIDE[1] if left else SIDE[1], 0.45 if above else -0.45), (0.0, 0.0, 1.0)
         if self.pose is not None:
-            ahead, aside, up = (float(c) for c in self.pose.turned(moment.frame, direction))
-            direction = (ahead, aside, up)
+            (ahead, aside, high_up), (x, y, z) = (
+                (float(c) for c in self.pose.turned(moment.frame, way)) for way in (direction, up)
+            )
+            direction, up = (ahead, aside, high_up), (x, y, z)
         pieces = (*self._bodies(moment, edges=0.8), *self._surroundings(moment, opacity=0.08))
         centre = np.array([float(place[0] + self.places[name][moment.frame]), float(middle[1]), float(middle[2])])
         x, y, z = (float(c) for c in self._in_space(moment.frame, centre))
-        shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8))
-        seen_from = f"seen from {'above' if above else 'below'} at {moment.t:.2f}{SPACE}s"
-        return "close", shot, f"The neighbourhood of the largest stress, {seen_from}; displacements as above."
+        shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8), up)
+        side = f"the {'left' if left else 'right'} and {'above' if above else 'below'}"
+        tip = f"the tip is to the {'left' if left else 'right'}"
+        return "close", shot, f"The neighbourhood of the largest stress, seen from {side}; {tip}. {self._when(moment)}."
+
+    def _when(self, moment: Moment) -> str:
+        """The time of the picture of the largest stress, and when that is, where no fields were kept then."""
+        at, said = f"{moment.t:.2f}{SPACE}s", "displacements as above"
+        peak = self.result.summary.get("stress_peak", {}).get("reduced", {}).get("t", moment.t)
+        if abs(peak - moment.t) <= 0.005:
+            return f"At {at}; {said}"
+        return f"At {at}, of the times whose fields are kept the nearest to {peak:.2f}{SPACE}s; {said}"
 
     def _mesh(self) -> tuple[str, Shot, str]:
         bodies = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,22 +66,29 @@ def instants(result: RunResult) -> list[Moment]:
     return [Moment(k, float(t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k])) for k in chosen]
 
 
-def of_the_peak(result: RunResult, among: Sequence[Moment]) -> Moment:
-    """The moment with the largest stress; of several that share it the one that the summary names."""
-    peaks = np.array([moment.peak for moment in among])
-    named = [k for k, moment in enumerate(among) if moment.frame == _named_frame(result)]
-    return among[_largest(peaks, np.arange(len(among)), named[0] if named else None)]
+def of_the_peak(result: RunResult) -> Moment:
+    """The stored moment nearest to the time of the largest stress that the summary names, or the one with the largest.
+
+    Fields may be kept at fewer times than stresses.
+    """
+    t, s, named = times(result), positions(result), _named_peak(result).get("t")
+    largest = _peaks(result) if stressed(result) else _size(result)
+    k = int(np.argmax(largest)) if named is None else int(np.argmin(np.abs(t - named)))
+    return Moment(k, float(t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k]))
 
 
-def cell_of_the_peak(result: RunResult, moment: Moment) -> tuple[str, int]:
-    """The body and its cell with the largest stress at a moment; of several that share it what the summary names."""
+def place_of_the_peak(result: RunResult, moment: Moment) -> tuple[str, Array]:
+    """The body with the largest stress, and where along its own axes (3,) m: as the summary has it.
+
+    Where it has none: the middle of the cell with the largest stress at a moment.
+    """
     fields, peak = seen(result), _named_peak(result)
+    if "position" in peak and (body := peak.get("section", next(iter(fields)))) in fields:
+        return body, np.array(peak["position"])
     stresses = {name: stress_of(one)[moment.frame] for name, one in fields.items() if one.von_mises}
-    most = np.array([float(values.max()) for values in stresses.values()])
-    names = list(stresses)
-    named = names.index(peak["section"]) if peak.get("section") in names else None
-    body = names[_largest(most, np.arange(len(most)), named)]
-    return body, _largest(stresses[body], np.arange(len(stresses[body])), peak.get("cell"))
+    body = max(stresses, key=lambda name: float(stresses[name].max()))
+    found = fields[body]
+    return body, found.points[found.cells[int(np.argmax(stresses[body]))]].mean(axis=0)
 
 
 def _largest(values: Array, among: NDArray[np.int64], preferred: int | None) -> int:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.report.decimation import packed, speeds
 from pmr.report.figures.canvas import RAMP
-from pmr.report.motion.instants import instants, of_the_peak, places, positions, scale, seen, stress_of, times, top
+from pmr.report.motion.instants import of_the_peak, places, positions, scale, seen, stress_of, times, top
 from pmr.report.motion.surface import Surface, surfaces
 from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import percent, plain
@@ -49,7 +49,7 @@ def player(result: RunResult) -> dict[str, Any]:
         "frames": len(t),
         "times": [float(t[0]), float(t[-1])],
         "speeds": speeds(float(t[-1] - t[0])),
-        "first": of_the_peak(result, instants(result)).frame,
+        "first": of_the_peak(result).frame,
         "length": length(result),
         "path": packed(positions(result)),
         "scale": scale(result),

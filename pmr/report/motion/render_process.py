@@ -7,6 +7,7 @@ import pickle
 import sys
 from typing import Any
 
+import numpy as np
 import pyvista
 from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image
@@ -26,14 +27,15 @@ def develop(shot: Shot) -> bytes:
     plotter = pyvista.Plotter(off_screen=True, window_size=[FINER * pixels for pixels in shot.size], lighting="none")
     plotter.disable_anti_aliasing()  # what is scaled down is smooth, and this costs a software renderer as much again
     plotter.set_background("white")
-    side = 0.7 if shot.direction[2] >= 0.0 else -0.7  # who looks from below has the light below
+    below = float(np.dot(shot.direction, shot.up)) < 0.0
+    side = -0.7 if below else 0.7  # who looks from below has the light below
     plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.5, side, 1.0)))
     for piece in shot.pieces:
         _add(plotter, piece, shot.limits)
     camera = plotter.camera
     camera.focal_point = shot.centre
     camera.position = tuple(c + 20.0 * d for c, d in zip(shot.centre, shot.direction, strict=True))
-    camera.up = (0.0, 0.0, 1.0)
+    camera.up = shot.up
     camera.parallel_projection, camera.parallel_scale = True, shot.height / 2.0
     plotter.renderer.ResetCameraClippingRange()
     seen = Image.fromarray(plotter.screenshot(return_img=True))

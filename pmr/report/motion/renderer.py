@@ -46,7 +46,8 @@ class Piece:
 class Shot:
     """A picture: what is in it, from where it is seen, in which size (px), and the values that `RAMP` spans.
 
-    The camera looks from `direction` at `centre` and sees `height` m from bottom to top, without perspective.
+    The camera looks from `direction` at `centre` and sees `height` m from bottom to top, without perspective; `up` is
+    upwards in the picture.
     """
 
     pieces: tuple[Piece, ...]
@@ -55,6 +56,7 @@ class Shot:
     centre: Vector = (0.0, 0.0, 0.0)
     height: float = 1.0
     size: tuple[int, int] = (400, 300)
+    up: Vector = (0.0, 0.0, 1.0)
 
 
 def framed(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list[Shot]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.report.motion.instants import cell_of_the_peak, instants, of_the_peak, positions, scale, stress_of, top
+from pmr.report.motion.instants import instants, of_the_peak, place_of_the_peak, positions, scale, stress_of, top
 
 
 def test_each_third_of_the_way_shows_its_largest_stress(make_space, make_fields) -> None:
@@ -61,11 +61,15 @@ def test_a_peak_that_is_shared_is_shown_where_the_text_has_it(make_space, make_f
     level[[4, 12], count - 2] = np.nextafter(np.float32(5e6), np.float32(1e7), dtype=np.float32)
     twice = replace(fields, von_mises={"outer": level})
     for frame, cell in ((4, 3), (12, 3), (12, count - 2), (4, count - 2)):
-        peak = {"value": 5e6, "t": float(fields.t[frame]), "position": [0.0, 0.0, 0.0], "cell": cell}
+        place = [0.1 * cell, 0.15, -0.2]
+        peak = {"value": 5e6, "t": float(fields.t[frame]), "position": place, "cell": cell}
         result = make_space(fields=twice, summary={"stress_peak": {"reduced": peak}})
-        shown = of_the_peak(result, instants(result))
-        assert (shown.frame, cell_of_the_peak(result, shown)) == (frame, ("", cell))
-    other = {"value": 5e6, "t": float(fields.t[7]), "position": [0.0, 0.0, 0.0], "cell": 0}  # not a frame's peak
-    result = make_space(fields=twice, summary={"stress_peak": {"reduced": other}})
-    shown = of_the_peak(result, instants(result))
-    assert (shown.frame, cell_of_the_peak(result, shown)) == (4, ("", count - 2))
+        shown, (body, found) = of_the_peak(result), place_of_the_peak(result, of_the_peak(result))
+        assert (shown.frame, body, list(found)) == (frame, "", place)
+    between = {"t": float(0.6 * fields.t[7] + 0.4 * fields.t[8])}  # kept neither then nor there
+    shown = of_the_peak(make_space(fields=twice, summary={"stress_peak": {"reduced": between}}))
+    assert shown.frame == 7
+    largest = of_the_peak(make_space(fields=twice, summary={}))
+    assert largest.frame == 4
+    _, place = place_of_the_peak(make_space(fields=twice, summary={}), largest)
+    assert list(place) == list(fields.points[fields.cells[count - 2]].mean(axis=0))
