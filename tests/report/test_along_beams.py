@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 from boom_results import MakeSpace
+from matplotlib.colors import same_color
 
 from pmr.fields.envelope import Envelope
+from pmr.report.figures.canvas import of_sections
 from pmr.report.figures.envelopes import envelopes
 from pmr.report.stresses import along_beams
 from pmr.results import BodyResult, RunResult
@@ -47,3 +49,11 @@ def test_the_figure_has_a_panel_a_quantity_from_least_to_most(make_space: MakeSp
     (band,) = ax.collections
     heights = band.get_paths()[0].vertices[:, 1]
     assert heights.min() == -2.0 and heights.max() == 158.0
+
+
+def test_a_section_has_the_colour_of_its_place_in_the_boom(make_space: MakeSpace) -> None:
+    """Blue, the second from the base, as where the boom is drawn as a whole; not the first of those in the figure."""
+    beam = with_envelope(make_space())
+    boom = replace(beam, bodies={"base": BodyResult(), "fly": beam.body})
+    (band,) = envelopes(boom, ["bending moment y"]).axes[0].collections
+    assert same_color(band.get_facecolor()[0][:3], of_sections(["base", "fly"])["fly"])

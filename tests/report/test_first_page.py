@@ -12,6 +12,7 @@ from pmr.report import space
 from pmr.report.blocks import Chapter, Drawing, KeyNumber, Table
 from pmr.report.document import page as rendered
 from pmr.report.figures import sketch
+from pmr.report.figures.canvas import INK
 from pmr.report.first_page import tables
 from pmr.results import Response, RunResult
 
@@ -213,6 +214,7 @@ def test_whether_the_weight_is_in_the_figures_is_said(make_space: MakeSpace) -> 
 
 def test_a_boom_stands_as_it_is_raised_with_a_ring_where_it_is_stressed_most(make_space: MakeSpace) -> None:
     frame = {"luffing": {"kind": "smooth_ramp", "times": [0.0, 1.0], "values": [0.0, 1.0]}, "pivot": [0.0, 0.0, 0.0]}
+    frame["cylinder"] = {"foot": [0.5, -1.0], "lug": [1.5, -0.2]}
     raised, turned = make_space(gravity={"inclination": 60.0}), make_space(frame=frame)
     (axis,) = space.axes(raised, [0])
     assert axis.side[0, -1] - axis.side[0, 0] == pytest.approx([0.5 * 5.8, 3**0.5 / 2.0 * 5.8], abs=0.02)
@@ -221,6 +223,10 @@ def test_a_boom_stands_as_it_is_raised_with_a_ring_where_it_is_stressed_most(mak
     (ring,) = [line for line in figure.axes[0].lines if line.get_markersize() == 9.0]
     expected = 1.5 * np.array([np.cos(0.5), np.sin(0.5)])
     assert ring.get_xydata()[0] == pytest.approx(expected, abs=0.3)  # its deflection is drawn larger
+    (strong,) = [line for line in figure.axes[0].lines if line.get_alpha() == 1.0 and line.get_color() == INK]
+    x, z = strong.get_xydata()[-1] - strong.get_xydata()[0]
+    assert np.arctan2(z, x) == pytest.approx(0.5, abs=0.1)  # at that moment, the others are paler
+    assert "luffing cylinder" in [text.get_text() for text in figure.legends[0].get_texts()]
     assert "49.0\u00a0MPa" in [text.get_text() for text in figure.axes[0].texts]
     assert "the ring is the place of the largest stress" in sketch.caption(turned)
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from pmr.report.figures.canvas import INK, MUTED, SECTIONS, WIDE, key, sheet
+from pmr.report.figures.canvas import INK, MUTED, WIDE, key, of_sections, sheet
 
 Array = NDArray[np.float64]
 #: Largest displacement as drawn, over the reach; height of the picture over its width, at most.
@@ -51,8 +51,8 @@ def at_rest(boom: AtRest) -> Figure:
     figure, axes = sheet(WIDE, tall + 0.54, margins={"left": 0.6, "right": 0.16, "top": 0.26, "bottom": 0.42})
     ax = axes[0, 0]
     ax.plot([0.0, reach * c], [0.0, reach * s], color=MUTED, linewidth=0.6, zorder=1.0)
-    colours = [SECTIONS[k % len(SECTIONS)] for k in range(len(boom.names))]
-    for k, colour in enumerate(colours):
+    colours = of_sections(boom.names)
+    for k, colour in enumerate(colours.values()):
         own = boom.section == k
         order = np.argsort(boom.along[own])
         ax.plot(x[own][order], z[own][order], color=colour, linewidth=2.0, zorder=2.0, solid_capstyle="butt")
@@ -63,7 +63,5 @@ def at_rest(boom: AtRest) -> Figure:
     ax.set_aspect("equal", adjustable="box", anchor="SW")
     ax.set_xlabel("Radius in m")
     ax.set_ylabel("Height in m")
-    key(
-        figure, [Line2D([], [], color=c_, linewidth=2.0, label=n) for c_, n in zip(colours, boom.names, strict=True)], 1
-    )
+    key(figure, [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()])
     return figure

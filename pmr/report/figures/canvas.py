@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import ceil, floor, log10
@@ -88,6 +88,11 @@ PENS: Mapping[str, Pen] = {
     "ancf": Pen("ANCF", "#00664b", 0.7),
     "reduced": Pen("reduced", "#d55e00", 1.0, (4.0, 2.5)),
 }
+
+
+def of_sections(names: Iterable[str]) -> dict[str, str]:
+    """The colour of each section of a boom, named from the base out: the same one in all figures."""
+    return {name: SECTIONS[k % len(SECTIONS)] for k, name in enumerate(names)}
 
 
 @contextmanager

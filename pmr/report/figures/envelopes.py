@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from pmr.report.figures.canvas import SECTIONS, WIDE, key, sheet
+from pmr.report.figures.canvas import WIDE, key, of_sections, sheet
 from pmr.report.numbers import unit_for
 from pmr.results import RunResult
 
@@ -20,7 +20,7 @@ def envelopes(result: RunResult, quantities: Sequence[str]) -> Figure:
     rows = -(-len(quantities) // columns)
     gaps = {"hspace": 0.45, "wspace": 0.28}
     figure, axes = sheet(WIDE, 0.66 + 1.25 * rows, rows, columns, margins={"top": 0.42}, sharex=True, gridspec_kw=gaps)
-    colours = dict(zip(known, SECTIONS[1:] * len(known), strict=False))
+    colours = {name: colour for name, colour in of_sections(result.bodies).items() if name in known}
     for k, quantity in enumerate(quantities):
         ax = axes.flat[k]
         shown = {name: one for name, one in known.items() if quantity in one.names}

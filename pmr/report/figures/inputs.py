@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pmr.report import subject
 from pmr.report.decimation import extremes
-from pmr.report.figures.canvas import HALF, ROW, SECTIONS, bins_of, key, key_rows, sheet
+from pmr.report.figures.canvas import HALF, ROW, bins_of, key, key_rows, of_sections, sheet
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import signed, unit_for
 from pmr.report.subject import length, moving, offsets
@@ -33,8 +33,9 @@ def position(result: RunResult) -> Figure:
     if sections:
         names, last = result.paths.names, len(result.paths.names) - 1
         widths = [1.0 + 1.2 * (last - k) for k in range(last + 1)]  # sections may extend together
-        _plot(ax, time.t, result.paths.values.T, SECTIONS[1:], widths)
-        key(figure, [*_legend(names, SECTIONS[1:], least=1), *time.shade()])
+        colours = [of_sections(result.scene.bodies)[name] for name in names]
+        _plot(ax, time.t, result.paths.values.T, colours, widths)
+        key(figure, [*_legend(names, colours, least=1), *time.shade()])
         time.frame(ax, "Extension in m")
         return figure
     _plot(ax, time.t, [result.along + offset for offset in ahead])

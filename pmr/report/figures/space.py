@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +13,20 @@ from numpy.typing import NDArray
 
 from pmr.report import space
 from pmr.report.decimation import spread
-from pmr.report.figures.canvas import HALF, INK, LETTER, LIMIT, MUTED, ROW, SECTIONS, key, octave_axis, sheet
+from pmr.report.figures.canvas import (
+    HALF,
+    INK,
+    LETTER,
+    LIMIT,
+    MUTED,
+    ROW,
+    SECTIONS,
+    key,
+    key_rows,
+    octave_axis,
+    of_sections,
+    sheet,
+)
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import SPACE, plain, quantity
@@ -24,6 +38,8 @@ WAY = 600  # points of the way of a tip
 TALLEST, FLATTEST = 3.4, 1.0  # in, of axes on which a metre is a metre both ways
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
 GROUND = "#9aa5b1"
+RAISING: Mapping[str, Any] = {"color": MUTED, "linewidth": 1.6}  # of a luffing cylinder
+FAINT = 0.3  # opacity of a boom at other moments than that of the largest stress
 CLEAR = 0.06  # in, between a label and what is drawn
 
 
@@ -76,7 +92,10 @@ def caption(result: RunResult, what: str) -> str:
     """Below a view of the boom."""
     steps, t, scale = space.moments(result), result.responses["reduced"].t, plain(exaggeration(result))
     moments = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
-    mark = "; the ring is the place of the largest stress" if space.stressed(result) is not None else ""
+    worst = space.stressed(result)
+    mark = "; the ring is the place of the largest stress" if worst is not None else ""
+    if worst is not None and len(steps) > 1:
+        mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
     way = "; dashed: the path of its tip" if float(np.ptp(result.along)) > 0.0 or len(steps) > 1 else ""
     return f"The boom {what} {moments}{way}; deflection is drawn {scale} times its size{mark}."
 
@@ -86,25 +105,30 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     bodies = space.axes(result, steps, scale)
     way = getattr(space.axes(result, spread(len(t), WAY), scale)[-1], view)[:, -1]
     raising = _cylinders(result, steps) if ground else []
-    ax, figure = _paper([way, *(getattr(one, view).reshape(-1, 2) for one in bodies), *raising], across, up)
+    worst, colours = space.stressed(result), of_sections(one.body for one in bodies)
+    named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
+    named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
+    drawn = [way, *(getattr(one, view).reshape(-1, 2) for one in bodies), *raising]
+    ax, figure = _paper(drawn, across, up, rows := key_rows([str(one.get_label()) for one in named], HALF))
+    key(figure, named, rows)
     ax.plot(*way.T, color=MUTED, linewidth=0.6, linestyle=(0, (4.0, 2.5)), zorder=1.5)
-    colours = [SECTIONS[k % len(SECTIONS)] for k in range(len(bodies))]
-    for k, (body, colour) in enumerate(zip(bodies, colours, strict=True)):
-        for places in getattr(body, view):
-            ax.plot(*places.T, color=colour, linewidth=1.0 + 1.1 * (len(bodies) - 1 - k), solid_capstyle="butt")
-    for places in raising:
-        ax.plot(*places.T, color=MUTED, linewidth=1.6, zorder=1.8)
+    moment = 0 if worst is None else int(np.argmax(steps == worst.step))
+    faint = [1.0 if worst is None or k == moment else FAINT for k in range(len(steps))]  # so the ring is of one
+    for k, body in enumerate(bodies):
+        width = 1.0 + 1.1 * (len(bodies) - 1 - k)
+        for places, alpha in zip(getattr(body, view), faint, strict=True):
+            over = 2.0 + alpha / 10.0
+            ax.plot(
+                *places.T, color=colours[body.body], linewidth=width, alpha=alpha, solid_capstyle="butt", zorder=over
+            )
+    for places, alpha in zip(raising, faint, strict=False):
+        ax.plot(*places.T, **RAISING, alpha=alpha, zorder=1.8)
     if ground:
         ax.plot(ax.get_xlim(), [0.0, 0.0], color=GROUND, linewidth=1.2, zorder=1.0)
-    worst = space.stressed(result)
-    moment = 0 if worst is None else int(np.argmax(steps == worst.step))
     labels = _labels(ax, getattr(bodies[-1], view), t[steps], moment)
     if worst is not None:
         _ring(ax, worst, next(one for one in bodies if one.body == worst.body), view, moment, labels)
     ax.plot([0.0], [0.0], marker="^" if ground else "o", markersize=6.0, color=INK, zorder=4.0)
-    if len(bodies) > 1:
-        named = zip(bodies, colours, strict=True)
-        key(figure, [Line2D([], [], color=colour, linewidth=2.0, label=one.body) for one, colour in named])
     return figure
 
 
@@ -189,8 +213,11 @@ def _box(at: Array, text: str, across: str, up: str) -> Array:
     return np.stack([low, low + size])
 
 
-def _paper(drawn: Sequence[Array], across: str, up: str) -> tuple[Axes, Figure]:
-    """Axes on which a metre is as long both ways, around all that is drawn and the pivot, labels beside it included."""
+def _paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axes, Figure]:
+    """Axes on which a metre is as long both ways, around all that is drawn and the pivot, labels beside it included.
+
+    Above them is room for so many rows of a legend.
+    """
     every = np.concatenate([*drawn, np.zeros((1, 2))])
     low, high = every.min(axis=0), every.max(axis=0)
     wide = HALF - LEFT - RIGHT
@@ -198,9 +225,9 @@ def _paper(drawn: Sequence[Array], across: str, up: str) -> tuple[Axes, Figure]:
     low, high = low - room, high + room + [0.12 * float((high - low).max()), 0.06 * float((high - low).max())]
     metre = min(wide / float(high[0] - low[0]), TALLEST / float(high[1] - low[1]))
     tall = max(metre * float(high[1] - low[1]), FLATTEST)
-    figure, axes = sheet(
-        HALF, tall + TOP + BOTTOM, margins={"left": LEFT, "right": RIGHT, "top": TOP, "bottom": BOTTOM}
-    )
+    top = TOP + ROW * (rows - 1)
+    margins = {"left": LEFT, "right": RIGHT, "top": top, "bottom": BOTTOM}
+    figure, axes = sheet(HALF, tall + top + BOTTOM, margins=margins)
     ax: Axes = axes[0, 0]
     for limits, size, k in ((ax.set_xlim, wide, 0), (ax.set_ylim, tall, 1)):
         middle, half = float(low[k] + high[k]) / 2.0, size / metre / 2.0

@@ -11,7 +11,7 @@ from pmr.report import space
 from pmr.report.columns import Line, lines, rings
 from pmr.report.decimation import onto, packed, speeds, spread
 from pmr.report.figures import shapes
-from pmr.report.figures.canvas import PENS, SECTIONS
+from pmr.report.figures.canvas import PENS, of_sections
 from pmr.report.figures.timeline import drawn
 from pmr.report.numbers import plain, quantity, round_number
 from pmr.report.subject import Acting, alone, fixtures, length, loads, offsets
@@ -131,12 +131,12 @@ def _lane(result: RunResult, name: str, frames: NDArray[np.int64]) -> dict[str, 
     """What one model says of all bodies: in its own pen, a boom's sections in their colours, outer ones thicker."""
     response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
     found = lines(result, response)
-    beams = []
+    beams, colours = [], of_sections(of.body for of in found)
     for k, of in enumerate(found):
         points = spread(len(of.x), POINTS)
         beam = {
             "label": of.body or pen.label,
-            "colour": SECTIONS[k % len(SECTIONS)] if of.body else pen.colour,
+            "colour": colours[of.body] if of.body else pen.colour,
             "width": 3 + 3 * (len(found) - 1 - k) if of.body else pen.width,
             "dash": pen.dash,
             "x": of.x[points].round(6).tolist(),
