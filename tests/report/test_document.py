@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import pytest
 
 from pmr.report import document, paper, sentences
-from pmr.report.blocks import END_OF_SCREEN, SCREEN
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid
 from pmr.report.document import dated, write_report
 from pmr.report.document import page as render
 from pmr.report.sections import chapter as case
@@ -239,6 +239,14 @@ def test_warnings_stand_by_themselves_below_what_it_carries_and_above_coordinate
     assert shown and re.findall(r"<li>(.*?)</li>", shown[1]) == ["Mind the gap.", "And &lt; the step."]
     assert page.index("How far to trust it") < shown.start() < page.index('class="figures"')
     assert 'class="warnings"' not in render([case(make_result(), "case-1")])
+
+
+def test_no_line_breaks_within_a_unit_of_a_head() -> None:
+    grid = Grid("Moments.", ("", "largest in kN m", "in <all>"), (("rx", "1", "2"),))
+    page = render([Chapter("case-1", "Case", blocks=[Block("Supports", grids=(grid,))])])
+    heads = re.findall(r'<th scope="col"[^>]*>(.*?)</th>', page)
+    assert heads == ["", 'largest <span class="unit">in kN m</span>', "in &lt;all&gt;"]
+    assert ".unit { white-space: nowrap; }" in page
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -157,9 +157,9 @@ def key(figure: Figure, handles: list[Any], rows: int = 1) -> None:
             bbox_to_anchor=(left - 0.01, 1.0),
             ncols=ceil(len(handles) / rows),
             borderaxespad=0.25,
-            columnspacing=1.6 if roomy else 0.9,
+            columnspacing=1.2 if roomy else 0.9,
             handletextpad=0.6 if roomy else 0.4,
-            handlelength=2.6 if roomy else 1.9,
+            handlelength=2.2 if roomy else 1.9,
         )
         for text, name in zip(legend.get_texts(), names, strict=True):
             text.set_text(name)  # as a label one that begins with _ would be left out

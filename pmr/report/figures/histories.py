@@ -109,5 +109,5 @@ def band(result: RunResult, what: Quantity, wide: Array) -> Figure:
     time.trace(ax, {"reduced": off["reduced"]} if "reduced" in off else {}, unit.size)
     time.frame(ax, f"Difference in {unit.name}")
     names = ["reduced"] if "reduced" in off else []
-    key(figure, [*time.legend(names), Patch(color=COLOUR, label="estimated band")])
+    key(figure, [*time.legend(names), Patch(color=COLOUR, label="estimate")])
     return figure
