@@ -243,7 +243,7 @@ def test_warnings_stand_by_themselves_below_what_it_carries_and_above_coordinate
 
 def test_no_line_breaks_within_a_unit_of_a_head() -> None:
     grid = Grid("Moments.", ("", "largest in kN m", "in <all>"), (("rx", "1", "2"),))
-    page = render([Chapter("case-1", "Case", blocks=[Block("Supports", grids=(grid,))])])
+    page = render([Chapter(anchor="case-1", title="Case", blocks=[Block(heading="Supports", grids=(grid,))])])
     heads = re.findall(r'<th scope="col"[^>]*>(.*?)</th>', page)
     assert heads == ["", 'largest <span class="unit">in kN m</span>', "in &lt;all&gt;"]
     assert ".unit { white-space: nowrap; }" in page
