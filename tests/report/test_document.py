@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import pytest
 
 from pmr.report import document, paper, sentences
-from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Picture
 from pmr.report.document import dated, write_report
 from pmr.report.document import page as render
 from pmr.report.sections import chapter as case
@@ -247,6 +247,18 @@ def test_no_line_breaks_within_a_unit_of_a_head() -> None:
     heads = re.findall(r'<th scope="col"[^>]*>(.*?)</th>', page)
     assert heads == ["", 'largest <span class="unit">in kN m</span>', "in &lt;all&gt;"]
     assert ".unit { white-space: nowrap; }" in page
+
+
+@pytest.mark.parametrize("height", [700, 800])
+def test_in_print_tall_pictures_stand_in_pairs_and_key_numbers_together(height: int) -> None:
+    blocks = [
+        Block("Motion", pictures=[Picture(name, 1500, size, "", "") for name, size in (("a", 300), ("b", height))])
+    ]
+    numbers = [KeyNumber(f"{k}", "of it") for k in range(8)]  # two rows
+    page = render([Chapter(anchor="case-1", title="Case", blocks=blocks, key_numbers=numbers)])
+    assert page.count("picture beside-another") == (2 if height > 750 else 0)
+    (tiles,) = re.findall(r'<div class="tiles">(.*?)</div>', page, flags=re.S)
+    assert tiles.count("<ul") == 2 == page.count('<ul class="figures">')
 
 
 @pytest.mark.usefixtures("undrawn")
