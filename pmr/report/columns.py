@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.report.decimation import onto
 from pmr.report.subject import alone
 from pmr.results import Response, RunResult
 from pmr.results.convention import outputs_of
@@ -82,6 +83,13 @@ def tips(result: RunResult) -> Mapping[str, Quantity]:
 def is_round_off(result: RunResult, what: Quantity) -> bool:
     """Whether a displacement exceeds in no model what round-off may make of it."""
     return max(float(np.abs(what(one)).max()) for one in result.responses.values()) <= _floor(result)
+
+
+def differ(result: RunResult, what: Quantity) -> float:
+    """How far a displacement (T,) of any other model is from that of the reduced one at most, m; 0 without others."""
+    own = result.responses["reduced"]
+    others = [onto(own.t, one.t, what(one)) for name, one in result.responses.items() if name != "reduced"]
+    return max((float(np.abs(other - what(own)).max()) for other in others), default=0.0)
 
 
 def _floor(result: RunResult) -> float:

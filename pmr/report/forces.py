@@ -10,7 +10,7 @@ import numpy as np
 from pmr.report.blocks import Block, Drawing, Grid, drawing
 from pmr.report.columns import Force, forces
 from pmr.report.figures import forces as figures
-from pmr.report.numbers import SPACE, Unit, plain, quantity, significant, unit_for
+from pmr.report.numbers import NOTHING, SPACE, Unit, plain, quantity, significant, unit_for
 from pmr.report.subject import alone, drive_of, forces_called, rings_of
 from pmr.results import RunResult
 from pmr.results.extremes import Extremes
@@ -18,6 +18,11 @@ from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
 
 #: Of the largest force: what is below is round-off, which a support has even where nothing acts along it.
 ROUND_OFF = 1e-9
+#: What the sign of a force says, where that of another table may seem to be against it.
+SIGNS = {
+    "support": " Positive along the axes, so negative where a support is pressed down, as one in place of a luffing "
+    "cylinder is while that pushes; along itself its own force is positive then.",
+}
 #: What names begin with of what acts at the pivot.
 PIVOT = "pivot "
 AT_PIVOT = f"{REACTION_OF}{PIVOT}"
@@ -108,7 +113,7 @@ def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | No
             drawn.append((drawing(f"{prefix}-{anchor}-{number}", figures.forces, caption, result, some),))
     if not groups:
         return None
-    grid = extremes(result, [force for group in bearing.values() for force in group])
+    grid = extremes(result, kind, [force for group in bearing.values() for force in group])
     idle = [_called(one) for name, group in groups.items() for one in group if one not in bearing[name]]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
     return Block(heading=called.capitalize(), text=text, rows=tuple(drawn), grids=(grid,) if grid.rows else ())
@@ -148,13 +153,14 @@ def _caption(result: RunResult, kind: str, group: str) -> str:
     return f"Forces of the pads at the {group}, positive where they push the body inwards.{within}"
 
 
-def extremes(result: RunResult, wanted: list[Force]) -> Grid:
-    """Smallest and largest of forces, and of friction the largest where it is known."""
+def extremes(result: RunResult, kind: str, wanted: list[Force]) -> Grid:
+    """Smallest and largest of a kind's forces, and of friction the largest where it is known."""
     response, t = result.responses["reduced"], result.responses["reduced"].t
     path = result.along_at(t)
     found = {_called(force): Extremes.of(force.of(response), t, path) for force in wanted if force.called}
     friction = {one["name"]: one["friction"] for one in result.summary.get("cylinders", ()) if "friction" in one}
-    caption = f"Least and largest forces, when they occur, and {place_called(result)} then."
+    on = " on supports that give way" if kind == "support" else ""
+    caption = f"Least and largest forces{on}, when they occur, and {place_called(result)} then.{SIGNS.get(kind, '')}"
     grid = _grid(found, "N", float(np.abs(response.slider_force).max(initial=0.0)), caption)
     if not friction.keys() & found.keys():
         return grid
@@ -183,9 +189,13 @@ def _rigid(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
 
 
 def _grid(found: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
-    """A row for each, in a unit that fits the largest of them; what is round-off beside `largest` is 0."""
-    unit = unit_for(max(map(size, found.values()), default=0.0), base)
-    rows = tuple((name or "slider", *cells(one, unit, ROUND_OFF * largest)) for name, one in found.items())
+    """A row for each, in a unit that fits the largest of them; what is nothing beside that is 0.
+
+    So is what is round-off beside `largest`, the largest of all kinds.
+    """
+    most = max(map(size, found.values()), default=0.0)
+    unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)
+    rows = tuple((name or "slider", *cells(one, unit, nothing)) for name, one in found.items())
     return Grid(caption, ("", f"least in {unit.name}", f"largest in {unit.name}"), rows)
 
 

@@ -13,6 +13,8 @@ _PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9:
 
 #: A fraction below which figures are no measure of anything.
 TINY = 1e-8
+#: Of the largest of its kind: what is less is nothing to look at, and printed as 0.
+NOTHING = 1e-4
 
 
 @dataclass(frozen=True)

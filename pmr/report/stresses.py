@@ -9,13 +9,10 @@ from pmr.report import sentences
 from pmr.report.blocks import Block, Grid, drawing
 from pmr.report.figures import envelopes
 from pmr.report.figures import forces as figures
-from pmr.report.numbers import SPACE, plain, quantity, significant, unit_for
+from pmr.report.numbers import NOTHING, SPACE, plain, quantity, significant, unit_for
 from pmr.results import RunResult
 from pmr.results.tables import parts_of, stress_peaks
 from pmr.scene.names import ALONE, named
-
-#: Share of the largest force or moment, in N or N m, below which one is nothing to look at.
-NOTHING = 1e-4
 
 
 def stress(result: RunResult, prefix: str) -> Block | None:

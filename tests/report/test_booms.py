@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.report import errors
+from pmr.report import errors, sections
 from pmr.report.document import page as render
 from pmr.report.document import write_report
+from pmr.report.figures import histories
+from pmr.report.figures.canvas import style
 from pmr.report.sections import chapter as case
 from pmr.report.sentences import where_the_peak_is
 from pmr.results import RunResult
@@ -47,6 +49,32 @@ def test_motion_that_may_be_round_off_alone_is_said_and_not_drawn(boom: RunResul
     assert {"tip-y", "tip-z"} <= set(figures(drawn)) and "no more than round-off" not in text(drawn)
     assert "tip-y" not in figures(left_out) and "tip-z" in figures(left_out)
     assert "The tip moves along y by no more than round-off." in text(left_out)
+
+
+def test_models_that_differ_by_nothing_along_a_direction_have_no_difference_there(boom, monkeypatch) -> None:
+    """Of 8 mm along z; along y the full model is a millionth of that off, or a little more."""
+    found = dict[str, tuple[object, str]]()
+    monkeypatch.setattr(sections, "drawing", lambda name, draw, caption, *given: found.update({name: (draw, caption)}))
+    own = boom.responses["reduced"]
+    largest = float(np.abs(own.displacement[:, -1]).max())
+    for share, drawn in ((0.9e-6, histories.alone), (1.1e-6, histories.history)):
+        moved = own.displacement.copy()
+        moved[:, -2] += share * largest
+        sections.tip(replace(boom, responses={"full": replace(own, displacement=moved), "reduced": own}), "run")
+        assert found["run-tip-y"][0] is drawn
+        assert ("differs by 7.2\u00a0nm at most" in found["run-tip-y"][1]) == (drawn is histories.alone)
+
+
+def test_parts_of_the_energy_have_one_unit(boom: RunResult) -> None:
+    small = {
+        name: replace(one, energy=replace(one.energy, kinetic=1e-3 * one.energy.kinetic))
+        for name, one in boom.responses.items()
+    }
+    with style():
+        figure = histories.energy_parts(replace(boom, responses=small))
+    labels = [ax.get_ylabel() for ax in figure.axes]
+    assert {label.rpartition(" in ")[2] for label in labels[::2]} == {"J"}
+    assert {label.rpartition(" in ")[2] for label in labels[1::2]} == {"mJ"}
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.report import forces as drawn
-from pmr.report import probes, stresses
+from pmr.report import probes, sentences, stresses
 from pmr.report.errors import rows as error_rows
 from pmr.report.forces import contact
 from pmr.results import RunResult
@@ -88,6 +88,20 @@ def test_a_pad_that_never_touches_has_no_panel_and_no_row(probed: RunResult, mon
     panels.clear()
     block = contact(idle(probed, lower=0.0), "case-1")
     assert block is not None and (block.rows, block.grids, panels) == ((), (), [])
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_what_is_nothing_beside_the_largest_of_its_kind_is_zero(probed: RunResult) -> None:
+    (grid,) = contact(idle(probed, lower=1.0, other=0.9e-4, aside=1.1e-4), "case-1").grids
+    largest = {name: cell.partition(" at")[0] for name, _, cell in grid.rows}
+    assert largest == {"lower": "100", "other": "0", "aside": "0.0110"}
+
+
+def test_round_off_of_cylinders_is_no_key_number(make_result) -> None:
+    for error, shown in ((1.1e-10, False), (1.1e-3, True)):
+        found = make_result(summary={"errors": {"reduced_vs_full": {"cylinder_force": error}}})
+        labels = [number.label for number in sentences.key_numbers(found)]
+        assert ("RMS error of the cylinder forces" in labels) == shown
 
 
 def test_the_error_table_has_probes_in_their_units(probed: RunResult) -> None:

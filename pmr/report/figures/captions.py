@@ -7,8 +7,8 @@ import numpy as np
 from pmr.report.columns import Quantity
 from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS
-from pmr.report.figures.timeline import Timeline, drawn, reference
-from pmr.report.numbers import SPACE
+from pmr.report.figures.timeline import Span, Timeline, drawn, reference
+from pmr.report.numbers import SPACE, length
 from pmr.report.subject import moving
 from pmr.results import RunResult, Shapes
 
@@ -22,19 +22,30 @@ def called(simulator: str) -> str:
 
 def history(result: RunResult, what: str, focus: Quantity, where: str = "") -> str:
     """Below a quantity's history, whose detail is about `focus` and lies `where`."""
-    base, window = reference(result), Timeline(result).detail(focus)
+    base = reference(result)
     below = f"; below, the difference to {called(base)}" if base else ""
-    framed = ""
-    if window:
-        span = f"{window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s"
-        framed = f" The frame, {span}{where}, is enlarged on the right."
-    return f"{what}{below}.{framed}"
+    return f"{what}{below}.{_framed(Timeline(result).detail(focus), where)}"
+
+
+def _framed(window: Span | None, where: str) -> str:
+    """What of a history is enlarged; empty where nothing is."""
+    if window is None:
+        return ""
+    return f" The frame, {window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s{where}, is enlarged on the right."
 
 
 def tip(result: RunResult, direction: str, what: Quantity) -> str:
     """Below the tip's history along a direction."""
     about = "deviates most" if reference(result) else "moves most"
     return history(result, f"Displacement of the tip, {direction}", what, f", where it {about}")
+
+
+def tip_alone(result: RunResult, direction: str, what: Quantity, apart: float) -> str:
+    """The same where the others are `apart` (m) from it at most, which is nothing."""
+    time, signal = Timeline(result), what(result.responses["reduced"])
+    window = time.window(int(np.argmax(np.abs(signal))))
+    said = f"Displacement of the tip, {direction}; that of {called(reference(result) or '')} differs by "
+    return f"{said}{length(apart, 2)} at most.{_framed(window, ', where it moves most')}"
 
 
 def snapshots(result: RunResult) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from operator import attrgetter
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -38,6 +39,12 @@ def history(result: RunResult, what: Quantity, label: str, base: str, focus: Qua
     return curves(time, time.signals(what), label, base, time.detail(focus))
 
 
+def alone(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
+    """The same of the reduced model alone, where others differ by nothing; the detail is about the largest value."""
+    time, signal = Timeline(result), what(result.responses["reduced"])
+    return curves(time, {"reduced": signal}, label, base, time.window(int(np.argmax(np.abs(signal)))))
+
+
 def curves(time: Timeline, signals: Mapping[str, Array], label: str, base: str, window: Span | None) -> Figure:
     """The same of signals (T,) that are at hand, with the detail that `window` names."""
     panels: list[tuple[str, Mapping[str, Array]]] = [(label, signals)]
@@ -65,13 +72,20 @@ def energy_parts(result: RunResult) -> Figure:
     compared = reference(result) is not None
     gaps = {"wspace": 0.24, "hspace": 0.14}
     figure, axes = sheet(WIDE, 3.9, rows=len(parts), columns=1 + compared, sharex=True, gridspec_kw=gaps)
-    for row, part in enumerate(parts):
-        signals, last = time.signals(attrgetter(f"energy.{part}")), row == len(parts) - 1
-        time.draw(axes[row, :1], signals, f"{part.capitalize()} energy", "J", last=last, weight=0.6)
-        if compared:
-            time.draw(axes[row, 1:], time.differences(signals), "Difference", "J", last=last, weight=0.6)
-    key(figure, time.legend(list(signals)))
+    of = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
+    _parts(time, axes[:, 0], [f"{part.capitalize()} energy" for part in parts], of)
+    if compared:
+        _parts(time, axes[:, 1], ["Difference"] * len(parts), [time.differences(signals) for signals in of])
+    key(figure, time.legend(list(of[-1])))
     return figure
+
+
+def _parts(time: Timeline, axes: Sequence[Axes], labels: Sequence[str], panels: Sequence[Mapping[str, Array]]) -> None:
+    """Energies (T,) in J below each other, in one unit: they are seen against each other."""
+    unit = unit_for(max((float(np.abs(one).max()) for panel in panels for one in panel.values()), default=0.0), "J")
+    for ax, label, panel in zip(axes, labels, panels, strict=True):
+        time.trace(ax, panel, unit.size, weight=0.6)
+        time.frame(ax, f"{label} in {unit.name}", last=ax is axes[-1])
 
 
 def residual(result: RunResult, what: Quantity, label: str) -> Figure:
