@@ -166,8 +166,14 @@ class BodyPlayer extends Playback {
     for (const section of this.data.section) this.section(section);
     if (this.pose) this.ground();
     const out = this.data.length - this.back;
-    const raised = this.pose ? `, raised by ${this.between(this.pose.angles[0]).toFixed(1)}°` : "";
-    this.say(`${this.clock}, ${out.toFixed(2)} m out${raised}`);
+    const angles = this.pose ? this.pose.angles.map((angle, k) => this.turnedBy(angle, k)) : [];
+    this.say(`${this.clock}, ${out.toFixed(2)} m out${angles.join("")}`);
+  }
+
+  // By luffing and, where it changes, by slewing.
+  turnedBy(angle, k) {
+    if (k && angle.every((value) => value === angle[0])) return "";
+    return `, ${k ? "slewed" : "raised"} by ${this.between(angle).toFixed(1)}°`;
   }
 
   // Places along the boom's axes, in space.
@@ -187,11 +193,27 @@ class BodyPlayer extends Playback {
     return values[k * count + i] * (1 - part) + values[(k + 1) * count + i] * part;
   }
 
-  // Lines every 2 m on the level of the pivot.
+  // Lines every 2 m on the level of the pivot, below the motion.
   ground() {
-    const half = Math.ceil(this.pose.size / 3) * 2, lines = [];
-    for (let at = -half; at <= half; at += 2) lines.push(at, -half, 0, at, half, 0, -half, at, 0, half, at, 0);
+    const [[left, right], [near, far]] = this.field, lines = [];
+    for (let at = left; at <= right; at += 2) lines.push(at, near, 0, at, far, 0);
+    for (let at = near; at <= far; at += 2) lines.push(left, at, 0, right, at, 0);
     this.over(() => this.show(this.pen.LINES, new Float32Array(lines), null, [...rgb("#9aa5b1"), 0.5], false, false));
+  }
+
+  get field() {
+    const half = Math.ceil(this.pose.size / 5) * 2;
+    return this.pose.centre.slice(0, 2).map((at) => [Math.round(at / 2) * 2 - half, Math.round(at / 2) * 2 + half]);
+  }
+
+  // Half of what is seen across at first, m: the motion, and the whole of the ground.
+  wide(aspect) {
+    const { azimuth, elevation } = HOME, { centre: [x, y, z], size } = this.pose, [across, along] = this.field;
+    const [c, s, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
+    const corners = across.flatMap((X) => along.map((Y) => [X - x, Y - y]));
+    const reach = Math.max(...corners.map(([X, Y]) => Math.abs(c * Y - s * X)), size / 2);
+    const tall = Math.max(...corners.map(([X, Y]) => Math.abs(-se * (c * X + s * Y) - ce * z)), 0.4 * size);
+    return 1.02 * Math.max(reach, tall / aspect, 0.5);
   }
 
   look(aspect) {
@@ -203,7 +225,7 @@ class BodyPlayer extends Playback {
     gl.uniform3f(this.at("right"), -s, c, 0);
     gl.uniform3f(this.at("above"), -se * c, -se * s, ce);
     if (this.pose) {
-      const [x, y, z] = this.pose.centre, wide = Math.max(this.pose.size / 2 * Math.max(1, 0.8 / aspect), 0.5) / zoom;
+      const [x, y, z] = this.pose.centre, wide = this.wide(aspect) / zoom;
       gl.uniform3f(this.at("centre"), x, y, z);
       gl.uniform1f(this.at("deep"), 4 * this.pose.size);
       gl.uniform2f(this.at("size"), wide, wide * aspect);
