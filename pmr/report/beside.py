@@ -58,20 +58,40 @@ class Beside:
 
     def close(self) -> None:
         """End the process, and what it has started to make pictures."""
-        if self.process is not None and self.process.poll() is None:
+        if self.process is None:
+            return
+        if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait()
+        self._stop_saying()
 
     def _say(self, what: Any) -> None:
-        if self.process is not None:
-            with suppress(BrokenPipeError):  # it has ended already: `write` sees it
-                _send(self.process, what)
+        if self.process is None or self.process.stdin is None or self.process.stdin.closed:
+            return
+        try:
+            with _without_sigpipe():
+                pickle.dump(what, self.process.stdin, protocol=pickle.HIGHEST_PROTOCOL)
+                self.process.stdin.flush()
+        except BrokenPipeError:  # it has ended already: `write` sees it
+            self._stop_saying()
+
+    def _stop_saying(self) -> None:
+        """What was not taken must not be written again when this process ends."""
+        with _without_sigpipe(), suppress(BrokenPipeError):
+            if self.process is not None and self.process.stdin is not None:
+                self.process.stdin.close()
 
 
-def _send(process: subprocess.Popen[bytes], what: Any) -> None:
-    assert process.stdin is not None
-    pickle.dump(what, process.stdin, protocol=pickle.HIGHEST_PROTOCOL)
-    process.stdin.flush()
+@contextmanager
+def _without_sigpipe() -> Iterator[None]:
+    """Writing to a process that is gone raises BrokenPipeError; after PETSc is loaded the signal would end this one."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
+    try:
+        yield
+    finally:
+        if signal.SIGPIPE in signal.sigpending():
+            signal.sigwait({signal.SIGPIPE})
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _saves_time() -> bool:
