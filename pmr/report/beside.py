@@ -127,7 +127,7 @@ def _work() -> None:
         from pmr.report.document import drawn, write_report
 
         results, figures = list[RunResult](), []
-        while isinstance(said := heard.get(), RunResult):
+        while not isinstance(said := heard.get(), tuple):
             results.append(said)
             figures.append(drawn(said, len(results)))
         folder, summaries = said
