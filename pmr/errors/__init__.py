@@ -24,7 +24,7 @@ class InputError(ValueError):
         self.source, self.key, self.value, self.allowed = source, key, value, allowed
         super().__init__(self._line())
 
-    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, Any, str]]:
+    def __reduce__(self) -> tuple[type[InputError], tuple[Any, ...]]:
         # An exception is otherwise rebuilt from its line alone; errors travel between ranks and workers.
         return InputError, (self.source, self.key, self.value, self.allowed)
 
@@ -41,6 +41,17 @@ class InputError(ValueError):
         shown = "" if self.value is None else f" = {text if len(text) <= WIDEST else f'{text[: WIDEST - 3]}...'}"
         where = f"{self.source}: {self.key}{shown}" if self.key else f"{self.source}{shown}"
         return visible(" ".join(f"{where}: {self.allowed}".split()))
+
+
+class NotHeldError(InputError):
+    """Something is free to move; `short` says it in a clause: ``"middle and fly can move along y"``."""
+
+    def __init__(self, source: str, key: str, value: Any, allowed: str, short: str) -> None:
+        super().__init__(source, key, value, allowed)
+        self.short = short
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[Any, ...]]:
+        return NotHeldError, (self.source, self.key, self.value, self.allowed, self.short)
 
 
 class SimulationError(RuntimeError):

@@ -9,7 +9,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from pmr.errors import InputError
+from pmr.errors import InputError, NotHeldError
 from pmr.fem.compat import MPI
 from pmr.fullmodel import free_motions
 from pmr.fullmodel.from_scene import structure_of
@@ -98,7 +98,7 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
         found[name] = made[key]
     if scene.free_motions == "refused" and (free := _free(scene, found)).said:
         allowed = f"{_without_limit(found, free)}; a support that holds it is needed, or 'allowed'"
-        raise free_motions.NotHeldError("scene", "free_motions", scene.free_motions, allowed, free.short)
+        raise NotHeldError("scene", "free_motions", scene.free_motions, allowed, free.short)
     return found
 
 

@@ -14,12 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
 from pmr.models import DIRECTIONS, StructuralModel
@@ -33,14 +31,6 @@ FREE = 1e-7
 #: What is left of a row by less than this share of its terms is round-off: it measures no rigid motion.
 ROUND_OFF = 1e-9
 AXES = "xyz"
-
-
-class NotHeldError(InputError):
-    """Something is free to move; `short` says it in a clause: ``"middle and fly can move along y"``."""
-
-    def __init__(self, source: str, key: str, value: Any, allowed: str, short: str = "") -> None:
-        super().__init__(source, key, value, allowed)
-        self.short = short
 
 
 @dataclass(frozen=True)

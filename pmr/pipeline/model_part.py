@@ -11,11 +11,10 @@ from typing import Any
 from pmr.compare import model_part
 from pmr.compare.accuracy import mesh
 from pmr.compare.model_part import Motion
-from pmr.errors import ConvergenceError, InputError, SimulationError, on_first
+from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
-from pmr.fullmodel.free_motions import NotHeldError
 from pmr.reduction.cache import Cache, cache_in
 from pmr.results import Response
 from pmr.scene import Scene
@@ -62,11 +61,12 @@ def measured(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: Syste
     """``budget.model`` of summary.json; what keeps it from being known stands there as ``reason``; collective."""
     if scene.frame is not None and scene.frame.machine is not None:
         return {"beside": None, "reason": ON_MACHINE}
+    called = "richer model"
     try:
         own, other, called = beside(scene)
         return _part(own, _moved(other, comm, cache, system_of), called, comm, cache, system_of)
     except UNNEEDED as error:
-        return _unknown(error, "shell")
+        return _unknown(error, called)
 
 
 def mesh_measured(

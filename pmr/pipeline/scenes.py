@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pmr.compare import memory
+from pmr.compare import far_off, memory
 from pmr.compare.accuracy import mesh, order
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
@@ -125,6 +125,7 @@ def _run(
     budget |= _measured(bodies, motions, budget, measures)
     if outcome is not None and budget:
         outcome.result.summary["budget"] = budget | outcome.result.summary.get("budget", {})
+        outcome.result.summary["warnings"] += far_off.warnings(bodies.asked, outcome.result.summary["budget"])
     return outcome
 
 

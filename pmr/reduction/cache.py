@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
+from pmr.errors import InputError, NotHeldError
 from pmr.fem.distributed import tall
 from pmr.files import npz
 from pmr.files.whole import NotWrittenError
@@ -36,8 +36,6 @@ Kept = TypeVar("Kept")
 _log = logging.getLogger(__name__)
 
 FORMAT = "pmr-cache"
-#: Key of a scene whose refusals are kept: others may be mended without a change of the scene, by installing a package.
-FREE = "free_motions"
 
 
 @dataclass(frozen=True)
@@ -97,16 +95,15 @@ class Cache:
         That supports and pads leave it free to move is kept, too: to find it takes the full models.
         """
         asked = self._of_system(scene)
-        file, refused = self._file("system", asked), self._file("refused", asked | {"end": scene.time.end})
-        if (known := self._read(refused)) is not None:
-            raise InputError("scene", FREE, scene.free_motions, str(known["allowed"]))
+        file, unheld = self._file("system", asked), self._file("unheld", asked | {"end": scene.time.end})
+        if (known := self._read(unheld)) is not None:
+            raise NotHeldError("scene", "free_motions", scene.free_motions, *map(str, known["said"]))
         found = None if self._read(file) is None else self._loaded_by(System.load, file)
         if found is None:
             try:
                 found = make()
-            except InputError as error:
-                if error.key == FREE:
-                    self._write(refused, {"allowed": np.array(error.allowed)})
+            except NotHeldError as error:
+                self._write(unheld, {"said": np.array([error.allowed, error.short])})
                 raise
             self._write(file, {}, found)
         return found

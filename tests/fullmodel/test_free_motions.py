@@ -14,12 +14,12 @@ import pytest
 from bricks import on_pads
 
 from pmr import scene as scenes
-from pmr.errors import InputError
+from pmr.errors import InputError, NotHeldError
 from pmr.fem.compat import MPI
 from pmr.files.matrices import GivenMatrices, from_matrices
 from pmr.fullmodel import free_motions
 from pmr.fullmodel.build import build_bodies, left_free
-from pmr.fullmodel.free_motions import NotHeldError, Way
+from pmr.fullmodel.free_motions import Way
 from pmr.pipeline import run
 from pmr.scene import Scene
 from pmr.scene.checks import check

@@ -9,11 +9,11 @@ import pytest
 
 import pmr.pipeline.full_order
 import pmr.reduction.bodies
-from pmr.errors import InputError
+from pmr.errors import InputError, NotHeldError
 from pmr.fullmodel.build import build
 from pmr.fullmodel.model import FullModel
 from pmr.pipeline import run
-from pmr.reduction.cache import FREE, cache_in, content_of
+from pmr.reduction.cache import cache_in, content_of
 from pmr.system.system import System
 
 SHORT = ["time.end=0.02", "compare.against=[]"]
@@ -97,15 +97,17 @@ def test_that_a_body_is_free_to_move_is_found_once_for_each_way(load_scene, tmp_
     scene, made = load_scene("evolved_residual", SHORT), list[str]()
     cache = cache_in(tmp_path, build(scene).model)
 
-    def refused(key: str) -> System:
-        made.append(key)
-        raise InputError("scene", key, scene.free_motions, f"{key} is wrong")
+    def refused(kind: type[InputError], *short: str) -> System:
+        made.append(kind.__name__)
+        raise kind("scene", "free_motions", scene.free_motions, "it is free", *short)
 
     longer = scene.model_copy(update={"time": scene.time.model_copy(update={"end": 0.04})})
-    for one, key in ((longer, "body.model"), (scene, FREE), (scene, FREE), (longer, FREE), (longer, FREE)):
-        with pytest.raises(InputError, match=rf"^scene: {key} = 'refused': {key} is wrong$"):
-            cache.system_of(one, lambda key=key: refused(key))
-    assert made == ["body.model", FREE, FREE]
+    for one, kind in ((longer, InputError), *[(one, NotHeldError) for one in (scene, scene, longer, longer)]):
+        short = ["it can turn"] if kind is NotHeldError else []
+        with pytest.raises(kind, match=r"^scene: free_motions = 'refused': it is free$") as error:
+            cache.system_of(one, lambda kind=kind, short=short: refused(kind, *short))
+        assert not short or error.value.short == "it can turn"
+    assert made == ["InputError", "NotHeldError", "NotHeldError"]
 
 
 def test_a_folder_that_cannot_be_is_refused(load_scene, tmp_path: Path) -> None:
