@@ -30,5 +30,5 @@ def part(scene: Scene, response: Response) -> Part:
             found[one.name] = sum(done)
     worst_first = sorted(found, key=lambda name: -found[name])
     rows = [{"name": n, "damage": found[n], "life": 1.0 / found[n] if found[n] > 0.0 else None} for n in worst_first]
-    warnings = [f"{n} fails by fatigue: its damage is {found[n]:.3g}, and 1 is allowed" for n in worst_first[:1]]
-    return Part({"fatigue": rows}, warnings if max(found.values(), default=0.0) > 1.0 else [])
+    failed = [f"{n} fails by fatigue: its damage is {found[n]:.3g}, and 1 is allowed" for n in worst_first[:1]]
+    return Part({"fatigue": rows}, grave=failed if max(found.values(), default=0.0) > 1.0 else [])

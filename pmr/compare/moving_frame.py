@@ -65,7 +65,8 @@ def frame(scene: Scene, system: System, excitation: Excitation, frequencies: Fre
     }
     return Part(
         {"frame": said, "buckling": buckling},
-        [*_warnings(scene.frame.second_order is not False, found), *_in_plane(scene, system)],
+        [*_left_out(scene.frame.second_order is not False, found), *_in_plane(scene, system)],
+        _past_buckling(scene.frame.second_order is not False, found),
     )
 
 
@@ -88,14 +89,17 @@ def _in_plane(scene: Scene, system: System) -> list[str]:
     ]
 
 
-def _warnings(kept: bool, found: Stressed) -> list[str]:
+def _past_buckling(kept: bool, found: Stressed) -> list[str]:
     past = f"the boom is past its buckling load: at {found.at:g} s {found.factor:.3g} of the axial forces bends it "
-    if found.factor <= 1.0:
-        return [past + ("without limit" if kept else "without limit, which is not simulated without second order")]
+    past += "without limit" if kept else "without limit, which is not simulated without second order"
+    return [past] if found.factor <= 1.0 else []
+
+
+def _left_out(kept: bool, found: Stressed) -> list[str]:
     size = f"by {100.0 * found.share:.2g} % at {found.share_at:g} s"
     left_out = f"second order is left out: axial forces and the frame's speed change the stiffness {size}, so static "
     left_out += "deflections are off by as much, vibrations drift out of phase; frame.second_order = true includes it"
-    return [] if kept or not found.matters else [left_out]
+    return [] if kept or found.factor <= 1.0 or not found.matters else [left_out]
 
 
 def _ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:

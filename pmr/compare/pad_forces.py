@@ -41,8 +41,8 @@ def part(scene: Scene, system: System, response: Response) -> Part:
         figures["pads"] = [{"name": name, **one.summary()} for name, one in pad_loads(scene, response).items()]
     if joined:
         figures["cylinders"] = list(_cylinders(scene, system, response))
-    warnings = pulled(scene, system.contacts, response) + _kinked(figures.get("cylinders", ()))
-    return Part(figures | reactions(scene, response, along), warnings + unknown(scene, response) + missing(scene))
+    warnings = _kinked(figures.get("cylinders", ())) + unknown(scene, response) + missing(scene)
+    return Part(figures | reactions(scene, response, along), warnings, pulled(scene, system.contacts, response))
 
 
 def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:

@@ -69,4 +69,4 @@ def part(scene: Scene, response: Response) -> Part:
                 f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "
                 "rope that pulls the section in"
             )
-    return Part({"ropes": said} if said else {}, slack)
+    return Part({"ropes": said} if said else {}, grave=slack)

@@ -22,14 +22,19 @@ from pmr.system.system import System
 
 @dataclass(frozen=True)
 class Part:
-    """Figures by their keys in summary.json, and warnings, a line each."""
+    """Figures by their keys in summary.json, and warnings, a line each.
+
+    `grave` are those of what does not hold, or makes a figure useless: they come before those of how far figures are
+    off.
+    """
 
     figures: Mapping[str, Any] = field(default_factory=dict)
     warnings: Sequence[str] = ()
+    grave: Sequence[str] = ()
 
 
-def combined(parts: Iterable[Part]) -> dict[str, Any]:
-    """All figures, and all warnings in the order of the parts under ``warnings``.
+def combined(parts: Sequence[Part]) -> dict[str, Any]:
+    """All figures, and under ``warnings`` all warnings: grave ones first, each kind in the order of the parts.
 
     Raises ValueError if two parts have figures of the same key.
     """
@@ -39,7 +44,12 @@ def combined(parts: Iterable[Part]) -> dict[str, Any]:
             raise ValueError(f"two parts of a summary have {', '.join(sorted(twice))}")
         summary |= part.figures
         warnings += part.warnings
-    return summary | {"warnings": warnings + remarks(summary)}
+    return summary | {"warnings": [*grave(parts), *remarks(summary), *warnings]}
+
+
+def grave(parts: Iterable[Part]) -> list[str]:
+    """The grave warnings of all parts."""
+    return [line for part in parts for line in part.grave]
 
 
 def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
@@ -119,7 +129,8 @@ def sampling(excitation: Excitation) -> Part:
 
 def reliability(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Part:
     """References that are `missing`, and whether the reduced motion can be relied on."""
-    return Part({"no_reference": dict(missing)}, trust.warnings(missing, responses["reduced"]))
+    absent, doubted = trust.absent(missing), trust.doubted(responses["reduced"])
+    return Part({"no_reference": dict(missing)}, absent, doubted)
 
 
 def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
@@ -132,4 +143,4 @@ def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
         for name, region in body.body.regions.items()
         if region.material is not None
     }
-    return Part(warnings=[*trust.unusual(materials), *trust.large_motion(length, responses.values())])
+    return Part(grave=[*trust.unusual(materials), *trust.large_motion(length, responses.values())])

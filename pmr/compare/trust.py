@@ -39,9 +39,14 @@ def distrust(response: Response) -> str | None:
     return f"{described(response.surplus)}: {CAUSES}"
 
 
-def warnings(missing: Mapping[str, str], reduced: Response) -> list[str]:
-    """What a user should know of the references that are `missing`, with the reason, and of the reduced motion."""
-    found = [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in missing.items()]
+def absent(missing: Mapping[str, str]) -> list[str]:
+    """A line for each reference that is `missing`, with the reason."""
+    return [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in missing.items()]
+
+
+def doubted(reduced: Response) -> list[str]:
+    """A line for each reason why the reduced motion is not to be trusted."""
+    found = []
     if reduced.surplus > NOTABLE:
         found.append(f"the reduced model's motion is not to be trusted: {distrust(reduced)}")
     if (share := ringing(reduced.slider_force)) > RINGING:

@@ -32,7 +32,7 @@ def utilisation(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part
         return Part()
     used = found["reduced"]
     over = f"the largest stress is {used['value']:.3g} times the yield stress, but the model stays elastic"
-    return Part({"utilisation": found}, [over] * (used["value"] > 1.0))
+    return Part({"utilisation": found}, grave=[over] * (used["value"] > 1.0))
 
 
 def masses(known: Mapping[str, Any]) -> Part:

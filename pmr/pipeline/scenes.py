@@ -12,7 +12,7 @@ from pmr.compare.accuracy import mesh, order
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
 from pmr.compare.second_order import decided as with_order
-from pmr.compare.summary import Part, combined, origin, reliability, simulated, theory
+from pmr.compare.summary import Part, combined, grave, origin, reliability, simulated, theory
 from pmr.compare.way import in_frequency
 from pmr.errors import InputError, environment, on_first
 from pmr.errors.environment import Clock
@@ -39,10 +39,14 @@ STAGES = ("assemble", "snapshots", "pod", "reduce", "machine", "recover", "estim
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a run, and the system of its reduced bodies; a run returns it on rank 0."""
+    """Result of a run, and the system of its reduced bodies; a run returns it on rank 0.
+
+    So many of its warnings are `grave`: they come first.
+    """
 
     result: RunResult
     system: System
+    grave: int = 0
 
     @property
     def reduced(self) -> Any:
@@ -125,7 +129,8 @@ def _run(
     budget |= _measured(bodies, motions, budget, measures)
     if outcome is not None and budget:
         outcome.result.summary["budget"] = budget | outcome.result.summary.get("budget", {})
-        outcome.result.summary["warnings"] += far_off.warnings(bodies.asked, outcome.result.summary["budget"])
+        further = far_off.warnings(bodies.asked, outcome.result.summary["budget"])
+        outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # before hints
     return outcome
 
 
@@ -172,7 +177,8 @@ def _outcome(
         tip_error,
     )
     made_from = bodies.asked.recorded | {"versions": result.summary["versions"]}
-    return Outcome(result, replace(system, provenance=made_from) if system.terms or ALONE not in built else system)
+    recorded = replace(system, provenance=made_from) if system.terms or ALONE not in built else system
+    return Outcome(result, recorded, len(grave(parts)))
 
 
 def _measured(bodies: Bodies, motions: Motions, known: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:

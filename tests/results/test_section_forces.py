@@ -85,12 +85,12 @@ def test_each_region_is_compared_with_its_own_yield_stress() -> None:
     stresses = {"middle": record(top=300e6, bottom=200e6)}
     assert utilisation(plain, stresses).figures == {}
     found = utilisation(scene, stresses)
-    assert found.figures["utilisation"]["reduced"]["region"] == "top" and not found.warnings
+    assert found.figures["utilisation"]["reduced"]["region"] == "top" and not found.grave
     softer = with_region(scene, "bottom", 180e6)
     found = utilisation(softer, stresses)
     assert found.figures["utilisation"]["reduced"]["region"] == "bottom"
     assert found.figures["utilisation"]["reduced"]["value"] == pytest.approx(200.0 / 180.0)
-    assert len(found.warnings) == 1 and "1.11 times the yield stress" in found.warnings[0]
+    assert len(found.grave) == 1 and "1.11 times the yield stress" in found.grave[0]
     stiffer = with_region(scene, "top", 900e6)
     assert utilisation(stiffer, stresses).figures["utilisation"]["reduced"]["region"] == "bottom"
 
