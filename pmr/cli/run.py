@@ -112,21 +112,21 @@ def run(
         environment.check_installed("dolfinx")
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])
+    from pmr.report.beside import drawn_beside
     from pmr.results import RESULT_FILES
 
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
         ensure_writable(where, RESULT_FILES)
-    with environment.uncollected():
-        import numpy as np
+    outcomes = []
+    with drawn_beside() as report:
+        with environment.uncollected():
+            import numpy as np
 
-        from pmr.errors.environment import Clock
-        from pmr.files.users import users_folder
-        from pmr.pipeline import run as run_scene
-        from pmr.report.beside import drawn_beside
-    gc.freeze()  # what is loaded stays: later looks for garbage need not go through it
-
-    first, outcomes = rank() == 0, []
-    with drawn_beside(wanted=first) as report:
+            from pmr.errors.environment import Clock
+            from pmr.files.users import users_folder
+            from pmr.pipeline import run as run_scene
+        gc.freeze()  # what is loaded stays: later looks for garbage need not go through it
+        first = rank() == 0
         for name, file, scene in loaded:
             where = folder if len(loaded) == 1 else folder / name
             checkpoint = where / f"full-{scene.hash}.checkpoint"

@@ -25,6 +25,8 @@ from pmr.errors import InputError, SimulationError, plugins
 MEMINFO = Path("/proc/meminfo")
 #: Each launcher's name for the number of processes that it started.
 LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
+#: What Open MPI does in a process that no launcher started: no daemon, no networks.
+UNLAUNCHED = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1"}
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
 _NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
@@ -113,6 +115,22 @@ def available_memory() -> int | None:
         line = next(line for line in MEMINFO.read_text().splitlines() if line.startswith("MemAvailable:"))
         return int(line.split()[1]) * 1024
     return None
+
+
+@contextmanager
+def unlaunched() -> Iterator[None]:
+    """Let MPI start without looking for others, where no launcher started this process.
+
+    Open MPI would start a daemon for processes yet to come, and look for fast networks to them: 0.3 s.  What is set by
+    the user stays, and nothing is set for processes that are started later.
+    """
+    names = [] if launched() > 1 else [name for name in UNLAUNCHED if name not in os.environ]
+    os.environ.update({name: UNLAUNCHED[name] for name in names})
+    try:
+        yield
+    finally:
+        for name in names:
+            del os.environ[name]
 
 
 def launched() -> int:

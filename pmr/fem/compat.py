@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from pmr.errors.environment import check_temporary, launched
+from pmr.errors.environment import check_temporary, launched, unlaunched
 
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
@@ -39,7 +39,8 @@ if HAS_PETSC:
     import petsc4py
 
     # PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.
-    petsc4py.init(["pmr", "-no_signal_handler"])
+    with unlaunched():
+        petsc4py.init(["pmr", "-no_signal_handler"])
 
 try:
     if not HAS_PETSC:

@@ -41,6 +41,18 @@ def test_every_blas_computes_by_the_kernel_that_was_asked_for() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("launched", [1, 2])
+def test_what_lets_mpi_start_alone_is_gone_afterwards(monkeypatch: pytest.MonkeyPatch, launched: int) -> None:
+    """A launcher that is started later would hand it on to processes that do need networks."""
+    monkeypatch.setattr(environment, "launched", lambda: launched)
+    monkeypatch.setenv("OMPI_MCA_pml", "as the user has it")
+    monkeypatch.delenv("OMPI_MCA_ess_singleton_isolated", raising=False)
+    before = dict(os.environ)
+    with environment.unlaunched():
+        assert os.environ == before | ({} if launched > 1 else {"OMPI_MCA_ess_singleton_isolated": "1"})
+    assert os.environ == before
+
+
 def test_where_temporary_files_can_not_be_written_one_line_says_so(tmp_path: Path) -> None:
     """Before MPI starts, whose own way to say it takes pages."""
     start = "import os, sys; os.environ['TMPDIR'] = sys.argv.pop(); from pmr.cli import main; main()"

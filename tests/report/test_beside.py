@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import signal
-import subprocess
-import sys
+from multiprocessing import get_context
+from multiprocessing.connection import Pipe
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from waiting import PATIENCE
 
+from pmr.errors import environment
 from pmr.report import beside
 from pmr.report.beside import Beside, drawn_beside
 from pmr.report.document import dated, page
@@ -34,33 +37,36 @@ def test_the_page_is_the_same_with_what_was_measured_last(boom: RunResult, tmp_p
         report.draw(result)
         summary["budget"] = MEASURED
         written = report.write([result], tmp_path)
-        assert report.process.returncode == 0
+        assert report.process.exitcode == 0
     alone = page([chapter(result, "case-1")], dated("Simulation report", [summary]))
     assert "this says so last" in alone
     assert written.html.read_text(encoding="utf-8") == alone
     assert written.pdf.read_bytes().startswith(b"%PDF-")
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("apart")
 def test_no_process_is_left() -> None:
     with drawn_beside() as report:
         left = report.process
-        left.stdin.close()  # as the system does with whatever ends its parent
-        assert left.wait(PATIENCE) == -signal.SIGKILL
+        report.there.close()  # as the system does with whatever ends its parent
+        left.join(PATIENCE)
+        assert left.exitcode == -signal.SIGKILL
     with pytest.raises(KeyboardInterrupt), drawn_beside() as report:
         left = report.process
         raise KeyboardInterrupt
-    assert left.returncode == -signal.SIGKILL
+    assert left.exitcode == -signal.SIGKILL
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_where_the_process_ends_this_one_writes_the_report(boom: RunResult, tmp_path: Path) -> None:
-    gone = subprocess.Popen([sys.executable, "-S", "-c", "raise SystemExit(1)"], stdin=subprocess.PIPE)
-    gone.wait()
+    gone = get_context("fork").Process(target=os._exit, args=(1,))
+    heard, there = Pipe(duplex=False)
+    gone.start()
+    gone.join(PATIENCE)
+    heard.close()
     signals = list[int]()
     before = signal.signal(signal.SIGPIPE, lambda number, _: signals.append(number))
-    report = Beside(gone)
+    report = Beside(gone, there)
     report.draw(boom)
     report.close()
     signal.signal(signal.SIGPIPE, before)
@@ -68,3 +74,15 @@ def test_where_the_process_ends_this_one_writes_the_report(boom: RunResult, tmp_
     assert report.write([boom], tmp_path).html.read_text(encoding="utf-8").startswith("<!doctype html>")
     with drawn_beside(wanted=False) as none:
         assert none.process is None
+
+
+@pytest.mark.parametrize("loaded", ["", *beside.TOO_LATE])
+@pytest.mark.parametrize(("launched", "cores", "threads"), [(1, 2, 1), (2, 2, 1), (1, 1, 1), (1, 2, 2)])
+def test_a_process_is_copied_only_where_it_is_alone(
+    monkeypatch: pytest.MonkeyPatch, loaded: str, launched: int, cores: int, threads: int
+) -> None:
+    monkeypatch.setattr(environment, "launched", lambda: launched)
+    monkeypatch.setattr(environment, "cores", lambda: cores)
+    monkeypatch.setattr(beside.threading, "active_count", lambda: threads)
+    monkeypatch.setattr(beside, "sys", SimpleNamespace(platform="linux", modules={loaded: beside}))
+    assert beside._saves_time() == ((loaded, launched, cores, threads) == ("", 1, 2, 1))
