@@ -10,7 +10,7 @@ PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt requ
 APT := python3-dolfinx-real python3-petsc4py-real python3-slepc4py-real openmpi-bin libopenblas0-serial \
        gcc libc6-dev python3-dev python3-venv \
        libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 libgl1 libegl1 fonts-dejavu-core \
-       libglu1-mesa libxft2 libxcursor1 libxinerama1 libxfixes3 libxrender1 libgomp1
+       libglu1-mesa libxft2 libxcursor1 libxinerama1 libxfixes3 libxrender1 libgomp1 $(and $(filter true,$(CI)),calculix-ccx)
 
 # Nothing of the caller's Python or PETSc may leak in: Debian's petsc4py dies beside a NumPy 2 of the user's own.
 unexport PYTHONPATH PYTHONHOME PETSC_DIR PETSC_ARCH SLEPC_DIR PIP_USER PIP_TARGET PIP_PREFIX
@@ -121,8 +121,8 @@ docs-check: setup .venv/.docs ## the same without executing the examples, which 
 	@.venv/bin/python -m sphinx -q -W --keep-going -b html -D plot_gallery=0 docs docs/_build/check
 
 .PHONY: manual
-manual: ## commands and Python of the manual, from a wheel in fresh environments (Python 3.12 or newer)
-	@.ci/manual "$(PYTHON312)"
+manual: ## commands and Python of the manual, from a wheel in fresh environments (Python 3.12; LONG=--long for all)
+	@.ci/manual "$(PYTHON312)" $(LONG)
 
 # $(call both,TARGETS,ON_RANKS): TARGETS on two cores at once. Whichever is through with a target goes on with the next one
 # that nobody has begun, so that no core waits; what the other one says is shown at the end. Then ON_RANKS one by one: ranks
