@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.decimation import onto
+from pmr.report.numbers import NOTHING
 from pmr.report.subject import alone
 from pmr.results import Response, RunResult
 from pmr.results.convention import outputs_of
@@ -90,6 +91,14 @@ def differ(result: RunResult, what: Quantity) -> float:
     own = result.responses["reduced"]
     others = [onto(own.t, one.t, what(one)) for name, one in result.responses.items() if name != "reduced"]
     return max((float(np.abs(other - what(own)).max()) for other in others), default=0.0)
+
+
+def unseen(result: RunResult) -> float:
+    """Share of a quantity's largest value up to which models that differ have no panel for it: the step's error is as
+    large, or it is nothing to look at.
+    """
+    step = result.summary.get("step") or {}
+    return max(NOTHING, *(step.get(place) or 0.0 for place in ("tip", "beam")))
 
 
 def _floor(result: RunResult) -> float:

@@ -71,7 +71,7 @@ def _errors(result: RunResult) -> Iterator[Row]:
         for place in (*(p for p in PLACES if p in errors[pair]), *(p for p in errors[pair] if p not in PLACES)):
             here, called = float(errors[pair][place]), names.get(place, place)
             other = printed.get(pair, {}).get(place)
-            row = Row(comparison, called, percent(here))
+            row = Row(comparison, called, _percent(here))
             if other is not None:
                 row = _compared(comparison, called, here, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
@@ -97,7 +97,7 @@ def _of_sections(result: RunResult) -> Iterator[Row]:
     """Along each section of a boom."""
     for one in result.summary.get("sections", ()):
         if "errors" in one:
-            yield Row("reduced against full", one["name"], percent(one["errors"]["reduced_vs_full"]["beam"]))
+            yield Row("reduced against full", one["name"], _percent(one["errors"]["reduced_vs_full"]["beam"]))
 
 
 def _estimated(result: RunResult) -> Iterator[Row]:
@@ -105,11 +105,16 @@ def _estimated(result: RunResult) -> Iterator[Row]:
     found, names = result.summary.get("estimate", {}), places_called(result)
     for place in PLACES:
         if found.get(place) is not None:
-            yield Row("estimated without the full model", names.get(place, place), percent(found[place]))
+            yield Row("estimated without the full model", names.get(place, place), _percent(found[place]))
     accuracy = result.summary.get("accuracy", {})
     if accuracy.get("tolerance") is not None:
         places = ", ".join(names.get(place, place) for place in accuracy["outputs"])
         yield Row("allowed", places, percent(accuracy["tolerance"]))
+
+
+def _percent(error: float) -> str:
+    """An error in per cent; of one below `TINY` what it is."""
+    return "round-off" if 0.0 < error < TINY else percent(error)
 
 
 def _norm(unit: str, value: float) -> str:

@@ -24,12 +24,12 @@ Rows = Iterator[tuple[str, str]]
 #: What the largest force of a kind is called; those of points that slide are pads without faces.
 CALLED = {
     "pad": "largest pad force",
-    "cylinder": "largest cylinder force",
+    "cylinder": "largest force of a cylinder that extends",
     "rope": "largest rope force",
     "support": "largest force of a support",
     "moment": "largest moment of a support",
-    "force on the machine": "largest force of all supports together",
-    "moment on the machine": "largest moment of all supports, about the pivot",
+    "force on the machine": "largest force of the boom on its machine",
+    "moment on the machine": "largest moment of the boom on its machine, about the pivot",
     "force on the ground": "largest force of the machine on the ground",
     "moment on the ground": "largest moment of the machine on the ground",
 }
@@ -53,31 +53,46 @@ def tables(result: RunResult) -> tuple[Table, ...]:
 
 
 def carried(result: RunResult) -> Rows:
-    """What it carries: stress, forces of each kind, deflection, frequency."""
+    """What it carries: first whether it holds, then how far it gives and how it vibrates, then forces of each kind."""
     summary = result.summary
-    if (largest := summary.get("max_von_mises", {}).get("reduced")) is not None:
-        where, peak = sentences.where_the_peak_is(result, "reduced"), summary.get("stress_peak", {}).get("reduced")
-        said = f", {where}{_raised(result, peak['t'])}" if where else ""
-        yield "largest von Mises stress", f"{quantity(largest, 'Pa')}{said}"
-    else:
-        yield "stress", "not computed: a table [recovery] asks for it"
-    if (used := summary.get("utilisation", {}).get("reduced")) is not None:
-        where = used["section"] and f", {used['section']}"
-        at = f"{_rounded(used['position'][0])}{SPACE}m from the tail, at {_rounded(used['t'])}{SPACE}s"
-        at += _raised(result, used["t"])
-        limit = f"{percent(used['value'])} of {quantity(used['yield'], 'Pa')}"
-        yield "largest stress over yield stress", f"{limit}{where}, {at}"
+    yield from _stress(result)
     if found := summary.get("fatigue"):
         life = "" if found[0]["life"] is None else f", endured {significant(found[0]['life'])} times"
         yield "largest damage by fatigue", f"{significant(found[0]['damage'])}, {found[0]['name']}{life}"
-    yield from _forces(result)
-    yield from _luffing(result)
-    yield from _deflection(result)
-    yield from _moved(result)
-    yield from _lowest(result)
     if (found := summary.get("buckling", {})).get("factor") is not None:
         when = f"at {_rounded(found['t'])}{SPACE}s{_raised(result, found['t'])}"
         yield "buckling factor", f"{significant(found['factor'])}, {when}"
+    yield from _deflection(result)
+    yield from _lowest(result)
+    yield from _luffing(result)
+    yield from _forces(result)
+    yield from _moved(result)
+
+
+def _stress(result: RunResult) -> Rows:
+    """The largest stress with its share of the yield stress; in two rows where they are not of the same place."""
+    summary = result.summary
+    largest = summary.get("max_von_mises", {}).get("reduced")
+    if largest is None:
+        yield "stress", "not computed: a table [recovery] asks for it"
+        return
+    peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
+    said = quantity(largest, "Pa")
+    share = f"{percent(used['value'])} of the yield stress of {quantity(used['yield'], 'Pa')}" if used else ""
+    if used and used["stress"] == largest:
+        said, peak, used = f"{said}, {share}", used, None
+    yield "largest von Mises stress", said if peak is None else f"{said}, {_stressed_at(result, peak)}"
+    if used:
+        yield "largest stress over yield stress", f"{share}, {_stressed_at(result, used)}"
+
+
+def _stressed_at(result: RunResult, peak: Mapping[str, Any]) -> str:
+    """Where a section is stressed so, and when."""
+    of = sentences.part_of(peak)
+    of = f"{of}, " if of else ""
+    return f"{of}{_rounded(peak['position'][0])}{SPACE}m from the tail, at {_rounded(peak['t'])}{SPACE}s" + _raised(
+        result, peak["t"]
+    )
 
 
 def _forces(result: RunResult) -> Rows:
@@ -103,7 +118,7 @@ def _forces(result: RunResult) -> Rows:
     }
     for kind, called in CALLED.items():
         if kind == "support" and _raising(result):
-            called += ", but for the luffing cylinder's"
+            called = "largest force of another support"
         if found := listed.get(kind):
             name, one = max(found.items(), key=lambda named: max(named[1]["max"], -named[1]["min"]))
             end = "max" if one["max"] >= -one["min"] else "min"
@@ -161,7 +176,10 @@ def _largest(result: RunResult, kind: str, called: str) -> Rows:
     step, k = np.unravel_index(int(np.argmax(np.abs(forces[:, columns]))), (len(forces), len(columns)))
     value = float(forces[step, columns[k]])
     if abs(value) > ROUND_OFF * float(np.abs(forces).max(initial=0.0)):
-        yield called, f"{quantity(value, 'N')}, {_force_of(outputs[columns[k]].name)}, {_when(result, int(step))}"
+        name = _force_of(outputs[columns[k]].name)
+        way = f" {'pushes' if value > 0.0 else 'pulls'}" if kind == "cylinder" else ""
+        shown = abs(value) if way else value
+        yield called, f"{quantity(shown, 'N')}, {name}{way}, {_when(result, int(step))}"
 
 
 def _force_of(name: str) -> str:
@@ -176,7 +194,7 @@ def _luffing(result: RunResult) -> Rows:
         when = _moment(result, force[f"t_{end}"], force[f"s_{end}"])
         stroke = between(length["min"], length["max"], f"{SPACE}m long")
         way = "pushes" if end == "max" else "pulls"
-        yield "luffing cylinder, along itself", f"{quantity(abs(force[end]), 'N')}, it {way}, {when}; {stroke}"
+        yield "largest force of the luffing cylinder", f"{quantity(abs(force[end]), 'N')}, it {way}, {when}; {stroke}"
 
 
 def _deflection(result: RunResult) -> Rows:
@@ -185,7 +203,8 @@ def _deflection(result: RunResult) -> Rows:
     for direction, values in sizes.items():
         step = int(np.argmax(np.abs(values)))
         called = f"largest deflection of the tip, {across(result, direction)}"
-        yield called, f"{length(float(values[step]))}, {_when(result, step)}"
+        way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(values[step] > 0.0)]
+        yield called, f"{length(abs(float(values[step])))} {way}, {_when(result, step)}"
 
 
 def _moved(result: RunResult) -> Rows:

@@ -7,9 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.numbers import SPACE, plain, quantity, significant
+from pmr.report import space
+from pmr.report.columns import lines
+from pmr.report.decimation import spread
+from pmr.report.numbers import MINUS, SPACE, plain, quantity, significant
 from pmr.report.parameters import by_face, doubled, framed, stiff, tapered
-from pmr.report.subject import is_raised, length, loads_as_asked, moving, rings_of, spoken
+from pmr.report.subject import Acting, is_raised, length, loads_as_asked, moving, rings_of, spoken
 from pmr.results import RunResult
 from pmr.scene.built import Support
 from pmr.scene.choice import model_of
@@ -19,6 +22,7 @@ from pmr.scene.names import named
 from pmr.scene.parts import OneBody
 
 Array = NDArray[np.float64]
+PLACES = 400  # at which the way of a tip is looked at
 Rows = Iterator[tuple[str, str]]
 
 
@@ -28,7 +32,7 @@ def rows(result: RunResult) -> Rows:
     yield from _masses(result)
     yield from _held(result)
     for load in loads_as_asked(result):
-        yield named(load.body, load.name), f"{_range(load.values, load.unit)} {load.where}"
+        yield named(load.body, load.name), _acting(load)
     scene = result.scene
     yield "weight of the boom", _weight(result)
     if scene.frame is not None:
@@ -44,7 +48,25 @@ def rows(result: RunResult) -> Rows:
     elif moving(result) == "mouth":
         low, high = scene.path_bounds
         yield "out of its mouth", between(length(result) - high, length(result) - low, f"{SPACE}m")
+    yield from _tip(result)
     yield "time", f"{plain(scene.time.end)}{SPACE}s"
+
+
+def _tip(result: RunResult) -> Rows:
+    """Where the tip of a boom that is raised comes to, from the pivot."""
+    response = result.responses["reduced"]
+    if lines(result, response) and (result.scene.frame is not None or is_raised(result)):
+        out, up = space.axes(result, spread(len(response.t), PLACES))[-1].side[:, -1].T
+        far, high = (between(float(one.min()), float(one.max()), f"{SPACE}m") for one in (out, up))
+        yield "tip from the pivot", f"{far} out, {high} up"
+
+
+def _acting(load: Acting) -> str:
+    """How large a load is at most, where, and along which axis, against which where it acts against it alone."""
+    where, _, axis = load.where.rpartition(" along ")
+    if load.values.min(initial=0.0) < 0.0 and load.values.max(initial=0.0) <= 0.0:
+        return f"{_range(-load.values, load.unit)} {where} along {MINUS}{axis}"
+    return f"{_range(load.values, load.unit)} {load.where}"
 
 
 def _range(values: Array, unit: str) -> str:
@@ -134,7 +156,9 @@ def _masses(result: RunResult) -> Rows:
         for mass in part.masses:
             yield named(name, mass.name), f"{plain(mass.mass)}{SPACE}kg on {mass.on}"
     if found := result.summary.get("masses"):
-        yield "total mass", _kg(sum(one["mass"] + one["attached"] for one in found))
+        attached = ", ".join(mass.name for part in result.scene.bodies.values() for mass in part.masses)
+        of = f" with {attached}" if attached else ""
+        yield "total mass", _kg(sum(one["mass"] + one["attached"] for one in found)) + of
 
 
 def _held(result: RunResult) -> Rows:

@@ -20,7 +20,7 @@ from pmr.report import (
     subject,
 )
 from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, drawing
-from pmr.report.columns import differ, is_round_off, lines, not_drawn, tips
+from pmr.report.columns import differ, is_round_off, lines, not_drawn, tips, unseen
 from pmr.report.errors import compared, error_table
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import budget, captions, histories, inputs, shapes, sketch, spectra
@@ -34,8 +34,6 @@ from pmr.report.subject import across, alone, loads, moving
 from pmr.results import RunResult
 from pmr.scene.names import named
 
-#: Of the tip's largest displacement: models that are nearer to each other along a direction are the same there.
-SAME = 1e-6
 Show = Callable[[RunResult, str], Block | None]
 
 
@@ -134,16 +132,16 @@ def tip(result: RunResult, prefix: str) -> Block:
             still.append(direction)
             continue
         anchor, called, label = f"{prefix}-tip-{direction}", across(result, direction), f"Tip {direction}"
-        if 0.0 < (apart := differ(result, what)) <= SAME * largest:
+        if 0.0 < (apart := differ(result, what)) <= unseen(result) * largest:
             caption = captions.tip_alone(result, called, what, apart)
             rows.append((drawing(anchor, histories.alone, caption, result, what, label, "m"),))
-            continue
-        caption = captions.tip(result, called, what)
-        rows.append((drawing(anchor, histories.history, caption, result, what, label, "m", what),))
-        if result.tip_error is not None:
+        else:
+            caption = captions.tip(result, called, what)
+            rows.append((drawing(anchor, histories.history, caption, result, what, label, "m", what),))
+        wide = np.zeros(1) if result.tip_error is None else result.tip_error[:, number]
+        if max(float(wide.max()), apart) > unseen(result) * largest and result.tip_error is not None:
             inside = ", with the difference to the full model in it" if "full" in result.responses else ""
             said = f"Estimated error of the tip, {called}{inside}."
-            wide = result.tip_error[:, number]
             rows.append((drawing(f"{prefix}-band-{direction}", histories.band, said, result, what, wide),))
     return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(still))
 

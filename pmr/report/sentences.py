@@ -75,7 +75,9 @@ def estimate(result: RunResult) -> str:
         return f"The error can't be estimated without the full model: {found['reason']}."
     kinds = {"tip": "at the tip", "beam": along(result), "pad_force": f"in the {forces_called(result)}"}
     kinds["cylinder_force"] = "in the cylinder forces"
-    *first, last = (f"{percent(found[kind])} {of}" for kind, of in kinds.items() if found.get(kind) is not None)
+    errors = {kind: found[kind] for kind in kinds if found.get(kind) is not None}
+    worth = [kind for kind, error in errors.items() if error >= TINY or kind in ("tip", "beam")]
+    *first, last = (f"{percent(errors[kind])} {kinds[kind]}" for kind in worth)
     said = f"The estimate, which needs no full model, is {', '.join(first)} and {last}"
     if found.get("probe") is not None:
         said = f"{said}, and at most {percent(found['probe'])} of what a probe measures"
@@ -258,11 +260,16 @@ def where_the_peak_is(result: RunResult, simulator: str) -> str:
 
 def where(peak: Mapping[str, Any]) -> str:
     """Time and place of a largest von Mises stress, of a boom with its section."""
+    of = part_of(peak)
+    of = f", {of}" if of else ""
+    return f"at {peak['t']:.2f}{SPACE}s and {_place(peak['position'])}{of}{_others(peak.get('shared', ()))}"
+
+
+def part_of(peak: Mapping[str, Any]) -> str:
+    """On which face or corner of which region and section a largest stress is; empty of a body without any."""
     face = peak.get("face", "")
-    on = f", {face} {'corner' if ' ' in face else 'face'}" if face else ""
-    of = f" of {peak['region']}" if peak.get("region") else ""
-    of += f" of {peak['section']}" if peak.get("section") else ""
-    return f"at {peak['t']:.2f}{SPACE}s and {_place(peak['position'])}{on}{of}{_others(peak.get('shared', ()))}"
+    on = f"{face} {'corner' if ' ' in face else 'face'}" if face else ""
+    return " of ".join(filter(None, (on, peak.get("region"), peak.get("section"))))
 
 
 def _others(places: Sequence[Sequence[float]]) -> str:

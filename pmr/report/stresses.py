@@ -7,7 +7,7 @@ from typing import Any
 
 from pmr.report import sentences
 from pmr.report.blocks import Block, Grid, drawing
-from pmr.report.figures import envelopes
+from pmr.report.figures import captions, envelopes
 from pmr.report.figures import forces as figures
 from pmr.report.numbers import NOTHING, SPACE, plain, quantity, significant, unit_for
 from pmr.results import RunResult
@@ -21,7 +21,7 @@ def stress(result: RunResult, prefix: str) -> Block | None:
     for number, (name, body) in enumerate(result.bodies.items()):
         if "reduced" not in body.peak_stress:
             continue
-        below = "; below, the difference to the full model" if "full" in body.peak_stress else ""
+        below = captions.beside(result, figures.stresses(result, body), "below, the difference")
         peak = parts.get(name, result.summary).get("stress_peak", {}).get("reduced")
         dot = f" The dot is the largest of all, {sentences.where(peak)}." if peak else ""
         caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"

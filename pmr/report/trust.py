@@ -14,6 +14,15 @@ from pmr.results import RunResult
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
 
+#: What a model's part states over a run, as rows call it.
+PARTS = {
+    "beam": "displacements",
+    "largest": "largest displacement",
+    "pad_force": "pad forces",
+    "cylinder_force": "cylinder forces",
+    "support_force": "supports",
+    "frequency": "lowest frequencies",
+}
 #: What measures what the mesh takes.
 NO_MESH = "not known: a run with [accuracy] measures it"
 #: Bars begin at this error.
@@ -29,7 +38,7 @@ def table(result: RunResult) -> Table:
     errors = summary.get("errors", {}).get("reduced_vs_full", {})
     model, mesh = budget.get("model") or {}, budget.get("mesh")
     shares = {
-        "model": _largest(model.get("beam"), model.get("frequency")) if model.get("beside") else None,
+        "model": max(_off(model).values(), default=None),
         "mesh": mesh.get("beam") if isinstance(mesh, dict) else mesh,
         "time step": step.get("beam"),
         "reduction": errors.get("beam", estimate.get("beam")),
@@ -44,29 +53,31 @@ def table(result: RunResult) -> Table:
     decades = max(ceil(log10(max(known.values(), default=1.0) / LEAST) - 1e-9), 5)
     walls = [WALLS] if _stressed_beams(result) else []
     missing = {
-        "what the model leaves out": model.get("not_covered") or walls,
-        "what the estimate leaves out": estimate.get("not_covered") or (),
-        "what was not looked at": _between(result),
+        "not in the model's bar": model.get("not_covered") or walls,
+        "not in the reduction's bar": estimate.get("not_covered") or (),
+        "not looked at": _between(result),
     }
     rows = (*said.items(), *((name, "; ".join(dict.fromkeys(parts))) for name, parts in missing.items() if parts))
     bars = {name: min(max(log10(share / LEAST) / decades, 0.01), 1.0) for name, share in known.items()}
     top = f"{plain(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
-    note = f"Errors of displacements {along(result)}; forces and stresses may be further off. Bars go from "
-    note += f"{plain(100.0 * LEAST)}{SPACE}% to {top}, and each mark is ten times the one before."
+    note = f"How far off figures are, from small on the left to large: {plain(100.0 * LEAST)}{SPACE}% to {top}, ten "
+    note += f"times as much from mark to mark. Of mesh, time step and reduction displacements {along(result)}; "
+    note += "forces and stresses may be further off."
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
-
-
-def _largest(*shares: float | None) -> float | None:
-    return max((share for share in shares if share is not None), default=None)
 
 
 def _model(found: Mapping[str, Any]) -> str:
     if found.get("beside") is None:
         reason = found.get("reason") or "compare.richer measures it"
         return reason if reason.startswith("not ") else f"not known: {reason}"
-    moved, frequency = _percent(found.get("beam")), _percent(found.get("frequency"))
-    parts = (f"{moved} over the run" if moved else "", f"lowest frequencies {frequency}" if frequency else "")
-    return ", ".join(filter(None, (*parts, f"beside {MODELS[found['beside']]}")))
+    off = _off(found)
+    parts = [f"{called} {percent(off[called])}" for called in sorted(off, key=lambda one: -off[one])]
+    return f"beside {MODELS[found['beside']]}: {', '.join(parts) or f'less than {percent(LEAST, 1)}'}"
+
+
+def _off(model: Mapping[str, Any]) -> dict[str, float]:
+    """What a model's part states, as rows call it, of what is worth a bar."""
+    return {called: model[kind] for kind, called in PARTS.items() if (model.get(kind) or 0.0) >= LEAST}
 
 
 def _reduction(errors: Mapping[str, Any], estimate: Mapping[str, Any]) -> str:

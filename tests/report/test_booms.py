@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ import pytest
 from pmr.report import errors, sections
 from pmr.report.document import page as render
 from pmr.report.document import write_report
-from pmr.report.figures import histories
+from pmr.report.figures import captions, histories
 from pmr.report.figures.canvas import style
+from pmr.report.figures.forces import stress, stresses
 from pmr.report.sections import chapter as case
-from pmr.report.sentences import where_the_peak_is
+from pmr.report.sentences import estimate, where_the_peak_is
 from pmr.results import RunResult
 
 BOX = {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008}
@@ -51,18 +53,43 @@ def test_motion_that_may_be_round_off_alone_is_said_and_not_drawn(boom: RunResul
     assert "The tip moves along y by no more than round-off." in text(left_out)
 
 
-def test_models_that_differ_by_nothing_along_a_direction_have_no_difference_there(boom, monkeypatch) -> None:
-    """Of 8 mm along z; along y the full model is a millionth of that off, or a little more."""
+@pytest.mark.parametrize("floor", [1e-4, 2e-3])
+def test_models_that_differ_by_nothing_along_a_direction_have_no_difference_there(boom, monkeypatch, floor) -> None:
+    """Of 8 mm along z; along y the full model is off by 1e-4 of that or by the step's error, or a little more."""
+    boom = replace(boom, summary=boom.summary | {"step": {"tip": floor, "beam": None}})
     found = dict[str, tuple[object, str]]()
     monkeypatch.setattr(sections, "drawing", lambda name, draw, caption, *given: found.update({name: (draw, caption)}))
     own = boom.responses["reduced"]
     largest = float(np.abs(own.displacement[:, -1]).max())
-    for share, drawn in ((0.9e-6, histories.alone), (1.1e-6, histories.history)):
+    for share, drawn in ((0.9 * floor, histories.alone), (1.1 * floor, histories.history)):
         moved = own.displacement.copy()
         moved[:, -2] += share * largest
         sections.tip(replace(boom, responses={"full": replace(own, displacement=moved), "reduced": own}), "run")
         assert found["run-tip-y"][0] is drawn
-        assert ("differs by 7.2\u00a0nm at most" in found["run-tip-y"][1]) == (drawn is histories.alone)
+        assert ("differs by " in found["run-tip-y"][1]) == (drawn is histories.alone)
+
+
+def test_what_lies_within_the_error_of_the_step_has_no_panel_and_is_said(boom: RunResult) -> None:
+    """Of histories, stresses and energies, of which the full model has a tenth more."""
+    total, own = attrgetter("energy.total"), boom.responses["reduced"]
+    more = replace(own.energy, kinetic=1.1 * own.energy.kinetic, strain=1.1 * own.energy.strain)
+    boom = replace(boom, responses={"full": replace(own, energy=more), "reduced": own})
+    peak = boom.body.peak_stress["reduced"]
+    body = replace(boom.body, peak_stress={"full": 1.1 * peak, "reduced": peak})
+    for step, said in ((0.0, "below, the difference to the full model"), (0.5, "differs by less than the time step's")):
+        result = replace(boom, summary=boom.summary | {"step": {"tip": step, "beam": step}})
+        with style():
+            drawn = (
+                histories.history(result, total, "Total energy", "J", total),
+                histories.energy_parts(result),
+                stress(result, body),
+            )
+        for figure in drawn:
+            labels = [ax.get_ylabel() for ax in figure.axes]
+            assert any(label.startswith("Difference") for label in labels) == (step == 0.0)
+        assert said in captions.history(result, "Total energy", total)
+        assert said in captions.beside(result, stresses(result, body), "below, the difference")
+        assert ("on the right" in captions.energy_parts(result)) == (step == 0.0)
 
 
 def test_parts_of_the_energy_have_one_unit(boom: RunResult) -> None:
@@ -155,3 +182,12 @@ def test_places_that_share_the_peak_are_named_too(make_space) -> None:
             make_space(summary={"stress_peak": {"reduced": peak | {"shared": shared}}}), "reduced"
         )
         assert found == "at 0.50\u00a0s and (1.00, 0.10, 0.20)\u00a0m, outer face" + said
+
+
+def test_an_error_of_round_off_is_called_so_and_is_in_no_sentence(boom: RunResult) -> None:
+    """A cylinder that bears what it is told to: no reduction changes its force."""
+    found = {"tip": 0.01, "beam": 0.02, "cylinder_force": 1e-12}
+    result = replace(boom, summary=boom.summary | {"errors": {"reduced_vs_full": found}, "estimate": found})
+    of_cylinders = [row.here for row in errors.rows(result) if "cylinder" in row.place]
+    assert of_cylinders == ["round-off", "round-off"]
+    assert "cylinder" not in estimate(result) and "2.00\u00a0% along" in estimate(result)

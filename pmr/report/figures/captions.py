@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from operator import attrgetter
+
 import numpy as np
 
-from pmr.report.columns import Quantity
+from pmr.report.columns import Quantity, unseen
 from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS
-from pmr.report.figures.timeline import Span, Timeline, drawn, reference
-from pmr.report.numbers import SPACE, length
+from pmr.report.figures.timeline import Array, Span, Timeline, drawn, reference
+from pmr.report.numbers import NOTHING, SPACE, length, percent
 from pmr.report.subject import moving
 from pmr.results import RunResult, Shapes
 
@@ -22,9 +25,19 @@ def called(simulator: str) -> str:
 
 def history(result: RunResult, what: str, focus: Quantity, where: str = "") -> str:
     """Below a quantity's history, whose detail is about `focus` and lies `where`."""
-    base = reference(result)
-    below = f"; below, the difference to {called(base)}" if base else ""
+    below = beside(result, Timeline(result).signals(focus), "below, the difference")
     return f"{what}{below}.{_framed(Timeline(result).detail(focus), where)}"
+
+
+def beside(result: RunResult, signals: Mapping[str, Array], shown: str) -> str:
+    """A clause on the difference to the reference: where it is `shown`, or that there is as good as none."""
+    base, limit = reference(result), unseen(result)
+    if base is None or base not in signals:
+        return ""
+    if Timeline(result).apart(signals)[0]:
+        return f"; {shown} to {called(base)}"
+    share = "the time step's error" if limit > NOTHING else f"{percent(NOTHING, 1)} of the largest value"
+    return f"; {called(base)} differs by less than {share}"
 
 
 def _framed(window: Span | None, where: str) -> str:
@@ -36,7 +49,7 @@ def _framed(window: Span | None, where: str) -> str:
 
 def tip(result: RunResult, direction: str, what: Quantity) -> str:
     """Below the tip's history along a direction."""
-    about = "deviates most" if reference(result) else "moves most"
+    about = "deviates most" if Timeline(result).apart(Timeline(result).signals(what))[0] else "moves most"
     return history(result, f"Displacement of the tip, {direction}", what, f", where it {about}")
 
 
@@ -57,9 +70,11 @@ def snapshots(result: RunResult) -> str:
 
 def energy_parts(result: RunResult) -> str:
     """Below the parts of the energy."""
-    base = reference(result)
-    beside = f"; on the right, the differences to {called(base)}" if base else ""
-    return f"Strain, kinetic and external energy, which is minus the work of the loads{beside}."
+    time = Timeline(result)
+    of = [time.signals(attrgetter(f"energy.{part}")) for part in ("strain", "kinetic", "external")]
+    base = reference(result) if any(time.apart(*of)) else None
+    on_the_right = f"; on the right, the differences to {called(base)}" if base else ""
+    return f"Strain, kinetic and external energy, which is minus the work of the loads{on_the_right}."
 
 
 def residual(result: RunResult, what: Quantity, level: str) -> str:

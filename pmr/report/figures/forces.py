@@ -12,13 +12,13 @@ from pmr.report.columns import Force
 from pmr.report.decimation import extremes, onto
 from pmr.report.figures.canvas import HALF, INK, SECTIONS, WIDE, bins_of, key, sheet
 from pmr.report.figures.histories import curves
-from pmr.report.figures.timeline import Timeline
+from pmr.report.figures.timeline import Array, Timeline
 from pmr.report.numbers import unit_for
 from pmr.report.subject import stress_times
 from pmr.results import BodyResult, RunResult
 from pmr.results.outputs import Output
 
-MOST_FORCES = 12  # panels of one figure
+MOST_FORCES = 8  # panels of one figure
 
 
 def forces(result: RunResult, group: Sequence[Force]) -> Figure:
@@ -62,11 +62,15 @@ def pivot(result: RunResult, outputs: Sequence[Output]) -> Figure:
     return figure
 
 
+def stresses(result: RunResult, body: BodyResult) -> dict[str, Array]:
+    """The largest stress over time (T,) Pa by model, in the order in which they are drawn."""
+    known, t = [name for name in ("full", "reduced") if name in body.peak_stress], stress_times(result, body)
+    return {name: onto(result.responses["reduced"].t, t, body.peak_stress[name]) for name in known}
+
+
 def stress(result: RunResult, body: BodyResult) -> Figure:
     """Largest von Mises stress over time; below it the difference, beside it the time about the largest of all."""
-    time, t = Timeline(result), stress_times(result, body)
-    known = [name for name in ("full", "reduced") if name in body.peak_stress]  # in the order in which they are drawn
-    signals = {name: onto(time.t, t, body.peak_stress[name]) for name in known}
+    time, signals = Timeline(result), stresses(result, body)
     peak = int(np.argmax(signals["reduced"]))
     figure = curves(time, signals, "Stress", "Pa", time.window(peak))
     unit = unit_for(max(float(s.max()) for s in signals.values()), "Pa")

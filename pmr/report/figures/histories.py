@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from pmr.report.columns import Quantity
 from pmr.report.decimation import ceiling
 from pmr.report.figures.canvas import HALF, PENS, WIDE, bins_of, key, log_axis, sheet
-from pmr.report.figures.timeline import Array, Span, Timeline, reference
+from pmr.report.figures.timeline import Array, Span, Timeline
 from pmr.report.numbers import unit_for
 from pmr.results import RunResult
 
@@ -48,7 +48,8 @@ def alone(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
 def curves(time: Timeline, signals: Mapping[str, Array], label: str, base: str, window: Span | None) -> Figure:
     """The same of signals (T,) that are at hand, with the detail that `window` names."""
     panels: list[tuple[str, Mapping[str, Array]]] = [(label, signals)]
-    if differences := time.differences(signals):
+    (differences,) = time.apart(signals)
+    if differences:
         panels.append(("Difference", differences))
     widths, heights = ((3.6, 1.0) if window else (1.0,)), (1.35, 1.0)[: len(panels)]
     figure, axes = sheet(
@@ -66,16 +67,17 @@ def curves(time: Timeline, signals: Mapping[str, Array], label: str, base: str, 
 
 
 def energy_parts(result: RunResult) -> Figure:
-    """Strain, kinetic and external energy, one row each; beside them the differences to the reference."""
+    """Strain, kinetic and external energy, one row each; beside them the differences to the reference, if seen."""
     time = Timeline(result)
     parts = ("strain", "kinetic", "external")
-    compared = reference(result) is not None
+    of = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
+    differences = time.apart(*of)
+    compared = any(differences)
     gaps = {"wspace": 0.24, "hspace": 0.14}
     figure, axes = sheet(WIDE, 3.9, rows=len(parts), columns=1 + compared, sharex=True, gridspec_kw=gaps)
-    of = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
     _parts(time, axes[:, 0], [f"{part.capitalize()} energy" for part in parts], of)
     if compared:
-        _parts(time, axes[:, 1], ["Difference"] * len(parts), [time.differences(signals) for signals in of])
+        _parts(time, axes[:, 1], ["Difference"] * len(parts), differences)
     key(figure, time.legend(list(of[-1])))
     return figure
 

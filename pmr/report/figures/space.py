@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ TALLEST, FLATTEST = 3.4, 1.0  # in, of axes on which a metre is a metre both way
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
 GROUND = "#9aa5b1"
 RAISING: Mapping[str, Any] = {"color": MUTED, "linewidth": 1.6}  # of a luffing cylinder
-FAINT = 0.3  # opacity of a boom at other moments than that of the largest stress
+FAINT = 0.3  # share of its colour that a boom has at other moments than that of the largest stress
 CLEAR = 0.06  # in, between a label and what is drawn
 
 
@@ -116,13 +117,12 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     faint = [1.0 if worst is None or k == moment else FAINT for k in range(len(steps))]  # so the ring is of one
     for k, body in enumerate(bodies):
         width = 1.0 + 1.1 * (len(bodies) - 1 - k)
-        for places, alpha in zip(getattr(body, view), faint, strict=True):
-            over = 2.0 + alpha / 10.0
-            ax.plot(
-                *places.T, color=colours[body.body], linewidth=width, alpha=alpha, solid_capstyle="butt", zorder=over
-            )
-    for places, alpha in zip(raising, faint, strict=False):
-        ax.plot(*places.T, **RAISING, alpha=alpha, zorder=1.8)
+        for places, share in zip(getattr(body, view), faint, strict=True):
+            over = 2.0 + share / 10.0 - k / 1e3  # a section hides what is in it
+            colour = _pale(colours[body.body], share)
+            ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over)
+    for places, share in zip(raising, faint, strict=False):
+        ax.plot(*places.T, **{**RAISING, "color": _pale(MUTED, share)}, zorder=1.8)
     if ground:
         ax.plot(ax.get_xlim(), [0.0, 0.0], color=GROUND, linewidth=1.2, zorder=1.0)
     labels = _labels(ax, getattr(bodies[-1], view), t[steps], moment)
@@ -130,6 +130,11 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
         _ring(ax, worst, next(one for one in bodies if one.body == worst.body), view, moment, labels)
     ax.plot([0.0], [0.0], marker="^" if ground else "o", markersize=6.0, color=INK, zorder=4.0)
     return figure
+
+
+def _pale(colour: str, share: float) -> Any:
+    """So much of a colour on white: as opaque as the colour, so that what is below it is not seen through it."""
+    return colour if share == 1.0 else tuple(1.0 - share * (1.0 - one) for one in to_rgb(colour))
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from pmr.report import subject
-from pmr.report.columns import Quantity
+from pmr.report.columns import Quantity, unseen
 from pmr.report.decimation import extremes, onto
 from pmr.report.figures.canvas import INK, PENS, SHADE, STEPS, bins_of
 from pmr.report.numbers import unit_for
@@ -85,13 +85,22 @@ class Timeline:
             return {}
         return {name: signal - signals[base] for name, signal in signals.items() if name != base}
 
+    def apart(self, *panels: Mapping[str, Array]) -> list[dict[str, Array]]:
+        """The differences of each of some signals of one kind; none of any where all of them are as good as nothing."""
+        found = [self.differences(signals) for signals in panels]
+        sizes = [
+            max((float(np.abs(one).max()) for of in some for one in of.values()), default=0.0)
+            for some in (found, panels)
+        ]
+        return found if sizes[0] > unseen(self.result) * sizes[1] else [{} for _ in panels]
+
     def detail(self, what: Quantity) -> Span | None:
         """A twentieth of the time, about the largest difference of the reduced model to its reference.
 
-        Without a reference it is about the largest value; None for a motion too short to be seen closer.
+        Without one that is seen it is about the largest value; None for a motion too short to be seen closer.
         """
         signals = self.signals(what)
-        signal = self.differences(signals).get("reduced", signals["reduced"])
+        signal = self.apart(signals)[0].get("reduced", signals["reduced"])
         return self.window(int(np.argmax(np.abs(signal))))
 
     def window(self, step: int) -> Span | None:
