@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.errors import ROUND_OFF
 from pmr.reduced.model import ReducedModel
 from pmr.system.body import Trajectory
 
@@ -18,10 +19,13 @@ Array = NDArray[np.float64]
 
 
 def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
-    """Share of a mode's motion that is not quasi-static, in a run of a body on its modes under loads f (T, i) in N."""
+    """Share of a mode's motion that is not quasi-static, in a run of a body on its modes under loads f (T, i) in N.
+
+    It is 0 where the mode stands still but for round-off, as torsion does under loads in a plane of symmetry.
+    """
     force = f @ body.B[mode] - np.einsum("tm,tm->t", body.C(run.s)[:, :, mode], run.multipliers)
-    motion = _rms(run.q[:, mode])
-    return _rms(run.q[:, mode] - force / body.K[mode, mode]) / motion if motion > 0.0 else 0.0
+    motion, most = _rms(run.q[:, mode]), float(np.abs(run.q).max(initial=0.0))
+    return _rms(run.q[:, mode] - force / body.K[mode, mode]) / motion if motion > ROUND_OFF * most else 0.0
 
 
 def _rms(x: Array) -> float:

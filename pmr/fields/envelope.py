@@ -108,10 +108,11 @@ class Running:
     def __init__(self, names: tuple[str, ...], x: Array) -> None:
         self._names, self._x = np.array(names), x
         self._least, self._most = np.full(len(x), np.inf), np.full(len(x), -np.inf)
-        self._least_at, self._most_at = np.zeros(len(x)), np.zeros(len(x))
+        self._least_at, self._most_at, self._start = np.zeros(len(x)), np.zeros(len(x)), np.inf
 
     def add(self, t: Array, values: Array) -> None:
         """Values (S, P) at the times t (S,) s."""
+        self._start = min(self._start, float(t[0]))
         low, high = values.argmin(axis=0), values.argmax(axis=0)
         on = np.arange(values.shape[1])
         lower, higher = values[low, on] < self._least, values[high, on] > self._most
@@ -121,7 +122,7 @@ class Running:
     def envelope(self, units: dict[str, str]) -> Envelope:
         """Of all values; of those of one quantity at one place the smallest and the largest count.
 
-        What is round-off beside the largest value of the same unit is zero.
+        What is round-off beside the largest value of the same unit is zero; what is nothing else is so from the start.
         """
         known, x = [name for name in units if name in self._names], np.unique(self._x)
         shape = (len(known), len(x))
@@ -138,6 +139,8 @@ class Running:
             largest = max(np.abs(one[of_unit]).max(initial=0.0) for one in (least, most))
             for one in (least, most):
                 one[of_unit[:, None] & (np.abs(one) <= ROUND_OFF * largest)] = 0.0
+        nothing = (least == 0.0) & (most == 0.0)
+        least_at[nothing] = most_at[nothing] = self._start
         return Envelope(tuple(known), tuple(units[name] for name in known), x, least, least_at, most, most_at)
 
 

@@ -126,13 +126,13 @@ def test_damping_of_what_is_left_out_is_in_it(r: int) -> None:
 
 
 def test_chi_says_whether_the_first_truncated_mode_is_reached() -> None:
-    model = enriched(full_body(20), 4, enrichment=4)  # the first mode left out is at 16.8 Hz
+    model = enriched(full_body(20), 3, enrichment=4)  # the first mode left out is at 16.8 Hz
     slow, blow = SmoothRamp(times=(0.0, 0.9), values=(0.0, 50.0)), Sine(amplitude=50.0, frequency=17.0)
     rest = Constant(amount=2.0)
     assert estimate(model, driven(rest, slow, STEPPING)).chi < 0.05
     found = estimate(model, driven(rest, blow, STEPPING))
     assert found.chi > 0.5
-    assert "first truncated mode (chi = " in warnings({"": model}, STEPPING, found)[0]
+    assert "first truncated mode (chi = " in " ".join(warnings({"": model}, STEPPING, found))
 
 
 def test_nothing_moves_and_nothing_is_wrong() -> None:

@@ -14,11 +14,13 @@ from scipy.interpolate import PPoly
 from pmr import scene as scenes
 from pmr.compare.errors import force_round_off, round_off
 from pmr.compare.evaluation import respond as of_sections
+from pmr.compare.indicators import chi
 from pmr.compare.runs import run_from_start
 from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant
 from pmr.simulation import Excitation, TimeStepping
+from pmr.system.body import Trajectory
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 ALONG = {
@@ -51,6 +53,16 @@ def test_round_off_is_that_of_the_body_not_of_its_coordinates() -> None:
     for turned in (0.0, 1e-3, 0.7):
         assert round_off({"": two_springs(turned)}, loads, 5.0) == pytest.approx(exact, rel=1e-9, abs=0.0)
     assert round_off({"": two_springs(0.7)}, 1e-200 * loads, 5.0) == pytest.approx(1e-200 * exact, rel=1e-9, abs=0.0)
+
+
+def test_a_mode_that_only_round_off_moves_has_no_share_of_its_own() -> None:
+    """The first spring moves half as far again as its load holds it, the second one by a few units of round-off."""
+    t, still = np.linspace(0.0, 1.0, 5), np.array([1.0, -2.0, 1.0, 3.0, 0.0])
+    load = np.cos(t)[:, None]
+    q = np.column_stack([1.5 * load[:, 0] / 2e4, np.spacing(1.5 / 2e4) * still])
+    run = Trajectory(t, q, np.zeros_like(q), np.zeros((5, 1)), np.full(5, 0.5), 0.0)
+    assert chi(two_springs(0.0), run, load, 0) == pytest.approx(0.5 / 1.5, rel=1e-9)
+    assert chi(two_springs(0.0), run, load, 1) == 0.0
 
 
 def test_of_several_bodies_all_loads_reach_every_output() -> None:

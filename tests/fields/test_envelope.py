@@ -100,3 +100,13 @@ def test_envelopes_have_the_extremes_of_all_blocks_and_when_they_are() -> None:
     assert found.least_at.tolist() == [[0.2, 0.0], [0.0, 0.2]] and found.most_at[0].tolist() == [0.1, 0.2]
     most = found.extremes()["normal force"]
     assert most == {"unit": "N", "min": -2.0, "t_min": 0.0, "x_min": 1.0, "max": 6.0, "t_max": 0.2, "x_max": 1.0}
+
+
+def test_what_is_round_off_all_the_time_is_zero_from_the_start() -> None:
+    """When round-off is largest says nothing; a force that comes down to zero has its time."""
+    running = Running(("torque", "torque"), np.array([0.0, 1.0]))
+    running.add(np.array([0.1, 0.2]), np.array([[1e-13, 5.0], [-2e-13, 3.0]]))
+    running.add(np.array([0.3, 0.4]), np.array([[3e-13, 0.0], [1e-13, 2.0]]))
+    found = running.envelope(FORCES)
+    assert found.least.tolist() == [[0.0, 0.0]] and found.most.tolist() == [[0.0, 5.0]]
+    assert found.least_at.tolist() == [[0.1, 0.3]] and found.most_at.tolist() == [[0.1, 0.1]]
