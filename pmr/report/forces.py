@@ -20,8 +20,8 @@ from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
 ROUND_OFF = 1e-9
 #: What the sign of a force says, where that of another table may seem to be against it.
 SIGNS = {
-    "support": " Positive along the axes, so negative where a support is pressed down, as one in place of a luffing "
-    "cylinder is while that pushes; along itself its own force is positive then.",
+    "support": " Positive along the axes: a support that is pressed down has a negative force, and so has one in place "
+    "of a luffing cylinder while the cylinder pushes.",
 }
 #: What names begin with of what acts at the pivot.
 PIVOT = "pivot "
@@ -80,7 +80,7 @@ def pivot(result: RunResult, prefix: str) -> Block | None:
         if some:
             said = f"{what} of the boom on its machine, sum over all supports, in the axes of the boom."
             if any(one.name.endswith("cylinder") for one in some):
-                said += " The luffing cylinder carries its own force of these, along itself, and the pivot the rest."
+                said += " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
             row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot, said, result, some))
     said = "Least and largest {} on the machine, when they occur, and " + place_called(result) + " then."
     grids = (*_rigid(result, at_pivot=True, caption=said), *_luffing(result))
@@ -140,7 +140,7 @@ def place_called(result: RunResult) -> str:
 def _caption(result: RunResult, kind: str, group: str) -> str:
     in_parts = result.responses["reduced"].force_peaks is not None  # a step was made in parts, for pads that only push
     push = any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
-    within = " Of those that only push the largest within each step." if in_parts and push else ""
+    within = " Of pads that only push, the largest force within each step." if in_parts and push else ""
     if kind == "cylinder":
         note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
         return f"Cylinder forces over time. {note}"

@@ -41,10 +41,10 @@ def energy(result: RunResult) -> str:
         return ""
     size = {key: f"{significant(one)}{SPACE}J" for key, one in found.items()}
     return (
-        "The figures are those of the motion in the boom's axes, in which weight and the frame's inertia are loads. "
-        "The balance in space, beyond that of the same boom when rigid: its energy changes by "
-        f"{size['change']} from start to end; the drives of the frame and of the extensions do {size['drives']}, loads "
-        f"and travelling pads {size['others']}; damping and the error of the steps take {size['lost']}."
+        "The figures show the motion in the boom's axes, where weight and the frame's inertia count as loads. In space "
+        f"the energy, less that of the same boom when rigid, changes by {size['change']} from start to end: the drives "
+        f"of frame and extensions do {size['drives']}, loads and travelling pads {size['others']}, and damping and the "
+        f"error of the steps take {size['lost']}."
     )
 
 

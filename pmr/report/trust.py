@@ -61,8 +61,8 @@ def table(result: RunResult) -> Table:
     bars = {name: min(max(log10(share / LEAST) / decades, 0.01), 1.0) for name, share in known.items()}
     top = f"{plain(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
     note = f"How far off figures are, from small on the left to large: {plain(100.0 * LEAST)}{SPACE}% to {top}, ten "
-    note += f"times as much from mark to mark. Of mesh, time step and reduction displacements {along(result)}; "
-    note += "forces and stresses may be further off."
+    note += "times as much from mark to mark. The bars of mesh, time step and reduction are for displacements "
+    note += f"{along(result)}; forces and stresses may be further off."
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
 
 

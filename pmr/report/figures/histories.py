@@ -40,21 +40,26 @@ def history(result: RunResult, what: Quantity, label: str, base: str, focus: Qua
 
 
 def alone(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
-    """The same of the reduced model alone, where others differ by nothing; the detail is about the largest value."""
-    time, signal = Timeline(result), what(result.responses["reduced"])
-    return curves(time, {"reduced": signal}, label, base, time.window(int(np.argmax(np.abs(signal)))))
+    """The same without differences, where these are nothing; the detail is about the largest value."""
+    time = Timeline(result)
+    signals = time.signals(what)
+    return _panels(time, [(label, signals)], base, time.window(int(np.argmax(np.abs(signals["reduced"])))))
 
 
 def curves(time: Timeline, signals: Mapping[str, Array], label: str, base: str, window: Span | None) -> Figure:
     """The same of signals (T,) that are at hand, with the detail that `window` names."""
-    panels: list[tuple[str, Mapping[str, Array]]] = [(label, signals)]
     (differences,) = time.apart(signals)
-    if differences:
-        panels.append(("Difference", differences))
+    return _panels(time, [(label, signals), *([("Difference", differences)] if differences else [])], base, window)
+
+
+def _panels(
+    time: Timeline, panels: Sequence[tuple[str, Mapping[str, Array]]], base: str, window: Span | None
+) -> Figure:
+    """Panels below each other, each with its detail beside it; a second one is lower."""
     widths, heights = ((3.6, 1.0) if window else (1.0,)), (1.35, 1.0)[: len(panels)]
     figure, axes = sheet(
         WIDE,
-        2.75 if differences else 1.9,
+        2.75 if len(panels) > 1 else 1.9,
         rows=len(panels),
         columns=len(widths),
         sharey="row",
@@ -62,7 +67,7 @@ def curves(time: Timeline, signals: Mapping[str, Array], label: str, base: str, 
     )
     for row, (name, curves) in enumerate(panels):
         time.draw(axes[row], curves, name, base, window, last=row == len(panels) - 1)
-    key(figure, time.legend(list(signals)))
+    key(figure, time.legend(list(panels[0][1])))
     return figure
 
 

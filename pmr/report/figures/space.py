@@ -160,7 +160,10 @@ def _labels(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
         box = _box(_inches(ax, axes[k, -1]) + aside / 72.0, text, where, up)
         if not any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in boxes):
             boxes.append(box)
-            ax.annotate(text, axes[k, -1], xytext=aside, textcoords="offset points", ha=where, va=up, fontsize=7.0)
+            ax.annotate(
+                text, axes[k, -1], xytext=aside, textcoords="offset points", ha=where, va=up, fontsize=7.0, zorder=3.0,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+            )  # fmt: skip
     return boxes
 
 

@@ -144,7 +144,7 @@ class Timeline:
             self.trace(ax, curves, unit.size, span, weight)
             self.frame(ax, f"{label} in {unit.name}" if ax is axes[0] else "", span, last)
         if window:
-            axes[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS))
+            axes[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))  # beside the first axes' last
             axes[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
 
     def trace(
