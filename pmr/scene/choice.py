@@ -37,7 +37,7 @@ def choose(member: Member) -> Choice:
         return Choice("beam2d", ("its stiffnesses are those of a planar beam",))
     if shell := [*_stresses(member), *_walls(member)]:
         return Choice("shell", tuple(shell))
-    if space := _lateral(member):
+    if space := [*_lateral(member), *_beside(member)]:
         return Choice("beam3d", tuple(space))
     return Choice("beam2d", ("all loads and masses lie in the vertical plane",))
 
@@ -198,6 +198,12 @@ def _walls(member: Member) -> list[str]:
     own = wall_frequency(box, material.young, material.poisson, material.density)
     near = f"loads of {highest:g} Hz come near the walls' own frequency of {own:.3g} Hz"
     return [near] * (highest > QUASI_STATIC * own) + ["the box has frames"] * bool(box.frames)
+
+
+def _beside(member: Member) -> list[str]:
+    """Sections that are no planar beams: all sections are such beams, or none is."""
+    models = {one.part.name: choose(one).model for one in member.others}
+    return [f"section {name} is no planar beam" for name, model in models.items() if model != "beam2d"]
 
 
 def _lateral(member: Member) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -69,6 +69,7 @@ class Member:
     ways: Mapping[str, tuple[int, float, float]] = field(default_factory=dict)
     # names of rows that keep it straight in its rigid overlaps, and the end of each overlap that stays, m
     straight: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    others: tuple[Member, ...] = ()  # the other sections, which know no others: where its model is still to be chosen
 
     @property
     def signals(self) -> dict[str, SignalBase]:
@@ -99,7 +100,12 @@ class Member:
 
 def member_at(scene: Scene, number: int = 0) -> Member:
     """A body of a scene."""
-    return _section(scene, number) if len(scene.sections) > 1 else _alone(scene)
+    if len(scene.sections) == 1:
+        return _alone(scene)
+    found = _section(scene, number)
+    if found.part.body.model != "auto":
+        return found
+    return replace(found, others=tuple(_section(scene, k) for k in range(len(scene.sections)) if k != number))
 
 
 def members(scene: Scene) -> tuple[Member, ...]:

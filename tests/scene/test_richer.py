@@ -80,6 +80,8 @@ AUTO = ("section.body.model=auto",)
         ("boom_beam", (), ""),
         ("paper_evolved", (), ""),
         ("boom_three", AUTO, "beam2d rigid, beam3d rigid, beam2d give, beam3d give, shell rigid"),
+        # a gust on the fly alone: no section is planar then
+        ("boom_three_shell", (*AUTO, "recovery.stress=false"), "beam3d rigid, beam3d give, shell rigid"),
     ],
 )
 def test_models_among_which_measurements_decide(name: str, changes: tuple[str, ...], expected: str) -> None:
