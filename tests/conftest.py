@@ -18,8 +18,9 @@ import pytest
 from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
+from pmr.errors import aside
 from pmr.reduced.model import ReducedModel
-from pmr.report import beside, paper
+from pmr.report import paper
 from pmr.report.blocks import Drawing, drawing
 from pmr.scene import Scene
 from pmr.system.body import FullBody
@@ -114,7 +115,7 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
         return Drawing(name, "<svg></svg>", caption)
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
-    monkeypatch.setattr(beside, "_saves_time", lambda: False)  # another process would draw
+    monkeypatch.setattr(aside, "_saves_time", lambda: False)  # another process would draw
 
 
 @pytest.fixture

@@ -18,8 +18,9 @@ FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
 PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 _NO_FIGURES = (
-    "from pmr.report import beside, blocks, paper\n"
-    "beside._saves_time = lambda: False\n"  # another process would draw
+    "from pmr.errors import aside\n"
+    "from pmr.report import blocks, paper\n"
+    "aside._saves_time = lambda: False\n"  # another process would draw
     "blocks.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
 )
 #: The command whose reports have empty figures, in a real PDF.

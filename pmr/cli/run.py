@@ -112,16 +112,20 @@ def run(
         environment.check_installed("dolfinx")
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])
-    from pmr.report.beside import drawn_beside
     from pmr.results import RESULT_FILES
 
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
         ensure_writable(where, RESULT_FILES)
     outcomes = []
-    with drawn_beside() as report:
-        with environment.uncollected():
-            import numpy as np
+    with environment.uncollected():
+        import numpy as np
 
+        import pmr.compare.judged  # noqa: F401 (what the other process needs too, and does without MPI)
+        from pmr.errors.aside import worked_aside
+        from pmr.report.beside import Beside
+    with worked_aside() as aside:
+        report = Beside(aside)
+        with environment.uncollected():
             from pmr.errors.environment import Clock
             from pmr.files.users import users_folder
             from pmr.pipeline import run as run_scene
@@ -140,6 +144,7 @@ def run(
                         cache=cache,
                         measures=measures,
                         keep=partial(_save, where, folder, report),
+                        aside=aside,
                     )
                 except InputError as error:
                     raise error.found_in(str(file)) from None

@@ -185,20 +185,20 @@ def envelope(error: Array) -> Array:
     return found
 
 
-def step_part(
-    moved: SimulatedSystem, natural: Array, clock: Clock, searched: bool, found: step_error.StepError | None = None
-) -> Part:
+def step_part(scene: Scene, moved: SimulatedSystem, natural: Array, found: step_error.StepError | None = None) -> Part:
     """``step``: the time step's error; `natural` (S, f) in Hz are frequencies along the way.
 
-    One that is `found` already is not computed again.  Where the step was `searched` by its error, nothing is said.
+    One that is `found` already is not computed again.  Where the step was searched by its error, nothing is said.
     """
     system, excitation = moved.system, moved.excitation
-    with clock.stage("step"):
-        try:
-            run = moved.run if found is None and recorded(system, excitation.stepping) else None
-            found = found or step_error.step_error(system, excitation, run)
-        except (SimulationError, InputError) as error:
-            said = [f"the error of the time step is not known: {error}"]
-            return Part({"step": step_error.summary(None, str(error))}, said)
+    if scene.simulation.simulators[0] != "march":
+        moved = SimulatedSystem(system, excitation := Excitation.of(scene))
+    try:
+        run = moved.run if found is None and recorded(system, excitation.stepping) else None
+        found = found or step_error.step_error(system, excitation, run)
+    except (SimulationError, InputError) as error:
+        said = [f"the error of the time step is not known: {error}"]
+        return Part({"step": step_error.summary(None, str(error))}, said)
+    searched = scene.accuracy is not None
     said = [] if searched else step_error.warnings(found, excitation.stepping, excitation.signals, natural)
     return Part({"step": step_error.summary(found)}, said)

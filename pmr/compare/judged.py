@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pmr.compare import boom_figures, fatigue, frame_energy, luffing_cylinder, moving_frame, pad_forces, ropes, summary
-from pmr.compare.accuracy.order import Choice
-from pmr.compare.estimated import SimulatedSystem, step_part
+from pmr.compare.estimated import SimulatedSystem
 from pmr.compare.responses import Simulations
 from pmr.compare.summary import Part
-from pmr.errors.environment import Clock
 from pmr.results import Frequencies
 from pmr.scene import Scene
 from pmr.simulation import Excitation, contact_step
@@ -18,29 +16,20 @@ def parts_of_motion(
     moved: SimulatedSystem,
     made: Simulations,
     natural: Frequencies,
-    clock: Clock,
-    choice: Choice | None = None,
+    step: Part,
 ) -> list[Part]:
     """Forces of contacts and supports, the step's error, published frequencies, and how fine the sampling is.
 
-    `made` is what simulators say of `moved`; `natural` are frequencies on the way; with the step of a `choice` its
-    error is known.
+    `made` is what simulators say of `moved`; `natural` are frequencies on the way; `step` says what its error is.
     """
-    excitation, known = Excitation.of(scene), None if choice is None else choice.found.step_error
-    system, marched = moved.system, scene.simulation.simulators[0] == "march"
+    excitation, system = Excitation.of(scene), moved.system
     omega = contact_step.contact_frequency(system, excitation)
     return [
         pad_forces.part(scene, system, made.first.response),
         ropes.part(scene, made.first.response),
         luffing_cylinder.part(scene, made.first.response),
         fatigue.part(scene, made.first.response),
-        step_part(
-            moved if marched else SimulatedSystem(system, excitation),
-            natural.models["reduced"],
-            clock,
-            scene.accuracy is not None,
-            known,
-        ),
+        step,
         boom_figures.beside_published(scene, natural),
         Part(
             contact_step.summary(omega, made.made),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.boom_figures import sections
-from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_error
+from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_error, step_part
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.judged import parts_of_motion
 from pmr.compare.made_for import with_models_of
@@ -45,6 +45,8 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     natural = frequencies(scene, system, excitation, visited(scene, excitation, 0), None)
     moved, by_frequency = SimulatedSystem.of(system, excitation, made), in_frequency(scene, system, excitation)
     error = _error(scene, moved, clock)
+    with clock.stage("step"):
+        step = step_part(scene, moved, natural.models["reduced"])
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
     parts = [
         origin(scene),
@@ -59,7 +61,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
         simulated(made.seconds, made.agreement, {}),
         sections(scene, responses, sizes, {name: error.of_section(name) for name in models}),
         error.part,
-        *parts_of_motion(scene, moved, made, natural, clock),
+        *parts_of_motion(scene, moved, made, natural, step),
         frequency_part(by_frequency),
         reliability({}, responses),
         theory(scene, responses),

@@ -18,11 +18,14 @@ import contextlib
 import hashlib
 import inspect
 import logging
+import sys
 import sysconfig
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
+from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -42,17 +45,37 @@ if HAS_PETSC:
     with unlaunched():
         petsc4py.init(["pmr", "-no_signal_handler"])
 
+
+@contextlib.contextmanager
+def _versions_alone() -> Iterator[None]:
+    """What UFL and FFCx 0.5 ask `pkg_resources` for, without what it does when it is loaded.
+
+    That looks through all packages of the installation, and takes as long as UFL and FFCx together.
+    """
+    name = "pkg_resources"
+    if name in sys.modules:
+        yield
+        return
+    sys.modules[name] = ModuleType(name)
+    vars(sys.modules[name])["get_distribution"] = metadata.distribution
+    try:
+        yield
+    finally:
+        del sys.modules[name]
+
+
 try:
     if not HAS_PETSC:
         raise ImportError("it needs PETSc, SLEPc and mpi4py")
+    with _versions_alone():
+        import ffcx
+        import ufl
     import basix
     import dolfinx
     import dolfinx.fem.petsc
     import dolfinx.jit
-    import ffcx
     import ffcx.codegeneration
     import ffcx.naming
-    import ufl
 except ImportError as error:  # matrices that are given do without
     _MISSING: ImportError | None = error
 else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,7 @@ from pmr.compare.estimated import (
     asks_for_other,
     other_of,
     reduction_error,
+    step_part,
 )
 from pmr.compare.judged import parts_of_motion
 from pmr.compare.responses import Simulations, quantities, simulate
@@ -26,6 +27,7 @@ from pmr.compare.summary import Part, compared, impacts
 from pmr.compare.utilisation import masses, utilisation
 from pmr.compare.way import Visited, frequencies, visited
 from pmr.errors import ConvergenceError, InputError, on_first
+from pmr.errors.aside import Aside
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
@@ -48,6 +50,8 @@ class Motions:
     """What simulators say; of the reduced system on rank 0 alone."""
 
     reduced: Simulations | None
+    moved: SimulatedSystem | None  # the reduced system with its motion
+    step: Callable[[], Part] | None  # waits for what is said of the step's error
     references: References
 
     @property
@@ -66,8 +70,10 @@ class Motions:
 class Bodies:
     """Reduced as the scene asks, with the step and the coordinates that hold its tolerance; methods are collective."""
 
-    def __init__(self, scene: Scene, built: Mapping[str, Built], clock: Clock, caches: Mapping[str, Cache]) -> None:
-        self.built, self.clock, self.caches = built, clock, caches
+    def __init__(
+        self, scene: Scene, built: Mapping[str, Built], clock: Clock, caches: Mapping[str, Cache], aside: Aside
+    ) -> None:
+        self.built, self.clock, self.caches, self.aside = built, clock, caches, aside
         self._comm = next(iter(built.values())).model.comm
         self.bodies = reduce_bodies(scene, built, caches, clock)
         models = {name: one.model for name, one in self.bodies.items()}
@@ -97,12 +103,21 @@ class Bodies:
         found = on_first(self._comm, lambda: frequencies(self.scene, self.system, self.excitation, at, full))
         return found or Frequencies(at.along, at.s, {})
 
-    def simulate(self, checkpoint: Checkpoint | None) -> Motions:
-        """The reduced system by all simulators, and the references."""
+    def simulate(self, natural: Frequencies, checkpoint: Checkpoint | None) -> Motions:
+        """The reduced system by all simulators, and the references; then, beside all else, the error of its step.
+
+        Not before, for solvers' seconds are compared.
+        """
         steps = recovered_steps(self.scene).tolist()
         made = on_first(self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps))
         stepping = self._comm.bcast(None if made is None else made.made)
-        return Motions(made, self.full.references(self.clock, steps, checkpoint, stepping))
+        references = self.full.references(self.clock, steps, checkpoint, stepping)
+        if made is None:
+            return Motions(None, None, None, references)
+        moved = SimulatedSystem.of(self.system, self.excitation, made)
+        known = None if self.choice is None else self.choice.found.step_error
+        step = self.aside.done(step_part, self.scene, moved, natural.models["reduced"], known)
+        return Motions(made, moved, step, references)
 
     def recover(self, motions: Motions) -> Mapping[str, Recovered]:
         """The fields that the scene asks for, by body."""
@@ -112,9 +127,11 @@ class Bodies:
     def judge(self, motions: Motions, natural: Frequencies, seen: Mapping[str, Recovered]) -> tuple[list[Part], Any]:
         """What motions and frequencies say, and how far off the tip may be over time, (T, d) m; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
-        assert motions.reduced is not None
-        moved = SimulatedSystem.of(system, self.excitation, motions.reduced)
+        moved = motions.moved
+        assert motions.reduced is not None and moved is not None and motions.step is not None
         error = self._error(moved)
+        with self.clock.stage("step"):
+            step = motions.step()
         more = {name: error.of_section(name) | (seen[name].summary() if name in seen else {}) for name in scene.names}
         sizes = {
             name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()
@@ -129,7 +146,7 @@ class Bodies:
             sections(scene, responses, sizes, more),
             utilisation(scene, more),
             masses({name: one.model.masses for name, one in self.built.items()}),
-            *parts_of_motion(scene, moved, motions.reduced, natural, self.clock, self.choice),
+            *parts_of_motion(scene, moved, motions.reduced, natural, step),
         ]
         return parts, error.band
 

@@ -15,6 +15,7 @@ from pmr.compare.second_order import decided as with_order
 from pmr.compare.summary import Part, combined, grave, origin, reliability, simulated, theory
 from pmr.compare.way import in_frequency
 from pmr.errors import InputError, environment, on_first
+from pmr.errors.aside import Aside
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
@@ -69,13 +70,15 @@ def run(
     cache: Path | None = None,
     measures: Path | None = None,
     keep: Callable[[Outcome], None] | None = None,
+    aside: Aside | None = None,
 ) -> Outcome | None:
     """Reduce, simulate and compare a scene; on rank 0 of `comm` this returns the outcome, on other ranks None.
 
     The file `checkpoint` lets a full-order simulation continue after an interruption.  The folder `cache` keeps
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
-    are measured last: `keep` gets the outcome without them before, on rank 0.
+    are measured last: `keep` gets the outcome without them before, on rank 0.  Another process, `aside`, finds some of
+    what is said.
 
     Raises
     ------
@@ -87,7 +90,7 @@ def run(
     """
     try:
         kept = None if checkpoint is None else Checkpoint(checkpoint)
-        return _run(scene, comm, clock or Clock(), kept, cache, measures, keep)
+        return _run(scene, comm, clock or Clock(), kept, cache, measures, keep, aside or Aside())
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
@@ -100,6 +103,7 @@ def _run(
     cache: Path | None,
     measures: Path | None,
     keep: Callable[[Outcome], None] | None,
+    aside: Aside,
 ) -> Outcome | None:
     check_installed(scene)
     chosen = _decided(scene, comm, clock, cache)
@@ -111,11 +115,11 @@ def _run(
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
-    bodies = Bodies(scene, built, clock, caches)
+    bodies = Bodies(scene, built, clock, caches, aside)
     scene = bodies.scene  # with the step that was chosen
     with clock.stage("frequencies"):
         frequencies = bodies.frequencies()
-    motions, seen = bodies.simulate(checkpoint), dict[str, Recovered]()
+    motions, seen = bodies.simulate(frequencies, checkpoint), dict[str, Recovered]()
     if scene.recovery is not None:
         with clock.stage("recover"):
             seen |= bodies.recover(motions)

@@ -1,152 +1,64 @@
-"""A report that is drawn beside the run it is about, by a process that loads meanwhile what draws.
+"""A report that another process draws beside the run it is about.
 
-It is a copy of this one, made before MPI starts, which no copy survives: what both need is loaded once.  Results go
-there as soon as they are found, in the end the summaries, which are all that may have changed.  Whatever goes wrong
-there is done again here, so that an error reaches the user as if there were no other process.
+Results go there as soon as they are found, in the end the summaries, which are all that may have changed.
 """
 
 from __future__ import annotations
 
-import gc
-import os
-import queue
-import signal
-import sys
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
-from multiprocessing import get_context
-from multiprocessing.connection import Connection, Pipe
-from multiprocessing.process import BaseProcess
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pmr.errors import environment
-from pmr.report.blocks import ReportFiles
+from pmr.errors.aside import Aside
+from pmr.errors.environment import uncollected
+from pmr.report.blocks import Figures, ReportFiles
 from pmr.results import RunResult
 
-#: Once one of these is loaded a copy of the process would not do, or save no time.
-TOO_LATE = ("mpi4py.MPI", "petsc4py.PETSc", "matplotlib")
+#: In the process that draws: what it drew.
+_drawn = list[tuple[RunResult, Figures]]()
 
 
-@contextmanager
-def drawn_beside(wanted: bool = True) -> Iterator[Beside]:
-    """Who draws the report; without a process of its own where none is `wanted` or it would save no time."""
-    beside = Beside.started() if wanted and _saves_time() else Beside()
-    try:
-        yield beside
-    finally:
-        beside.close()
-
-
-@dataclass
 class Beside:
-    """This process's side of the one that draws, which may be missing."""
+    """Draws in the process that works `aside`, or in this one where there is none."""
 
-    process: BaseProcess | None = None
-    there: Connection | None = None  # None as well where the process takes nothing more
-
-    @classmethod
-    def started(cls) -> Beside:
-        """With a process, where the system lets one start."""
-        heard, said = Pipe(duplex=False)
-        process = get_context("fork").Process(target=_draw, args=(heard, said), daemon=True)
-        try:
-            process.start()
-        except OSError:
-            return cls()
-        finally:
-            heard.close()
-        return cls(process, said)
+    def __init__(self, aside: Aside) -> None:
+        self.aside = aside
+        aside.ask(_load)
 
     def draw(self, result: RunResult) -> None:
         """Let its figures be drawn: of all in a summary they only don't show ``budget``."""
-        self._say(result)
+        self.aside.ask(_draw, result)
 
     def write(self, results: Sequence[RunResult], folder: Path) -> ReportFiles:
         """The report of all results, which were handed to `draw` in this order: see `pmr.report.document`."""
-        self._say((folder.absolute(), [result.summary for result in results]))
-        if self.process is not None:
-            self.process.join()
-            if self.process.exitcode == 0:
-                return ReportFiles.within(folder)
+        well, _ = self.aside.ask(_write, folder.absolute(), [result.summary for result in results])()
+        if well:
+            return ReportFiles.within(folder)
         from pmr.report.document import write_report
 
         return write_report(results, folder)
 
-    def close(self) -> None:
-        """End the process, and what it has started to make pictures."""
-        if self.process is not None and self.process.is_alive():
-            with suppress(ProcessLookupError):  # it has a group only once it is under way
-                os.killpg(self.process.pid or 0, signal.SIGKILL)
-            self.process.kill()
-            self.process.join()
 
-    def _say(self, what: Any) -> None:
-        if self.there is None:
-            return
-        try:
-            with _without_sigpipe():
-                self.there.send(what)
-        except BrokenPipeError:  # it has ended already: `write` sees it
-            self.there = None
+@uncollected()
+def _load() -> None:
+    """Each takes its time to load."""
+    import matplotlib.backends.backend_svg  # noqa: F401
+    import weasyprint  # noqa: F401
+
+    import pmr.report.document  # noqa: F401
 
 
-@contextmanager
-def _without_sigpipe() -> Iterator[None]:
-    """Writing to a process that is gone raises BrokenPipeError; after PETSc is loaded the signal would end this one."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
-    try:
-        yield
-    finally:
-        if signal.SIGPIPE in signal.sigpending():
-            signal.sigwait({signal.SIGPIPE})
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+@uncollected()
+def _draw(result: RunResult) -> None:
+    from pmr.report.document import drawn
+
+    _drawn.append((result, drawn(result, len(_drawn) + 1)))
 
 
-def _saves_time() -> bool:
-    """Whether a copy of this process can run beside it; what only one thread knows would be lost in it."""
-    alone = environment.launched() == 1 and threading.active_count() == 1 and not any(map(sys.modules.get, TOO_LATE))
-    return sys.platform == "linux" and environment.cores() > 1 and alone
+@uncollected()
+def _write(folder: Path, summaries: Sequence[dict[str, Any]]) -> None:
+    from pmr.report.document import write_report
 
-
-def _draw(heard: Connection, said: Connection) -> None:
-    """What the process does; it is gone as soon as the one that started it is, however that ends.
-
-    In a group of its own: an interrupt from the keyboard reaches the other process alone, which ends this one.
-    """
-    try:
-        os.setsid()
-        said.close()
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        _work(heard)
-    except BaseException:  # which its tests or those who interrupt it need not see: it is done again there
-        os._exit(1)
-    os._exit(0)  # the thread that listens may not be asked to end
-
-
-def _work(heard: Connection) -> None:
-    results, figures, wanted = list[RunResult](), [], queue.SimpleQueue[Any]()
-    threading.Thread(target=_listen, args=(heard, wanted), daemon=True).start()
-    gc.freeze()  # what is there stays
-    with environment.uncollected():
-        import matplotlib.backends.backend_svg  # noqa: F401 (each takes its time to load)
-        import weasyprint  # noqa: F401
-
-        from pmr.report.document import drawn, write_report
-
-        while not isinstance(asked := wanted.get(), tuple):
-            results.append(asked)
-            figures.append(drawn(asked, len(results)))
-        folder, summaries = asked
-        final = [replace(one, summary=summary) for one, summary in zip(results, summaries, strict=True)]
-        write_report(final, folder, figures)
-
-
-def _listen(heard: Connection, wanted: queue.SimpleQueue[Any]) -> None:
-    try:
-        while True:
-            wanted.put(heard.recv())
-    finally:  # nobody is left to ask for anything
-        os.killpg(0, signal.SIGKILL)
+    final = [replace(one, summary=summary) for (one, _), summary in zip(_drawn, summaries, strict=True)]
+    write_report(final, folder, [figures for _, figures in _drawn])
