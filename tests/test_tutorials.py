@@ -89,8 +89,8 @@ def test_a_crane_from_an_empty_folder(
     assert f"{first['coordinates']['reduced']} coordinates stand for {first['coordinates']['full']}" in page
     assert page.count(f"{1e3 * first['max_displacement']:.2f} mm") == 2
     assert f"{1e3 * second['max_displacement']:.2f} mm instead" in page
-    *pulled, off, hint = first["warnings"]  # in order of weight
-    assert len(pulled) == 2 and all(" pull: " in line for line in pulled)
+    pulled, off, hint = first["warnings"]  # in order of weight
+    assert " pull: " in pulled
     assert off.partition(" beside")[0] in " ".join(page.split()) and hint.startswith("second order is left out")
     luffing = first["luffing_cylinder"]["force"]
     assert f"up to {1e-3 * luffing['max']:.0f} kN, at {luffing['t_max']:.2f} s and a reach" in page

@@ -134,7 +134,8 @@ def _force(response: Response, name: str) -> Array | None:
 
 
 def pulled(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
-    """Rings and joints with pads that hold both ways and are pulled, a line each: how many, which most, what to set.
+    """Rings with pads that hold both ways and are pulled, a line each, and all joints that have some, in one line: how
+    many, which most, what to set.
 
     Points that hold a planar beam both ways are meant to, so only pads count.
     """
@@ -148,10 +149,10 @@ def pulled(scene: Scene, contacts: Sequence[Contact], response: Response) -> lis
     for ring in _rings(scene):
         own = {name: found[name] for name, _, _ in ring.places if name in found and not ring.unilateral}
         said += [_of_ring(ring, own)] if own else []
-    for name in scene.names[1:]:
-        held = [one for one in contacts if one.inner.body == name and one.clearance is None and one.name in found]
-        said += [_of_joint(name, held, found)] if held else []
-    return said
+    held = [
+        one for one in contacts if one.inner.body in scene.names[1:] and one.clearance is None and one.name in found
+    ]
+    return [*said, _of_joints(held, found)] if held else said
 
 
 def unknown(scene: Scene, response: Response) -> list[str]:
@@ -179,15 +180,18 @@ def _of_ring(ring: PadRing, found: Mapping[str, Extremes]) -> str:
     return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
 
 
-def _of_joint(name: str, held: Sequence[Contact], found: Mapping[str, Extremes]) -> str:
+def _of_joints(held: Sequence[Contact], found: Mapping[str, Extremes]) -> str:
     most = min((one.name for one in held), key=lambda pad: found[pad].least)
+    names = list(dict.fromkeys(one.inner.body for one in held))
     more = f", and {len(held) - 1} more" if len(held) > 1 else ""
     travelling = {one.inner.path is None for one in held}  # with the inner section's tail
     ends = [end for end, at_tail in (("tail", True), ("mouth", False)) if at_tail in travelling]
+    keys = " and ".join(f"joint.{end}" for end in ends)
+    joints, these = ("joints", "these sections") if len(names) > 1 else ("joint", "this section")
     return (
-        f"pads of the joint of {name} hold both ways and pull: {most} with up to "
+        f"pads in the {joints} of {', '.join(names)} hold both ways and pull: {most} with up to "
         f"{newton(-found[most].least)} at {found[most].t_least:g} s{more}; if they can only push, set "
-        f"unilateral = true in {' and '.join(f'sections.{name}.joint.{end}' for end in ends)}"
+        f"unilateral = true in {keys} of {these}"
     )
 
 
