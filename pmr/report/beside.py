@@ -12,6 +12,7 @@ from typing import Any
 
 from pmr.errors.aside import Aside
 from pmr.errors.environment import uncollected
+from pmr.report import paper
 from pmr.report.blocks import Figures, ReportFiles
 from pmr.results import RunResult
 
@@ -43,10 +44,9 @@ class Beside:
 @uncollected()
 def _load() -> None:
     """Each takes its time to load."""
-    import matplotlib.backends.backend_svg  # noqa: F401
-    import weasyprint  # noqa: F401
-
     import pmr.report.document  # noqa: F401
+
+    paper.weasyprint()
 
 
 @uncollected()

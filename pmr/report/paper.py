@@ -2,17 +2,41 @@
 
 from __future__ import annotations
 
+import ctypes.util
 import re
 from base64 import b64encode
 from pathlib import Path
+from typing import Any
 
+from pmr.errors import InputError
 from pmr.errors.environment import needed
 from pmr.report.blocks import END_OF_SCREEN, SCREEN
 
 
 def print_page(text: str, file: Path) -> None:
     """Write a page of HTML as PDF."""
-    needed("weasyprint").HTML(string=_on_paper(text)).write_pdf(file)  # takes a second to load
+    weasyprint().HTML(string=_on_paper(text)).write_pdf(file)
+
+
+def weasyprint() -> Any:
+    """The package, which loads Pango and other libraries.
+
+    It asks for each by several names.  Under those of other systems the compiler, the linker and the list of libraries
+    would be asked too, in some fifty processes.  So they are asked only where no name is that of a file.
+    """
+    name, find = "weasyprint", ctypes.util.find_library
+
+    def nowhere(name: str) -> str | None:
+        return None
+
+    ctypes.util.find_library = nowhere
+    try:
+        return needed(name)
+    except InputError:
+        ctypes.util.find_library = find
+        return needed(name)
+    finally:
+        ctypes.util.find_library = find
 
 
 def _on_paper(text: str) -> str:
