@@ -53,5 +53,5 @@ def key_number(result: RunResult) -> Iterator[KeyNumber]:
     found = result.summary.get("budget", {}).get("model")
     if found is None or found["beside"] is None or found.get("beam") is None:
         return
-    more = f"lowest frequencies {percent(found['frequency'])}; beside {CALLED[found['beside']]}"
+    more = f"{along(result)}; lowest frequencies {percent(found['frequency'])}; beside {CALLED[found['beside']]}"
     yield KeyNumber(percent(found["beam"]), "the model's own error", more)
