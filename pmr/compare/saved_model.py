@@ -42,7 +42,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     clock, excitation, models = Clock(), excitation_in(scene, system), system.reduced
     made = simulate(scene, system, excitation, clock)
     responses, response = {"reduced": made.first.response}, made.first.response
-    natural = frequencies(scene, system, excitation, visited(scene, excitation, 0), None)
+    natural = frequencies(scene, system, excitation, visited(scene, excitation, 0))
     moved, by_frequency = SimulatedSystem.of(system, excitation, made), in_frequency(scene, system, excitation)
     error = _error(scene, moved, clock)
     with clock.stage("step"):

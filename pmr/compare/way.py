@@ -68,15 +68,14 @@ def _reached(scene: Scene, excitation: Excitation, count: int) -> Visited:
     return Visited(scene.reach(t), excitation.s[steps], boom_figures.CURVES, t)
 
 
-def frequencies(scene: Scene, system: System, excitation: Excitation, at: Visited, full: Array | None) -> Frequencies:
-    """Of the reduced system, with every contact closed, beside the `full` model's (S, f) in Hz where they are known.
+def frequencies(scene: Scene, system: System, excitation: Excitation, at: Visited) -> Frequencies:
+    """Of the reduced system, with every contact closed.
 
     Terms have the amplitudes of that time.  Beside those of a body alone are the closed form's, where there is one; two
     joints that move have a map.
     """
     c = excitation.amplitudes(system.term_names, at.t)
     curves = {"reduced": Assembly(system).frequencies(at.sides(system), at.count, c)}
-    curves |= {} if full is None else {"full": full}
     t = at.t if system.terms else None
     if ALONE not in system.bodies:
         return Frequencies(at.along, at.s, curves, boom_figures.frequency_map(scene, system), t)

@@ -96,12 +96,19 @@ class Bodies:
         self._other = self._another()
 
     def frequencies(self) -> Frequencies:
-        """The lowest natural frequencies on the way."""
+        """The lowest natural frequencies on the way; those of the full model are there after `simulate`."""
         wanted = ALONE in self.built or "full" in self.scene.compare.against
         at = visited(self.scene, self.excitation, self.full.whole.size if wanted else 0)
-        full = self._full_frequencies(at) if wanted else None
-        found = on_first(self._comm, lambda: frequencies(self.scene, self.system, self.excitation, at, full))
+        self._full_frequencies = self._asked_frequencies(at) if wanted else None
+        found = on_first(self._comm, lambda: frequencies(self.scene, self.system, self.excitation, at))
         return found or Frequencies(at.along, at.s, {})
+
+    def beside_full(self, natural: Frequencies) -> Frequencies:
+        """With those of the full model, where they are wanted."""
+        if self._full_frequencies is None:
+            return natural
+        found = {name: natural.models[name] for name in natural.models if name == "reduced"}  # first in figures
+        return replace(natural, models={**found, "full": self._full_frequencies(), **natural.models})
 
     def simulate(self, natural: Frequencies, checkpoint: Checkpoint | None) -> Motions:
         """The reduced system by all simulators, and the references; then, beside all else, the error of its step.
@@ -206,10 +213,10 @@ class Bodies:
         known = None if self.choice is None else self.choice.found.estimate
         return reduction_error(self.scene, moved, self.clock, self._other, known)
 
-    def _full_frequencies(self, at: Visited) -> Array:
+    def _asked_frequencies(self, at: Visited) -> Callable[[], Array]:
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)
         if not self.caches:
-            return self.full.frequencies(at.s, at.count, c)
+            return self.full.frequencies_by(self.aside, at.s, at.count, c)
         asked = {
             "bodies": [one.content for one in self.caches.values()],
             "contacts": repr(self.full.whole.contacts),
@@ -219,4 +226,5 @@ class Bodies:
             "solver": self.scene.sections[0].reduction.solver,
         }
         cache = self.caches[self.scene.names[0]]
-        return cache.arrays("frequencies", asked, lambda: self.full.frequencies(at.s, at.count, c))
+        found = cache.arrays("frequencies", asked, lambda: self.full.frequencies(at.s, at.count, c))
+        return lambda: found

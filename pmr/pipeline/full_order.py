@@ -5,7 +5,7 @@ A reference is checked before it judges: one that fails, or that can't be truste
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from pmr.compare.evaluation import Motion, Supports, response_of, with_friction,
 from pmr.compare.responses import Simulated, completed, full_simulator, repeated
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError, on_first
+from pmr.errors.aside import Aside
 from pmr.errors.environment import Clock
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
@@ -95,6 +96,15 @@ class FullOrder:
         else:
             found = _sparse(self._with_terms(), x, count, c)
         return np.asarray(self.whole.comm.bcast(found))
+
+    def frequencies_by(self, aside: Aside, s: Array, count: int, c: Array) -> Callable[[], Array]:
+        """The same, by the process `aside` where that can do without PETSc; what is given back waits for it."""
+        if self.simulator != "march" or (ALONE in self.whole.bodies and not c.size):
+            found = self.frequencies(s, count, c)
+            return lambda: found
+        x = self.whole.coordinates(dict(zip(self.scene.paths, s.T, strict=True)))
+        waiting = None if self.gathered is None else aside.done(Assembly(self.gathered).frequencies, x, count, c)
+        return lambda: np.asarray(self.whole.comm.bcast(waiting and waiting()))
 
     def references(
         self,

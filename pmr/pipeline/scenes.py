@@ -120,6 +120,8 @@ def _run(
     with clock.stage("frequencies"):
         frequencies = bodies.frequencies()
     motions, seen = bodies.simulate(frequencies, checkpoint), dict[str, Recovered]()
+    with clock.stage("frequencies"):
+        frequencies = bodies.beside_full(frequencies)
     if scene.recovery is not None:
         with clock.stage("recover"):
             seen |= bodies.recover(motions)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from pmr.compare.pivot import at_pivot
 from pmr.compare.saved_model import simulate_saved
 from pmr.compare.way import frequencies, visited
 from pmr.errors import InputError
+from pmr.errors.aside import Aside
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
 from pmr.results import Frequencies
@@ -49,7 +51,8 @@ def natural(scene: Scene) -> Frequencies:
     full = FullOrder.of(scene, {name: one.model for name, one in made.built.items()})
     at = visited(scene, excitation, full.whole.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
-    return frequencies(scene, made.system, excitation, at, full.frequencies(at.s, at.count, c))
+    found = frequencies(scene, made.system, excitation, at)
+    return replace(found, models={**found.models, "full": full.frequencies_by(Aside(), at.s, at.count, c)()})
 
 
 def pressed(share: float) -> float:
