@@ -14,7 +14,7 @@ from pmr.results import RunResult
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
 
-#: What a model's part states over a run, as rows call it.
+#: What parts of the budget state, as rows call it.
 PARTS = {
     "beam": "displacements",
     "largest": "largest displacement",
@@ -23,6 +23,8 @@ PARTS = {
     "support_force": "supports",
     "frequency": "lowest frequencies",
 }
+#: Of these the reduction's.
+OF_REDUCTION = ("beam", "pad_force", "cylinder_force", "support_force")
 #: What measures what the mesh takes.
 NO_MESH = "not known: a run with [accuracy] measures it"
 #: Bars begin at this error.
@@ -35,21 +37,21 @@ def table(result: RunResult) -> Table:
     """A row each; those whose error is known have a bar, on one scale of powers of ten."""
     summary = result.summary
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
-    errors = summary.get("errors", {}).get("reduced_vs_full", {})
     model, mesh = budget.get("model") or {}, budget.get("mesh")
+    beside, reduced = _reduced(result)
     shares = {
-        "model": max(_off(model).values(), default=None),
-        "mesh": mesh.get("beam") if isinstance(mesh, dict) else mesh,
-        "time step": step.get("beam"),
-        "reduction": errors.get("beam", estimate.get("beam")),
+        "model": _off(model),
+        "mesh": _off(mesh if isinstance(mesh, dict) else {"beam": mesh}),
+        "time step": _off({"beam": step.get("beam")}),
+        "reduction": _off(reduced),
     }
     said = {
         "model": _model(model),
-        "mesh": _percent(shares["mesh"]) or budget.get("mesh_reason") or NO_MESH,
-        "time step": _percent(step.get("beam")) or f"not known{_reason(step)}",
-        "reduction": _reduction(errors, estimate),
+        "mesh": _listed(shares["mesh"]) or budget.get("mesh_reason") or NO_MESH,
+        "time step": _listed(shares["time step"]) or f"not known{_reason(step)}",
+        "reduction": f"{beside}: {_listed(shares['reduction'])}" if reduced else beside,
     }
-    known = {name: share for name, share in shares.items() if share}
+    known = {name: most for name, of in shares.items() if (most := max(of.values(), default=0.0))}
     decades = max(ceil(log10(max(known.values(), default=1.0) / LEAST) - 1e-9), 5)
     walls = [WALLS] if _stressed_beams(result) else []
     missing = {
@@ -61,8 +63,7 @@ def table(result: RunResult) -> Table:
     bars = {name: min(max(log10(share / LEAST) / decades, 0.01), 1.0) for name, share in known.items()}
     top = f"{plain(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
     note = f"How far off figures are, from small on the left to large: {plain(100.0 * LEAST)}{SPACE}% to {top}, ten "
-    note += "times as much from mark to mark. The bars of mesh, time step and reduction are for displacements "
-    note += f"{along(result)}; forces and stresses may be further off."
+    note += f"times as much from mark to mark. Displacements are those {along(result)}; stresses may be further off."
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
 
 
@@ -70,21 +71,31 @@ def _model(found: Mapping[str, Any]) -> str:
     if found.get("beside") is None:
         reason = found.get("reason") or "compare.richer measures it"
         return reason if reason.startswith("not ") else f"not known: {reason}"
-    off = _off(found)
-    parts = [f"{called} {percent(off[called])}" for called in sorted(off, key=lambda one: -off[one])]
-    return f"beside {MODELS[found['beside']]}: {', '.join(parts) or f'less than {percent(LEAST, 1)}'}"
+    return f"beside {MODELS[found['beside']]}: {_listed(_off(found))}"
 
 
-def _off(model: Mapping[str, Any]) -> dict[str, float]:
-    """What a model's part states, as rows call it, of what is worth a bar."""
-    return {called: model[kind] for kind, called in PARTS.items() if (model.get(kind) or 0.0) >= LEAST}
+def _off(part: Mapping[str, Any]) -> dict[str, float]:
+    """What a part of the budget states, as rows call it, the largest first."""
+    known = {called: part[kind] for kind, called in PARTS.items() if part.get(kind) is not None}
+    return dict(sorted(known.items(), key=lambda one: -one[1]))
 
 
-def _reduction(errors: Mapping[str, Any], estimate: Mapping[str, Any]) -> str:
-    if "beam" in errors:
-        return f"{percent(errors['beam'])} off the full model"
-    known = _percent(estimate.get("beam"))
-    return f"{known}, estimated" if known else "not known: nothing was compared with a full model"
+def _listed(off: Mapping[str, float]) -> str:
+    """Those that are worth a bar, in words; empty where nothing is known."""
+    parts = [f"{called} {percent(error)}" for called, error in off.items() if error >= LEAST]
+    return ", ".join(parts) or (f"less than {percent(LEAST, 1)}" if off else "")
+
+
+def _reduced(result: RunResult) -> tuple[str, dict[str, float]]:
+    """Beside what the reduction's errors are, and these; forces that jump count between the jumps, or not at all."""
+    summary = result.summary
+    errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
+    found, beside = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")
+    if found.get("beam") is None:
+        return "not known: nothing was compared with a full model", {}
+    kinds = [kind for kind in OF_REDUCTION if kind != "pad_force" or "impacts" not in summary]
+    known = {kind: found.get(f"{kind}_between_kinks", found.get(kind)) for kind in kinds}
+    return beside, {kind: error for kind, error in known.items() if error is not None}
 
 
 def _stressed_beams(result: RunResult) -> bool:
@@ -98,10 +109,6 @@ def _between(result: RunResult) -> list[str]:
     if recovery is None or "reduced" not in result.summary.get("max_von_mises", {}):
         return []
     return [f"stresses of the body between times {plain(recovery.every)}{SPACE}s apart (recovery.every)"]
-
-
-def _percent(value: float | None) -> str:
-    return percent(value) if value is not None else ""
 
 
 def _reason(found: Mapping[str, Any]) -> str:

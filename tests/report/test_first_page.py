@@ -87,7 +87,9 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     known = SUMMARY | {"budget": {"mesh": {"beam": 0.01}, "model": model}}
     trust = rows(make_space(summary=known), "How far to trust it")
     assert trust["model"] == f"beside a shell: lowest frequencies 60.0{SPACE}%, displacements 40.0{SPACE}%"
-    assert trust["mesh"] == f"1.00{SPACE}%" and trust["reduction"] == f"0.200{SPACE}% off the full model"
+    assert trust["mesh"] == f"displacements 1.00{SPACE}%"
+    found = f"pad forces 0.300{SPACE}%, displacements 0.200{SPACE}%"
+    assert trust["reduction"] == f"beside the full model: {found}"
     stressed = rows(make_space(recovery={"every": 0.05}, summary=known), "How far to trust it")
     assert f"0.05{SPACE}s apart" in stressed["not looked at"]
 
@@ -101,8 +103,16 @@ def test_every_part_that_is_known_has_a_bar_on_one_scale(make_space: MakeSpace) 
     budget = {"mesh": {"beam": 1e-3}, "model": {"beside": "shell", "beam": 0.1, "frequency": 0.02}}
     found = trust(make_space, budget=budget, step={"beam": 1e-4})
     assert found.marks == 5 and "0.001\u00a0% to 100\u00a0%" in found.note
-    assert "displacements along the beam" in found.note
-    assert found.bars == pytest.approx({"model": 0.8, "mesh": 0.4, "time step": 0.2, "reduction": 0.460206}, abs=1e-6)
+    assert "Displacements are those along the beam" in found.note
+    assert found.bars == pytest.approx({"model": 0.8, "mesh": 0.4, "time step": 0.2, "reduction": 0.495424}, abs=1e-6)
+    mesh = {"beam": 1e-3, "tip": 2e-3, "pad_force": 0.01, "cylinder_force": 1e-7}  # the worst of what is not round-off
+    worst = trust(make_space, budget={"mesh": mesh}, errors={"reduced_vs_full": {"beam": 1e-7}})
+    assert dict(worst.rows)["mesh"] == f"pad forces 1.00{SPACE}%, displacements 0.100{SPACE}%"
+    assert worst.bars["mesh"] == pytest.approx(0.6) and worst.bars["reduction"] == 0.01
+    assert dict(worst.rows)["reduction"] == f"beside the full model: less than 0.001{SPACE}%"
+    jumps = {"beam": 1e-3, "cylinder_force": 0.3, "cylinder_force_between_kinks": 0.002, "pad_force": 0.8}
+    struck = trust(make_space, errors={"reduced_vs_full": jumps}, impacts={"band": 50.0, "pad_force": 0.01})
+    assert dict(struck.rows)["reduction"].endswith(f": cylinder forces 0.200{SPACE}%, displacements 0.100{SPACE}%")
     far = trust(make_space, budget={"model": {"beside": "shell", "beam": 7.0}})
     assert far.marks == 6 and "1000\u00a0%" in far.note and 0.9 < far.bars["model"] < 1.0
     assert dict(far.rows)["model"].endswith(f"displacements 700{SPACE}%") and set(far.bars) == {"model", "reduction"}
