@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.compare.errors import ROUND_OFF
@@ -46,10 +45,18 @@ def pressing(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads:
     The path coordinates of the run are those of each row (T, m) in m.
     """
     steps = np.linspace(0, len(run.t) - 1, min(len(run.t), STEPS)).astype(int)
-    pressed = sp.csr_matrix((len(steps), len(carriers.values)))
-    for row, x, force in zip(rows, run.s[steps].T, run.multipliers[steps].T, strict=True):
-        pressed -= row.weights(x).multiply(force[:, None])
-    return np.hstack([pressed.toarray(), loads[steps]])
+    return np.hstack([pressed(carriers, rows, run.s[steps], run.multipliers[steps]), loads[steps]])
+
+
+def pressed(carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array) -> Array:
+    """What rows at x (T, m) m press with on their carriers, (T, K) in N, by their multipliers (T, m) N."""
+    T, K = len(x), len(carriers.values)
+    on, shares = [np.zeros((T, 0), np.int64)], [np.zeros((T, 0))]
+    for row, at, force in zip(rows, x.T, multipliers.T, strict=True):
+        touched, b = row.on_carriers(at, 0)
+        on, shares = [*on, touched], [*shares, b * force[:, None]]
+    cells = K * np.arange(T)[:, None] + np.hstack(on)
+    return -np.asarray(np.bincount(cells.ravel(), np.hstack(shares).ravel(), T * K), float).reshape(T, K)
 
 
 def lifting(forces: Array) -> bool:

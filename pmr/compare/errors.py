@@ -64,13 +64,12 @@ def relative_error(signal: Array, reference: Array) -> float:
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
     refuse_infinite(signal, reference)
-    unit = float(np.abs(reference).max(initial=0.0))
+    unit = float(largest(reference, None))
     if unit == 0.0:
         return float(np.any(signal))
-    of_unit = reference / unit
-    scale = np.sqrt(np.mean(of_unit**2, axis=0))
     with np.errstate(over="ignore"):  # infinitely far off is possible
-        error = np.sqrt(np.mean((signal / unit - of_unit) ** 2, axis=0))
+        of_unit = reference / unit, (signal - reference) / unit
+        scale, error = (np.sqrt(np.einsum("t...,t...->...", x, x)) for x in of_unit)
     counted = scale > RELATIVE_FLOOR * float(scale.max())
     return float(np.mean(error[counted] / scale[counted]))
 
@@ -90,8 +89,13 @@ def absolute_error(signal: Array, reference: Array) -> float:
 
 def refuse_infinite(*values: Array) -> None:
     """Raises SimulationError if anything is not finite."""
-    if not all(np.isfinite(one).all() for one in values):
+    if not all(np.isfinite(largest(one, None)) for one in values):
         raise SimulationError("what was simulated is not finite: loads or motions are too large to be computed with")
+
+
+def largest(values: Array, axis: int | None = 0) -> Any:
+    """The largest size along an axis, or of all; NaN where one is.  What a copy of all sizes would take is left out."""
+    return np.maximum(values.max(axis=axis, initial=0.0), -values.min(axis=axis, initial=0.0))
 
 
 def quantities_of(tips: int, along: slice) -> Mapping[str, Quantity]:
@@ -121,10 +125,12 @@ def errors(
     A kink of the path strikes the beam, and what of the blow a reduced model can't follow rings on at frequencies
     above its own; the force sees that, displacements hardly do (docs/paper.md).
     """
-    return {
-        between: {name: measure(*both) for name, both in found.items()}
-        for between, found in pairs(responses, order, quantities).items()
-    }
+    return of_pairs(pairs(responses, order, quantities), measure)
+
+
+def of_pairs(found: Mapping[str, Mapping[str, Pair]], measure: Measure) -> dict[str, dict[str, float]]:
+    """The same of `pairs`."""
+    return {between: {name: measure(*both) for name, both in of.items()} for between, of in found.items()}
 
 
 def pairs(
@@ -151,11 +157,11 @@ def _others(one: Response, other: Response, force: float) -> dict[str, Pair]:
     """
     units = dict(zip(one.other_names, one.other_units, strict=True))
     pairs = {name: (one.other(name), other.other(name)) for name in units if name in other.other_names}
-    largest = {name: max(float(np.abs(values).max()) for values in pair) for name, pair in pairs.items()}
+    sizes = {name: max(float(largest(values)) for values in pair) for name, pair in pairs.items()}
     for name, pair in pairs.items():
-        least = RELATIVE_FLOOR * max(size for beside, size in largest.items() if units[beside] == units[name])
+        least = RELATIVE_FLOOR * max(size for beside, size in sizes.items() if units[beside] == units[name])
         least = max(least, force) if units[name] in ("N", "N m") else least
-        pairs[name] = pair if largest[name] > least else (np.zeros_like(pair[0]), np.zeros_like(pair[1]))
+        pairs[name] = pair if sizes[name] > least else (np.zeros_like(pair[0]), np.zeros_like(pair[1]))
     return pairs
 
 
@@ -172,14 +178,16 @@ def with_common_forces(one: Response, other: Response) -> tuple[Response, Respon
 def _without_round_off(one: Response, other: Response, least: float, force: float) -> tuple[Response, Response]:
     """Both with zeros where neither exceeds round-off: such displacements (m) and forces (N) are nobody's error."""
     x, y = settled(one.displacement, other.displacement, least)
-    largest = max(float(np.abs(response.slider_force).max(initial=0.0)) for response in (one, other))
-    f, g = settled(one.slider_force, other.slider_force, max(force, FORCE_ROUND_OFF * largest))
+    size = max(float(largest(response.slider_force, None)) for response in (one, other))
+    f, g = settled(one.slider_force, other.slider_force, max(force, FORCE_ROUND_OFF * size))
     return replace(one, displacement=x, slider_force=f), replace(other, displacement=y, slider_force=g)
 
 
 def settled(one: Array, other: Array, round_off: float | Array) -> tuple[Array, Array]:
     """Two signals (T, o) with zeros in the columns in which neither exceeds round-off, which each may have its own."""
-    moves = np.maximum(np.abs(one).max(axis=0), np.abs(other).max(axis=0)) > round_off
+    moves = np.maximum(largest(one), largest(other)) > round_off
+    if moves.all():
+        return one, other
     return np.where(moves, one, 0.0), np.where(moves, other, 0.0)
 
 

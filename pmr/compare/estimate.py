@@ -122,9 +122,15 @@ class _Simulated:
     outputs: Outputs
 
     @classmethod
-    def of(cls, system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> _Simulated:
+    def of(
+        cls,
+        system: System,
+        excitation: Excitation,
+        run: SystemTrajectory | None = None,
+        response: Response | None = None,
+    ) -> _Simulated:
         run = run or run_from_start(system, excitation)
-        response = respond(system, run)
+        response = response or respond(system, run)
         return cls(system, run, response, responded(system, run, excitation, response))
 
 
@@ -139,18 +145,24 @@ class _Difference:
     scatter: str = ""
 
 
-def estimate(models: Models, system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Estimate:
+def estimate(
+    models: Models,
+    system: System,
+    excitation: Excitation,
+    run: SystemTrajectory | None = None,
+    response: Response | None = None,
+) -> Estimate:
     """Estimate the error of a system of bodies whose `models` on their modes are given, with their enrichment modes.
 
-    The system has more where cylinders do (`pmr.reduced.attachment`).  Its `run` is made here unless it is given; one
-    or two others are, in the parts of a step that it took.  Raises ValueError if there is no estimate (`no_estimate`);
-    InputError or SimulationError as for `pmr.simulation.Simulator`; SimulationError too if what two richer models say
-    of an impact differs.
+    The system has more where cylinders do (`pmr.reduced.attachment`).  Its `run`, and what it says in it, are found
+    here unless they are given; one or two others are, in the parts of a step that it took.  Raises ValueError if there
+    is no estimate (`no_estimate`); InputError or SimulationError as for `pmr.simulation.Simulator`; SimulationError too
+    if what two richer models say of an impact differs.
     """
     begin = time.perf_counter()
     if why := no_estimate(models):
         raise ValueError(f"no estimate: {why}")
-    first = _Simulated.of(system, excitation, run)
+    first = _Simulated.of(system, excitation, run, response)
     own, floors = first.outputs, Floors.of(system, excitation, first.run.forces)
     difference = _attached(models, first, excitation, floors)
     better = own.plus(difference.missing)

@@ -13,16 +13,16 @@ from scipy.ndimage import maximum_filter1d
 
 from pmr.compare import coverage, estimate, step_error
 from pmr.compare.attached import UnsettledError
-from pmr.compare.halved_steps import recorded
 from pmr.compare.outputs import KINDS
 from pmr.compare.responses import Simulations
-from pmr.compare.runs import run_from_start
+from pmr.compare.runs import recorded, run_from_start
 from pmr.compare.summary import Part
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
 from pmr.errors.text import rounded
 from pmr.reduced.attachment import knows_matrices
 from pmr.reduced.model import ReducedModel
+from pmr.results import Response
 from pmr.scene import Reduction, Scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.found import moves_by_itself
@@ -86,7 +86,7 @@ def reduction_error(
     def make() -> estimate.Estimate:
         if other is not None:
             return estimate.by_other(system, other, excitation)
-        return found or estimate.estimate(models, system, excitation, moved.run)
+        return found or estimate.estimate(models, system, excitation, moved.run, moved.response)
 
     failed, scattered = "", list[str]()
     if asked and estimate.no_estimate(telling) is None:
@@ -120,12 +120,15 @@ class SimulatedSystem:
     system: System
     excitation: Excitation
     given: SystemTrajectory | None = None
+    response: Response | None = None  # what it says in that motion, if known
 
     @classmethod
     def of(cls, system: System, excitation: Excitation, made: Simulations) -> SimulatedSystem:
         """As the simulators of a scene moved it, in the parts of a step that they took."""
         run = made.first.run
-        return cls(system, excitation if run is None else excitation.with_stepping(made.made), run)
+        if run is None:
+            return cls(system, excitation)
+        return cls(system, excitation.with_stepping(made.made), run, made.first.own)
 
     @cached_property
     def run(self) -> SystemTrajectory:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.booms import tip_columns
 from pmr.compare.errors import relative_error, round_off, settled
-from pmr.compare.runs import run_from_start
+from pmr.compare.runs import recorded, run_from_start
 from pmr.compare.spectrum import band
 from pmr.errors import SimulationError
 from pmr.simulation import contact_step
@@ -38,8 +38,6 @@ BUDGET = 300_000
 BUDGET_OF_IMPACTS = 50_000
 #: Steps of a run up to which even these are made.
 LONGEST = 4_000_000
-#: Numbers of a run that are recorded before outputs alone are, with a loop that has to be compiled for that.
-MOST_RECORDED = 20_000_000
 #: Steps at which runs are compared, at most.
 COMPARED = 20_000
 #: Least rho_inf of runs that others are compared with.  With less, steps damp what they don't resolve, so that runs
@@ -55,12 +53,6 @@ def reference_rho(system: System, rho_inf: float) -> float:
     parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
     known = all(getattr(part, "flexibility", None) is not None for part in parts)
     return max(rho_inf, UNDAMPED) if known and np.isnan(system.clearance).all() else rho_inf
-
-
-def recorded(system: System, stepping: TimeStepping) -> bool:
-    """Whether all steps of a run are to be recorded."""
-    bodies, contacts = system.bodies.values(), len(system.contacts)
-    return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
 
 
 class Stepped:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.responses import refused_growth, repeated
+from pmr.compare.responses import marched, refused_growth
 from pmr.compare.second_order import as_made
 from pmr.results import Response
 from pmr.scene import Scene
@@ -42,8 +42,6 @@ NOTHING = 1e-9
 #: Kinds of outputs that are compared, and what a summary calls them.
 KINDS = {"beam": "beam", "tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
 DIRECTIONS = ("x", "y", "z")
-#: What is no error of a model: that of another simulator.
-SIMULATOR = "march"
 STRESS = "stress, which depends on how walls bend at pads, loads and corners"
 IMPACTS = "impacts of pads that lift off and close again, which differ from model to model"
 
@@ -68,7 +66,7 @@ class Motion:
         x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
         if response is None:
             with refused_growth(scene):
-                response = repeated(scene, system, excitation, SIMULATOR).response
+                response = marched(scene, system, excitation)
         assembly, kinds = Assembly(system), [kind for body in system.bodies.values() for kind in body.output_kinds]
         frequencies, moved, along = list[Array](), list[Array](), assembly.along(x)
         for k, amplitudes in enumerate(c):

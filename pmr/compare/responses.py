@@ -16,8 +16,10 @@ from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
 from pmr.compare.machine import with_machine
 from pmr.compare.pivot import at_pivot
+from pmr.compare.runs import recorded
 from pmr.errors import GrowthError, environment
 from pmr.errors.environment import Clock
+from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.choice import transverse
@@ -50,7 +52,8 @@ class Simulated:
     response: Response
     states: Mapping[str, BodyStates]  # of each body at the steps that were asked for
     parts: Indices | None  # (T,): of how many parts each step was made
-    run: SystemTrajectory | None  # of several bodies, whose states are all kept
+    run: SystemTrajectory | None  # of reduced bodies, whose states are all kept where these are not too many
+    own: Response  # the response without what scenes have beside the system
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,13 @@ def repeated(
     seconds = [found.response.seconds]
     if seconds[0] <= SHORT:
         seconds += prepared.seconds(scene.simulation.repeats - 1)
-    return replace(found, response=replace(completed(scene, system, found.response), seconds=min(seconds)))
+    return replace(found, response=replace(completed(scene, system, found.own), seconds=min(seconds)))
+
+
+def marched(scene: Scene, system: System, excitation: Excitation) -> Response:
+    """By the compiled simulator, once; no states are kept."""
+    nothing = np.empty(0, np.int64)
+    return completed(scene, system, _marched(system, excitation, nothing, nothing).run(None).response)
 
 
 def completed(scene: Scene, system: Joined[Any], response: Response) -> Response:
@@ -166,17 +175,19 @@ class Prepared:
 def _prepared(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Prepared:
     """What simulates, with all that every simulation of the system under the excitation needs made once.
 
-    Of a body alone nothing but its states at the `steps` is kept.
+    Of full bodies, and of one alone with many steps, nothing but states at the `steps` is kept.
     """
     alone = ALONE in system.bodies and not system.terms
     if simulator == "march":
-        return _marched(system, excitation, steps, np.asarray(steps) if alone else np.arange(len(excitation.times)))
+        reduced = all(isinstance(body, ReducedModel) for body in system.bodies.values())
+        every = reduced and (not alone or recorded(system, excitation.stepping))
+        return _marched(system, excitation, steps, np.arange(len(excitation.times)) if every else steps)
     start, formulation = systems.start_of(system, excitation), exudyn.FORMULATIONS[simulator]
 
     def run(done: Progress | None) -> Simulated:
         found = exudyn.simulate_system(system, excitation, start, done, formulation)
-        states = states_of(system, found, steps)
-        return Simulated(respond(system, found), states, found.parts, None if alone else found)
+        states, response = states_of(system, found, steps), respond(system, found)
+        return Simulated(response, states, found.parts, None if alone else found, response)
 
     def again(count: int) -> list[float]:
         return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
@@ -202,6 +213,7 @@ def _marched(system: System, excitation: Excitation, steps: Indices, kept: Indic
         ended = systems.follow(form, excitation, take, start, done)
         found = recorder.trajectory(ended)
         numbers = steps if every else np.arange(len(kept))
-        return Simulated(evaluation.response(ended), states_of(system, found, numbers), parts, found if every else None)
+        response, states = evaluation.response(ended), states_of(system, found, numbers)
+        return Simulated(response, states, parts, found if every else None, response)
 
     return Prepared(run, lambda count: systems.seconds(form, excitation, start, count) if count else [])

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.compare.attached import pressed
 from pmr.compare.estimate import no_estimate
 from pmr.errors import InputError
 from pmr.reduced.attachment import with_attachment_modes
@@ -38,13 +38,11 @@ def richer(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Ar
         last, carriers = first + len(model.input_names), model.carriers
         assert carriers is not None  # as `no_estimate` says
         on = system.sides_of(name)
-        pressing = []
-        for pressed, acting in zip(forces, loads, strict=True):
-            own = sp.csr_matrix((len(x), len(carriers.values)))
-            for number, force in zip(on, system.pressed(name, pressed).T, strict=True):
-                weights = system.row(system.sides[number].place).weights(x[:, number])
-                own = own - weights.multiply(force[:, None])
-            pressing.append(np.hstack([own.toarray(), acting[:, first:last]]))
+        rows = [system.row(system.sides[number].place) for number in on]
+        pressing = [
+            np.hstack([pressed(carriers, rows, x[:, on], system.pressed(name, of)), acting[:, first:last]])
+            for of, acting in zip(forces, loads, strict=True)
+        ]
         bodies[name] = with_attachment_modes(extended(model), np.vstack(pressing), LEFT_OUT)
         first = last
     return system.with_bodies(bodies)

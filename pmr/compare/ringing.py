@@ -54,8 +54,7 @@ def ringing(signal: Array, of: Array | None = None) -> float:
 def rings(signal: Array, reference: Array) -> bool:
     """Whether an error is the reference's ringing: most of the difference alternates, and the reference by as much."""
     error = relative_error(signal, reference)
-    own = min(ringing(reference), ringing(signal - reference, reference))
-    return error > RINGING and own > error / 2.0
+    return error > RINGING and min(ringing(reference), ringing(signal - reference, reference)) > error / 2.0
 
 
 @dataclass(frozen=True)

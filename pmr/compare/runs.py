@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 #: Steps beside a kink of an extension whose forces are left out.
 BESIDE_KINK = 2.0
+#: Numbers of a run that are recorded before outputs alone are.
+MOST_RECORDED = 20_000_000
 
 
 def run_from_start(system: System | SystemForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
@@ -34,6 +36,12 @@ def run_from_start(system: System | SystemForm, excitation: Excitation, every: i
     """
     form = system if isinstance(system, SystemForm) else SystemForm.of(system)
     return systems.simulate_form(form, excitation, systems.start_of(form.system, excitation), every=every)
+
+
+def recorded(system: System, stepping: TimeStepping) -> bool:
+    """Whether all steps of a run are to be recorded."""
+    bodies, contacts = system.bodies.values(), len(system.contacts)
+    return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
 
 
 def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:

@@ -85,10 +85,10 @@ def compared(
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
     measures = {"errors": measure, "absolute_errors": errors.absolute_error}
-    kinds = {kind: errors.errors(responses, one, quantities=measured) for kind, one in measures.items()}
-    unjudged = dict[str, ringing.NotJudged]()
+    pairs, unjudged = errors.pairs(responses, quantities=measured), dict[str, ringing.NotJudged]()
+    kinds = {kind: errors.of_pairs(pairs, one) for kind, one in measures.items()}
     if full is not None:
-        for name, both in errors.pairs(responses, quantities=measured)["reduced_vs_full"].items():
+        for name, both in pairs["reduced_vs_full"].items():
             if (found := ringing.NotJudged.of(both, full)) is not None:
                 unjudged[name] = found
                 for kind in kinds.values():

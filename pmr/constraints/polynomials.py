@@ -6,7 +6,7 @@ breaks (intervals + 1,) in m.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,27 +42,18 @@ def applied(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
     """
     table = table if derivative == 0 else table.derivative(derivative)
     s = within_domain(s, table.x[0], table.x[-1], "slider")
-    interval, x = _interval(table, s), np.asarray(x, dtype=float)
-
-    def powers(at: Indices) -> Array:
-        return np.vander(s[at] - table.x[interval[at]], len(table.c))
-
-    return _summed(table, interval, powers, x)
+    interval = _interval(table, s)
+    return _summed(table, interval, np.vander(s - table.x[interval], len(table.c)), np.asarray(x, dtype=float))
 
 
 def applied_change(table: PPoly, s: Array, x: Array) -> Array:
     """(A(s_{t+1}) - A(s_t)) x_t, (T - 1, m), for s (T,) m and x (T - 1, r); errors likewise."""
     s = within_domain(s, table.x[0], table.x[-1], "slider")
-    interval, x = _interval(table, s), np.asarray(x, dtype=float)
-    same = interval[1:] == interval[:-1]
-
-    def change(at: Indices) -> Array:
-        """Of what stays within an interval; of the others the powers at the end."""
-        offset, count = table.x[interval[at + 1]], len(table.c)
-        ends, begins = np.vander(s[at + 1] - offset, count), np.vander(s[at] - offset, count)
-        return np.where(same[at, None], ends - begins, ends)
-
-    found = _summed(table, interval[1:], change, x)
+    interval, x, count = _interval(table, s), np.asarray(x, dtype=float), len(table.c)
+    same, offset = interval[1:] == interval[:-1], table.x[interval[1:]]
+    ends, begins = np.vander(s[1:] - offset, count), np.vander(s[:-1] - offset, count)
+    # of what stays within an interval the change of powers; of the others the powers at the end
+    found = _summed(table, interval[1:], np.where(same[:, None], ends - begins, ends), x)
     left = np.flatnonzero(~same)
     found[left] -= applied(table, s[left], x[left])
     return found
@@ -73,17 +64,24 @@ def _interval(table: PPoly, s: Array) -> Indices:
     return np.clip(np.searchsorted(table.x, s, side="right") - 1, 0, len(table.x) - 2)
 
 
-def _summed(table: PPoly, interval: Indices, powers: Callable[[Indices], Array], x: Array) -> Array:
-    """(T, m): a table's coefficients on each one's interval times `powers` (., p) of it and x (T, r)."""
-    count, intervals, m, r = table.c.shape
-    found, order = np.zeros((len(x), m)), np.argsort(interval, kind="stable")
-    size = max(1, AT_ONCE // max(1, count * r))
-    ends = np.searchsorted(interval[order], np.arange(intervals + 1))
-    for j in np.flatnonzero(np.diff(ends)):
-        c = table.c[:, j].transpose(0, 2, 1).reshape(count * r, m)
-        for first in range(ends[j], ends[j + 1], size):
-            at = order[first : min(first + size, ends[j + 1])]
-            found[at] = (powers(at)[:, :, None] * x[at, None, :]).reshape(len(at), count * r) @ c
+def _summed(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
+    """(T, m): a table's coefficients on each one's interval times `powers` (T, p) of it and x (T, r).
+
+    Steps in a row on the same interval are taken at once.
+    """
+    count, _, m, r = table.c.shape
+    found, few = np.empty((len(x), m)), m < r  # powers take what the table measures, or what it takes: the fewer
+    most, first = max(1, AT_ONCE // max(1, count * min(m, r))), 0
+    for end in [*(np.flatnonzero(np.diff(interval)) + 1), len(x)]:
+        while first < end:
+            at = slice(first, min(first + most, end))
+            c = table.c[:, interval[first]].transpose(0, 2, 1)
+            if few:
+                found[at] = np.einsum("tp,ptm->tm", powers[at], x[at] @ c)
+            else:
+                both = powers[at][:, :, None] * x[at, None, :]
+                found[at] = both.reshape(len(both), count * r) @ c.reshape(count * r, m)
+            first = at.stop
     return found
 
 

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
-from pmr.system.contact_rows import ContactRows, closed
+from pmr.system.contact_rows import ContactRows, closed, left_free
 from pmr.system.oscillations import oscillations
 from pmr.system.system import System
 from pmr.system.terms import Term, added
@@ -172,35 +172,22 @@ class Assembly:
 
     def _add_carried(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
         """What a body contributes with its sides, the `on`-th of all, at x (k, T) m."""
-        sides, T, carriers = [self.system.sides[a] for a in on], x.shape[1], self.system.bodies[name].carriers
+        sides, carriers = [self.system.sides[a] for a in on], self.system.bodies[name].carriers
         assert carriers is not None
-        weights = [self.system.row(side.place).weights(at) for side, at in zip(sides, x, strict=True)]
-        for side, b in zip(sides, weights, strict=True):
-            b.data *= side.sign
+        contacts, known = [side.contact for side in sides], carriers.flexibility
         # of some thousand carriers the sides touch a few: a product with all would copy tables of 100 MB each time
-        touched = np.unique(np.concatenate([b.indices for b in weights]))
-        weights = [b[:, touched] for b in weights]
-        together, contacts, known = (
-            sp.vstack(weights, format="csr"),
-            [one.contact for one in sides],
-            carriers.flexibility,
-        )
-        stacked = together.tocoo()
-
-        def measured(values: Array) -> Array:
-            """Of the carriers' `values` (carriers, n) the sides' (k, T, n)."""
-            return np.asarray(together @ values[touched]).reshape(len(on), T, -1)
-
-        for k, own in zip(contacts, measured(carriers.values)[:, :, self.free[name]], strict=True):
-            found.C[:, k, self.coordinates[name]] += own
-        if known is None:
-            return
-        between = known.rows[np.ix_(touched, touched)]
-        for k, b, H, X in zip(contacts, weights, measured(known.inputs), measured(known.outputs.T), strict=True):
-            found.H[:, k, self.inputs[name]] += H
-            found.X[:, self.observed[name], k] += X
-            moved = stacked.data * (b @ between)[stacked.row % T, stacked.col]
-            found.F[:, k, contacts] += np.bincount(stacked.row, moved, len(on) * T).reshape(-1, T).T
+        places = [self.system.row(side.place).on_carriers(at, 0) for side, at in zip(sides, x, strict=True)]
+        touched = np.hstack([at for at, _ in places])  # (T, d)
+        weights = np.hstack([side.sign * b for side, (_, b) in zip(sides, places, strict=True)])
+        ends = np.cumsum([0, *(at.shape[1] for at, _ in places)])
+        for k, first, last in zip(contacts, ends, ends[1:], strict=False):
+            at, b = touched[:, first:last], weights[:, None, first:last]
+            found.C[:, k, self.coordinates[name]] += (b @ carriers.values[at])[:, 0, self.free[name]]
+            if known is not None:
+                found.H[:, k, self.inputs[name]] += (b @ known.inputs[at])[:, 0]
+                found.X[:, self.observed[name], k] += (b @ known.outputs.T[at])[:, 0]
+                moved = (b @ known.rows[at[:, :, None], touched[:, None]])[:, 0] * weights
+                found.F[:, k, contacts] += np.add.reduceat(moved, ends[:-1], axis=1)
 
     def _add_tables(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
         """The same of a body alone that has tables over its path, at one of whose places all its rows are."""
@@ -258,15 +245,20 @@ class Assembly:
             return np.asarray(self.frequencies(x[None], count, None if c is None else c[None])[0])
         rows, found = self.along(x), np.full((len(x), count), np.nan)
         amplitudes = np.zeros((len(x), len(self.terms))) if c is None else c
+        C: Array | None = None  # of rigid contacts
+        M, Z = self.M.toarray(), None
         for k in range(len(x)):
-            K = self.stiffness(amplitudes[k]).toarray()
-            V = self.damping(amplitudes[k]) - self.D
-            M, V, (K, Z) = self.M.toarray(), (V - V.T).toarray() / 2.0, closed((K + K.T) / 2.0, rows.at(k))
+            K, V, at = self.stiffness(amplitudes[k]).toarray(), self.damping(amplitudes[k]) - self.D, rows.at(k)
+            K, turning = closed((K + K.T) / 2.0, at), (V - V.T).toarray() / 2.0 if V.count_nonzero() else None
+            if C is None or not np.array_equal(C, at.C[at.rigid]):  # which a cylinder's does not change along the way
+                C = at.C[at.rigid]
+                Z = left_free(C)
+                M = self.M.toarray() if Z is None else Z.T @ self.M.toarray() @ Z
             if Z is not None:
-                M, K, V = (Z.T @ A @ Z for A in (M, K, V))
+                K, turning = Z.T @ K @ Z, None if turning is None else Z.T @ turning @ Z
             if not len(K):
                 continue  # the contacts hold all coordinates
-            omega = oscillations(M, V, K)[:count]
+            omega = oscillations(M, turning, K)[:count]
             found[k, : len(omega)] = omega / (2.0 * np.pi)
         return found
 
@@ -276,9 +268,8 @@ class Assembly:
         Omega in rad/s, ascending; phi^T M phi = 1, phi in 1/sqrt(kg).  Fewer than `count` where there are no more.
         Of terms with amplitudes c (k,) the symmetric stiffness counts; at the buckling load and beyond omega is 0.
         """
-        M, stiffness = self.M.toarray(), self.stiffness(c).toarray()
-        K, Z = closed((stiffness + stiffness.T) / 2.0, rows)
-        K = K + SHIFT * M
+        M, stiffness, Z = self.M.toarray(), self.stiffness(c).toarray(), left_free(rows.C[rows.rigid])
+        K = closed((stiffness + stiffness.T) / 2.0, rows) + SHIFT * M
         if Z is not None:
             M, K = Z.T @ M @ Z, Z.T @ K @ Z
         if len(c) and scipy.linalg.eigvalsh(K, subset_by_index=(0, 0))[0] <= 0.0:  # nothing holds it

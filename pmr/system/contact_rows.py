@@ -44,10 +44,18 @@ class ContactRows:
         """F^-1 C and F^-1 H side by side, at one place."""
         return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
+    @property
+    def rigid(self) -> NDArray[np.bool_]:
+        """(m,): which do not give way, at one place."""
+        return np.asarray(np.all(self.F == 0.0, axis=1))
 
-def closed(K: Array, rows: ContactRows) -> tuple[Array, Array | None]:
-    """K (n, n) with the contacts that give way, and a basis (n, k) of what rigid ones leave free; None without any."""
-    rigid = np.all(rows.F == 0.0, axis=1)
-    soft = rows.of(~rigid)
-    K = K + soft.C.T @ np.linalg.solve(soft.F, soft.C)
-    return K, scipy.linalg.null_space(rows.C[rigid]) if rigid.any() else None
+
+def closed(K: Array, rows: ContactRows) -> Array:
+    """K (n, n) with the contacts that give way."""
+    soft = rows.of(~rows.rigid)
+    return np.asarray(K + soft.C.T @ np.linalg.solve(soft.F, soft.C))
+
+
+def left_free(C: Array) -> Array | None:
+    """A basis (n, k) of what rigid contacts C (m, n) leave free; None without any."""
+    return scipy.linalg.null_space(C) if len(C) else None

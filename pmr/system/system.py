@@ -122,8 +122,18 @@ class Joined(Generic[AnyBody]):
 
     def pressed(self, body: str, forces: Array) -> Array:
         """Contact forces (T, m) as multipliers (T, k) of the body's sides, with their signs."""
-        own = [self.sides[number] for number in self.sides_of(body)]
-        return np.asarray(forces[:, [side.contact for side in own]] * np.array([side.sign for side in own], float))
+        return np.asarray(forces @ self._signs[body])
+
+    @cached_property
+    def _signs(self) -> dict[str, Array]:
+        """Of each body's sides on their contacts, (m, k): a product takes a tenth of the time of picking columns."""
+        found = {}
+        for body in self.bodies:
+            own = [self.sides[number] for number in self.sides_of(body)]
+            found[body] = np.zeros((len(self.contacts), len(own)))
+            for k, side in enumerate(own):
+                found[body][side.contact, k] = side.sign
+        return found
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -5,7 +5,6 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
-from pmr.scene.signals.knots import PART
 
 signal = TypeAdapter(Signal)
 
@@ -174,11 +173,3 @@ def test_kinks_are_jumps_of_the_rate_that_a_smooth_ramp_has_none_of() -> None:
     assert SmoothRamp(times=(0.4166772, 0.8166772, 1.3), values=(1.9, 0.8, 0.9)).kinks(2.0) == {}
     assert Sum(terms=(Sine(amplitude=1.0, frequency=2.0), ramp)).kinks(2.0).keys() == {1.0}
     assert Sine(amplitude=1.0, frequency=2.0).kinks(2.0) == {}
-
-
-def test_many_times_at_once_give_what_each_gives() -> None:
-    """Which are evaluated in parts."""
-    ramp, t = SmoothRamp(times=(0.1, 0.7, 1.0), values=(1.0, -2.0, 3.0)), np.linspace(0.0, 1.2, 2 * PART + 3)
-    for found in (ramp.value, ramp.rate, ramp.second_rate):
-        some = slice(None, None, 997)
-        np.testing.assert_allclose(found(t.reshape(-1, 1))[some, 0], found(t[some]), rtol=1e-12, atol=1e-12)

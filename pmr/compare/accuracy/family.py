@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from pmr.compare.attached import loads_carried
 from pmr.compare.booms import force_kinds_of
 from pmr.compare.estimate import Estimate, estimate
-from pmr.compare.halved_steps import recorded, reference_rho
+from pmr.compare.halved_steps import reference_rho
 from pmr.compare.outputs import KINDS, Floors, Outputs, impulsive
-from pmr.compare.runs import at_intervals, in_parts, run_from_start
+from pmr.compare.runs import at_intervals, in_parts, recorded, run_from_start
 from pmr.compare.step_error import StepError, step_error
 from pmr.errors import SimulationError
 from pmr.reduced.attachment import with_attachment_modes, with_cylinder_modes

@@ -149,14 +149,14 @@ def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, cou
     """B f - C(s)^T lambda of the states, (S, n)."""
     if acting is None:
         return np.zeros((count, B.shape[0]))
-    found, known = (B @ acting.loads.T).T, {row.name: row for row in rows}
+    known, pressed = {row.name: row for row in rows}, _nothing(B.shape[0], count)
     turned = np.zeros_like(acting.multipliers) if acting.moments is None else acting.moments
     for name, force, moment, at in zip(acting.rows, acting.multipliers.T, turned.T, acting.s.T, strict=True):
         if name in known:
-            found -= (sp.diags(force) @ known[name].at(at)).toarray()
+            pressed = pressed + sp.diags(force) @ known[name].at(at)
             if np.any(moment):
-                found += (sp.diags(moment) @ known[name].at(at, 1)).toarray()
-    return np.asarray(found)
+                pressed = pressed - sp.diags(moment) @ known[name].at(at, 1)
+    return np.asarray((B @ acting.loads.T).T - pressed.toarray())
 
 
 def _nothing(size: int, count: int = 1) -> sp.csr_matrix:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import ConfigDict, Field, field_validator, model_validator
 from scipy.interpolate import Akima1DInterpolator, PPoly
 
@@ -18,22 +18,20 @@ from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase
 CLOSEST = 1e-12
 
 
-class _KnotArrays:
-    """Knots as arrays, and the curve through them: what a simulator that asks step by step would make anew each time.
+class _Curve:
+    """A piecewise polynomial through knots, held before the first and after the last, and its rates.
 
-    Compared by identity, so that two signals that are equal stay so once one of them has been evaluated.
+    Made once, as a simulator may ask step by step.  Compared by identity, so that two signals that are equal stay so
+    once one of them has been evaluated.
     """
 
-    def __init__(self, times: Floats, values: Floats) -> None:
-        self.arrays = np.array(times), np.array(values)
-
-    @cached_property
-    def akima(self) -> Akima1DInterpolator:
-        return Akima1DInterpolator(*self.arrays)
-
-    @cached_property
-    def akima_rate(self) -> PPoly:
-        return self.akima.derivative()
+    def __init__(self, coefficients: Array, times: Floats, values: Floats) -> None:
+        """Of `coefficients` (p, knots - 1), highest power first, of the time since each knot."""
+        held = np.zeros((len(coefficients), 2))
+        held[-1] = values[0], values[-1]
+        c = np.column_stack([held[:, 0], coefficients, held[:, 1]])
+        curve = PPoly(c, np.array([times[0] - 1.0, *times, times[-1] + 1.0]))
+        self.derivatives = curve, curve.derivative(), curve.derivative(2)
 
 
 class _Knots(SignalBase):
@@ -59,30 +57,28 @@ class _Knots(SignalBase):
     def breaks(self) -> Floats:
         return self.times
 
-    @cached_property
-    def _cached(self) -> _KnotArrays:
-        return _KnotArrays(self.times, self.values)
+    @property
+    def _rises(self) -> tuple[Array, Array]:
+        """How long each interval between two knots is, and by how much the value rises."""
+        return np.diff(self.times), np.diff(self.values)
 
-    def _interval(self, t: ArrayLike) -> tuple[Array, NDArray[np.intp], Array, Array, Array]:
-        """Local coordinate in [0, 1], interval, its duration and rise, and whether t lies within the knots."""
-        t = np.asarray(t, dtype=float)
-        knots, values = self._cached.arrays
-        only = np.zeros((), np.intp)  # of two knots, where nothing has to be sought
-        i = only if len(knots) == 2 else np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
-        duration = np.diff(knots)[i]
-        x = np.clip((t - knots[i]) / duration, 0.0, 1.0)
-        inside = (t >= knots[0]) & (t < knots[-1])
-        return x, i, duration, np.diff(values)[i], inside
+    def _coefficients(self) -> Array:
+        """Of the curve between knots, as `_Curve` takes them."""
+        duration, rise = self._rises
+        return np.array([rise / duration, self.values[:-1]])
+
+    @cached_property
+    def _curve(self) -> _Curve:
+        return _Curve(self._coefficients(), self.times, self.values)
 
     def value(self, t: ArrayLike) -> Array:
-        return np.interp(np.asarray(t, dtype=float), *self._cached.arrays)
+        return self._curve.derivatives[0](t)
 
     def rate(self, t: ArrayLike) -> Array:
-        _, _, duration, rise, inside = self._interval(t)
-        return np.where(inside, rise / duration, 0.0)
+        return self._curve.derivatives[1](t)
 
     def second_rate(self, t: ArrayLike) -> Array:
-        return np.zeros(np.shape(t))
+        return self._curve.derivatives[2](t)
 
 
 class Ramp(_Knots):
@@ -96,8 +92,6 @@ TRANSITIONS = {
     5: (6.0, -15.0, 10.0, 0.0, 0.0, 0.0),
     9: (70.0, -315.0, 540.0, -420.0, 126.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 }
-#: Times that are evaluated at once: what that takes fits a processor's cache.
-PART = 8192
 
 
 class SmoothRamp(_Knots):
@@ -112,29 +106,12 @@ class SmoothRamp(_Knots):
         description="Degree of the polynomials: 9 has smoother ends and a higher speed in between",
     )
 
-    def _transition(self, t: ArrayLike, derivative: int) -> Array:
-        """Of the transition at t, per s to the power of the `derivative`; 0 outside the knots but for the value."""
-        t = np.asarray(t, dtype=float)
-        if t.size > PART:
-            parts = np.array_split(t.ravel(), -(-t.size // PART))
-            return np.concatenate([self._transition(part, derivative) for part in parts]).reshape(t.shape)
-        x, i, duration, rise, inside = self._interval(t)
-        first, *others = np.polyder(TRANSITIONS[self.degree], derivative)
-        found = np.full(x.shape, first)
-        for coefficient in others:  # in place: memory takes longer than the sums
-            found *= x
-            found += coefficient
-        found *= rise / duration**derivative
-        return np.asarray(self._cached.arrays[1][i] + found if derivative == 0 else np.where(inside, found, 0.0))
-
-    def value(self, t: ArrayLike) -> Array:
-        return self._transition(t, 0)
-
-    def rate(self, t: ArrayLike) -> Array:
-        return self._transition(t, 1)
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        return self._transition(t, 2)
+    def _coefficients(self) -> Array:
+        duration, rise = self._rises
+        transition = np.array(TRANSITIONS[self.degree])
+        found = transition[:, None] * rise / duration ** np.arange(len(transition) - 1, -1, -1)[:, None]
+        found[-1] = self.values[:-1]
+        return found
 
 
 def _or_file(schema: dict[str, Any]) -> None:
@@ -193,28 +170,15 @@ class Table(_Knots):
     def _is_straight(self) -> bool:
         return self.interpolation == "linear" or len(self.times) == 2
 
-    def _held(self, t: ArrayLike) -> Array:
-        return np.clip(np.asarray(t, dtype=float), self.times[0], self.times[-1])
-
-    def value(self, t: ArrayLike) -> Array:
+    def _coefficients(self) -> Array:
         if self._is_straight:
-            return super().value(t)
-        return np.asarray(self._cached.akima(self._held(t)), dtype=float)
-
-    def rate(self, t: ArrayLike) -> Array:
-        if self._is_straight:
-            return super().rate(t)
-        return np.where(self._interval(t)[-1], self._cached.akima_rate(self._held(t)), 0.0)
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        if self._is_straight:
-            return super().second_rate(t)
-        return np.where(self._interval(t)[-1], self._cached.akima_rate(self._held(t), 1), 0.0)
+            return super()._coefficients()
+        return np.asarray(Akima1DInterpolator(self.times, self.values).c)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         low, high = super().bounds(start, end)
         if self._is_straight:
             return low, high
-        turns = self._cached.akima_rate.roots(extrapolate=False)
+        turns = self._curve.derivatives[1].roots(extrapolate=False)
         values = self.value(turns[np.isfinite(turns) & (turns >= start) & (turns <= end)])
         return float(min(low, values.min(initial=low))), float(max(high, values.max(initial=high)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
-from pmr.simulation.excitation import Excitation, rates_of_places
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.floating import Extended
 from pmr.simulation.moving import AXES, OF_BASE, MovingFrame
 from pmr.simulation.native.arrays import ROW, V, Z
@@ -20,7 +20,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.handles import Handle, entry_of
 from pmr.simulation.native.march import March
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.start import Onset, begin, places_of
+from pmr.simulation.native.start import begin, places_of
 from pmr.simulation.native.stepped import outputs_of, step_observed, step_of
 from pmr.simulation.start import InitialState
 from pmr.system.assembly import Assembly
@@ -113,16 +113,14 @@ class Flexible:
     def begin(self, base: Array, states: Mapping[str, InitialState]) -> Moved:
         """At t = 0, with accelerations."""
         f, c = self.inputs(0, base)
-        march, excitation = self._march, self.excitation
-        x, places = march.x[0], self.form.modal.coordinates(dict(zip(excitation.paths, excitation.s[0], strict=True)))
-        rates = rates_of_places(self.form.system, excitation)
+        march = self._march
         mixed = march.mixed(c) if len(c) else np.zeros(0)
-        onset = Onset(tuple(excitation.paths), march.s[0], x, rates, np.ravel(places), f, states, mixed)
+        onset = replace(march.onset, f=f, initial=states, c=mixed)
         begin(march.loop, self.form, self.method, onset)
         self._drive(self._start, 0, f, c)
         failed = self._advance(self._start)
         if failed:
-            raise march.failed(failed, f"t = 0 s{places_of(tuple(excitation.paths), march.s[0])}")
+            raise march.failed(failed, f"t = 0 s{places_of(march.onset.paths, march.s[0])}")
         self.keep()
         return self.accelerated(self._moved(f))
 

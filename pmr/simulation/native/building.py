@@ -40,7 +40,7 @@ def loop_of(
     """
     system, schemes = form.modal, [method.scheme() for method in methods]
     body = form.on_tables
-    of_levels = [] if body is None else [_tables(form, body, scheme) for scheme in schemes]
+    of_levels = [] if body is None else _tables(form, body, schemes)
     constants = bodies(form, paths) if body is None else None
     state = form.state(schemes[0], contact(system.clearance, methods[0].memory()), shares(body))
     loop = Loop(
@@ -61,11 +61,12 @@ def loop_of(
     return _on_levels(loop._replace(control=_control(state, omega)), form, methods, parts, of_levels)
 
 
-def _tables(form: SystemForm, body: ReducedModel, scheme: Scheme) -> Tables:
+def _tables(form: SystemForm, body: ReducedModel, schemes: Sequence[Scheme]) -> list[Tables]:
     """Made once: those of a full model take longer than its steps."""
-    if scheme not in form.tables:
-        form.tables[scheme] = tables(form, body, scheme)
-    return form.tables[scheme]
+    new = [scheme for scheme in schemes if scheme not in form.tables]
+    if new:
+        form.tables.update(zip(new, tables(form, body, new), strict=True))
+    return [form.tables[scheme] for scheme in schemes]
 
 
 def _on_levels(

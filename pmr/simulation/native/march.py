@@ -98,16 +98,16 @@ class March:
         self._drive = s, f, c = self._sampled(0, stepping.steps, 1)
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
         x = places(form.modal, excitation)
-        rigid = np.all(Assembly(form.modal).at(x[0]).F == 0.0, axis=1)
-        needs = needs_of(form.modal, rigid, x, stepping.rho_inf)
+        rows = Assembly(form.modal).at(x[0])
+        needs = needs_of(form.modal, np.all(rows.F == 0.0, axis=1), x, stepping.rho_inf)
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         x_rate = rates_of_places(system, excitation)
-        onset = Onset(self._paths, s[0], self.x[0], x_rate, x[0], f[0], initial, c[0])
+        self.onset = Onset(self._paths, s[0], self.x[0], x_rate, rows, f[0], initial, c[0])
 
         def begun() -> Loop:
             loop = loop_of(form, methods, parts, omega, self._paths, matrices)
-            begin(loop, form, methods[0], onset)
+            begin(loop, form, methods[0], self.onset)
             return loop
 
         self._begun, self.loop, self._friction = begun, begun(), Friction.of(form.modal.contacts)

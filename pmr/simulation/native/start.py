@@ -19,6 +19,7 @@ from pmr.simulation.native.part import Loop
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly
+from pmr.system.contact_rows import ContactRows
 from pmr.system.system import System
 from pmr.system.terms import first_few
 
@@ -34,7 +35,7 @@ class Onset:
     # of the contacts' sides as `System.sides` has them (sides,): places in m and their rates in m/s
     x: Array
     x_rate: Array
-    places: Array  # the same places of the loop's contacts, `SystemForm.modal`
+    rows: ContactRows  # of the loop's contacts, `SystemForm.modal`, there
     f: Array  # (i,) N
     initial: Mapping[str, InitialState]  # of each body; those that are missing start at rest, undeformed
     c: Array = field(default_factory=lambda: np.zeros(0))  # (K,): amplitudes of terms
@@ -50,8 +51,7 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     An InputError is raised where the initial position violates a rigid contact or a size is wrong; a SimulationError
     where contacts that give way depend on each other, and some of them only push.
     """
-    assembly, state, stiffness = Assembly(form.modal), loop.state, loop.modes.stiffness
-    rows = assembly.at(onset.places)
+    rows, state, stiffness = onset.rows, loop.state, loop.modes.stiffness
     C = np.zeros((len(rows.C), len(stiffness)))
     C[:, form.used] = rows.C
     z, v = np.zeros((2, len(stiffness)))

@@ -236,16 +236,20 @@ def deformation(
     if known is None:
         return 0.0
     found, X = np.asarray(loads @ known.direct[chosen].T), known.outputs.T[:, chosen]
+    if not X.shape[1]:
+        return found
     shares, touched = list[Array](), list[Indices]()
     for derivative, acting in ((0, multipliers), *([] if moments is None else [(1, -moments)])):
-        for place, at, forces in zip(own, x.T, acting.T, strict=True):
+        staying = np.zeros((len(own), X.shape[1]))
+        for k, (place, at) in enumerate(zip(own, x.T, strict=True)):
             stays = bool((at == at[0]).all())
             on, weights = system.row(place).on_carriers(at[:1] if stays else at, derivative)
             if stays:
-                found -= forces[:, None] * (weights[0] @ X[on[0]])
+                staying[k] = weights[0] @ X[on[0]]
             else:
-                shares.append(weights * forces[:, None])
+                shares.append(weights * acting[:, k, None])
                 touched.append(on)
+        found -= acting @ staying
     return found - _summed(np.hstack(shares), np.hstack(touched), X) if shares else found
 
 

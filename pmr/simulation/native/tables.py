@@ -17,24 +17,24 @@ from pmr.simulation.native.simd import CACHE_LINE, padded
 Array = NDArray[np.float64]
 
 
-def tables(form: SystemForm, body: ReducedModel, scheme: Scheme) -> Tables:
-    """The rows of a body in its modes, `form.on_tables`, on common breaks; their couplings for one length of step."""
-    m, breaks = len(body.row_names), table_breaks(body)
+def tables(form: SystemForm, body: ReducedModel, schemes: Sequence[Scheme]) -> list[Tables]:
+    """The rows of a body in its modes, `form.on_tables`, on common breaks; their couplings for each length of step."""
+    m, breaks, left = len(body.row_names), table_breaks(body), body.flexibility
     rows = PPoly(padded(rebased(body.rows, breaks).c), breaks)
-    weighted, B = PPoly(form.over_S(rows.c, scheme), breaks), form.over_S(form.modes.B, scheme)
-    compliance = PPoly(scheme.z_gain * product(weighted, rows).c, breaks)
-    inputs = PPoly(scheme.z_gain * rows.c @ B.T, breaks)
-    if body.flexibility:
-        compliance = total(compliance, rebased(body.flexibility.rows, breaks))
-        inputs = total(inputs, rebased(body.flexibility.inputs, breaks))
-    compliance.c[-1, :, np.arange(m), np.arange(m)] += body.row_compliance[:, None]
-    C, couplings = rows.c, side_by_side(compliance, inputs).c
-    return Tables(
-        breaks=breaks,
-        rows=padded(C.transpose(1, 2, 0, 3)),
-        couplings=padded(couplings.transpose(1, 2, 0, 3)),
-        constant_rows=_constant_rows(C, couplings),
-    )
+    of_inputs = PPoly(np.zeros((1, len(breaks) - 1, m, len(form.modes.B))), breaks)
+    give = PPoly(np.zeros((1, len(breaks) - 1, m, m)), breaks)
+    if left is not None:
+        give, of_inputs = rebased(left.rows, breaks), rebased(left.inputs, breaks)
+    give.c[-1, :, np.arange(m), np.arange(m)] += body.row_compliance[:, None]
+    in_order, found = padded(rows.c.transpose(1, 2, 0, 3)), list[Tables]()
+    for scheme in schemes:
+        weighted, B = PPoly(form.over_S(rows.c, scheme), breaks), form.over_S(form.modes.B, scheme)
+        compliance = total(PPoly(scheme.z_gain * product(weighted, rows).c, breaks), give)
+        inputs = total(PPoly(scheme.z_gain * rows.c @ B.T, breaks), of_inputs)
+        couplings = side_by_side(compliance, inputs).c
+        constant = _constant_rows(rows.c, couplings)
+        found.append(Tables(breaks, in_order, padded(couplings.transpose(1, 2, 0, 3)), constant))
+    return found
 
 
 def _constant_rows(C: Array, couplings: Array) -> int:

@@ -81,7 +81,7 @@ def test_rows_that_never_move_stand_before_those_that_do(rich: FullBody) -> None
     more = replace(rich, rows=Rows((held, *rich.rows.rows[2:]), rich.size))
     body = project(more, np.eye(rich.size)[:, 2:])
     form = SystemForm.alone(modal_form(body))
-    assert tables(form, form.on_tables, GeneralizedAlpha(1e-3, 0.8).scheme()).constant_rows == 1
+    assert tables(form, form.on_tables, [GeneralizedAlpha(1e-3, 0.8).scheme()])[0].constant_rows == 1
     assert_same(one_body.simulate(body, driven(PATH, LOADS, STEPPING), some_state(body)), reference(body), 1e-11)
 
 
