@@ -124,13 +124,23 @@ def test_exponents_and_a_page_with_a_size_that_was_too_large() -> None:
     assert nothing.paragraphs and not nothing.blocks
 
 
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[dict], list[Path]]:
+    """Records that the SLURM script's runs on one rank and on two print, and the files that these leave."""
+    folder = tmp_path_factory.mktemp("scale")
+    launch = folder / "launch"
+    launch.write_text(f'#!/bin/sh\nexec mpiexec "$@" "{folder}/$2.npz"\n')  # -n RANKS python -m ... CELLS, and a file
+    launch.chmod(0o755)
+    command = ["bash", "workflows/scale.slurm", "0.2", "1", "2"]
+    environment = os.environ | MPI_SETTINGS | {"PMR_LAUNCH": str(launch)}
+    done = subprocess.run(command, cwd=HERE, env=environment, capture_output=True, text=True, check=True)
+    records = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    return records, [folder / "1.npz", folder / "2.npz"]
+
+
 @pytest.mark.slow
-def test_what_is_measured_is_a_run(tmp_path: Path) -> None:
-    files = [tmp_path / "1.npz", tmp_path / "2.npz"]
-    records = [
-        record_of("benchmarks.scale_run", ["0.2", str(file)], ranks, Bounds(PATIENCE))
-        for ranks, file in zip((1, 2), files, strict=True)
-    ]
+def test_what_is_measured_is_a_run(runs: tuple[list[dict], list[Path]]) -> None:
+    records, files = runs
     for found, ranks in zip(records, (1, 2), strict=True):
         assert found["size"] == 5_112 and found["ranks"] == ranks == len(found["peak_MB"])
         seconds = found["seconds"]
@@ -143,9 +153,5 @@ def test_what_is_measured_is_a_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_slurm_script_runs_each_number_of_ranks() -> None:
-    command = ["bash", "workflows/scale.slurm", "0.3", "1", "2"]
-    environment = os.environ | MPI_SETTINGS | {"PMR_LAUNCH": "mpiexec"}
-    done = subprocess.run(command, cwd=HERE, env=environment, capture_output=True, text=True, check=True)
-    records = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
-    assert [(record["ranks"], len(record["peak_MB"])) for record in records] == [(1, 1), (2, 2)]
+def test_the_slurm_script_runs_each_number_of_ranks(runs: tuple[list[dict], list[Path]]) -> None:
+    assert [(record["ranks"], len(record["peak_MB"])) for record in runs[0]] == [(1, 1), (2, 2)]
