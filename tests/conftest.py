@@ -22,6 +22,7 @@ from pmr.errors import aside
 from pmr.reduced.model import ReducedModel
 from pmr.report import paper
 from pmr.report.blocks import Drawing, drawing
+from pmr.report.motion import album
 from pmr.scene import Scene
 from pmr.system.body import FullBody
 
@@ -38,6 +39,10 @@ FENICSX = (
     *("convergence", "fem", "fullmodel", "mesh", "models", "reduction", "simulation/petsc"),
     "test_random_structures.py",
 )
+#: What reads scenes, pages and sources, by packages of one version on both stacks: tested on one of them, but for
+#: `EVALUATED`, of which NumPy and SciPy decide.
+READ = ("scene", "test_commands.py", "test_readme.py", "test_rooms.py", "test_workflows.py")
+EVALUATED = ("scene/test_signals.py",)
 #: Ranks of this run, and what files say that have tests for several of them, and for several kernels.
 RANKS = int(os.environ.get("OMPI_COMM_WORLD_SIZE", os.environ.get("PMI_SIZE", "1")))
 FOR_RANKS, FOR_KERNELS = "pytest.mark.mpi", "pytest.mark.numerical"
@@ -96,7 +101,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         file, slow = item.path.relative_to(TESTS).as_posix(), item.get_closest_marker("slow") is not None
         if is_numerical(item.path) and not slow:
             item.add_marker(pytest.mark.numerical)
-        if file.startswith(FENICSX) or not slow:
+        read = file.startswith(READ) and not file.startswith(EVALUATED)
+        if file.startswith(FENICSX) or not slow and not read:
             item.add_marker(pytest.mark.stack)
 
 
@@ -109,19 +115,28 @@ def _what_is_loaded_stays() -> None:
 
 @pytest.fixture
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drawings stay empty, which take most of a page's time."""
+    """Drawings and pictures stay empty, which take most of a page's time."""
 
     def empty(name: str, draw: object, caption: str, *arguments: object) -> Drawing:
         return Drawing(name, "<svg></svg>", caption)
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
     monkeypatch.setattr(aside, "_saves_time", lambda: False)  # another process would draw
+    monkeypatch.setattr(album, "develop", lambda shots: [b""] * len(shots))
 
 
 @pytest.fixture
 def undrawn(without_figures: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """PDFs too: for tests of what stands beside them."""
     monkeypatch.setattr(paper, "print_page", lambda text, file: file.touch())
+
+
+@pytest.fixture
+def unmeasured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
+    """Called with True, `pmr run` measures neither mesh nor model beside a shell, as where there can be no cache."""
+    nowhere, found = tmp_path / "no folder", os.environ["PMR_CACHE"]
+    nowhere.touch()
+    return lambda really: monkeypatch.setenv("PMR_CACHE", str(nowhere / "in it" if really else found))
 
 
 @pytest.fixture(scope="session")

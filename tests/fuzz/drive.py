@@ -12,9 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from fuzz.verdict import PATIENCE, Verdict
-from fuzz.worker import READY
+from fuzz.worker import COMPILED, READY
 
 TESTS = Path(__file__).parents[1]
+#: What the next process is told: nothing until one has compiled what all of them take.
+_told: list[str] = []
 
 
 def verdicts(kind: str, count: int, first: int = 0) -> Iterator[Verdict]:
@@ -40,13 +42,15 @@ def summary(found: list[Verdict]) -> str:
 def _one_process(kind: str, number: int, end: int) -> Iterator[Verdict]:
     paths = [str(TESTS), str(TESTS.parent), os.environ.get("PYTHONPATH", "")]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "fuzz.worker", kind, str(number), str(end)]
+    command = [sys.executable, "-m", "fuzz.worker", kind, str(number), str(end), *_told]
     pipes: dict = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "bufsize": 0}  # no line waits unseen
     with subprocess.Popen(command, env=environment, **pipes) as child:
         assert child.stdout is not None
         try:
             said = child.stdout.readline().decode().strip()
-            assert said == READY, f"what is compiled for {kind} could not be prepared"
+            assert said in (READY, COMPILED), f"what is compiled for {kind} could not be prepared"
+            if said == COMPILED:
+                _told[:] = [COMPILED]
             while select.select([child.stdout], [], [], 2 * PATIENCE)[0] and (line := child.stdout.readline()):
                 yield Verdict(**json.loads(line))
         finally:

@@ -1,6 +1,7 @@
-"""A process that judges mutations and prints a line for each: `python -m fuzz.worker kind first last`.
+"""A process that judges mutations and prints a line for each: `python -m fuzz.worker kind first last [compiled]`.
 
-One process for many, since FEniCSx takes seconds to load; another process starts it anew after one that killed it.
+One process for many, since FEniCSx takes seconds to load; another process starts it anew after one that killed it.  It
+compiles first what mutations take, unless it is told that another process has: what is compiled is on disk.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 SEED = 20_260
-READY = "ready"
+READY, COMPILED = "ready", "compiled"
 MOST_MEMORY = 6 * 2**30  # bytes of address space
 
 
@@ -32,8 +33,10 @@ def main() -> None:
 
     module = importlib.import_module(f"fuzz.{kind}")
     stamp = sum(map(ord, kind))
-    getattr(module, "prepare", lambda: None)()
-    print(READY, file=answers, flush=True)
+    prepare = None if COMPILED in sys.argv[4:] else getattr(module, "prepare", None)
+    if prepare is not None:
+        prepare()
+    print(COMPILED if prepare is not None else READY, file=answers, flush=True)
     for number in numbers:
         rng = np.random.default_rng([SEED, stamp, number])
         with tempfile.TemporaryDirectory() as folder:
