@@ -123,12 +123,21 @@ def total(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
 
 def columns(table: PPoly, which: slice | Sequence[int]) -> PPoly:
     """The chosen columns of the values."""
+    if _all(which, table.c.shape[3]):
+        return table
     return PPoly(np.ascontiguousarray(table.c[..., which]), table.x)
 
 
 def select_rows(table: PPoly, which: slice | Sequence[int] | Indices) -> PPoly:
     """The chosen rows of the values (m, n)."""
+    if _all(which, table.c.shape[2]):
+        return table
     return PPoly(np.ascontiguousarray(table.c[:, :, which]), table.x)
+
+
+def _all(which: slice | Sequence[int] | Indices, count: int) -> bool:
+    """Whether these are all, in their order."""
+    return np.array_equal(np.arange(count)[which], np.arange(count))
 
 
 def stacked(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:

@@ -60,7 +60,10 @@ class Row:
 
         A ValueError is raised where s lies outside the path.
         """
-        touched, entries = self.on_carriers(s, derivative)
+        return self._sparse(*self.on_carriers(s, derivative))
+
+    def _sparse(self, touched: Indices, entries: Array) -> sp.csr_matrix:
+        """(T, K), with entries (T, d) on the `touched` carriers."""
         ends = touched.shape[1] * np.arange(len(touched) + 1)
         return sp.csr_matrix((entries.ravel(), touched.ravel(), ends), (len(touched), self.carriers.shape[0]))
 
@@ -77,9 +80,15 @@ class Row:
         """
         return self.weights(s, derivative) @ self.carriers
 
+    def pressed(self, s: Array, force: Array, derivative: int = 0) -> sp.csr_matrix:
+        """Lambda C(s), sparse (T, n), for multipliers (T,); or with the row's derivative."""
+        touched, b = self.on_carriers(s, derivative)
+        return self._sparse(touched, b * force[:, None]) @ self.carriers
+
     def apply(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q at each time, (T,), for s (T,) and q (T, n); or with the row's derivative."""
-        return np.asarray(self.at(s, derivative).multiply(q).sum(axis=1)).ravel()
+        touched, b = self.on_carriers(s, derivative)
+        return np.einsum("td,td->t", b, np.take_along_axis((self.carriers @ q.T).T, touched, axis=1))
 
     @property
     def moves(self) -> bool:

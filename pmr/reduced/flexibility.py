@@ -65,7 +65,12 @@ class Flexibility:
 
     def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """B^T R g, (T, i) in m: what the residual part adds to the motion of the loads' points."""
-        return np.asarray(loads @ self.energy - applied(transposed(self.inputs), s, multipliers))
+        return np.asarray(loads @ self.energy - applied(self._of_rows, s, multipliers))
+
+    @cached_property
+    def _of_rows(self) -> PPoly:
+        """H(s)^T."""
+        return transposed(self.inputs)
 
     @cached_property
     def _at_rows(self) -> PPoly:

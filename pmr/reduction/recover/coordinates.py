@@ -110,10 +110,8 @@ class Recovery:
 
     def _loads(self, states: BodyStates) -> Array:
         """This rank's rows (n_local, S) of B f - C(s)^T z, in N."""
-        g = np.asarray(self._inputs @ states.loads.T)
         known = self._model.rows
+        pressed = sp.csr_matrix((len(states.t), known.size))
         for name, z, at in zip(states.rows, states.multipliers.T, states.s.T, strict=True):
-            row = known.rows[known.names.index(name)]
-            weights = sp.diags(z) @ row.weights(at)
-            g -= (weights @ row.carriers[:, self._share]).T.toarray()
-        return g
+            pressed = pressed + known.rows[known.names.index(name)].pressed(at, z)
+        return np.asarray(self._inputs @ states.loads.T - pressed[:, self._share].T.toarray())

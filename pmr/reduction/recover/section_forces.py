@@ -153,9 +153,9 @@ def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, cou
     turned = np.zeros_like(acting.multipliers) if acting.moments is None else acting.moments
     for name, force, moment, at in zip(acting.rows, acting.multipliers.T, turned.T, acting.s.T, strict=True):
         if name in known:
-            pressed = pressed + sp.diags(force) @ known[name].at(at)
+            pressed = pressed + known[name].pressed(at, force)
             if np.any(moment):
-                pressed = pressed - sp.diags(moment) @ known[name].at(at, 1)
+                pressed = pressed - known[name].pressed(at, moment, 1)
     return np.asarray((B @ acting.loads.T).T - pressed.toarray())
 
 
