@@ -3,12 +3,16 @@
 ``python -m benchmarks.walls [FIRST [LAST]]`` prints what beams are off by over a whole run, with walls that give way
 and with rigid ones: along the bodies, at the tip, in the forces of pads, in the largest displacement and in the two
 lowest frequencies on the way.  In brackets is what ``budget.model`` of a run says where nothing is asked, over that.
+
+``python -m benchmarks.walls auto [FIRST [LAST]]`` runs the boxes with ``model = "auto"`` and its tolerance of 5 %, and
+prints what each run took, what it states and how far off it is.
 """
 
 from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,6 +22,7 @@ import pmr
 from pmr.compare.model_part import Motion, error, model_part
 from pmr.fem.compat import MPI
 from pmr.pipeline.model_part import measured
+from pmr.pipeline.scenes import run
 from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.richer import alike
@@ -130,7 +135,7 @@ def _there_and_back(low: float, high: float) -> dict[str, Any]:
 
 
 def _body(box: dict[str, float], body: dict[str, Any]) -> dict[str, Any]:
-    uses_cells = body["model"] == "shell" or "walls" in body
+    uses_cells = body["model"] in ("shell", "auto") or "walls" in body
     return {"body": {"box": box, **body}, "mesh": CELLS if uses_cells else {}}
 
 
@@ -171,6 +176,30 @@ def moved(scene: Scene) -> Motion:
     return Motion.of(finer, reduced(finer))
 
 
+def off(true: Mapping[str, Any], stated: Mapping[str, Any]) -> str:
+    """What is true of each kind of output, and in brackets what is stated over that, where anything is."""
+    known = [kind for kind in STATED if true.get(kind)]
+    over = {kind: f" ({stated[kind] / true[kind]:.2f})" for kind in known if kind in stated}
+    return ", ".join(f"{kind} {100.0 * true[kind]:.2f} %{over.get(kind, '')}" for kind in known)
+
+
+def auto(first: int = 0, last: int = BOXES) -> None:
+    """Print two lines a box, and of how many a run of what was chosen is within 5 % of the shell."""
+    held = 0
+    for seed in range(first, last):
+        start, outcome = time.process_time(), run(random_box(seed, {"model": "auto"}))
+        assert outcome is not None  # as there is one rank
+        result = outcome.result
+        own = Motion.of(result.scene, outcome.system, result.responses["reduced"])
+        true = model_part(result.scene, own, moved(random_box(seed, SHELL)), "shell")
+        held += error(true) <= WITHIN
+        chosen, stated = result.summary["chosen_model"], result.summary.get("budget", {}).get("model", {})
+        tried = ", ".join(f"{one['name']} {one['walls']} {100.0 * one['error']:.2f} %" for one in chosen["tried"])
+        print(f"{seed}: {chosen['name']}, walls {chosen['walls']}; tried: {tried}", flush=True)
+        print(f"    {off(true, stated)}; {time.process_time() - start:.0f} s of the processor's time", flush=True)
+    print(f"within {100.0 * WITHIN:.0f} %: {held} of {last - first}")
+
+
 def main(first: int = 0, last: int = BOXES) -> None:
     """Print three lines a box, and how many are within 5 %."""
     within, held = 0, 0
@@ -182,9 +211,7 @@ def main(first: int = 0, last: int = BOXES) -> None:
             scene = random_box(seed, body)
             true = model_part(scene, moved(scene), shell, "shell")
             stated = measured(scene, MPI.COMM_WORLD, None, reduced)
-            known = [kind for kind in STATED if true.get(kind)]
-            each = (f"{kind} {100.0 * true[kind]:.2f} % ({stated[kind] / true[kind]:.2f})" for kind in known)
-            print(f"    {name}:", ", ".join(each), flush=True)
+            print(f"    {name}: {off(true, stated)}", flush=True)
             if name == GIVES:
                 within += max(true["largest"], true["frequency"]) <= WITHIN
                 held += error(stated) > WITHIN or error(true) <= WITHIN  # a shell is taken, or the beam
@@ -193,4 +220,8 @@ def main(first: int = 0, last: int = BOXES) -> None:
 
 
 if __name__ == "__main__":
-    main(*(int(one) for one in sys.argv[1:3]))
+    asked = sys.argv[1:]
+    if asked[:1] == ["auto"]:
+        auto(*(int(one) for one in asked[1:3]))
+    else:
+        main(*(int(one) for one in asked[:2]))
