@@ -74,6 +74,12 @@ class _Knots(SignalBase):
     def value(self, t: ArrayLike) -> Array:
         return self._curve.derivatives[0](t)
 
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        """Of what rises or falls all the way between two knots: just before one, round-off may be beyond its value."""
+        inside = [value for t, value in zip(self.times, self.values, strict=True) if start <= t <= end]
+        found = [*self.value([start, end]), *inside]
+        return float(min(found)), float(max(found))
+
     def rate(self, t: ArrayLike) -> Array:
         return self._curve.derivatives[1](t)
 
