@@ -36,10 +36,9 @@ ORDER = ("reduced", "full", "ancf")
 #: Components whose reference RMS does not exceed this share of the largest one are left out of e_NRMS: a direction in
 #: which nothing happens holds round-off only.
 RELATIVE_FLOOR = 1e-6
-#: Share of a displacement that cancels which may be left as round-off: thousands of steps of double precision.
-ROUND_OFF = 1e-12
-#: The same of a force, which has that of accelerations too.
-FORCE_ROUND_OFF = 1e-11
+#: Share of a displacement or a force that cancels which may be left as round-off: tens of thousands of steps of double
+#: precision. Kernels of BLAS leave up to 1.6e-12 of a displacement.
+ROUND_OFF = 1e-11
 #: N/m: what holds a coordinate lets nothing through.
 HOLDS = 1e300
 #: Coordinates up to which it is found out what the loads would do to the body.
@@ -179,7 +178,7 @@ def _without_round_off(one: Response, other: Response, least: float, force: floa
     """Both with zeros where neither exceeds round-off: such displacements (m) and forces (N) are nobody's error."""
     x, y = settled(one.displacement, other.displacement, least)
     size = max(float(largest(response.slider_force, None)) for response in (one, other))
-    f, g = settled(one.slider_force, other.slider_force, max(force, FORCE_ROUND_OFF * size))
+    f, g = settled(one.slider_force, other.slider_force, max(force, ROUND_OFF * size))
     return replace(one, displacement=x, slider_force=f), replace(other, displacement=y, slider_force=g)
 
 
@@ -194,7 +193,7 @@ def settled(one: Array, other: Array, round_off: float | Array) -> tuple[Array, 
 def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> float:
     r"""What of an output in m may be round-off alone, where loads (T, i) in N act for `end` seconds.
 
-    .. math:: 10^{-12} \max_o \lVert O_o^T \rVert \sum_i \lVert B_i \rVert \max_t |f_i|, \qquad
+    .. math:: 10^{-11} \max_o \lVert O_o^T \rVert \sum_i \lVert B_i \rVert \max_t |f_i|, \qquad
         \lVert x \rVert^2 = x^T \big(K + (2 \pi / t_e)^2 M\big)^{-1} x
 
     By Cauchy and Schwarz the product bounds what the loads do to an output of the bodies with their contacts released,
@@ -206,8 +205,8 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
 
 
 def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
-    """As `round_off`, a share of 1e-11, of each output that is neither in m nor in N, (k,) in its unit."""
-    return FORCE_ROUND_OFF * _moved(bodies, loads, end, other_outputs)
+    """As `round_off`, of each output that is neither in m nor in N, (k,) in its unit."""
+    return ROUND_OFF * _moved(bodies, loads, end, other_outputs)
 
 
 def _moved(bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: Callable[[Any], Any]) -> Array:
@@ -226,7 +225,7 @@ def _moved(bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: C
 def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> float:
     r"""What of a force in N may be round-off alone: as `round_off`, of outputs that are forces and of sliders' rows.
 
-    A row's is at most that share, here 1e-11, of :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}`,
+    A row's is at most that share of :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}`,
     with C and G at the path coordinate s in m.
     """
     if (A := _released(body, end)) is None:
@@ -238,7 +237,7 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
         give = give + np.diag(body.flexibility.rows(s))[rows]
     stiff = 1.0 / np.sqrt(give[give > 0.0])
     forces = _norms(A, dense(body.outputs)[force_outputs(body)])
-    return float(FORCE_ROUND_OFF * np.concatenate([stiff, forces]).max(initial=0.0) * _reach(A, body, loads))
+    return float(ROUND_OFF * np.concatenate([stiff, forces]).max(initial=0.0) * _reach(A, body, loads))
 
 
 def _released(body: SlidingBody, end: float) -> Array | None:
