@@ -1,4 +1,4 @@
-"""Run the benchmarks: ``python -m benchmarks [--long] [--only NAME ...] [--out DIR]``.
+"""Run the benchmarks: ``python -m benchmarks [--long] [--only NAME ...] [--earlier FOLDER] [--out DIR]``.
 
 Writes benchmarks.json and benchmarks.html; what was not run this time is taken over from the results that are there.
 """
@@ -39,7 +39,7 @@ STEPS = 1_000_000
 REPEATS = {False: 5, True: 9}
 
 
-def sections(long: bool) -> Mapping[str, Callable[[], Any]]:
+def sections(long: bool, earlier: Path | None = None) -> Mapping[str, Callable[[], Any]]:
     """What there is to measure, by name; the quick ones first."""
     repeats = REPEATS[long]
     return {
@@ -48,7 +48,7 @@ def sections(long: bool) -> Mapping[str, Callable[[], Any]]:
         "growth": lambda: growth.measure(long),
         "fmu": lambda: fmu.measure(repeats),
         "compiling": compiling.measure,
-        "waited for": lambda: waited_for.measure(long),
+        "waited for": lambda: waited_for.measure(long, earlier),
         "chart": chart.measure,
         "peer": lambda: [peer.measure(elements, repeats) for elements in PEER_ELEMENTS],
         "approaches": lambda: {
@@ -73,12 +73,15 @@ def main() -> int:
         "--only", nargs="+", choices=list(sections(False)), metavar="NAME", default=list(sections(False))
     )
     parser.add_argument("--out", type=Path, default=Path("reports/benchmarks"))
+    parser.add_argument(
+        "--earlier", type=Path, metavar="FOLDER", help="a checkout whose commands are waited for in turn"
+    )
     chosen = parser.parse_args()
     logging.getLogger("pmr").setLevel(logging.ERROR)
     chosen.out.mkdir(parents=True, exist_ok=True)
     file = chosen.out / "benchmarks.json"
     results = json.loads(file.read_text()) if file.is_file() else {"sections": {}}
-    for name, measure in sections(chosen.long).items():
+    for name, measure in sections(chosen.long, chosen.earlier).items():
         if name not in chosen.only:
             continue
         begin, load = time.perf_counter(), os.getloadavg()[0]
