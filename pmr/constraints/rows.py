@@ -70,7 +70,7 @@ class Row:
     def on_carriers(self, s: ArrayLike, derivative: int) -> tuple[Indices, Array]:
         """The carriers that the row touches at each s, and their weights, both (T, d)."""
         s = within_domain(np.atleast_1d(np.asarray(s, float)), self.breaks[0], self.breaks[-1], self.name)
-        j = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
+        j = np.searchsorted(self.breaks[1:-1], s, side="right")
         return self.touched[j], self._polynomial(s, nu=derivative)
 
     def at(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:

@@ -104,7 +104,7 @@ from pmr.files.whole import FULL
 
 __all__ = [
     "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",
-    "check_fenicsx", "comm_of", "constant", "create_mesh", "hermite_space", "lagrange_rule",
+    "check_fenicsx", "comm_of", "compiled_form", "constant", "create_mesh", "hermite_space", "lagrange_rule",
     "lagrange_space", "original_cells", "rule_points", "shell_space", "tabulated", "tabulation_space",
     "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
@@ -117,6 +117,8 @@ if not HAS_PETSC and launched() > 1:  # each would take itself for the only one
 Array = NDArray[np.float64]
 VERSION = () if _MISSING else tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _WRAPPED = VERSION < (0, 7)  # elements before basix.ufl
+#: Where a mesh keeps the space of `cellwise`.
+_CELLWISE = "_pmr_cellwise"
 
 # FFCx tells of every compilation through the root logger.
 logging.getLogger("FFCx").setLevel(logging.WARNING)
@@ -335,11 +337,15 @@ def function(space: Any, values: Array) -> Any:
     return found
 
 
-def assemble(form: Any) -> PETSc.Mat:
-    """Bilinear form as a PETSc matrix, without boundary conditions."""
+def compiled_form(form: Any) -> Any:
+    """A bilinear form, to be assembled as often as the values of its constants change; collective."""
     domain = next(iter(form.subdomain_data())).ufl_cargo()
-    compiled = _compiled(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
-    matrix = dolfinx.fem.petsc.assemble_matrix(compiled)
+    return _compiled(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
+
+
+def assemble(form: Any) -> PETSc.Mat:
+    """A compiled form as a PETSc matrix, without boundary conditions; collective."""
+    matrix = dolfinx.fem.petsc.assemble_matrix(form)
     matrix.assemble()
     return matrix
 
@@ -405,8 +411,14 @@ def _is_whole(folder: Path) -> bool:
 
 
 def cellwise(mesh: Any, values: Array) -> Any:
-    """A function that is constant in each cell, from one value for each cell that the mesh was created from."""
-    function = dolfinx.fem.Function(_space(mesh, _element(mesh, "DG", 0)))
+    """A function that is constant in each cell, from one value for each cell that the mesh was created from.
+
+    A form takes dozens of them: their space, which takes longer than all else of them, is made once for a mesh.
+    """
+    known = vars(mesh)
+    if _CELLWISE not in known:
+        known[_CELLWISE] = _space(mesh, _element(mesh, "DG", 0))
+    function = dolfinx.fem.Function(known[_CELLWISE])
     function.x.array[_table(function.function_space.dofmap).ravel()] = values[original_cells(mesh)]
     return function
 

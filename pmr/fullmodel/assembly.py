@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, function, original_cells
+from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, compiled_form, function, original_cells
 from pmr.fem.distributed import free_dropped, freed, sparse
 from pmr.fem.matrices import local_csr
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
@@ -80,7 +80,11 @@ class Assembler:
         self._order = model_order(model, self.space)
 
     def matrix(self, form: Any, zeros: bool = True) -> PETSc.Mat:
-        """Of a form on the model's coordinates, with or without the zeros of its pattern; collective."""
+        """Of a form in UFL on the model's coordinates, with or without the zeros of its pattern; collective."""
+        return self.assembled(compiled_form(form), zeros)
+
+    def assembled(self, form: Any, zeros: bool = True) -> PETSc.Mat:
+        """The same of a form that is compiled."""
         rows = _rows(assemble(form))
         if not zeros:
             rows.matrix.eliminate_zeros()

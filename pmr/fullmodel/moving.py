@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI, PETSc, constant
+from pmr.fem.compat import MPI, PETSc, compiled_form, constant
 from pmr.fem.distributed import freed, times
 from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.eigensolvers import DENSE_UP_TO
@@ -47,8 +47,16 @@ class Moving:
 
     def inertia(self, S: Array) -> PETSc.Mat:
         """A_S without the masses; collective."""
+        tensor, form = self._of_tensor
+        tensor.value = S
+        return self._assembler.assembled(form, zeros=False)
+
+    @cached_property
+    def _of_tensor(self) -> tuple[Any, Any]:
+        """S, as a constant whose value may change, and the form of A_S, compiled once for all; collective."""
         space = self._assembler.space
-        return self._assembler.matrix(self._assembler.model.inertia(space, constant(space.mesh, S)), zeros=False)
+        tensor = constant(space.mesh, np.zeros((3, 3)))
+        return tensor, compiled_form(self._assembler.model.inertia(space, tensor))
 
     def field(self, name: str) -> Array:
         """f_S of one of the inputs `CONSTANT` and `LINEAR` without the masses, whole; collective."""

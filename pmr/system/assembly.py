@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
 from pmr.system.contact_rows import ContactRows, closed, left_free
+from pmr.system.contacts import Place
 from pmr.system.oscillations import oscillations
 from pmr.system.system import System
 from pmr.system.terms import Term, added
@@ -142,23 +143,30 @@ class Assembly:
         for side, at in zip(self.system.sides, x, strict=True):
             name, carriers = side.place.body, self.system.bodies[side.place.body].carriers
             assert carriers is not None
-            slope = self.system.row(side.place).weights(np.array([at]), 1) @ carriers.values
-            found[side.contact, self.coordinates[name]] += side.sign * np.asarray(slope)[0, self.free[name]]
+            touched, b = self._weights(side.place, at, 1)
+            found[side.contact, self.coordinates[name]] += side.sign * (b @ carriers.values[touched])[self.free[name]]
         return found
 
     def turned_rows(self, x: Array) -> Array:
         """What a unit moment on the sides of each contact moves in all contacts, (m, m) 1/N, likewise."""
         found = np.zeros((len(self.system.contacts),) * 2)
-        for side, at in zip(self.system.sides, x, strict=True):
-            if (known := self._flexibility.get(side.place.body)) is None:
-                continue
-            b = self.system.row(side.place).weights(np.array([at]), 1)
-            slope = side.sign * (b.data @ known.rows[b.indices])
-            for number in self.system.sides_of(side.place.body):
-                other = self.system.sides[number]
-                moved = self.system.row(other.place).weights(np.array([x[number]])) @ slope
-                found[other.contact, side.contact] += other.sign * float(moved[0])
+        for name, known in self._flexibility.items():
+            numbers = self.system.sides_of(name)
+            sides = [self.system.sides[number] for number in numbers]
+            slopes, values = (
+                [self._weights(side.place, at, order) for side, at in zip(sides, x[numbers], strict=True)]
+                for order in (1, 0)
+            )
+            for side, (touched, b) in zip(sides, slopes, strict=True):
+                slope = side.sign * (b @ known.rows[touched])
+                for other, (at, weights) in zip(sides, values, strict=True):
+                    found[other.contact, side.contact] += other.sign * (weights @ slope[at])
         return found
+
+    def _weights(self, place: Place, at: float, derivative: int) -> tuple[Array, Array]:
+        """The carriers (d,) that the row of a place touches at a path of so many m, and their weights."""
+        touched, b = self.system.row(place).on_carriers(at, derivative)
+        return touched[0], b[0]
 
     def turned(self, x: Array) -> Array:
         """What a unit moment on the sides of each contact, at x (sides,) m, moves in the outputs, (o, m) 1/N."""

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import ufl
 
-from pmr.fem.compat import MPI, assemble, create_mesh, lagrange_space
+from pmr.fem.compat import MPI, assemble, compiled_form, create_mesh, lagrange_space
 
 
 def main() -> None:
@@ -17,7 +17,7 @@ def main() -> None:
     mesh = create_mesh(MPI.COMM_WORLD, "interval", nodes, first + np.arange(2))
     space = lagrange_space(mesh, 1)
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    M = assemble(3.0 * ufl.inner(u, v) * ufl.dx)
+    M = assemble(compiled_form(3.0 * ufl.inner(u, v) * ufl.dx))
     while "wait" in sys.argv:
         signal.pause()
     print(round(M.getVecLeft().comm.size), round(_sum(M), 9))

@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 from pmr import scene as scenes
-from pmr.fem.compat import MPI, assemble, original_cells
+from pmr.fem.compat import MPI, assemble, compiled_form, original_cells
 from pmr.fullmodel.assembly import Rows, model_order, reordered, share
 from pmr.fullmodel.from_scene import structure_of
 from pmr.models.meshed import MeshedModel
@@ -29,7 +29,7 @@ def test_cells_stand_on_the_rank_that_keeps_most_of_their_rows() -> None:
     lowest = model.mesh.cells[cells].min(axis=1)
     ends = np.array(comm.allgather((lowest.min(), lowest.max(), len(lowest))))
     assert np.all(ends[:-1, 1] <= ends[1:, 0]) and np.ptp(ends[:, 2]) <= 1
-    A = assemble(model.forms(space).mass)
+    A = assemble(compiled_form(model.forms(space).mass))
     mine = np.argsort(model_order(model, space))[slice(*A.getOwnershipRange())]
     first, last = share(model.size, comm)
     assert np.mean((mine >= first) & (mine < last)) > (0.9 if comm.size > 1 else 0.999)
