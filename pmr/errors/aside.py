@@ -128,15 +128,15 @@ def _work(there: Connection, here: Connection) -> None:
         here.close()
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         gc.freeze()  # what is there stays
-        wanted = queue.SimpleQueue[Any]()
+        wanted, found = queue.SimpleQueue[Any](), queue.SimpleQueue[Any]()
         threading.Thread(target=_listen, args=(there, wanted), daemon=True).start()
+        threading.Thread(target=_tell, args=(there, found), daemon=True).start()
         while True:
             work, arguments = wanted.get()
             try:
-                answer = True, work(*arguments)
+                found.put((True, work(*arguments)))
             except Exception:
-                answer = False, None
-            there.send(answer)
+                found.put((False, None))
     finally:
         os._exit(1)
 
@@ -146,4 +146,13 @@ def _listen(there: Connection, wanted: queue.SimpleQueue[Any]) -> None:
         while True:
             wanted.put(there.recv())
     finally:  # nobody is left to ask for anything
+        os.killpg(0, signal.SIGKILL)
+
+
+def _tell(there: Connection, found: queue.SimpleQueue[Any]) -> None:
+    """Send what was found; work goes on while nobody asks for it yet."""
+    try:
+        while True:
+            there.send(found.get())
+    finally:
         os.killpg(0, signal.SIGKILL)

@@ -51,6 +51,7 @@ class Motions:
 
     reduced: Simulations | None
     moved: SimulatedSystem | None  # the reduced system with its motion
+    error: ReductionError | None  # of the reduction, as it is estimated
     step: Callable[[], Part] | None  # waits for what is said of the step's error
     references: References
 
@@ -111,20 +112,23 @@ class Bodies:
         return replace(natural, models={**found, "full": self._full_frequencies(), **natural.models})
 
     def simulate(self, natural: Frequencies, checkpoint: Checkpoint | None) -> Motions:
-        """The reduced system by all simulators, and the references; then, beside all else, the error of its step.
+        """The reduced system by all simulators, its errors, and the references.
 
-        Not before, for solvers' seconds are compared.
+        The other process has the full model's motion, and then the error of the step, beside the reduction's error
+        here: both models are timed while one process works beside them.
         """
         steps = recovered_steps(self.scene).tolist()
         made = on_first(self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps))
         stepping = self._comm.bcast(None if made is None else made.made)
-        references = self.full.references(self.clock, steps, checkpoint, stepping)
-        if made is None:
-            return Motions(None, None, None, references)
-        moved = SimulatedSystem.of(self.system, self.excitation, made)
+        ahead = self.full.ahead(self.aside, steps, stepping)
+        moved = None if made is None else SimulatedSystem.of(self.system, self.excitation, made)
         known = None if self.choice is None else self.choice.found.step_error
-        step = self.aside.done(step_part, self.scene, moved, natural.models["reduced"], known)
-        return Motions(made, moved, step, references)
+        step = None
+        if moved is not None:
+            step = self.aside.done(step_part, self.scene, moved, natural.models["reduced"], known)
+        error = on_first(self._comm, lambda: None if moved is None else self._error(moved))
+        references = self.full.references(self.clock, steps, checkpoint, stepping, ahead)
+        return Motions(made, moved, error, step, references)
 
     def recover(self, motions: Motions) -> Mapping[str, Recovered]:
         """The fields that the scene asks for, by body."""
@@ -134,9 +138,8 @@ class Bodies:
     def judge(self, motions: Motions, natural: Frequencies, seen: Mapping[str, Recovered]) -> tuple[list[Part], Any]:
         """What motions and frequencies say, and how far off the tip may be over time, (T, d) m; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
-        moved = motions.moved
-        assert motions.reduced is not None and moved is not None and motions.step is not None
-        error = self._error(moved)
+        moved, error = motions.moved, motions.error
+        assert motions.reduced is not None and moved is not None and motions.step is not None and error is not None
         with self.clock.stage("step"):
             step = motions.step()
         more = {name: error.of_section(name) | (seen[name].summary() if name in seen else {}) for name in scene.names}

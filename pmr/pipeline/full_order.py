@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -45,6 +46,8 @@ from pmr.system.system import System
 from pmr.system.terms import added
 
 Array = NDArray[np.float64]
+#: Waits for what another process simulates: whether that went well there, and what came of it.
+Ahead = Callable[[], tuple[bool, Any]]
 
 #: (rad/s)^2, below all that is looked for: what holds is not singular there.
 SHIFT = -1.0
@@ -106,23 +109,33 @@ class FullOrder:
         waiting = None if self.gathered is None else aside.done(Assembly(self.gathered).frequencies, x, count, c)
         return lambda: np.asarray(self.whole.comm.bcast(waiting and waiting()))
 
+    def ahead(self, aside: Aside, steps: Sequence[int], made: TimeStepping | None) -> Ahead | None:
+        """Let the process `aside` begin with the full model's motion, if that is asked for and can do without PETSc.
+
+        Arguments are those of `references`, which waits for it.
+        """
+        if "full" not in self.scene.compare.against or self.simulator != "march" or self.gathered is None:
+            return None
+        return aside.ask(repeated, self.scene, self.gathered, self._driven(made), self.simulator, steps)
+
     def references(
         self,
         clock: Clock | None = None,
         steps: Sequence[int] = (),
         checkpoint: Checkpoint | None = None,
         made: TimeStepping | None = None,
+        ahead: Ahead | None = None,
     ) -> References:
         """All that the scene asks for, and the states of the full bodies at some of the `steps`.
 
         Steps are `made` as the reduced system's were, where contacts only push.  With a `checkpoint` a simulation that
-        was cut off goes on.
+        was cut off goes on; one that was begun `ahead` is waited for, and made here if it failed there.
         """
         found, missing, states = dict[str, Response](), dict[str, str](), dict[str, BodyStates]()
         for name in [one for one in ("full", "ancf") if one in self.scene.compare.against]:
             try:
                 if name == "full":
-                    response, states = self._full(clock or Clock(), steps, checkpoint, made)
+                    response, states = self._full(clock or Clock(), steps, checkpoint, made, ahead)
                 else:
                     response = self.reference(name, clock)
             except SimulationError as error:
@@ -137,7 +150,7 @@ class FullOrder:
         Raises SimulationError if it fails or can't be trusted (`pmr.compare.trust`); that of ``"full"`` on every rank.
         """
         if name == "full":
-            return self._full(clock or Clock(), (), None, None)[0]
+            return self._full(clock or Clock(), (), None, None, None)[0]
         if self.whole.comm.rank > 0:
             return None
         with (clock or Clock()).stage(name) as done:
@@ -146,12 +159,20 @@ class FullOrder:
             raise SimulationError(reason)
         return found
 
+    def _driven(self, made: TimeStepping | None) -> Excitation:
+        excitation = Excitation.of(self.scene)
+        return excitation.with_stepping(made or excitation.stepping)
+
     def _full(
-        self, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None, made: TimeStepping | None
+        self,
+        clock: Clock,
+        steps: Sequence[int],
+        checkpoint: Checkpoint | None,
+        made: TimeStepping | None,
+        ahead: Ahead | None,
     ) -> tuple[Response | None, dict[str, BodyStates]]:
         """The response, and this rank's rows of the states at the steps."""
-        whole, comm, excitation = self.whole, self.whole.comm, Excitation.of(self.scene)
-        excitation = excitation.with_stepping(made or excitation.stepping)
+        whole, comm, excitation = self.whole, self.whole.comm, self._driven(made)
         rigid, x = whole.compliance.rigid, places(whole, excitation)
         refuse(self.simulator, needs_of(whole, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
@@ -162,6 +183,9 @@ class FullOrder:
 
                 def make() -> Simulated:
                     assert self.gathered is not None  # as on rank 0
+                    well, found = ahead() if ahead else (False, None)
+                    if well:
+                        return cast(Simulated, found)
                     return repeated(self.scene, self.gathered, excitation, self.simulator, steps, done)
 
                 _ = self.gathered  # collective

@@ -6,11 +6,12 @@ import math
 import os
 import signal
 import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from waiting import PATIENCE
+from waiting import PATIENCE, wait_until
 
 from pmr.errors import aside, environment
 from pmr.errors.aside import Aside, worked_aside
@@ -31,6 +32,14 @@ def test_answers_come_in_any_order_and_from_there() -> None:
         assert process() == other.process.pid and first() == 5.0 == first()
         with pytest.raises(ValueError, match="math domain"):
             other.done(math.sqrt, -1.0)()  # here, where who asks sees it
+
+
+@pytest.mark.usefixtures("apart")
+def test_work_goes_on_while_nobody_asks_for_a_large_answer(tmp_path: Path) -> None:
+    with worked_aside() as other:
+        other.ask(bytes, 1 << 20)  # more than the way there holds
+        other.ask(os.mkdir, tmp_path / "done")
+        wait_until((tmp_path / "done").exists)
 
 
 @pytest.mark.parametrize("other", [Aside(), None], ids=["none", "killed"])

@@ -124,15 +124,22 @@ def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.Monk
 
 @pytest.mark.slow
 def test_what_another_process_finds_is_the_same() -> None:
-    """Frequencies of the full model and the error of the step: to the last digit, and both come from there."""
+    """The full model's frequencies and motion, and the step's error: to the last digit, and they come from there."""
     boom, aside = load(*QUICK, "time.end=0.1", "simulation.repeats=1"), Aside.started()
     try:
         alone, beside = run(boom), run(boom, aside=aside)
     finally:
         aside.close()
     assert alone is not None and beside is not None
-    (well, full), (also_well, step) = aside.answers
-    assert well and also_well and np.array_equal(full, alone.result.frequencies.models["full"])
+    (_, full), (_, moved), (_, step) = aside.answers
+    assert all(well for well, _ in aside.answers) and np.array_equal(full, alone.result.frequencies.models["full"])
+    for name in ("displacement", "slider_force"):
+        made, there, here = (
+            getattr(one, name)
+            for one in (moved.response, beside.result.responses["full"], alone.result.responses["full"])
+        )
+        assert np.array_equal(made, here) and np.array_equal(there, here)
+    assert beside.result.responses["full"].seconds == moved.response.seconds
     assert beside.result.summary["step"] == step.figures["step"]
     one, two = (found.result.summary["step"] | {"seconds": 0.0} for found in (alone, beside))
     assert one == two and alone.result.summary["warnings"] == beside.result.summary["warnings"]
