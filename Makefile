@@ -14,6 +14,8 @@ APT := python3-dolfinx-real python3-petsc4py-real python3-slepc4py-real openmpi-
 
 # Nothing of the caller's Python or PETSc may leak in: Debian's petsc4py dies beside a NumPy 2 of the user's own.
 unexport PYTHONPATH PYTHONHOME PETSC_DIR PETSC_ARCH SLEPC_DIR PIP_USER PIP_TARGET PIP_PREFIX
+# Images for containers preset it; without stored bytecode each process compiles for seconds all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
 export PYTHONNOUSERSITE := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Ranks share the cores; BLAS threads on top would fight over them.
