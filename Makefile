@@ -139,14 +139,15 @@ endef
 # What CI runs: the suite on Debian's stack under KERNEL; on the wheel stack, under the last kernel, what needs the other
 # stack and the numerical part; under the kernels between, on Debian's, the tests for two ranks on two, and what else is
 # numerical. So each stack and each kernel has its turn, and no test runs twice for one of them. Left out, as they run
-# on Debian's: what only reads scenes and pages, slow tests of rooms without FEniCSx, slow ones on two ranks. Long ones begin first, or a core would wait
-# for the last of them. LAST is what .ci/run appends.
+# on Debian's: what only reads scenes and pages, slow tests of rooms without FEniCSx, slow ones on two ranks. The longest
+# begin first and the shortest end: a core waits for the last of them. LONGEST and LAST are what .ci/run adds.
 LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
+LONGEST =
 LAST =
-IN_CI = $(call both,lint $(SUITE) test-wheel-part $(BETWEEN:%=test-between-%) $(LAST),\
+IN_CI = $(call both,test-suite-rest test-wheel-part $(LONGEST) test-suite-rooms $(BETWEEN:%=test-between-%) lint $(LAST),\
     $(or $(BETWEEN:%=test-mpi-%),test-mpi) test-wheel-part-mpi)
-ALONE = $(call both,lint $(SUITE) $(OTHERS:%=test-numerical-%) $(LAST),test-mpi $(OTHERS:%=test-ranks-%))
+ALONE = $(call both,lint $(SUITE) $(OTHERS:%=test-numerical-%) $(LONGEST) $(LAST),test-mpi $(OTHERS:%=test-ranks-%))
 BOTH_STACKS = $(and $(filter true,$(CI)),$(PYTHON312))
 # The suite in two pieces of some length, one after the other or side by side.
 SUITE := test-suite-rest test-suite-rooms
