@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.compare.errors import ROUND_OFF
@@ -27,7 +28,7 @@ SETTLED = 0.5
 STEPS = 20_000
 
 
-def loads_carried(system: System, run: SystemTrajectory) -> dict[str, Array]:
+def loads_carried(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
     """What contacts and loads press on the carriers and inputs of each body with, (S, K + i) in N."""
     found, first = {}, 0
     for name, body in system.reduced.items():
@@ -39,24 +40,30 @@ def loads_carried(system: System, run: SystemTrajectory) -> dict[str, Array]:
     return found
 
 
-def pressing(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> Array:
+def pressing(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
     """What rows press with on their carriers in a run, and its loads (T, i): (S, K + i) in N, at up to `STEPS` steps.
 
     The path coordinates of the run are those of each row (T, m) in m.
     """
     steps = np.linspace(0, len(run.t) - 1, min(len(run.t), STEPS)).astype(int)
-    return np.hstack([pressed(carriers, rows, run.s[steps], run.multipliers[steps]), loads[steps]])
+    return pressed(carriers, rows, run.s[steps], run.multipliers[steps], loads[steps])
 
 
-def pressed(carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array) -> Array:
-    """What rows at x (T, m) m press with on their carriers, (T, K) in N, by their multipliers (T, m) N."""
+def pressed(carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array) -> sp.csr_matrix:
+    """What rows at x (T, m) m press with on their carriers, by their multipliers (T, m) N, and loads: (T, K + i) in N.
+
+    Sparse, for a row touches few carriers at a time.
+    """
     T, K = len(x), len(carriers.values)
-    on, shares = [np.zeros((T, 0), np.int64)], [np.zeros((T, 0))]
+    on, shares = [np.broadcast_to(K + np.arange(loads.shape[1]), loads.shape)], [loads]
     for row, at, force in zip(rows, x.T, multipliers.T, strict=True):
         touched, b = row.on_carriers(at, 0)
-        on, shares = [*on, touched], [*shares, b * force[:, None]]
-    cells = K * np.arange(T)[:, None] + np.hstack(on)
-    return -np.asarray(np.bincount(cells.ravel(), np.hstack(shares).ravel(), T * K), float).reshape(T, K)
+        on, shares = [*on, touched], [*shares, -b * force[:, None]]
+    columns, entries = np.hstack(on), np.hstack(shares)
+    ends = columns.shape[1] * np.arange(T + 1)
+    found = sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (T, K + loads.shape[1]))
+    found.sum_duplicates()  # rows may touch the same ones
+    return found
 
 
 def lifting(forces: Array) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.compare.attached import pressed
@@ -40,9 +41,9 @@ def richer(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Ar
         on = system.sides_of(name)
         rows = [system.row(system.sides[number].place) for number in on]
         pressing = [
-            np.hstack([pressed(carriers, rows, x[:, on], system.pressed(name, of)), acting[:, first:last]])
+            pressed(carriers, rows, x[:, on], system.pressed(name, of), acting[:, first:last])
             for of, acting in zip(forces, loads, strict=True)
         ]
-        bodies[name] = with_attachment_modes(extended(model), np.vstack(pressing), LEFT_OUT)
+        bodies[name] = with_attachment_modes(extended(model), sp.vstack(pressing, "csr"), LEFT_OUT)
         first = last
     return system.with_bodies(bodies)

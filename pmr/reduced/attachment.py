@@ -25,6 +25,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import stacked
@@ -115,7 +116,9 @@ def _carried(model: ReducedModel, known: Reactions, answers: Answers, turned: Ar
     )
 
 
-def with_attachment_modes(model: ReducedModel, loads: Array, left_out: float = LEFT_OUT) -> ReducedModel:
+def with_attachment_modes(
+    model: ReducedModel, loads: Array | sp.csr_matrix, left_out: float = LEFT_OUT
+) -> ReducedModel:
     """The model with the principal answers to loads (T, K + i) in N, on its carriers and inputs, as coordinates.
 
     They are those with the most inertia, all but a share `left_out` of it: at rest nothing is missing.  Where there is
@@ -128,7 +131,7 @@ def with_attachment_modes(model: ReducedModel, loads: Array, left_out: float = L
     if carriers is None or carriers.flexibility is None or carriers.inertia is None:
         raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
     R, S, answers = _on_loads(carriers.flexibility), _on_loads(carriers.inertia), carriers.answers
-    G = _principal(S, loads, left_out)
+    G = _principal(S, sp.csr_matrix(loads), left_out)
     measured, moved = R @ G, S @ G  # of the answers, and of what their inertia moves
     outputs = np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G
     K, M = G.T @ measured, G.T @ moved
@@ -193,17 +196,19 @@ def _on_loads(part: CarrierFlexibility) -> Array:
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 
-def _principal(S: Array, loads: Array, left_out: float) -> Array:
+def _principal(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     """Combinations G (K + i, k) of the loads with G^T S G = I, those whose answers have the most inertia first."""
     mass, Q = np.linalg.eigh(S)
     mass = np.maximum(mass, 0.0)
     moved = mass >= len(S) * np.finfo(float).eps * mass[-1]  # all but round-off; on a coarse mesh these are few
     half = Q[:, moved] * np.sqrt(mass[moved])
-    gathered = loads.T @ (loads @ half)
+    dense = loads.toarray()
+    squares = dense.T @ dense
+    gathered = squares @ half
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]
     known = np.cumsum(np.maximum(energy, 0.0))
     enough = 1 + int(np.searchsorted(known, (1.0 - left_out) * known[-1]))
-    some = energy > CANCELLED**2 * mass[-1] * np.sum(loads**2)
+    some = energy > CANCELLED**2 * mass[-1] * np.trace(squares)
     chosen = slice(min(MOST, enough, int(np.count_nonzero(some))))
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])
