@@ -80,6 +80,7 @@ def _before_any_command(
 
 def main() -> None:
     """Entry point: a line and exit code 2 for bad input, 1 for a solver that failed."""
+    environment.collected_seldom()
     atexit.register(gc.freeze)  # what is left at the end goes with the process: to look through it takes a second
     plain_letters()
     warnings.filterwarnings("ignore", "A NumPy version")  # of SciPy; what comes of it is said below

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -129,7 +128,7 @@ def run(
             from pmr.errors.environment import Clock
             from pmr.files.users import users_folder
             from pmr.pipeline import run as run_scene
-        gc.freeze()  # what is loaded stays: later looks for garbage need not go through it
+        environment.collected_seldom()
         first = rank() == 0
         for name, file, scene in loaded:
             where = folder if len(loaded) == 1 else folder / name

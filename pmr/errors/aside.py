@@ -6,7 +6,6 @@ reaches the user as if there were no other process.
 
 from __future__ import annotations
 
-import gc
 import os
 import queue
 import signal
@@ -127,7 +126,7 @@ def _work(there: Connection, here: Connection) -> None:
         os.setsid()
         here.close()
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        gc.freeze()  # what is there stays
+        environment.collected_seldom()
         wanted, found = queue.SimpleQueue[Any](), queue.SimpleQueue[Any]()
         threading.Thread(target=_listen, args=(there, wanted), daemon=True).start()
         threading.Thread(target=_tell, args=(there, found), daemon=True).start()

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pmr.errors.aside import Aside
-from pmr.errors.environment import uncollected
+from pmr.errors.environment import collected_seldom, uncollected
 from pmr.report import paper
 from pmr.report.blocks import Figures, ReportFiles
 from pmr.results import RunResult
@@ -47,6 +47,7 @@ def _load() -> None:
     import pmr.report.document  # noqa: F401
 
     paper.weasyprint()
+    collected_seldom()
 
 
 @uncollected()

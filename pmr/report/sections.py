@@ -236,17 +236,15 @@ def response(result: RunResult, prefix: str) -> Block | None:
 
 def origin(result: RunResult, prefix: str) -> Block:
     """What was asked for, how large it became, how long it took, where it ran."""
-    columns = (
-        parameters.bodies(result),
-        (
-            parameters.motion(result),
-            Table("Wall time", tuple(provenance.times(result.summary.get("seconds", {})))),
-            Table("Run", tuple(provenance.run(result))),
-        ),
-        (parameters.method(result), Table("Sizes", tuple(provenance.sizes(result)))),
-    )
-    shown = [[table for table in column if table.rows] for column in columns]
-    return Block(heading="Provenance", columns=shown, software=provenance.software(result))
+    tables = [
+        *parameters.bodies(result),
+        parameters.motion(result),
+        Table("Wall time", tuple(provenance.times(result.summary.get("seconds", {})))),
+        Table("Run", tuple(provenance.run(result))),
+        parameters.method(result),
+        Table("Sizes", tuple(provenance.sizes(result))),
+    ]
+    return Block(heading="Provenance", columns=provenance.side_by_side(tables), software=provenance.software(result))
 
 
 #: In the order in which they stand in the page; how far a run is off is known at its very end.

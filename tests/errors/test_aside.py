@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import signal
@@ -32,6 +33,12 @@ def test_answers_come_in_any_order_and_from_there() -> None:
         assert process() == other.process.pid and first() == 5.0 == first()
         with pytest.raises(ValueError, match="math domain"):
             other.done(math.sqrt, -1.0)()  # here, where who asks sees it
+
+
+@pytest.mark.usefixtures("apart")
+def test_the_process_does_not_look_through_what_it_has_from_this_one_for_garbage() -> None:
+    with worked_aside() as other:
+        assert other.done(gc.get_threshold)()[0] > 700 and other.done(gc.get_freeze_count)() > 10_000
 
 
 @pytest.mark.usefixtures("apart")

@@ -103,11 +103,11 @@ class March:
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         x_rate = rates_of_places(system, excitation)
-        self.onset = Onset(self._paths, s[0], self.x[0], x_rate, rows, f[0], initial, c[0])
+        self.onset = onset = Onset(self._paths, s[0], self.x[0], x_rate, rows, f[0], initial, c[0])
 
-        def begun() -> Loop:
-            loop = loop_of(form, methods, parts, omega, self._paths, matrices)
-            begin(loop, form, methods[0], self.onset)
+        def begun() -> Loop:  # without a reference to itself, so that what it holds is free at once
+            loop = loop_of(form, methods, parts, omega, onset.paths, matrices)
+            begin(loop, form, methods[0], onset)
             return loop
 
         self._begun, self.loop, self._friction = begun, begun(), Friction.of(form.modal.contacts)
