@@ -7,6 +7,7 @@ breaks (intervals + 1,) in m.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -197,6 +198,7 @@ def interval_around(fine: Array, coarse: Array) -> NDArray[np.int64]:
     return np.clip(np.searchsorted(coarse, middle, side="right") - 1, 0, len(coarse) - 2)
 
 
+@lru_cache(maxsize=32)  # pads of a ring have the same few, at many places
 def bump(degree: int, knot: float) -> PPoly:
     r"""Centred cardinal B-spline b with knots `knot` apart, H, and as its integral; zero outside its knots.
 

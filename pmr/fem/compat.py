@@ -21,7 +21,7 @@ import logging
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import lru_cache, partial
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -220,6 +220,7 @@ def cell_topology(cell: str) -> list[list[list[int]]]:
     return [[list(entity) for entity in part] for part in basix.topology(getattr(basix.CellType, cell))]
 
 
+@lru_cache(maxsize=32)
 def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[Array, Array, Array]:
     """Weights (q,), functions (q, k) and their derivatives (d, q, k) of a Lagrange element on its reference cell.
 

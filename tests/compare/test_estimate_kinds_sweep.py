@@ -1,6 +1,6 @@
 """Estimates of all kinds of outputs against the truth on random scenes, those on three sliders included.
 
-Twelve scenes as a rule, and four on pads that only push; ``PMR_SWEEP=full`` takes 60 and 40.
+Twelve scenes as a rule, and two on pads that only push; ``PMR_SWEEP=full`` takes 60 and 40.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.system.system import System
 
-SEEDS, PUSHING = (range(60), range(40)) if os.environ.get("PMR_SWEEP") == "full" else (range(12), range(4))
+SEEDS, PUSHING = (range(60), range(40)) if os.environ.get("PMR_SWEEP") == "full" else (range(12), range(2))
 #: Errors below this share of the motion are round-off of the full model's stiffness too.
 SMALLEST = 1e-6
 

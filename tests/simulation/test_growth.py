@@ -23,7 +23,7 @@ from pmr.simulation.modal import ModalForm, modal_form
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
-CASES = 600 if os.environ.get("PMR_SWEEP") == "full" else 60
+CASES = 600 if os.environ.get("PMR_SWEEP") == "full" else 30
 SPAN = 2.0  # s
 
 
