@@ -51,22 +51,28 @@ def test_a_planar_telescope_of_soft_sections() -> None:
 
 
 def test_the_crane_in_space_by_all_limits() -> None:
-    """At 20 places in at least 19 by each limit; it buckles sideways, where errors of two models cancel."""
-    found = beside(crane(), random_places(261), LIMITS, 1e5)
+    """At 95 % of the places by each limit; it buckles sideways, where errors of two models cancel.
+
+    Six of 20 places that were drawn beforehand, all of them in a full sweep.
+    """
+    count = 20 if os.environ.get("PMR_SWEEP") == "full" else 6
+    found = beside(crane(), random_places(261)[:count], LIMITS, 1e5)
     known, inside = found.known, found.inside & found.known
-    assert found.agreed.sum() >= 19
-    assert (known.sum(axis=0) >= [20] * 7 + [15, 20, 20, 8]).all()
+    assert found.agreed.sum() >= 0.95 * count
+    assert (known.sum(axis=0) >= np.array([20] * 7 + [15, 20, 20, 8]) * count // 20).all()
     assert (inside.sum(axis=0) >= 0.95 * known.sum(axis=0)).all()
     assert (found.error <= 0.05 * found.load)[known].all()
 
 
 def test_a_boom_with_a_shell() -> None:
-    """Pads, deflection, a probe and the field of all walls, where the last section is a shell of 1,900 coordinates.
+    """Pads, deflection, a probe and the field of all walls, where the last section is a shell of 1,300 coordinates.
 
     At two of ten places that were drawn beforehand, at all of them in a full sweep.
     """
     changes = ["sections.fly.masses=[]", "frame.second_order=true", "section.mesh.elements=6"]
-    changes += ["sections.fly.mesh={size=0.32,along=1.0}"]
+    changes += ["sections.fly.mesh={size=0.32,along=1.5}"]
+    # pads three times as long, with a third of the stations on each path
+    changes += [f"section.joint.{ring}.0.{key}" for ring in ("tail", "mouth") for key in ("length=0.9", "at=0.45")]
     changes += ["sections.fly.probes=[{name='top',at=[2.0,0.0,0.163],measures=['stress']}]"]
     limits = [
         Limit(name="pads", of="pad", most=40e3),
