@@ -1,7 +1,8 @@
-"""Judges many mutations in processes of their own, and starts another one where a mutation ended the last."""
+"""Judges many mutations in a process of their own, and starts another one where a mutation ended the last."""
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import select
@@ -15,8 +16,10 @@ from fuzz.verdict import PATIENCE, Verdict
 from fuzz.worker import COMPILED, READY
 
 TESTS = Path(__file__).parents[1]
-#: What the next process is told: nothing until one has compiled what all of them take.
+#: What the process is told: nothing until one has compiled what all of them take.
 _told: list[str] = []
+#: It, as long as it lives: it ends with its input.
+_workers: list[subprocess.Popen[bytes]] = []
 
 
 def verdicts(kind: str, count: int, first: int = 0) -> Iterator[Verdict]:
@@ -40,21 +43,40 @@ def summary(found: list[Verdict]) -> str:
 
 
 def _one_process(kind: str, number: int, end: int) -> Iterator[Verdict]:
+    child = _workers.pop() if _workers and _workers[-1].poll() is None else _started()
+    assert child.stdin is not None and child.stdout is not None
+    judged = number
+    try:
+        child.stdin.write(f"{' '.join([kind, str(number), str(end), *_told])}\n".encode())
+        said = child.stdout.readline().decode().strip()
+        assert said in (READY, COMPILED), f"what is compiled for {kind} could not be prepared"
+        if said == COMPILED:
+            _told[:] = [COMPILED]
+        while judged < end and select.select([child.stdout], [], [], 2 * PATIENCE)[0]:
+            if not (line := child.stdout.readline()):
+                break
+            judged += 1
+            yield Verdict(**json.loads(line))
+    finally:
+        if judged == end:
+            _workers.append(child)
+        else:
+            child.kill()
+            child.wait()
+
+
+@atexit.register
+def _ended() -> None:
+    for child in _workers:
+        child.communicate()
+
+
+def _started() -> subprocess.Popen[bytes]:
     paths = [str(TESTS), str(TESTS.parent), os.environ.get("PYTHONPATH", "")]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "fuzz.worker", kind, str(number), str(end), *_told]
-    pipes: dict = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "bufsize": 0}  # no line waits unseen
-    with subprocess.Popen(command, env=environment, **pipes) as child:
-        assert child.stdout is not None
-        try:
-            said = child.stdout.readline().decode().strip()
-            assert said in (READY, COMPILED), f"what is compiled for {kind} could not be prepared"
-            if said == COMPILED:
-                _told[:] = [COMPILED]
-            while select.select([child.stdout], [], [], 2 * PATIENCE)[0] and (line := child.stdout.readline()):
-                yield Verdict(**json.loads(line))
-        finally:
-            child.kill()
+    pipes: dict = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    # no line waits unseen
+    return subprocess.Popen([sys.executable, "-m", "fuzz.worker"], env=environment, bufsize=0, **pipes)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""A process that judges mutations and prints a line for each: `python -m fuzz.worker kind first last [compiled]`.
+"""A process that judges mutations and prints a line for each: `python -m fuzz.worker kind first last`.
 
-One process for many, since FEniCSx takes seconds to load; another process starts it anew after one that killed it.  It
-compiles first what mutations take, unless it is told that another process has: what is compiled is on disk.
+One process for many, since FEniCSx takes seconds to load: without arguments it takes such lines from its input, until
+that ends; another process starts it anew after one that killed it.  It compiles first what mutations take, unless it is
+told that another process has, by a fourth word: what is compiled is on disk.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import tempfile
 import warnings
 from dataclasses import asdict
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -24,16 +26,21 @@ MOST_MEMORY = 6 * 2**30  # bytes of address space
 
 
 def main() -> None:
-    kind, numbers = sys.argv[1], range(int(sys.argv[2]), int(sys.argv[3]))
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     warnings.simplefilter("ignore")
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    for asked in [sys.argv[1:]] if len(sys.argv) > 1 else map(str.split, sys.stdin):
+        kind, first, last, *told = asked
+        judge(answers, kind, range(int(first), int(last)), COMPILED in told)
+
+
+def judge(answers: TextIO, kind: str, numbers: range, is_compiled: bool) -> None:
     from fuzz.verdict import judged
 
     module = importlib.import_module(f"fuzz.{kind}")
     stamp = sum(map(ord, kind))
-    prepare = None if COMPILED in sys.argv[4:] else getattr(module, "prepare", None)
+    prepare = None if is_compiled else getattr(module, "prepare", None)
     if prepare is not None:
         prepare()
     print(COMPILED if prepare is not None else READY, file=answers, flush=True)
