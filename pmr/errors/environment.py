@@ -228,7 +228,7 @@ class Clock:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Callable[[float], None]]:
-        """Time a stage; what is yielded takes the share of it that is done."""
+        """Time a stage, which may come several times; what is yielded takes the share of it that is done."""
         self.progress(name, 0.0)
         start = time.perf_counter()
         try:
@@ -236,5 +236,5 @@ class Clock:
         except SimulationError as error:
             error.args = (f"{name}: {error}",)
             raise
-        self.seconds[name] = time.perf_counter() - start
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
         self.progress(name, 1.0)

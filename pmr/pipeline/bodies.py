@@ -34,7 +34,7 @@ from pmr.pipeline.full_order import FullOrder, References
 from pmr.reduction.bodies import as_asked, cached_body, joined, reduce_bodies
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
-from pmr.reduction.recover.from_scene import Recovered, recover, recovered_steps
+from pmr.reduction.recover.from_scene import Looked, Recovered, beside_full, of_reduced, recovered_steps
 from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.scene import Scene
 from pmr.scene.names import ALONE
@@ -53,6 +53,7 @@ class Motions:
     moved: SimulatedSystem | None  # the reduced system with its motion
     error: ReductionError | None  # of the reduction, as it is estimated
     step: Callable[[], Part] | None  # waits for what is said of the step's error
+    looked: Mapping[str, Looked]  # what is seen of the reduced bodies, where the scene asks for it
     references: References
 
     @property
@@ -115,7 +116,7 @@ class Bodies:
         """The reduced system by all simulators, its errors, and the references.
 
         The other process has the full model's motion, and then the error of the step, beside the reduction's error
-        here: both models are timed while one process works beside them.
+        and fields here: both models are timed while one process works beside them.
         """
         steps = recovered_steps(self.scene).tolist()
         made = on_first(self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps))
@@ -127,13 +128,21 @@ class Bodies:
         if moved is not None:
             step = self.aside.done(step_part, self.scene, moved, natural.models["reduced"], known)
         error = on_first(self._comm, lambda: None if moved is None else self._error(moved))
+        looked = self._looked(made)
         references = self.full.references(self.clock, steps, checkpoint, stepping, ahead)
-        return Motions(made, moved, error, step, references)
+        return Motions(made, moved, error, step, looked, references)
+
+    def _looked(self, made: Simulations | None) -> Mapping[str, Looked]:
+        if self.scene.recovery is None:
+            return {}
+        with self.clock.stage("recover"):
+            states = self._comm.bcast(None if made is None else made.first.states)
+            return of_reduced(self.scene, self.built, self.bodies, states)
 
     def recover(self, motions: Motions) -> Mapping[str, Recovered]:
         """The fields that the scene asks for, by body."""
-        states = self._comm.bcast(None if motions.reduced is None else motions.reduced.first.states)
-        return recover(self.scene, self.built, self.bodies, states, motions.references.states)
+        with self.clock.stage("recover"):
+            return beside_full(motions.looked, motions.references.states)
 
     def judge(self, motions: Motions, natural: Frequencies, seen: Mapping[str, Recovered]) -> tuple[list[Part], Any]:
         """What motions and frequencies say, and how far off the tip may be over time, (T, d) m; on rank 0 alone."""

@@ -119,13 +119,10 @@ def _run(
     scene = bodies.scene  # with the step that was chosen
     with clock.stage("frequencies"):
         frequencies = bodies.frequencies()
-    motions, seen = bodies.simulate(frequencies, checkpoint), dict[str, Recovered]()
+    motions = bodies.simulate(frequencies, checkpoint)
     with clock.stage("frequencies"):
         frequencies = bodies.beside_full(frequencies)
-    if scene.recovery is not None:
-        with clock.stage("recover"):
-            seen |= bodies.recover(motions)
-
+    seen = {} if scene.recovery is None else bodies.recover(motions)
     outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, seen, free_motions)
     if outcome is not None and chosen.said is not None:
         outcome.result.summary["chosen_model"] = chosen.said

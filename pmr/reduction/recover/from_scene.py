@@ -63,21 +63,20 @@ def recovered_steps(scene: Scene) -> NDArray[np.int64]:
     return np.arange(0, scene.time.steps + 1, round(scene.recovery.every / scene.time.step))
 
 
-def recover(
-    scene: Scene,
-    built: Mapping[str, Built],
-    bodies: Mapping[str, ReducedBody],
-    states: Mapping[str, BodyStates],
-    full: Mapping[str, BodyStates],
-) -> dict[str, Recovered]:
-    """What the scene asks for, body by body; collective.
+@dataclass(frozen=True)
+class Looked:
+    """A body's points and cells, and what was seen there of its reduced model."""
 
-    Parameters
-    ----------
-    states : mapping
-        Of the reduced bodies at the `recovered_steps`, the same on every rank.
-    full : mapping
-        Of the full bodies at the same steps, with this rank's rows of their coordinates; empty without a full model.
+    view: View
+    reduced: Seen
+
+
+def of_reduced(
+    scene: Scene, built: Mapping[str, Built], bodies: Mapping[str, ReducedBody], states: Mapping[str, BodyStates]
+) -> dict[str, Looked]:
+    """What the scene asks for of the reduced models, body by body; collective.
+
+    They have the `states` at the `recovered_steps`, the same on every rank.
     """
     wanted, found = scene.recovery, {}
     assert wanted is not None
@@ -87,8 +86,16 @@ def recover(
         view = View(built[name], wanted.stress)
         frames = min(wanted.frames, len(at.t))
         pictures = np.unique(np.rint(np.linspace(0, len(at.t) - 1, frames)).astype(np.int64))
-        seen = look(view, at.t, recovery.blocks(at), pictures.tolist(), wanted.components, at)
-        whole = full.get(name)
-        compared = None if whole is None else look(view, at.t, in_blocks(whole.p), acting=whole)
-        found[name] = Recovered(seen, compared)
+        found[name] = Looked(view, look(view, at.t, recovery.blocks(at), pictures.tolist(), wanted.components, at))
     return found
+
+
+def beside_full(looked: Mapping[str, Looked], full: Mapping[str, BodyStates]) -> dict[str, Recovered]:
+    """The same with the full models, whose states at these steps are this rank's rows; empty without; collective."""
+    return {
+        name: Recovered(
+            one.reduced,
+            look(one.view, full[name].t, in_blocks(full[name].p), acting=full[name]) if name in full else None,
+        )
+        for name, one in looked.items()
+    }

@@ -124,8 +124,15 @@ def _kind_of(values: Any) -> HandleType:
     """Kept for tuples that are alike, as Numba takes far longer to find the type than all else takes."""
     like = _like(values)
     if like not in _kinds:
-        _kinds[like] = _of(typeof(values))
+        _kinds[like] = _of(_type_of(values))
     return _kinds[like]
+
+
+def _type_of(value: Any) -> Any:
+    """As Numba says, which would look through all classes there are for each named tuple that it meets."""
+    if isinstance(value, tuple):
+        return types.BaseTuple.from_types([_type_of(field) for field in value], type(value))
+    return typeof(value)
 
 
 def _like(value: Any) -> Any:

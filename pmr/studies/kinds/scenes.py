@@ -105,7 +105,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     from pmr.compare.summary import combined
     from pmr.compare.utilisation import masses, utilisation
     from pmr.reduction.bodies import reduce_with
-    from pmr.reduction.recover.from_scene import recover, recovered_steps
+    from pmr.reduction.recover.from_scene import beside_full, of_reduced, recovered_steps
 
     scene = shared.scene_of(arguments)
     built, stressed = shared.built_of(scene), scene.recovery is not None and scene.recovery.stress
@@ -128,7 +128,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     record |= figures_of(scene, response, s, reduced)
     said = combined([masses({ALONE: built.model.masses})])
     if stressed:
-        seen = recover(scene, {ALONE: built}, {ALONE: body}, simulated.states, {})[ALONE].summary()
+        seen = beside_full(of_reduced(scene, {ALONE: built}, {ALONE: body}, simulated.states), {})[ALONE].summary()
         said |= seen | dict(utilisation(scene, {ALONE: seen}).figures)
     record |= of_bodies(said)
     arrays = {"t": response.t, "tip": response.tip, "singular_values": body.basis.sigma}
