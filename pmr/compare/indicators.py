@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.errors import ROUND_OFF
+from pmr.constraints.polynomials import columns, evaluate
 from pmr.reduced.model import ReducedModel
 from pmr.system.body import Trajectory
 
@@ -23,7 +24,9 @@ def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
 
     It is 0 where the mode stands still but for round-off, as torsion does under loads in a plane of symmetry.
     """
-    force = f @ body.B[mode] - np.einsum("tm,tm->t", body.C(run.s)[:, :, mode], run.multipliers)
+    force = f @ body.B[mode] - np.einsum(
+        "tm,tm->t", evaluate(columns(body.rows, [mode]), run.s)[:, :, 0], run.multipliers
+    )
     motion, most = _rms(run.q[:, mode]), float(np.abs(run.q).max(initial=0.0))
     return _rms(run.q[:, mode] - force / body.K[mode, mode]) / motion if motion > ROUND_OFF * most else 0.0
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.compare.attached import loads_carried
@@ -219,6 +220,15 @@ class Family:
         """Of all modes, in the parts of a step that the scene's own models ask for."""
         return run_from_start(self._join(self._wholes), self._in_parts(self.excitation))
 
+    @cached_property
+    def _loads(self) -> Mapping[str, sp.csr_matrix]:
+        """What bodies bear in that run."""
+        return loads_carried(self._join(self._wholes), self._run)
+
+    @cached_property
+    def _given_form(self) -> SystemForm:
+        return SystemForm.of(self._given_system)
+
     def _member(self, sizes: list[int], attached: bool = False) -> Member:
         return Member(tuple(sizes), attached, self._beside)
 
@@ -230,8 +240,7 @@ class Family:
         if member not in self._forms:
             models = self.models(member)
             if member.attached:
-                loads = loads_carried(self._join(self._wholes), self._run)
-                bodies = {name: with_attachment_modes(model, loads[name]) for name, model in models.items()}
+                bodies = {name: with_attachment_modes(model, self._loads[name]) for name, model in models.items()}
                 system = self._given_system.with_bodies(bodies)
             else:
                 system = self._join(models)
@@ -243,7 +252,8 @@ class Family:
             return excitation
         steps = excitation.stepping.steps
         if steps not in self._schedules:
-            self._schedules[steps] = in_parts(self._given_system, excitation).stepping.schedule
+            run = run_from_start(self._given_form, excitation)
+            self._schedules[steps] = in_parts(self._given_system, excitation, run).stepping.schedule
         return excitation.with_stepping(replace(excitation.stepping, schedule=self._schedules[steps]))
 
 
