@@ -209,6 +209,7 @@ COARSE = ["time.end=1.0", "mesh.elements=20", "slider.path={kind='ramp',times=[0
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", ["evolved_residual", "paper_evolved"])
 def test_a_run_whose_step_is_too_coarse_by_ten_says_so(load_scene, name: str) -> None:
     def with_step_of(step: float) -> tuple[dict, Chapter]:

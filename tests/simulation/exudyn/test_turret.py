@@ -42,7 +42,7 @@ SHORT = (
     "section.joint.extension.values=[0.6, 1.2]",
     "sections.fly.joint.extension.times=[0.0, 0.9]",
     "sections.fly.joint.extension.values=[0.6, 1.2]",
-    "time.end=1.0",
+    "time.end=0.5",
     "time.step=4e-3",
 )
 ALLOWED = 1e-6  # m

@@ -102,10 +102,10 @@ def assert_integrated(system: System, given: Excitation, tolerance: float) -> No
 
 @pytest.mark.slow
 @pytest.mark.numerical
-@pytest.mark.parametrize("count", [2, 3, 4])
+@pytest.mark.parametrize("count", [2, 4])
 def test_reduced_sections_against_a_sparse_saddle_point_each_step(count: int) -> None:
     system = reduced(Nested(count, elements=20), 3)
-    assert_integrated(system, quickly(system), 1e-8)
+    assert_integrated(system, quickly(system, end=0.15), 1e-8)
 
 
 def test_contacts_of_a_chain_are_coupled_to_their_neighbours_alone() -> None:
@@ -144,14 +144,14 @@ def test_a_chain_link_by_link_moves_as_all_at_once(
 @pytest.mark.numerical
 def test_full_sections_against_a_sparse_saddle_point_each_step() -> None:
     system = full(Nested(3, elements=8))
-    assert_integrated(system, quickly(system), 1e-7)
+    assert_integrated(system, quickly(system, end=0.15), 1e-7)
 
 
 @pytest.mark.slow
 @pytest.mark.numerical
 def test_rigid_contacts_against_a_sparse_saddle_point_each_step() -> None:
     system = full(Nested(3, elements=8, compliance=0.0))
-    assert_integrated(system, quickly(system, rho_inf=0.8), 1e-6)
+    assert_integrated(system, quickly(system, rho_inf=0.8, end=0.15), 1e-6)
 
 
 @pytest.mark.slow
@@ -162,7 +162,7 @@ def test_a_damper_between_modes() -> None:
     D = tip.D.tolil()
     D[-2, -2] += 2e3
     system = System({"0": full(boom).bodies["0"], "1": replace(tip, D=D.tocsr())}, full(boom).contacts)
-    assert_integrated(system, quickly(system), 1e-7)
+    assert_integrated(system, quickly(system, end=0.15), 1e-7)
 
 
 @pytest.mark.slow
@@ -171,7 +171,7 @@ def test_mixed_orders_in_one_system() -> None:
     """A section in full order in a reduced one."""
     boom = Nested(2, elements=12)
     system = System({"0": reduced(boom, 4).bodies["0"], "1": full(boom).bodies["1"]}, full(boom).contacts)
-    assert_integrated(system, quickly(system), 1e-7)
+    assert_integrated(system, quickly(system, end=0.15), 1e-7)
 
 
 def test_one_body_on_the_ground_is_the_simulator_of_one_body() -> None:
