@@ -73,7 +73,8 @@ def test_full_order_follows_terms_as_march_does() -> None:
 def test_a_simulation_that_was_cut_off_goes_on_with_its_terms(tmp_path: object) -> None:
     """To the last digit."""
     system, spread = varying(Nested(2, elements=4))
-    given, file = driven(system), Checkpoint(tmp_path / "checkpoint.npz", seconds=0.0)  # type: ignore[operator]
+    given = driven(system).with_stepping(TimeStepping(0.03, 1e-3, 0.9))
+    file = Checkpoint(tmp_path / "checkpoint.npz", seconds=0.0)  # type: ignore[operator]
     whole = observe(spread, given, EVERYTHING)
 
     def stop(done: float) -> None:
