@@ -83,7 +83,7 @@ setup: .venv/.ready ## install what is missing or changed: Debian packages, then
 	@echo "installing Python packages into .venv"
 	@/usr/bin/python3 -m venv --system-site-packages .venv
 	$(call pinned,.venv,debian)
-	@.venv/bin/python -m pip install -q -r requirements/debian.txt
+	@.venv/bin/python -m pip install -q --no-compile -r requirements/debian.txt
 	@.venv/bin/python -m pip install -q --no-deps --no-build-isolation -e .
 	@$(MAKE) --no-print-directory compiled
 	@touch $@
@@ -98,7 +98,7 @@ report: setup ## the paper's two cases, full against reduced: reports/paper/repo
 
 # What is compared with, and nothing else needs.
 .venv/.bench: requirements/benchmarks.txt .venv/.ready
-	@.venv/bin/python -m pip install -q -r requirements/benchmarks.txt
+	@.venv/bin/python -m pip install -q --no-compile -r requirements/benchmarks.txt
 	@touch $@
 
 .PHONY: bench
@@ -111,7 +111,7 @@ bench-full: setup .venv/.bench ## the same with the paper's way over its whole t
 
 # What builds the manual, and nothing else needs.
 .venv/.docs: requirements/docs.txt .venv/.ready
-	@.venv/bin/python -m pip install -q -r requirements/docs.txt
+	@.venv/bin/python -m pip install -q --no-compile -r requirements/docs.txt
 	@touch $@
 
 .PHONY: docs
