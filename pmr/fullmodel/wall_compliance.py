@@ -96,7 +96,7 @@ def wall_compliance(
     C = shell.answers(fixed[0], fixed[0]) - beam.answers(fixed[1], fixed[1])
     found = []
     for ring in rings:
-        u, own, beside = _places(ring.span, box.layer), [], []
+        u, own, beside = places_along(ring.span, box.layer), [], []
         for x in u:
             pads = [replace(pad, at=pad.at + float(x)) for pad in ring.pads]
             parts = []
@@ -155,8 +155,9 @@ class _Pressed:
         freed(self._full.K, self._full.M, self._full.inputs, self._full.outputs)
 
 
-def _places(span: float, layer: float) -> Array:
-    return np.linspace(0.0, span, min(MOST_PLACES, max(2, int(np.ceil(A_LAYER * span / layer)) + 1)))
+def places_along(span: float, layer: float) -> Array:
+    """Places (p,) m of a ring that slides by `span` over layers of cells in m; round-off of a path's end adds none."""
+    return np.linspace(0.0, span, min(MOST_PLACES, max(2, int(np.ceil(A_LAYER * span / layer - 1e-9)) + 1)))
 
 
 def _smooth(values: Array) -> Array:

@@ -178,5 +178,5 @@ def _middles(start: float, end: float, spacing: float) -> tuple[Array, float]:
     """Middles of equal intervals, at most `spacing` wide, and their width."""
     if end <= start:
         return np.empty(0), 0.0
-    count = max(1, int(np.ceil((end - start) / spacing)))
+    count = max(1, int(np.ceil((end - start) / spacing - 1e-9)))
     return start + (np.arange(count) + 0.5) * (end - start) / count, (end - start) / count

@@ -12,7 +12,7 @@ from gathering import gathered
 from pmr.fullmodel.pads import Pad, Pads, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
-from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance
+from pmr.fullmodel.wall_compliance import A_LAYER, PlateBody, Ring, places_along, wall_compliance
 from pmr.fullmodel.walls import Sliding, Standing, Walls, summary
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import drawn
@@ -51,6 +51,13 @@ def sliding(m: int = 0) -> Sliding:
 
 def clamped(pads: Pads, **rest) -> Structure:
     return Structure(beam(), clamps=(Clamp("tail"),), pads=pads, **rest)
+
+
+def test_round_off_of_a_path_adds_no_place() -> None:
+    """One place more moves what is found between places by as much as interpolation is off."""
+    for count in range(1, 50):
+        for off in (-1e-14, 0.0, 1e-14):
+            assert len(places_along(0.7 * count / A_LAYER * (1.0 + off), 0.7)) == count + 1
 
 
 def pressed(structure: Structure, s: float) -> np.ndarray:
