@@ -202,13 +202,11 @@ def _principal(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     mass = np.maximum(mass, 0.0)
     moved = mass >= len(S) * np.finfo(float).eps * mass[-1]  # all but round-off; on a coarse mesh these are few
     half = Q[:, moved] * np.sqrt(mass[moved])
-    dense = loads.toarray()
-    squares = dense.T @ dense
-    gathered = squares @ half
+    gathered = loads.T @ (loads @ half)  # not by squares of the loads, which would lose what cancels
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]
     known = np.cumsum(np.maximum(energy, 0.0))
     enough = 1 + int(np.searchsorted(known, (1.0 - left_out) * known[-1]))
-    some = energy > CANCELLED**2 * mass[-1] * np.trace(squares)
+    some = energy > CANCELLED**2 * mass[-1] * loads.power(2).sum()
     chosen = slice(min(MOST, enough, int(np.count_nonzero(some))))
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])
