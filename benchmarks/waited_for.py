@@ -199,7 +199,7 @@ ROWS = (
     Row(f"{THREE}, {FIRST}", 7.5, 49.0, run("run", "boom_three"), NUMBA, command=True),
     Row(f"{THREE}, first after pmr compile", 7.5, 49.0, compiled("run", "boom_three"), MODULES),
     Row(f"{THREE}, later", 5.0, 11.5, run("run", "boom_three"), MODULES, turns=3, command=True),
-    Row(TOLERANCE, 2.0, 20.0, tolerance, turns=3, command=True),
+    Row(TOLERANCE, 2.0, 20.0, tolerance, turns=3),
     Row("a step of an FMU on pads that push", 10e-6, 48e-6, step),
     Row("Exudyn on pads that push, boom_three", 10.0, 200.0, exudyn),
     Row("seven sections over three, 10 s each", 5.0, 9.0, seven_sections, kind="ratio"),
