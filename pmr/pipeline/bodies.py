@@ -115,13 +115,19 @@ class Bodies:
     def simulate(self, natural: Frequencies, checkpoint: Checkpoint | None) -> Motions:
         """The reduced system by all simulators, its errors, and the references.
 
-        The other process has the full model's motion, and then the error of the step, beside the reduction's error
-        and fields here: both models are timed while one process works beside them.
+        The other process has the full model's motion, if that does without PETSc, and then the error of the step,
+        beside the reduction's error and fields here: both models are timed while one process works beside them.  With
+        PETSc the full model moves first, for it takes the most memory.
         """
         steps = recovered_steps(self.scene).tolist()
         made = on_first(self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps))
         stepping = self._comm.bcast(None if made is None else made.made)
         ahead = self.full.ahead(self.aside, steps, stepping)
+
+        def moving() -> References:
+            return self.full.references(self.clock, steps, checkpoint, stepping, ahead)
+
+        references = None if self.full.does_without_petsc else moving()
         moved = None if made is None else SimulatedSystem.of(self.system, self.excitation, made)
         known = None if self.choice is None else self.choice.found.step_error
         step = None
@@ -129,8 +135,7 @@ class Bodies:
             step = self.aside.done(step_part, self.scene, moved, natural.models["reduced"], known)
         error = on_first(self._comm, lambda: None if moved is None else self._error(moved))
         looked = self._looked(made)
-        references = self.full.references(self.clock, steps, checkpoint, stepping, ahead)
-        return Motions(made, moved, error, step, looked, references)
+        return Motions(made, moved, error, step, looked, references or moving())
 
     def _looked(self, made: Simulations | None) -> Mapping[str, Looked]:
         if self.scene.recovery is None:

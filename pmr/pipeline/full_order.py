@@ -109,12 +109,17 @@ class FullOrder:
         waiting = None if self.gathered is None else aside.done(Assembly(self.gathered).frequencies, x, count, c)
         return lambda: np.asarray(self.whole.comm.bcast(waiting and waiting()))
 
+    @property
+    def does_without_petsc(self) -> bool:
+        """Whether its steps are made by march, on one rank; the same on all."""
+        return self.simulator == "march"
+
     def ahead(self, aside: Aside, steps: Sequence[int], made: TimeStepping | None) -> Ahead | None:
         """Let the process `aside` begin with the full model's motion, if that is asked for and can do without PETSc.
 
         Arguments are those of `references`, which waits for it.
         """
-        if "full" not in self.scene.compare.against or self.simulator != "march" or self.gathered is None:
+        if "full" not in self.scene.compare.against or not self.does_without_petsc or self.gathered is None:
             return None
         return aside.ask(repeated, self.scene, self.gathered, self._driven(made), self.simulator, steps)
 
