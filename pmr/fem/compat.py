@@ -21,7 +21,7 @@ import logging
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -386,16 +386,11 @@ def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any
     FFCx marks what it has begun by a file that nobody takes away if its process is killed: from then on each run that
     needs the same code waits for it and fails.  So it compiles in a folder that counts only once it is whole.
     """
-    old = VERSION < (0, 6)
-    keyword = "jit_params" if old else "jit_options"
+    keyword = "jit_params" if VERSION < (0, 6) else "jit_options"
     if keyword not in inspect.signature(create).parameters:
         return create()  # from 0.8 on elements are not compiled
-    options = dict(dolfinx.jit.get_parameters() if old else dolfinx.jit.get_options())
-    of_forms = sorted((ffcx.get_parameters() if old else ffcx.get_options()).items(), key=str)
-    place = Path(options.pop("cache_dir")) / "pmr"
-    built_for = [np.dtype(PETSc.ScalarType).name, *(sysconfig.get_config_var(name) for name in ("SOABI", "CFLAGS"))]
-    decides = (signature, ffcx.codegeneration.get_signature(), repr(of_forms), options, built_for)
-    name = hashlib.sha256(repr(decides).encode()).hexdigest()[:32]
+    place, decides = _compiler()
+    name = hashlib.sha256(repr((signature, *decides)).encode()).hexdigest()[:32]
     try:
         return stored(place / name, _is_whole, lambda folder: create(**{keyword: {"cache_dir": folder}}), comm)
     except OSError as error:
@@ -403,6 +398,17 @@ def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any
             raise
         allowed = f"a folder that can be written to is allowed, for compiled forms ({error.strerror or error})"
         raise InputError("environment", "XDG_CACHE_HOME", str(place), allowed) from None
+
+
+@cache
+def _compiler() -> tuple[Path, tuple[Any, ...]]:
+    """Where compiled code is stored, and what decides on it beside what is compiled; read from files, once."""
+    old = VERSION < (0, 6)
+    options = dict(dolfinx.jit.get_parameters() if old else dolfinx.jit.get_options())
+    of_forms = sorted((ffcx.get_parameters() if old else ffcx.get_options()).items(), key=str)
+    place = Path(options.pop("cache_dir")) / "pmr"
+    built_for = [np.dtype(PETSc.ScalarType).name, *(sysconfig.get_config_var(name) for name in ("SOABI", "CFLAGS"))]
+    return place, (ffcx.codegeneration.get_signature(), repr(of_forms), options, built_for)
 
 
 def _is_whole(folder: Path) -> bool:

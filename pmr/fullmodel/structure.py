@@ -9,8 +9,9 @@ inertia J follow a place's motion g = G q:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,6 +32,7 @@ from pmr.scene.structures import PointMass, unit_vector
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Measure = Callable[[str | float], sp.csr_matrix]
 
 
 @dataclass(frozen=True)
@@ -151,14 +153,14 @@ class Coupling:
 
         Raises an `InputError` if the model has no such direction.
         """
-        of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(one) for one in actions)]
+        at = tuple(cache(measure) for measure in (self.model.displacement, self.model.motion))  # of all its directions
+        of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(one, *at) for one in actions)]
         columns, entries = (np.concatenate(parts) for parts in zip(*of_model, strict=True))
         ends = np.cumsum([len(part[0]) for part in of_model])
         result = sp.csr_matrix((entries, columns, ends), shape=(len(actions), self.model.size)) @ self.T
-        dents = [self._dents(one) for one in actions]
         sizes = [1.0 if isinstance(one, Gauge) else one.size for one in actions]
-        if dents:
-            result = result + sp.vstack(dents)
+        if self.walls.count and actions:
+            result = result + sp.vstack([self._dents(one) for one in actions])
         return sp.csr_matrix(sp.diags(sizes, shape=(len(sizes), len(sizes))) @ result)
 
     def _dents(self, action: Action | Gauge) -> sp.csr_matrix:
@@ -168,7 +170,7 @@ class Coupling:
             return nothing
         return self.walls.moved(nothing, action.on, (action.direction,))
 
-    def _of_model(self, action: Action | Gauge) -> tuple[Indices, Array]:
+    def _of_model(self, action: Action | Gauge, displacement: Measure, motion: Measure) -> tuple[Indices, Array]:
         """Coordinates of the model and their weights."""
         if isinstance(action, Gauge):
             row = sp.csr_matrix(action.row)
@@ -176,10 +178,10 @@ class Coupling:
         if action.direction not in self.model.directions:
             allowed = f"{', '.join(self.model.directions)} are allowed"
             raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
-        measure = self.model.displacement if action.direction in ("x", "y", "z") else self.model.motion
-        motion, i = measure(action.on), self.model.directions.index(action.direction)
-        of_direction = slice(*motion.indptr[i : i + 2])
-        return motion.indices[of_direction], motion.data[of_direction]
+        measured = (displacement if action.direction in ("x", "y", "z") else motion)(action.on)
+        i = self.model.directions.index(action.direction)
+        of_direction = slice(*measured.indptr[i : i + 2])
+        return measured.indices[of_direction], measured.data[of_direction]
 
     def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: Moving) -> sp.csr_matrix:
         """A load's column as a row (1, n'); collective."""

@@ -271,7 +271,7 @@ class Beam(ABC):
         return cellwise(mesh, sums[0]), cellwise(mesh, sums[1])
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.motion(place)[[i for i, d in enumerate(self.directions) if d in "xyz"]]
+        return self.motion(place)[: sum(d in "xyz" for d in self.directions)]  # rotations come last
 
     def station(self, place: str | float) -> float:
         """Distance of a place from the beam's first end in m.
