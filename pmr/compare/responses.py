@@ -61,15 +61,22 @@ class Simulations:
     """What the simulators of a scene say."""
 
     first: Simulated  # by the one that the scene names first
-    seconds: Mapping[str, float]  # of each simulator's solver, the least of its repeats
+    seconds: Mapping[str, float]  # of each simulator's solver, the first one's first
     agreement: Mapping[str, float]  # of each two of them, m
     made: TimeStepping  # the time grid, with the parts that the first one made each step in where contacts only push
+    again: Callable[[], Mapping[str, float]]  # the seconds once more, the least of the repeats that the scene asks for
+
+    def timed(self) -> Simulations:
+        """With these seconds, which nothing else has to wait for."""
+        least = self.again()
+        response = replace(self.first.response, seconds=next(iter(least.values())))
+        return replace(self, first=replace(self.first, response=response), seconds=least)
 
 
 def simulate(
     scene: Scene, system: System, excitation: Excitation, clock: Clock | None = None, steps: Sequence[int] = ()
 ) -> Simulations:
-    """Simulate a reduced system by every simulator that the scene names; the first one's states at the `steps`.
+    """Simulate a reduced system once by every simulator that the scene names; the first one's states at the `steps`.
 
     Exudyn makes each step in the parts that the compiled simulator before it chose.
 
@@ -77,16 +84,22 @@ def simulate(
     """
     clock, names = clock or Clock(), scene.simulation.simulators
     omega, made = contact_step.contact_frequency(system, excitation), excitation.stepping
-    found = dict[str, Simulated]()
+    found, prepared = dict[str, Simulated](), dict[str, Prepared]()
     for name in names:
         with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done, refused_growth(scene):
-            one = repeated(scene, system, excitation.with_stepping(made), name, steps, done)
-            found[name] = replace(one, response=with_machine(scene, one.response))
+            given = excitation.with_stepping(made)
+            prepared[name] = _prepared(system, given, name, np.asarray(steps, np.int64))
+            one = prepared[name].run(done)
+            found[name] = replace(one, response=with_machine(scene, completed(scene, system, one.own)))
         if names[0] == "march" or name == names[-1]:
             made = contact_step.as_made(excitation.stepping, found[names[0]].parts, omega)
     responses = {name: one.response for name, one in found.items()}
     seconds = {name: response.seconds for name, response in responses.items()}
-    return Simulations(found[names[0]], seconds, agreement(responses), made)
+
+    def again() -> dict[str, float]:
+        return {name: one.least(seconds[name], scene.simulation.repeats) for name, one in prepared.items()}
+
+    return Simulations(found[names[0]], seconds, agreement(responses), made, again)
 
 
 def repeated(
@@ -100,10 +113,8 @@ def repeated(
     """By a simulator, several times as the scene says unless it takes long; the seconds are the least."""
     prepared = _prepared(system, excitation, simulator, np.asarray(steps, np.int64))
     found = prepared.run(done)
-    seconds = [found.response.seconds]
-    if seconds[0] <= SHORT:
-        seconds += prepared.seconds(scene.simulation.repeats - 1)
-    return replace(found, response=replace(completed(scene, system, found.own), seconds=min(seconds)))
+    seconds = prepared.least(found.own.seconds, scene.simulation.repeats)
+    return replace(found, response=replace(completed(scene, system, found.own), seconds=seconds))
 
 
 def marched(scene: Scene, system: System, excitation: Excitation) -> Response:
@@ -170,6 +181,10 @@ class Prepared:
 
     run: Callable[[Progress | None], Simulated]
     seconds: Callable[[int], list[float]]  # of the solver alone, so many times: outputs are evaluated once
+
+    def least(self, first: float, repeats: int) -> float:
+        """The seconds of the `first` run, or of later ones if that was short and these are shorter."""
+        return min([first, *(self.seconds(repeats - 1) if first <= SHORT else [])])
 
 
 def _prepared(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Prepared:

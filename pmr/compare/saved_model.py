@@ -40,13 +40,16 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     scene = with_models_of(scene, system)
     system = with_terms_of(scene, system)
     clock, excitation, models = Clock(), excitation_in(scene, system), system.reduced
-    made = simulate(scene, system, excitation, clock)
+    made = simulate(scene, system, excitation, clock).timed()
     responses, response = {"reduced": made.first.response}, made.first.response
     natural = frequencies(scene, system, excitation, visited(scene, excitation, 0))
     moved, by_frequency = SimulatedSystem.of(system, excitation, made), in_frequency(scene, system, excitation)
     error = _error(scene, moved, clock)
-    with clock.stage("step"):
-        step = step_part(scene, moved, natural.models["reduced"])
+
+    def step() -> Part:
+        with clock.stage("step"):
+            return step_part(scene, moved, natural.models["reduced"])
+
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
     parts = [
         origin(scene),

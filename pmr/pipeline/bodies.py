@@ -116,8 +116,8 @@ class Bodies:
         """The reduced system by all simulators, its errors, and the references.
 
         The other process has the full model's motion, if that does without PETSc, and then the error of the step,
-        beside the reduction's error and fields here: both models are timed while one process works beside them.  With
-        PETSc the full model moves first, for it takes the most memory.
+        beside the reduction's error, fields and the reduced model's seconds here: both models are timed while one
+        process works beside them.  With PETSc the full model moves first, for it takes the most memory.
         """
         steps = recovered_steps(self.scene).tolist()
         made = on_first(self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps))
@@ -135,6 +135,7 @@ class Bodies:
             step = self.aside.done(step_part, self.scene, moved, natural.models["reduced"], known)
         error = on_first(self._comm, lambda: None if moved is None else self._error(moved))
         looked = self._looked(made)
+        made = on_first(self._comm, lambda: made and made.timed())
         return Motions(made, moved, error, step, looked, references or moving())
 
     def _looked(self, made: Simulations | None) -> Mapping[str, Looked]:
@@ -154,8 +155,12 @@ class Bodies:
         scene, system, responses = self.scene, self.system, motions.responses
         moved, error = motions.moved, motions.error
         assert motions.reduced is not None and moved is not None and motions.step is not None and error is not None
-        with self.clock.stage("step"):
-            step = motions.step()
+        wait = motions.step
+
+        def step() -> Part:
+            with self.clock.stage("step"):
+                return wait()
+
         more = {name: error.of_section(name) | (seen[name].summary() if name in seen else {}) for name in scene.names}
         sizes = {
             name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()

@@ -146,15 +146,16 @@ def _outcome(
 ) -> Outcome:
     """What a run says on rank 0, but for its model's own error."""
     assert motions.reduced is not None  # as on rank 0
-    (judged, tip_error), system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
+    system, excitation = bodies.system, bodies.excitation
     scene, built, clock, (size, outputs) = bodies.scene, bodies.built, bodies.clock, _sizes(bodies.built)
     choice, responses, by_frequency = bodies.choice, motions.responses, in_frequency(scene, bodies.system, excitation)
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
-    parts = [
+    first = [
         origin(bodies.asked, fenicsx_versions()),
         Part({"coordinates": {"full": size, "reduced": sum(body.size for body in system.bodies.values())}}),
         simulated(motions.seconds, motions.reduced.agreement, stages),
-        *judged,
+    ]
+    last = [
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
         *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
@@ -166,6 +167,8 @@ def _outcome(
         theory(scene, responses),
         frequency_part(by_frequency),
     ]
+    judged, tip_error = bodies.judge(motions, frequencies, seen)  # who waits for what the other process still finds
+    parts = [*first, *judged, *last]
     summary = combined(parts)
     result = RunResult(
         bodies.asked,

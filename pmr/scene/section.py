@@ -22,7 +22,7 @@ from pmr.errors.text import NAMED, is_name, visible
 class Section(BaseModel):
     """A table of a scene file: frozen, and without keys of its own making."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,9 @@ def test_repeats_time_the_solver_and_evaluate_nothing(workflow: str, monkeypatch
     whole, once_more = evaluation.response_of, March.again
     monkeypatch.setattr(evaluation, "response_of", lambda *of: evaluated.extend(of[1]) or whole(*of))
     monkeypatch.setattr(March, "again", lambda march: taken.append(march) or once_more(march))
-    found = simulate(scene, system, Excitation.of(scene)).first
+    made = simulate(scene, system, Excitation.of(scene))
+    assert not taken
+    found = made.timed().first
     assert len(taken) == scene.simulation.repeats - 1
     assert len(set(evaluated)) == scene.time.steps + 1 and min(np.diff(evaluated)) >= 0.0  # block by block, and once
     assert found.response.seconds > 0.0

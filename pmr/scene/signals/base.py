@@ -23,7 +23,7 @@ KINK = 1e-6
 class SignalBase(BaseModel):
     """What every signal can do; times in s, broadcast over arrays."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     @abstractmethod
     def value(self, t: ArrayLike) -> Array:
