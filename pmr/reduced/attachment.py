@@ -25,6 +25,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -196,17 +197,23 @@ def _on_loads(part: CarrierFlexibility) -> Array:
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 
+def _root(S: Array) -> Array:
+    """H (n, k) with S = H H^T but for round-off, by pivoted Cholesky: on a coarse mesh S has a low rank k."""
+    factor, pivots, k, _ = scipy.linalg.lapack.dpstrf(S, lower=1)
+    half = np.empty((len(S), k))
+    half[pivots - 1] = np.tril(factor)[:, :k]
+    return half
+
+
 def _principal(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     """Combinations G (K + i, k) of the loads with G^T S G = I, those whose answers have the most inertia first."""
-    mass, Q = np.linalg.eigh(S)
-    mass = np.maximum(mass, 0.0)
-    moved = mass >= len(S) * np.finfo(float).eps * mass[-1]  # all but round-off; on a coarse mesh these are few
-    half = Q[:, moved] * np.sqrt(mass[moved])
+    mass = np.trace(S)
+    half = _root(S)
     gathered = loads.T @ (loads @ half)  # not by squares of the loads, which would lose what cancels
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]
     known = np.cumsum(np.maximum(energy, 0.0))
-    enough = 1 + int(np.searchsorted(known, (1.0 - left_out) * known[-1]))
-    some = energy > CANCELLED**2 * mass[-1] * loads.power(2).sum()
+    enough = 1 + int(np.searchsorted(known, (1.0 - left_out) * np.max(known, initial=0.0)))
+    some = energy > CANCELLED**2 * mass * loads.power(2).sum()
     chosen = slice(min(MOST, enough, int(np.count_nonzero(some))))
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])

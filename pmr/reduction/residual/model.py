@@ -151,13 +151,17 @@ def _span(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | 
     if model.size * loads.shape[1] > MOST_ENTRIES:
         return None, np.zeros((0, loads.shape[1]))
     Z = residual.apply(loads.toarray(order="F"))
-    gram = inner(Z, Z, model.comm)
-    size = np.sqrt(np.diagonal(gram))
-    scaled = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
-    share, Q = np.linalg.eigh(scaled[:, None] * gram * scaled)
+    size = np.sqrt(model.comm.allreduce(np.sum(Z**2, axis=0)))
+    Z *= np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
+    if model.size < loads.shape[1]:  # squares of the shorter side: of a beam five times shorter
+        every = np.concatenate(model.comm.allgather(Z))
+        share, vectors = np.linalg.eigh(every @ every.T)
+        vectors = vectors[:, share > SPANNED * share[-1]]
+        return vectors[model.share], vectors.T @ every * size
+    share, Q = np.linalg.eigh(inner(Z, Z, model.comm))
     kept = share > SPANNED * share[-1]
     root = np.sqrt(share[kept])
-    return Z @ (scaled[:, None] * Q[:, kept] / root), (root[:, None] * Q[:, kept].T) * size
+    return Z @ (Q[:, kept] / root), (root[:, None] * Q[:, kept].T) * size
 
 
 def _matrices(model: FullModel, vectors: list[Array | None]) -> tuple[dict[str, Array], dict[str, Array]]:
