@@ -116,7 +116,7 @@ def run(
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
         ensure_writable(where, RESULT_FILES)
     outcomes = []
-    with environment.uncollected():
+    with environment.kept():
         import numpy as np
 
         import pmr.compare.judged  # noqa: F401 (what the other process needs too, and does without MPI)
@@ -124,11 +124,10 @@ def run(
         from pmr.report.beside import Beside
     with worked_aside() as aside:
         report = Beside(aside)
-        with environment.uncollected():
+        with environment.kept():
             from pmr.errors.environment import Clock
             from pmr.files.users import users_folder
             from pmr.pipeline import run as run_scene
-        environment.collected_seldom()
         first = rank() == 0
         for name, file, scene in loaded:
             where = folder if len(loaded) == 1 else folder / name

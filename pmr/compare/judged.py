@@ -22,8 +22,8 @@ def parts_of_motion(
 ) -> list[Part]:
     """Forces of contacts and supports, the step's error, published frequencies, and how fine the sampling is.
 
-    `made` is what simulators say of `moved`; `natural` are frequencies on the way; `step` says what its error is, and is
-    asked last, as that may still be computed elsewhere.
+    `made` is what simulators say of `moved`; `natural` are frequencies on the way; `step` says what its error is, and
+    is asked last, as that may still be computed elsewhere.
     """
     excitation, system = Excitation.of(scene), moved.system
     omega = contact_step.contact_frequency(system, excitation)

@@ -118,6 +118,14 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
+@contextmanager
+def kept() -> Iterator[None]:
+    """The same, and what was made within is kept for good: modules that are loaded, or what a process makes last."""
+    with uncollected():
+        yield
+        gc.freeze()
+
+
 def available_memory() -> int | None:
     """Memory in bytes that this machine can still give; None where it doesn't say."""
     with suppress(OSError, ValueError, StopIteration):

@@ -197,17 +197,20 @@ class Bodies:
             return None
         models = {name: one.modal for name, one in self.bodies.items()}
         with self.clock.stage("search"):
-            choice: order.Choice = self._comm.bcast(on_first(self._comm, lambda: order.choose(scene, models)))
+            choice: order.Choice = self._comm.bcast(
+                on_first(self._comm, lambda: order.choose(scene, models, self.aside))
+            )
         if not scene.ordered.mesh:
             return choice
         with self.clock.stage("other mesh"):
             try:
                 other = order.on_other_mesh(choice, scene)
+                own = order.compared(choice, scene, models, self.aside)
                 on_other = self._on_other(other.scene)
             except (InputError, ConvergenceError) as error:  # too coarse to be reduced: no reason not to run
                 return replace(choice, mesh_reason=error.allowed if isinstance(error, InputError) else str(error))
             found: order.Choice = self._comm.bcast(
-                on_first(self._comm, lambda: order.with_mesh(choice, scene, models, on_other, other.share))
+                on_first(self._comm, lambda: order.with_mesh(choice, scene, models, own, on_other, other, self.aside))
             )
         return found
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pmr.errors.aside import Aside
-from pmr.errors.environment import collected_seldom, uncollected
+from pmr.errors.environment import kept
 from pmr.report import paper
 from pmr.report.blocks import Figures, ReportFiles
 from pmr.results import RunResult
@@ -41,23 +41,22 @@ class Beside:
         return write_report(results, folder)
 
 
-@uncollected()
+@kept()
 def _load() -> None:
     """Each takes its time to load."""
     import pmr.report.document  # noqa: F401
 
     paper.weasyprint()
-    collected_seldom()
 
 
-@uncollected()
+@kept()
 def _draw(result: RunResult) -> None:
     from pmr.report.document import drawn
 
     _drawn.append((result, drawn(result, len(_drawn) + 1)))
 
 
-@uncollected()
+@kept()
 def _write(folder: Path, summaries: Sequence[dict[str, Any]]) -> None:
     from pmr.report.document import write_report
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,6 +25,7 @@ from pmr.compare.outputs import KINDS, Floors, Outputs, impulsive
 from pmr.compare.runs import at_intervals, in_parts, recorded, run_from_start
 from pmr.compare.step_error import StepError, step_error
 from pmr.errors import SimulationError
+from pmr.errors.aside import Aside
 from pmr.reduced.attachment import with_attachment_modes, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
@@ -64,20 +66,30 @@ class Member:
         return sum(self.sizes) + self.beside
 
 
+#: Of a motion: member, steps, at how many equal intervals, rho_inf.
+_Key = tuple[Member, int, int, float]
+
+
 class Family:
     """Bodies of so many modes each, of reductions of which `pmr.compare.estimate.no_estimate` says None.
 
     `models` are those on free modes by body, `join` makes a system of such models as they are simulated.  The time grid
     of the excitation is where searches begin; `rates` says whether velocities are wanted, which cost more than the
     motion.  Motions are compared with hardly any damping by the scheme (`pmr.compare.halved_steps.reference_rho`); what
-    a run is off by has that of its own rho_inf (`own`).  Raises InputError or SimulationError as for
-    `pmr.simulation.SystemSimulator`.
+    a run is off by has that of its own rho_inf (`own`).  What is begun before it is asked for another process has,
+    `aside`, where there is one.  Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
     """
 
     def __init__(
-        self, models: Models, join: Callable[[Models], System], excitation: Excitation, rates: bool = False
+        self,
+        models: Models,
+        join: Callable[[Models], System],
+        excitation: Excitation,
+        rates: bool = False,
+        aside: Aside | None = None,
     ) -> None:
-        self.excitation, self.rates, self._join = excitation, rates, join
+        self.excitation, self.rates, self._aside = excitation, rates, aside or Aside()
+        self._models, self._join = models, join
         self._given_system = join(models)
         self._wholes = {name: one if one.enrichment is None else extended(one) for name, one in models.items()}
         self._beside = sum(with_cylinder_modes(model).cylinder_modes for model in self._wholes.values())
@@ -86,8 +98,10 @@ class Family:
         self._more = [count - min(rigid) for count in rigid]
         self._given = excitation.stepping.rho_inf
         self._rho = reference_rho(self._given_system, self._given)
-        self._motions: dict[tuple[Member, int, int, float], Outputs] = {}
+        self._motions: dict[_Key, Outputs] = {}
+        self._begun: dict[_Key, Callable[[], tuple[bool, Any]]] = {}
         self._steps: dict[tuple[Member, int], StepError | None] = {}
+        self._estimates: dict[tuple[Member, int], Callable[[], Estimate]] = {}
         self._forms, self._schedules = dict[Member, SystemForm](), dict[int, tuple[int, ...]]()
         self._last: tuple[tuple[Member, int], SystemTrajectory] | None = None
         #: Whether any contact only pushes.
@@ -126,6 +140,12 @@ class Family:
         end, rho = self.end, self._given if rho_inf is None else rho_inf
         return self.excitation.on_grid(TimeStepping(end, end / steps, rho))
 
+    def begin(self, member: Member, steps: int, times: int) -> None:
+        """Begin with what `motion` says of the same."""
+        key = member, steps, times, self._rho
+        if key not in self._motions and key not in self._begun:
+            self._begun[key] = self._aside.ask(_moved, self._models, self._join, self.excitation, self.rates, key)
+
     def motion(self, member: Member, steps: int, times: int) -> Outputs:
         """Of one member with so many steps, at `times` equal intervals, a whole number of steps each.
 
@@ -139,16 +159,28 @@ class Family:
 
     def _motion(self, member: Member, steps: int, times: int, rho_inf: float) -> Outputs:
         key = member, steps, times, rho_inf
+        if key in self._begun:
+            well, found = self._begun.pop(key)()
+            self._motions |= {key: found} if well else {}
         if key not in self._motions:
             excitation = self._in_parts(self.with_steps(steps, rho_inf))
             self._motions[key] = at_intervals(self._form(member), excitation, steps // times, self.rates)
         return self._motions[key]
 
+    def begin_estimate(self, member: Member, steps: int) -> None:
+        """Begin with what `estimate` says of the same."""
+        if (member, steps) not in self._estimates:
+            with suppress(SimulationError):
+                run = self._chosen_parts(member, steps)
+                of = self.models(member), self.system(member), self.with_steps(steps), run
+                self._estimates[member, steps] = self._aside.done(estimate, *of)
+
     def estimate(self, member: Member, steps: int) -> Estimate | None:
         """What a run of this member with so many steps estimates of itself; None where it can't, as after impacts."""
+        self.begin_estimate(member, steps)
         with suppress(SimulationError):
-            run = self._chosen_parts(member, steps)
-            return estimate(self.models(member), self.system(member), self.with_steps(steps), run)
+            if (member, steps) in self._estimates:
+                return self._estimates[member, steps]()
         return None
 
     def step_error(self, member: Member, steps: int) -> StepError | None:
@@ -255,6 +287,11 @@ class Family:
             run = run_from_start(self._given_form, excitation)
             self._schedules[steps] = in_parts(self._given_system, excitation, run).stepping.schedule
         return excitation.with_stepping(replace(excitation.stepping, schedule=self._schedules[steps]))
+
+
+def _moved(models: Models, join: Callable[[Models], System], excitation: Excitation, rates: bool, key: _Key) -> Outputs:
+    """A motion of such a family."""
+    return Family(models, join, excitation, rates)._motion(*key)
 
 
 def _rigid(model: ReducedModel) -> int:

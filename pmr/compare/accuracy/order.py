@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from pmr.compare.accuracy import mesh
@@ -14,6 +15,7 @@ from pmr.compare.accuracy.search import Found, comparable, search
 from pmr.compare.coverage import IMPACTS, JUMPS
 from pmr.compare.estimate import no_estimate
 from pmr.errors import InputError
+from pmr.errors.aside import Aside
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.quasi_static import as_simulated
@@ -72,17 +74,22 @@ def prepared(scene: Scene) -> Scene:
     return scene.model_copy(update={"reduction": reduction})
 
 
-def choose(scene: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str, float] | None = None) -> Choice:
+def choose(
+    scene: Scene,
+    models: Mapping[str, ReducedModel],
+    aside: Aside,
+    taken: Mapping[str, float] | None = None,
+) -> Choice:
     """The smallest models and the longest step that hold a scene's tolerance; or the best within its budget.
 
     `models` are those of a `prepared` scene by body, of sections on free modes.  Of the tolerance so much is `taken` by
-    the mesh, by kind.  Raises InputError if errors of these models, or of the outputs that are asked for, can't be
-    estimated; SimulationError if their motion can't be computed.
+    the mesh, by kind.  The process `aside` helps.  Raises InputError if errors of these models, or of
+    the outputs that are asked for, can't be estimated; SimulationError if their motion can't be computed.
     """
     asked, recovery = _asked(scene), scene.recovery
     if why := no_estimate(models):
         raise InputError("scene", _key(scene), None, f"there is no estimate to go by: {why}")
-    family = family_of(scene, models)
+    family = family_of(scene, models, aside)
     if lacking := [kind for kind in asked.outputs if kind not in family.kinds]:
         _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
     if "pad_force" in asked.outputs and family.impulsive:
@@ -103,15 +110,16 @@ def choose(scene: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str,
     return Choice(chosen, family.models(member), found)
 
 
-def family_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Family:
+def family_of(scene: Scene, models: Mapping[str, ReducedModel], aside: Aside | None = None) -> Family:
     """All models of a scene's bodies that reductions hold."""
-
-    def join(models: Mapping[str, ReducedModel]) -> System:
-        stressed = any(frame_terms(scene))
-        return system_of(scene, {name: as_simulated(model, stressed) for name, model in models.items()})
-
     rates = scene.ordered is not None and "velocity" in scene.ordered.outputs
-    return Family(models, join, Excitation.of(scene), rates)
+    return Family(models, partial(_joined, scene), Excitation.of(scene), rates, aside)
+
+
+def _joined(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
+    """As they are simulated."""
+    stressed = any(frame_terms(scene))
+    return system_of(scene, {name: as_simulated(model, stressed) for name, model in models.items()})
 
 
 _NEEDED = {"probe": "probes", "pad_force": "pads", "cylinder_force": "cylinders"}
@@ -151,22 +159,36 @@ def on_other_mesh(choice: Choice, asked: Scene) -> mesh.OtherMesh:
     return replace(found, scene=scene)
 
 
-def with_mesh(
-    choice: Choice, asked: Scene, models: Mapping[str, ReducedModel], on_other: Mapping[str, ReducedModel], share: float
-) -> Choice:
-    """What `choose` found for the scene `asked`, with the part of its mesh, from models `on_other_mesh`.
+def compared(choice: Choice, asked: Scene, models: Mapping[str, ReducedModel], aside: Aside) -> Family:
+    """Models of the scene `asked` on its own mesh: the process `aside` begins with what moves on the other one too."""
+    steps = comparable(choice.found.steps, 1)
+    family = family_of(_with_step(asked, steps), models, aside)
+    family.begin(choice.found.member, steps, steps)
+    return family
 
-    Where the mesh leaves some of the tolerance, the rest is searched with that much.  Raises InputError or
-    SimulationError as for `pmr.simulation.Simulator`.
+
+def with_mesh(
+    choice: Choice,
+    asked: Scene,
+    models: Mapping[str, ReducedModel],
+    own: Family,
+    on_other: Mapping[str, ReducedModel],
+    other: mesh.OtherMesh,
+    aside: Aside,
+) -> Choice:
+    """What `choose` found for the scene `asked`, with the part of its mesh, from what is `compared`.
+
+    That are its `own` models and those `on_other_mesh`.  Where the mesh leaves some of the tolerance, the rest is
+    searched with that much.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
     """
     found, wanted = choice.found, _asked(asked)
     steps = comparable(found.steps, 1)
-    families = [family_of(_with_step(asked, steps), bodies) for bodies in (models, on_other)]
-    part = mesh.part_of(families[0], families[1], found.member, steps, share, wanted.outputs)
+    theirs = family_of(_with_step(asked, steps), on_other)
+    part = mesh.part_of(own, theirs, found.member, steps, other.share, wanted.outputs)
     choice, accuracy = replace(choice, mesh=part, mesh_reason=None), choice.scene.accuracy
     allowed = 0.0 if accuracy is None else accuracy.tolerance
     if choice.found.holds and not choice.holds and max(part.values()) <= MOST_OF_MESH * allowed:
-        return replace(choose(asked, models, part), mesh=part, mesh_reason=None)
+        return replace(choose(asked, models, aside, part), mesh=part, mesh_reason=None)
     return choice
 
 

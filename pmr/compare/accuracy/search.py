@@ -76,8 +76,11 @@ def _found(one: _Search) -> tuple[Found, float | None]:
     """What holds as far as the search can see, and the share of the tolerance that it sees; else the best, and None."""
     family, coarse = one.family, one.coarse
     steps = comparable(family.excitation.stepping.steps, coarse)
+    family.begin(family.less, steps, coarse)
     while True:
         member = one.fewest(steps)
+        if family.pushing:  # hardly any search leaves the steps that it begins with
+            family.begin_estimate(member, coarse)
         rung, reached = one.longest_step(member, steps)
         finer = comparable(rung.steps, coarse)
         if finer <= steps:

@@ -13,13 +13,14 @@ from oracle import enriched, flexible, full_body
 from pmr.compare.accuracy import family as families
 from pmr.compare.accuracy import limits
 from pmr.compare.accuracy.errors import Demand, coarsest, rungs
-from pmr.compare.accuracy.family import Family, Member
+from pmr.compare.accuracy.family import Family, Member, Models
 from pmr.compare.accuracy.limits import best_within
 from pmr.compare.accuracy.search import search
 from pmr.compare.estimate import MARGIN_OF_ALL_MODES
 from pmr.compare.outputs import Floors, Outputs, differences
 from pmr.compare.step_error import StepError
 from pmr.errors import SimulationError
+from pmr.errors.aside import Aside
 from pmr.scene.asked import Budget
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp, Step
 from pmr.simulation import Excitation, TimeStepping
@@ -168,6 +169,23 @@ def test_members_are_those_of_the_reduction() -> None:
     excitation = driven(100, Constant(amount=5.0))
     own = outputs(model, excitation)
     assert np.allclose(own.displacement, family.own(family.member(4), 100, 100).displacement, rtol=0.0, atol=1e-12)
+
+
+def alone(models: Models) -> System:
+    return System.of(models[""])
+
+
+def test_another_process_says_what_this_one_would() -> None:
+    aside = Aside.started()
+    here, there = (Family({"": MODEL}, alone, driven(100), aside=one) for one in (Aside(), aside))
+    member = here.member(4)
+    there.begin(member, 100, 50)
+    there.begin_estimate(member, 100)
+    assert np.array_equal(*(one.motion(member, 100, 50).displacement for one in (here, there)))
+    own, other = (one.estimate(member, 100) for one in (here, there))
+    assert own.errors == other.errors and np.array_equal(own.error, other.error)
+    assert [well for well, _ in aside.answers] == [True, True]
+    aside.close()
 
 
 @pytest.mark.slow
