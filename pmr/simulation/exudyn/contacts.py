@@ -15,6 +15,7 @@ from pmr.simulation.balance import dot, half_form, mean
 from pmr.simulation.exudyn import inputs as driving
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.native import contact as native
+from pmr.simulation.native.handles import handle
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.system.contact_rows import ContactRows
 
@@ -82,7 +83,7 @@ class Contacts:
         if rows is not self._rows:
             self._rows, self._pushing.factored[0] = rows, native.STALE
         found = motion.copy()
-        if native.settle(self._pushing, np.ascontiguousarray(rows.F), self._room, found):
+        if native.settle(handle(self._pushing), np.ascontiguousarray(rows.F), self._room, found):
             raise SimulationError(f"which of the contacts {', '.join(self._names)} are closed was not settled")
         return found
 

@@ -56,7 +56,7 @@ class Flexible:
         loop, outputs = self._march.loop, range(len(system.output_names))
         self._y, self._modes = np.zeros(len(outputs)), loop.state.modes
         c = self._march.mixed(np.zeros(len(system.term_names))) if system.terms else None
-        sizes = self._march.s.shape[1], len(system.input_names), None if c is None else len(c)
+        sizes = self._march.s.shape[1], len(system.input_names), 0 if c is None else len(c)
         observed = outputs_of(self.form, outputs), self._y
         self._start, self._step = (step_of(loop, observed, parts, sizes) for parts in (0, 1))
         self._advance = entry_of(step_observed, self._step)
@@ -130,7 +130,7 @@ class Flexible:
         D, v = loop.modes.damping, self._modes[V]
         a = loop.modes.B.T @ moved.loads - loop.modes.stiffness * modes[Z] - (D[0] * v if len(D) == 1 else D @ v)
         a -= modes[ROW : ROW + m].T @ loop.state.multipliers
-        if loop.terms is not None:
+        if loop.terms is not None and len(loop.terms.force):
             a += loop.terms.force
         return replace(moved, second=self._of_modes @ a)
 

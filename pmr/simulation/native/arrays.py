@@ -110,6 +110,7 @@ class Contact(NamedTuple):
     force: Array  # (m,) N: multipliers at the end of the step before
     share: Array  # (m,) N: and their part in the acceleration-like a
     impulse: Array  # (m,) N s: what they gave since these are counted, as the scheme weighs forces
+    calls: Indices  # (1,): the address of `settle` (`pmr.simulation.native.linking`)
     reach: Any = None  # `State.reach`
 
 
@@ -128,18 +129,22 @@ class State(NamedTuple):
     given: Array
     pushed: Any = None  # (m',) m: H f, how far these inputs move the rows by themselves; None where `couplings` do it
     contact: Contact | None = None  # None, a type of its own to the compiler, where all rows hold both ways
-    reach: Any = None  # `Reach`; None where few bodies are taken as if all contacts held all modes
+    reach: Any = None  # `Reach`; None of a body on its tables
 
 
 class Drive(NamedTuple):
-    """Paths s (., P) and loads f (., i) at `per` equal parts of each step, where the first one begins included."""
+    """Paths s (., P) and loads f (., i) at `per` equal parts of each step, where the first one begins included.
+
+    What comes behind them is None of a body that is nothing but its tables.
+    """
 
     s: Array
     f: Array
-    # (T,): the level of each step (`pmr.simulation.native.levels`), -1 where it is to be found; None: all are whole
+    # (T,): the level of each step (`pmr.simulation.native.levels`), -1 where it is to be found
     given: Any
-    c: Any = None  # (., J): amplitudes of terms, like s and f; None without
-    per: int = 1
+    c: Any  # (., J): amplitudes of terms, like s and f
+    per: int
+    peaks: Any  # (T, m) N: largest multipliers within each step that is recorded; (T, 0) where all steps are whole
 
 
 class Record(NamedTuple):
@@ -148,7 +153,7 @@ class Record(NamedTuple):
     z: Any  # (T, r) or (T, r')
     v: Any
     multipliers: Array  # (T, m) N
-    peaks: Any = None  # (T, m) N: largest within the step, where it may be made in parts
+    peaks: Any = None  # (T, m) N: largest within the step, where it may be made in parts: `Drive.peaks`
     parts: Any = None  # (T,): of how many
     impulses: Any = None  # (T, m) N s: given in the step, where contacts only push
     energy: Any = None  # (T, 2) J: what is stored, and the work since the start

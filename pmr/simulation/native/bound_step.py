@@ -18,7 +18,7 @@ from pmr.simulation.native import contact as contact_rows
 from pmr.simulation.native.arrays import Contact, Divided, Outputs, Scheme, State, Tables
 from pmr.simulation.native.compilation import compiled_for_python
 from pmr.simulation.native.handles import Handle, handle
-from pmr.simulation.native.part import Alone, step_on_tables
+from pmr.simulation.native.part import Alone, step_alone
 from pmr.simulation.native.scheme import GeneralizedAlpha
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def _advance(bound: Bound, s: float) -> int:
     breaks = bound.body.tables.breaks
     if not breaks[0] <= s <= breaks[len(breaks) - 1]:
         return OFF_THE_PATH
-    return step_on_tables(bound.body, s, bound.f, bound.y)
+    return step_alone(bound.body, s, bound.f, bound.y)
 
 
 @cache
@@ -57,7 +57,7 @@ def entry(in_contact: bool) -> Callable[[Handle, float], int]:
     """``advance(bound, s)``: a step to s under the loads in f, its outputs in y; compiled when first asked for.
 
     For handles of `Bound` whose rows all hold both ways, or of which some only push (`in_contact`).  Returns what
-    `step_on_tables` does, or OFF_THE_PATH.  Nothing is looked at as a call of a compiled function would do it.
+    `step_alone` does, or OFF_THE_PATH.  Nothing is looked at as a call of a compiled function would do it.
     """
     contact = contact_rows.contact(np.zeros(1), GeneralizedAlpha(1.0, 0.0).memory()) if in_contact else None
     signature = (handle(_example(contact)).kind, types.float64)

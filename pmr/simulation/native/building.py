@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from pmr.reduced.model import ReducedModel
 from pmr.simulation import contact_step
 from pmr.simulation.native.arrays import Z_NEXT, Divided, Scheme, State, Tables, V
-from pmr.simulation.native.contact import contact
+from pmr.simulation.native.contact import contact, without
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.handles import words_of
 from pmr.simulation.native.levels import Control, Levels
+from pmr.simulation.native.linking import link
 from pmr.simulation.native.part import Loop
 from pmr.simulation.native.quasi_static import quasi_static
 from pmr.simulation.native.scheme import GeneralizedAlpha
@@ -42,7 +43,11 @@ def loop_of(
     body = form.on_tables
     of_levels = [] if body is None else _tables(form, body, schemes)
     constants = bodies(form, paths) if body is None else None
-    state = form.state(schemes[0], contact(system.clearance, methods[0].memory()), shares(body))
+    memory = methods[0].memory()
+    pushing = contact(system.clearance, memory)
+    found, still = terms(form, of_terms, paths), quasi_static(form)
+    lean = body is not None and pushing is None and not len(found.force) and not len(still.numbers)
+    state = form.state(schemes[0], None if lean else pushing or without(memory), shares(body))
     loop = Loop(
         modes=form.modes,
         divided=form.divided(schemes[0]),
@@ -53,12 +58,14 @@ def loop_of(
         state=state,
         levels=None,
         control=None,
-        terms=terms(form, of_terms, paths),
-        quasi_static=quasi_static(form),
+        terms=found,
+        quasi_static=still,
     )
-    if tuple(parts) == (1,):
-        return loop
-    return _on_levels(loop._replace(control=_control(state, omega)), form, methods, parts, of_levels)
+    if lean:
+        return loop._replace(terms=None, quasi_static=None)
+    linked = _on_levels(loop._replace(control=_control(state, omega)), form, methods, parts, of_levels)
+    link(linked)
+    return linked
 
 
 def _tables(form: SystemForm, body: ReducedModel, schemes: Sequence[Scheme]) -> list[Tables]:
@@ -87,11 +94,12 @@ def _on_levels(
         B=aligned(np.array([one.B for one in divided])),
         damped=aligned(np.array([one.damped for one in divided])),
         couplings=aligned(couplings),
+        calls=np.zeros(3, np.int64),
     )
     size = len(words_of(loop._replace(levels=levels)))
     levels = levels._replace(loops=np.zeros((len(parts), size), np.int64))
     loop, contact = loop._replace(levels=levels), loop.state.contact
-    assert contact is not None  # as all steps are whole where no contacts only push
+    assert contact is not None
     for k, (method, scheme) in enumerate(zip(methods, schemes, strict=True)):
         own = loop._replace(
             divided=Divided(levels.B[k], levels.damped[k]),

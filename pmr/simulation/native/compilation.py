@@ -12,10 +12,34 @@ from typing import Any
 from numba import njit
 from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import CompilerBase
+from numba.core.compiler_machinery import PassManager
+from numba.core.typed_passes import (
+    AnnotateTypes,
+    IRLegalization,
+    NativeLowering,
+    NoPythonBackend,
+    NopythonTypeInference,
+    PreLowerStripPhis,
+)
+from numba.core.untyped_passes import (
+    DeadBranchPrune,
+    FixupArgs,
+    GenericRewrites,
+    IRProcessing,
+    ReconstructSSA,
+    RewriteSemanticConstants,
+    TranslateByteCode,
+)
 
 from pmr.errors.environment import uncollected
 
+#: What of Numba's pipeline these functions need: they have no closures, comprehensions and expressions of arrays.
+PASSES = (
+    *(TranslateByteCode, FixupArgs, IRProcessing, RewriteSemanticConstants, DeadBranchPrune, GenericRewrites),
+    *(ReconstructSSA, DeadBranchPrune, NopythonTypeInference, PreLowerStripPhis, IRLegalization, AnnotateTypes),
+    *(NativeLowering, NoPythonBackend),
+)
 # Without Numba's runtime nothing can be allocated.  NaN and infinity stay visible, while sums may be reordered.
 OPTIONS = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}, "error_model": "numpy", "nogil": True, "_nrt": False}
 
@@ -24,15 +48,21 @@ class _Part(JITCodeLibrary):
     """Code of a function that stands in others alone, where it is optimised and translated with theirs.
 
     Numba would do both for each function by itself as well, and again for all that it calls: most of the time that a
-    loop takes to compile, for code that nobody calls.
+    loop takes to compile, for code that nobody calls.  Nor is what it calls joined to it here.
     """
 
-    def _optimize_final_module(self) -> None:
+    def _optimize_functions(self, module: Any) -> None:
         pass
 
-    def _finalize_final_module(self) -> None:
+    def finalize(self) -> None:
+        """Nothing is left to be done."""
         self._finalize_dynamic_globals()
         self._finalized = True
+
+    @property
+    def parts(self) -> list[JITCodeLibrary]:
+        """What it calls itself."""
+        return list(self._linking_libraries)
 
     def get_pointer_to_function(self, name: str) -> int:
         """None: it has no address."""
@@ -57,24 +87,61 @@ class _Called(_Part):
         super().add_ir_module(module)
 
 
-class _WholeCompiler(Compiler):
-    """Numba's, for what Python calls; what it makes of all parts is there until the end anyway."""
+class _Whole(JITCodeLibrary):
+    """Code of a function with all that it calls, each once, optimised once.
+
+    Numba would do so twice: what counts references has to be found again after the first time, and nothing does here.
+    """
+
+    def finalize(self) -> None:
+        """Join all parts and translate them."""
+        found = dict.fromkeys(self._linking_libraries)
+        left = list(found)
+        while left:
+            one = left.pop()
+            new = [part for part in one.parts if part not in found] if isinstance(one, _Part) else []
+            found.update(dict.fromkeys(new))
+            left += new
+        self._linking_libraries: list[JITCodeLibrary] = list(found)
+        super().finalize()
+
+    def _optimize_final_module(self) -> None:
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
+
+
+class _Compiler(CompilerBase):
+    """Numba's, with `PASSES` alone: most of its time goes into these."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        """One."""
+        passes = PassManager("nopython")
+        for one in PASSES:
+            passes.add_pass(one, one.__name__)
+        passes.finalize()
+        return [passes]
+
+
+class _WholeCompiler(_Compiler):
+    """For what Python or an address calls; what it makes of all parts is there until the end anyway."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
+        self.state.library = _Whole(self.state.targetctx.codegen(), function.__qualname__)
+        self.state.library.enable_object_caching()
         with uncollected():
             return super().compile_extra(function)
 
 
-class _PartCompiler(Compiler):
-    """Numba's, for a function that is a part of others."""
+class _PartCompiler(_Compiler):
+    """For a function that is a part of others."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         self.state.library = _Part(self.state.targetctx.codegen(), function.__qualname__)
         return super().compile_extra(function)
 
 
-class _CalledCompiler(Compiler):
-    """Numba's, for a function that others call."""
+class _CalledCompiler(_Compiler):
+    """For a function that others call."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         self.state.library = _Called(self.state.targetctx.codegen(), function.__qualname__)
@@ -94,6 +161,11 @@ called = njit(
 )
 
 
+def addressed(function: Callable[..., Any]) -> Any:
+    """The same for functions that others call by an address (`pmr.simulation.native.handles.address_of`) alone."""
+    return _whole(function, forceinline=False, no_cpython_wrapper=True)
+
+
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile on the first call and keep the result on disk, as ``njit(cache=True)``."""
     return _whole(function, forceinline=False)
@@ -110,7 +182,7 @@ def compiled_for_python(function: Callable[..., Any]) -> Any:
 
 
 def _whole(function: Callable[..., Any], **options: bool) -> Any:
-    dispatcher = njit(pipeline_class=_WholeCompiler, **(OPTIONS | options))(function)
+    dispatcher = njit(pipeline_class=_WholeCompiler, no_cfunc_wrapper=True, **(OPTIONS | options))(function)
     with suppress(RuntimeError):  # no folder for it can be written to: it is compiled anew in each process
         dispatcher._cache = _Cache(dispatcher.py_func)
     return dispatcher

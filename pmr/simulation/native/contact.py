@@ -62,9 +62,16 @@ def contact(clearance: Array, memory: Memory) -> Contact | None:
 
     Closed are the latter alone.
     """
+    return None if np.isnan(clearance).all() else _contact(clearance, memory)
+
+
+def without(memory: Memory) -> Contact:
+    """The same where all rows hold both ways: without entries."""
+    return _contact(np.zeros(0), memory)
+
+
+def _contact(clearance: Array, memory: Memory) -> Contact:
     pushes, m = ~np.isnan(clearance), len(clearance)
-    if not pushes.any():
-        return None
     return Contact(
         memory=memory,
         pushes=pushes,
@@ -78,6 +85,7 @@ def contact(clearance: Array, memory: Memory) -> Contact | None:
         force=np.zeros(m),
         share=np.zeros(m),
         impulse=np.zeros(m),
+        calls=np.zeros(1, np.int64),
     )
 
 

@@ -213,12 +213,20 @@ class SystemForm:
             begins=np.zeros(len(self.joined), np.int64),
         )
 
+    @property
+    def _followed(self) -> Reach | None:
+        """What a loop follows; of few bodies all their contacts hold all modes, and a body on tables needs none."""
+        if self.on_tables is not None:
+            return None
+        i, r = self.modes.B.shape
+        return self.reach if len(self.forms) > SHORT else reach_of_all(len(self.modal.contacts), i, r)
+
     def state(self, scheme: Scheme, contact: Contact | None, shares: int) -> State:
         """At rest, before the rows are evaluated; `shares` as many as `State` says."""
         m, (i, r) = len(self.modal.contacts), self.modes.B.shape
         modes = np.zeros((ROW + max(m, 1), r))
         modes[: INPUT + 1] = self.constant_modes(scheme)
-        reach = self.reach if len(self.forms) > SHORT else None
+        reach = self._followed
         return State(
             modes=aligned(modes),
             multipliers=np.zeros(m),
@@ -238,6 +246,17 @@ class SystemForm:
 def _beside(form: ModalForm) -> tuple[int, int]:
     """Zeros before and behind the modes of a body."""
     return 0, -form.body.size % LANES
+
+
+def reach_of_all(m: int, i: int, r: int) -> Reach:
+    """As if m contacts and i inputs were on one body with r modes."""
+    return Reach(
+        bodies=np.array([[0, r, 0, i, 0, m]], np.int64),
+        moves=np.tile(np.array([0, r], np.int64), (m, 1)),
+        beside=np.tile(np.array([0, m + -m % LANES], np.int64), (m, 1)),
+        of_mode=np.zeros(r, np.int64),
+        begins=np.zeros(m, np.int64),
+    )
 
 
 def _pairs(found: Sequence[tuple[int, int]]) -> Indices:

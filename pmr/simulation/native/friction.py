@@ -27,8 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import State
-from pmr.simulation.native.compilation import compiled_and_inlined, inlined
+from pmr.simulation.native.compilation import addressed, compiled_and_inlined, inlined
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.side_arrays import Bodies, Sides
 from pmr.simulation.native.simd import LANES, aligned, load, store
 from pmr.system.friction import Friction
 
@@ -37,6 +38,19 @@ Indices = NDArray[np.int64]
 
 #: Of the lengths that a slip is found from: what is round-off; and how often it is improved at most.
 ROUND_OFF, TRIES = 1e-15, 64
+
+_NUMBERS, _FLOATS = np.zeros(0, np.int64), np.zeros(0)
+_NOTHING = Friction(
+    joints=(),
+    pads=_NUMBERS,
+    first=np.zeros(1, np.int64),
+    cylinders=_NUMBERS,
+    gives=_FLOATS,
+    coefficients=_FLOATS,
+    stiffness=_FLOATS,
+    arms=_FLOATS,
+    count=0,
+)
 
 
 class Rubbing(NamedTuple):
@@ -71,12 +85,17 @@ class Rubbing(NamedTuple):
 
 
 def rubbing(form: SystemForm, paths: Sequence[str]) -> Rubbing | None:
-    """That of a system that travels on `paths`, by their names; None without friction."""
+    """That of a system that travels on `paths`, by their names; without entries where nothing rubs.
+
+    None of a body on its tables, none of whose contacts rubs.
+    """
     system = form.modal
     known = Friction.of(system.contacts)
     if known is None:
-        return None
-    m, n, J, r = len(system.contacts), len(known.pads), len(known.joints), int(form.starts[-1])
+        if form.on_tables is not None:
+            return None
+        known = _NOTHING
+    m, n, J, r = known.count, len(known.pads), len(known.joints), int(form.starts[-1])
     travelling = [side for side in system.sides if side.place.path is not None]
     on = [[a for a, side in enumerate(travelling) if side.contact == k] for k in known.pads]
     return Rubbing(
@@ -116,20 +135,20 @@ def start(rubbing: Rubbing, s: Array, multipliers: Array) -> None:
     rubbing.old_drives[:] = np.where(rubbing.cylinders < 0, 0.0, multipliers[rubbing.cylinders])
 
 
-@inlined
-def turn(rubbing: Any, bodies: Any, sides: Any) -> None:
-    """Where joints stand, C' of the pads where the contacts' sides do, and what their moments move in all contacts."""
-    if rubbing is not None:  # decided when compiled
-        m = len(rubbing.gap)
-        for i in range(len(rubbing.s)):
-            rubbing.s[i] = sides.s[rubbing.path[i]]
-        for j in range(len(rubbing.pads)):
-            for n in range(0, rubbing.slopes.shape[1], LANES):
-                store(rubbing.slopes[j], n, load(bodies.staying_slopes[j], n))
-            for k in range(m):
-                rubbing.answers[k, j] = sides.half[k, m + j]
-            for at in range(rubbing.first_side[j], rubbing.first_side[j + 1]):
-                _add_slope(rubbing, bodies, sides, rubbing.side[at], j)
+@addressed
+def turn(rubbing: Rubbing, bodies: Bodies, sides: Sides) -> int:
+    """Where joints stand, C' of the pads where the contacts' sides do, what their moments move in all contacts; 0."""
+    m = len(rubbing.gap)
+    for i in range(len(rubbing.s)):
+        rubbing.s[i] = sides.s[rubbing.path[i]]
+    for j in range(len(rubbing.pads)):
+        for n in range(0, rubbing.slopes.shape[1], LANES):
+            store(rubbing.slopes[j], n, load(bodies.staying_slopes[j], n))
+        for k in range(m):
+            rubbing.answers[k, j] = sides.half[k, m + j]
+        for at in range(rubbing.first_side[j], rubbing.first_side[j + 1]):
+            _add_slope(rubbing, bodies, sides, rubbing.side[at], j)
+    return 0
 
 
 @inlined
@@ -230,7 +249,7 @@ def slide(
 @inlined
 def gap(rubbing: Any, k: int) -> float:
     """How far the cylinder of contact k gives way to friction, m."""
-    if rubbing is None:
+    if rubbing is None or k >= len(rubbing.gap):
         return 0.0
     return float(rubbing.gap[k])
 
@@ -282,7 +301,7 @@ def finish(rubbing: Any, multipliers: Array) -> float:
     if rubbing is None:
         return 0.0
     done = 0.0
-    for k in range(len(multipliers)):
+    for k in range(len(rubbing.gap)):
         done -= (multipliers[k] + rubbing.old_multipliers[k]) / 2.0 * (rubbing.gap[k] - rubbing.old_gap[k])
         rubbing.old_multipliers[k], rubbing.old_gap[k] = multipliers[k], rubbing.gap[k]
     for j in range(len(rubbing.forces)):

@@ -80,6 +80,28 @@ def entry_of(function: Any, *held: Handle) -> Callable[..., Any]:
     return function.overloads[signature].entry_point
 
 
+def address_of(function: Any, *kinds: Any) -> int:
+    """Where compiled code of a function for such types begins, which `call` and `number` take.
+
+    It is compiled or loaded when first asked for.
+    """
+    found = _addresses.get((function, kinds))
+    if found is None:
+        function.compile(kinds)
+        one = function.overloads[kinds]
+        found = one.library.get_pointer_to_function(one.fndesc.llvm_func_name)
+        _addresses[function, kinds] = found
+    return found
+
+
+_addresses = dict[Any, int]()
+
+
+def kind_of(values: Any) -> HandleType:
+    """Numba's type of a handle of such values."""
+    return _kind_of(values)
+
+
 def words_of(values: Any) -> Words:
     """What stands in memory: of an array its address, its size, its shape and its strides but the last one."""
     found = list[int]()
@@ -210,6 +232,31 @@ def _read_word(builder: Any, at: Any, number: int, kind: Any) -> Any:
     read = builder.load(place, typ=kind, align=_WORD)
     read.set_metadata("invariant.load", builder.module.add_metadata([]))
     return read
+
+
+def _calling(kind: Any) -> Any:
+    """A function of compiled code that calls what stands at an address (`address_of`) and returns such a number."""
+
+    @intrinsic
+    def calling(typing: Any, address: Any, arguments: Any) -> Any:
+        kinds = [types.unliteral(one) for one in arguments.types]
+
+        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            convention = context.call_conv
+            form = convention.get_function_type(kind, kinds)
+            found = cgutils.alloca_once(builder, context.get_value_type(kind))
+            packed = convention._get_arg_packer(kinds).as_arguments(builder, cgutils.unpack_tuple(builder, given[1]))
+            function = builder.inttoptr(given[0], form.as_pointer())
+            builder.call(function, [found, ir.Constant(form.args[1], None), *packed])  # none of these raises
+            return builder.load(found)
+
+        return kind(types.int64, types.Tuple(kinds)), generate
+
+    return calling
+
+
+#: ``call(address, (argument, ...))``, which returns an integer, and the same of a float.
+call, number = _calling(types.int64), _calling(types.float64)
 
 
 @intrinsic

@@ -33,13 +33,17 @@ from pmr.simulation.native.arrays import (
     V,
     Z,
 )
-from pmr.simulation.native.compilation import called, inlined
+from pmr.simulation.native.compilation import addressed, called, inlined
 from pmr.simulation.native.rows import dot, dot_held, held, of_body, solve
 from pmr.simulation.native.simd import LANES, load, store
 from pmr.simulation.native.terms import add
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+
+#: Entries of `Levels.calls`.
+STEP, BEGIN, MISSED = range(3)
 
 
 class Levels(NamedTuple):
@@ -51,6 +55,7 @@ class Levels(NamedTuple):
     B: Array  # (L, i, r'): `Divided`
     damped: Array  # (L, 3, r', r') or (L, 0, 0, 0)
     couplings: Array  # (L, k, m, p', w): `Tables`; (L, 0, 0, 0, 0) without
+    calls: Indices  # (3,): addresses by STEP, BEGIN and MISSED (`pmr.simulation.native.linking`)
 
 
 class Control(NamedTuple):
@@ -179,7 +184,7 @@ def note(contact: Contact, state: State, control: Control) -> None:
         control.closed[k], control.force[k] = contact.closed[k], state.multipliers[k]
 
 
-@called
+@addressed
 def missed(
     modes: Modes, terms: Any, contact: Contact, state: State, control: Control, scheme: Scheme, f: Array
 ) -> float:

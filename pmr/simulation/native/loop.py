@@ -1,12 +1,13 @@
 r"""The one compiled loop of `march`: any bodies, whole steps or parts of them, states recorded.
 
-What a simulation lacks is None, and what would be done with it is left out when the loop is compiled: tables of a body
-on one path, or sides of contacts with places of their own; levels of steps that are made in parts; a balance of energy;
-terms that vary in time.
-So a body alone on its tables takes O(r m) a step and nothing else.
+There are three kinds of loops.  A body that is nothing but its tables on one path takes O(r m) a step: what it lacks is
+None, and what would be done with it is left out when its loop is compiled.  Other bodies on tables have one loop, and
+bodies on contacts with places of their own another: what some of them lack are arrays without entries.  These loops
+call by addresses what is compiled apart, each when first asked for: a step, places of contacts, contacts that only
+push, steps in parts, terms that vary in time, friction (`pmr.simulation.native.linking`).
 
 `run` is the entry point.  A system that is advanced from outside (`pmr.simulation.native.stepper`) has `step_observed`
-of `pmr.simulation.native.part`, and a body alone `step_on_tables`, which takes a third of a microsecond from Python
+of `pmr.simulation.native.stepped`, and a body alone `step_on_tables`, which takes a third of a microsecond from Python
 (`pmr.simulation.native.bound_step`).
 """
 
@@ -19,9 +20,9 @@ from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import Contact, Drive, Record, V, Z
 from pmr.simulation.native.compilation import compiled, inlined
-from pmr.simulation.native.contact import begin_impulses
-from pmr.simulation.native.part import Loop, make_part, start_sides
-from pmr.simulation.native.parts import step_in_parts
+from pmr.simulation.native.handles import call
+from pmr.simulation.native.levels import STEP
+from pmr.simulation.native.part import Loop, make_part
 from pmr.simulation.native.step import FINISHED
 from pmr.simulation.native.terms import WORK
 
@@ -37,15 +38,14 @@ def run(loop: Loop, drive: Drive, record: Record, every: int, begun: int) -> tup
     step is made in more parts than `drive` has samples of: the state is that before it.  Recorded is
     each `every`-th step.
     """
-    failed = start_sides(loop.sides, loop, drive.s[0], drive.f[0])
+    failed = start(loop.levels, loop, drive)
     if failed:
         return begun, failed
     row, until = np.int64(begun // every), every - begun % every
     steps = min(every * len(record.multipliers), begun + (len(drive.s) - 1) // drive.per)
     for number in range(begun, steps):
         n = number - begun
-        begin_impulses(loop.state.contact)
-        failed = step(loop.levels, loop, drive, n, record.peaks, row)
+        failed = step(loop.levels, loop, drive, n, row)
         if failed:
             return number, failed
         until -= 1
@@ -56,18 +56,19 @@ def run(loop: Loop, drive: Drive, record: Record, every: int, begun: int) -> tup
 
 
 @inlined
-def step(levels: Any, loop: Loop, drive: Drive, n: int, peaks: Any, row: int) -> int:
-    """Step number n, whole or in parts; as `advance` returns."""
+def start(levels: Any, loop: Loop, drive: Drive) -> int:
+    """What comes before the first step; as `move_sides` returns."""
     if levels is None:  # decided when compiled
-        return make_part(loop, drive.s[n + 1], drive.f[n + 1], _at(drive.c, n + 1))
-    reach = slice(n * drive.per, (n + 1) * drive.per + 1)
-    return step_in_parts(loop, drive.given[n], drive.s[reach], drive.f[reach], _at(drive.c, reach), peaks[row])
+        return 0
+    return call(levels.calls[STEP], (loop, drive, -1, 0))
 
 
 @inlined
-def _at(c: Any, steps: Any) -> Any:
-    """Amplitudes of a step or some; None without terms."""
-    return None if c is None else c[steps]
+def step(levels: Any, loop: Loop, drive: Drive, n: int, row: int) -> int:
+    """Step number n, whole or in parts; as `advance` returns."""
+    if levels is None:
+        return make_part(loop, drive.s[n + 1], drive.f[n + 1], None)
+    return call(levels.calls[STEP], (loop, drive, n, row))
 
 
 @inlined

@@ -89,7 +89,7 @@ class March:
         if self.pushing.any():
             parts = contact_step.levels(omega, stepping)
         given = np.searchsorted(parts, stepping.schedule) if stepping.schedule else np.full(stepping.steps, -1)
-        self.finest, self._given, self._sampling = parts[-1], None if parts == (1,) else given, 0.0
+        self.finest, self._given, self._sampling = parts[-1], given.astype(np.int64), 0.0
         sizes = excitation.amplitudes(system.term_names) if amplitudes is None else amplitudes
         self._numbers, self._mix, matrices = signals(form, sizes)
         self._path, self._loads = tuple(excitation.paths.values()), in_order(excitation.loads, system.input_names)
@@ -199,14 +199,14 @@ class March:
                 room.energy[:] = self.loop.sides.energy
 
         def taken(first: int, last: int) -> None:
-            rows = some(room, slice(last - first + 1))
+            rows = self._known(some(room, slice(last - first + 1)))
             self._check_finite(rows.z, first - 1, every)
             for forces in (rows.multipliers, rows.peaks):
                 if forces is not None:
                     without_pull(forces, self.pushing)
             take(first - 1, rows)
             for begun, ended in zip(some(room, slice(1)), some(rows, slice(-1, None)), strict=True):
-                if begun is not None:
+                if ended is not None:
                     begun[:] = ended
 
         return in_blocks(count + 1, most, self.finest, advance, taken, progress) - self._sampling
@@ -222,8 +222,9 @@ class March:
             begun, per = first - 1 + taken, self._parts_of(first - 1 + taken)
             end = first - 1 + (count if per == 1 else min(count, taken + max(FINE, TIMES // per)))
             s, f, c = self._sampled(begun, end, per) if per > 1 else (one[begun : end + 1] for one in self._drive)
-            given = None if self._given is None else self._given[begun:end]
-            drive = Drive(s, f, given, c if c.shape[1] else None, per)
+            drive = Drive(s, f, given=self._given[begun:end], c=c, per=per, peaks=rows.peaks)
+            if self.loop.levels is None:
+                drive = drive._replace(given=None, c=None)
             taken, failed = kernel.run(self._handle, handle(drive), handle(rows), every, taken)
             if failed and failed != COARSE:
                 raise self.failed(failed, self._where(first + taken) if count else self._start)
@@ -232,7 +233,7 @@ class March:
 
     def _parts_of(self, step: int) -> int:
         """In how many parts a step is tried first."""
-        if self._given is None:
+        if self.finest == 1:
             return 1
         level = self._given[step]
         return int(self.loop.levels.parts[level if level >= 0 else self.loop.control.level[0]])
@@ -277,16 +278,30 @@ class March:
             z=np.tile(state.modes[Z, :r], (size, 1)),
             v=np.tile(state.modes[V, :r], (size, 1)),
             multipliers=np.tile(state.multipliers, (size, 1)),
-            peaks=self._peaks(size),
-            parts=None if loop.levels is None else np.ones(size, np.int64),
-            impulses=None if state.contact is None else np.zeros((size, m)),
-            energy=None if loop.sides is None else np.tile(loop.sides.energy, (size, 1)),
-            given=None if loop.terms is None else np.zeros(size),
-            friction=None if self._friction is None else np.zeros((size, len(self._friction.pads))),
+            **({} if loop.levels is None else self._room_beside(size, m if self.pushing.any() else 0)),
         )
 
-    def _peaks(self, size: int) -> Array | None:
-        return None if self.loop.levels is None else np.tile(self.loop.state.multipliers, (size, 1))
+    def _room_beside(self, size: int, m: int) -> dict[str, Array | None]:
+        """Of m contacts where some only push; without entries where nothing is known."""
+        loop, pads = self.loop, 0 if self._friction is None else len(self._friction.pads)
+        return {
+            "peaks": np.tile(loop.state.multipliers[: m if self.finest > 1 else 0], (size, 1)),
+            "parts": np.ones(size, np.int64),
+            "impulses": np.zeros((size, m)),
+            "energy": None if loop.sides is None else np.tile(loop.sides.energy, (size, 1)),
+            "given": np.zeros(size),
+            "friction": None if loop.terms.rubbing is None else np.zeros((size, pads)),
+        }
+
+    def _known(self, rows: Record) -> Record:
+        """Without what nothing is known of."""
+        pushing, finest = self.pushing.any(), self.finest
+        return rows._replace(
+            peaks=rows.peaks if finest > 1 else None,
+            parts=rows.parts if finest > 1 else None,
+            impulses=rows.impulses if pushing else None,
+            friction=None if self._friction is None else rows.friction,
+        )
 
     def _check_finite(self, recorded: Array, first: int, every: int) -> None:
         """Raise SimulationError at the first row that is not finite; row 0 is step `first` times `every`."""

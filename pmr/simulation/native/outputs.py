@@ -9,13 +9,12 @@ contacts with places of their own X is that of the carriers times the weights of
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import Outputs, State, Tables, Z
 from pmr.simulation.native.compilation import called, inlined
+from pmr.simulation.native.friction import Rubbing
 from pmr.simulation.native.rows import dot
 from pmr.simulation.native.side_arrays import Bodies, SideOutputs, Sides
 from pmr.simulation.native.simd import LANES, load, spread, store
@@ -76,10 +75,10 @@ def observe_sides(outputs: SideOutputs, bodies: Bodies, sides: Sides, state: Sta
 
 
 @inlined
-def observe_moments(rubbing: Any, outputs: SideOutputs, bodies: Bodies, sides: Sides, state: State, y: Array) -> None:
+def observe_moments(
+    rubbing: Rubbing, outputs: SideOutputs, bodies: Bodies, sides: Sides, state: State, y: Array
+) -> None:
     """Add to these what moments of friction do; nothing without any."""
-    if rubbing is None:  # decided when compiled
-        return
     rows = bodies.rows
     for j in range(len(rubbing.pads)):
         moment = rubbing.arms[j] * rubbing.forces[j]

@@ -1,6 +1,7 @@
 """One part of a step of whatever is simulated: a body on its tables, or bodies on their contacts' sides; compiled.
 
-What a simulation lacks is None, and what would be done with it is left out when the loop is compiled.
+What a body that is nothing but its tables lacks is None, and what would be done with it is left out when the loop is
+compiled.  All others have arrays without entries for what they lack, so that they share what is compiled.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from pmr.simulation.native import quasi_static, terms
 from pmr.simulation.native.arrays import Divided, Modes, Outputs, Scheme, State, Tables
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
 from pmr.simulation.native.energy import account
+from pmr.simulation.native.handles import call
 from pmr.simulation.native.outputs import observe, observe_moments, observe_sides
 from pmr.simulation.native.rows import move_rows
 from pmr.simulation.native.side_arrays import SideOutputs, Sides
-from pmr.simulation.native.sides import give, move_sides, press
+from pmr.simulation.native.sides import give, press
 from pmr.simulation.native.step import advance
 
 Array = NDArray[np.float64]
@@ -35,8 +37,8 @@ class Loop(NamedTuple):
     state: State
     levels: Any  # `Levels` and `Control`, or None
     control: Any
-    terms: Any = None  # `Terms`, or None
-    quasi_static: Any = None  # `QuasiStatic`, or None
+    terms: Any  # `Terms`, or None
+    quasi_static: Any  # `QuasiStatic`, or None
 
 
 @inlined
@@ -45,7 +47,7 @@ def start_sides(sides: Sides | None, loop: Loop, s: Array, f: Array) -> int:
     failed = 0
     if sides is not None:  # decided when compiled
         if np.isnan(sides.energy[0]):
-            failed = move_sides(loop.bodies, loop.divided, loop.scheme, loop.state, sides, s)
+            failed = call(sides.calls[0], (loop.bodies, loop.divided, loop.scheme, loop.state, sides, s))
             if failed == 0:
                 press(loop.modes, loop.bodies, loop.state, sides, f)
                 account(loop.modes, loop.bodies, loop.state, sides)
@@ -76,7 +78,7 @@ def move(tables: Tables | None, sides: Sides | None, loop: Loop, s: Array) -> in
     if tables is not None:
         failed = move_rows(tables, loop.divided, loop.state, s[0])
     if sides is not None:
-        failed = move_sides(loop.bodies, loop.divided, loop.scheme, loop.state, sides, s)
+        failed = call(sides.calls[0], (loop.bodies, loop.divided, loop.scheme, loop.state, sides, s))  # move_sides
         terms.turn(loop.terms, loop.bodies, sides)
     return failed
 
@@ -106,6 +108,12 @@ class Alone(NamedTuple):
 @compiled_and_inlined
 def step_on_tables(body: Alone, s: float, f: Array, y: Array) -> int:
     """One step of a body on one path to s under f (i,), and its outputs y (o,); 0, or what `advance` returns."""
+    return step_alone(body, s, f, y)
+
+
+@inlined
+def step_alone(body: Alone, s: float, f: Array, y: Array) -> int:
+    """The same as a part of `pmr.simulation.native.bound_step`, for which it need not be compiled by itself."""
     failed = move_rows(body.tables, body.divided, body.state, s)
     if failed == 0:
         failed = advance(body.divided, body.scheme, body.state, None, None, f, None)
@@ -131,10 +139,4 @@ def _observe_tables(tables: Tables | None, outputs: Outputs, state: State, f: Ar
 def _observe_sides(sides: Sides | None, outputs: SideOutputs, loop: Loop, f: Array, y: Array) -> None:
     if sides is not None:
         observe_sides(outputs, loop.bodies, sides, loop.state, f, y)
-        _observe_terms(loop.terms, outputs, loop, y)
-
-
-@inlined
-def _observe_terms(terms: Any, outputs: SideOutputs, loop: Loop, y: Array) -> None:
-    if terms is not None:
-        observe_moments(terms.rubbing, outputs, loop.bodies, loop.sides, loop.state, y)
+        observe_moments(loop.terms.rubbing, outputs, loop.bodies, sides, loop.state, y)

@@ -31,11 +31,9 @@ class QuasiStatic(NamedTuple):
     old: Array  # (q,): their displacement where the step begins
 
 
-def quasi_static(form: SystemForm) -> QuasiStatic | None:
-    """Those of a system; None where it has none."""
+def quasi_static(form: SystemForm) -> QuasiStatic:
+    """Those of a system."""
     numbers = form.quasi_static
-    if not len(numbers):
-        return None
     stiffness, D, _ = form.modes
     damping = D[0] if len(D) == 1 else np.diagonal(D)
     return QuasiStatic(numbers, damping[numbers] / stiffness[numbers], np.zeros(len(numbers)))

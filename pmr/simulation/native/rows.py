@@ -145,10 +145,11 @@ def _evaluate(c: Array, x: float, values: Array) -> None:
 @inlined
 def add_to_factor(contact: Contact | None, state: State, k: int) -> bool:
     """Row k joins the factor, where it is known to hold; False if it depends on those before it."""
-    if contact is None:
-        return factorise(state.reach, state.couplings[k], state.factor, k, _beside(state.reach, k))
-    contact.factored[0] = -1  # which rows hold follows later, in `pmr.simulation.native.contact`
-    return True
+    if contact is not None:  # decided when compiled
+        if len(contact.pushes) > 0:
+            contact.factored[0] = -1  # which rows hold follows later, in `pmr.simulation.native.contact`
+            return True
+    return factorise(state.reach, state.couplings[k], state.factor, k, _beside(state.reach, k))
 
 
 @inlined

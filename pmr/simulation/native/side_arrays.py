@@ -112,6 +112,7 @@ class Sides(NamedTuple):
     old_forces: Array
     of_loads: Array  # (2,) J: f^T B^T R B f, now and a step before
     energy: Array  # (2,) J: what is stored, NaN before the start, and the work done since
+    calls: Indices  # (1,): the address of `move_sides` (`pmr.simulation.native.linking`)
 
 
 def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
@@ -244,6 +245,7 @@ def sides(constants: Bodies, paths: int) -> Sides:
         old_forces=aligned(np.zeros(wide)),
         of_loads=np.zeros(2),
         energy=np.array([np.nan, 0.0]),
+        calls=np.zeros(1, np.int64),
     )
 
 

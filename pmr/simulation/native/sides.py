@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import ROW, UNIT, Divided, Modes, Scheme, State
-from pmr.simulation.native.compilation import called, inlined
+from pmr.simulation.native.compilation import addressed, called, inlined
 from pmr.simulation.native.rows import add_to_factor, dot, of_body
 from pmr.simulation.native.side_arrays import Bodies, Polynomials, Sides
 from pmr.simulation.native.simd import LANES, entry, load, spread, store, total, totals
@@ -26,7 +26,7 @@ from pmr.simulation.native.simd import LANES, entry, load, spread, store, total,
 Array = NDArray[np.float64]
 
 
-@called
+@addressed
 def move_sides(bodies: Bodies, divided: Divided, scheme: Scheme, state: State, sides: Sides, s: Array) -> int:
     """Evaluate rows and factor at s (P,) m of the paths; number of the first contact that depends on others, or 0."""
     moved = np.isnan(state.position[0])

@@ -13,7 +13,7 @@ from pmr.errors import SimulationError
 from pmr.simulation.native import contact as contact_rows
 from pmr.simulation.native import friction, quasi_static, terms
 from pmr.simulation.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, V, Z
-from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.form import SystemForm, reach_of_all
 from pmr.simulation.native.handles import handle
 from pmr.simulation.native.part import Loop
 from pmr.simulation.native.scheme import GeneralizedAlpha
@@ -63,7 +63,7 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     D = loop.modes.damping
     free = loop.modes.B.T @ onset.f - (D[0] * v if len(D) == 1 else D @ v) - stiffness * z
     state.modes[Z], state.modes[V] = z, v
-    if loop.terms is not None:
+    if loop.terms is not None and len(loop.terms.force):
         terms.begin(handle(loop.terms), handle(state), onset.c)
         free += loop.terms.force
     try:
@@ -71,15 +71,15 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     except NotSettledError as error:
         why = reason(form.modal, C, error.number)
         raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}") from None
-    if loop.terms is not None and loop.terms.rubbing is not None:
+    if loop.terms is not None and loop.terms.rubbing is not None and len(loop.terms.rubbing.pads):
         friction.start(loop.terms.rubbing, onset.s, state.multipliers)
-    if state.contact is not None:
+    if state.contact is not None and len(state.contact.pushes):
         state.contact.force[:] = state.contact.share[:] = state.multipliers
     modes, a = state.modes, free - C.T @ state.multipliers
     modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = method.predict(z, v, a)
     held = modes[STIFFNESS] * modes[Z_NEXT] + modes[DAMPING] * modes[V_NEXT]
     modes[Z_FREE] = modes[Z_NEXT] - method.scheme().z_gain * held
-    if loop.quasi_static is not None:
+    if loop.quasi_static is not None and len(loop.quasi_static.numbers):
         quasi_static.follow(handle(loop.quasi_static), handle(method.scheme()), modes)
     if loop.control is not None:
         loop.control.acceleration[0] = a
@@ -104,7 +104,7 @@ def multipliers_of(C: Array, F: Array, free: Array, motion: Array, contact: Cont
     """
     rigid = np.all(F == 0.0, axis=1)
     A, right = np.where(rigid[:, None], C @ C.T, F), np.where(rigid, C @ free, motion)
-    if contact is None:
+    if contact is None or not len(contact.pushes):
         return np.linalg.lstsq(A, right, rcond=None)[0]
     multipliers = _closed(contact, F, motion)
     multipliers[rigid] = np.linalg.lstsq(A[np.ix_(rigid, rigid)], (right - A @ multipliers)[rigid], rcond=None)[0]
@@ -118,6 +118,8 @@ def _closed(contact: Contact, F: Array, motion: Array) -> Array:
     of_those = contact_rows.contact(clearance, contact.memory)
     forces, multipliers = motion[gives], np.zeros(len(motion))
     assert of_those is not None
+    if contact.reach is not None:  # as in a step, so that it is compiled once
+        of_those = of_those._replace(reach=reach_of_all(len(gives), 0, 0))
     failed = contact_rows.settle(handle(of_those), F[np.ix_(gives, gives)], np.zeros((len(gives), len(gives))), forces)
     if failed:
         raise NotSettledError(failed if failed < 0 else int(gives[failed - 1]) + 1)

@@ -47,11 +47,12 @@ from pmr.simulation.native.arrays import (
     Z,
 )
 from pmr.simulation.native.compilation import inlined
-from pmr.simulation.native.contact import let_go, remember, settle
+from pmr.simulation.native.contact import let_go, remember
+from pmr.simulation.native.handles import call
 from pmr.simulation.native.quasi_static import forget
 from pmr.simulation.native.rows import dot, dot_held, of_body, solve
 from pmr.simulation.native.simd import LANES, load, spread, store
-from pmr.simulation.native.terms import AGAIN, LAST, expect, finish, gap, push, revise
+from pmr.simulation.native.terms import AGAIN, LAST, expect, finish, gap, push, revise, varies
 
 Array = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, quasi_st
     failed, multiplier = _find_multipliers(state.contact, divided, scheme, state, terms, quasi_static, f)
     if failed:
         return failed
-    if m > 1 or i > 1 or coupled or terms is not None or len(state.given) > 0:
+    if m > 1 or i > 1 or coupled or varies(terms) or len(state.given) > 0:
         _add_others(state.reach, divided, state, f)
     finish(terms, state.modes)
     force = f[0] if i > 0 and len(state.given) == 0 else 0.0
@@ -88,7 +89,8 @@ def _find_multipliers(
 ) -> tuple[int, float]:
     """Multipliers from the rows that the free motion violates; returns what failed, or 0, and the first one, or 0."""
     if contact is not None:  # decided when compiled
-        return _find_in_contact(contact, divided, scheme, state, terms, quasi_static, f)
+        if len(contact.pushes) > 0:
+            return _find_in_contact(contact, divided, scheme, state, terms, quasi_static, f)
     m, multipliers, first, found = len(state.multipliers), state.multipliers, 0.0, AGAIN
     while found == AGAIN or found == LAST:
         violation = _violate(state.pushed, state.reach, state, terms, f)
@@ -109,7 +111,7 @@ def _find_in_contact(
     """The same where rows only push; as often as rows let go, each of them once at most, and as terms ask for."""
     while True:
         _violate(state.pushed, state.reach, state, terms, f)
-        failed = settle(contact, state.couplings, state.factor, state.multipliers)
+        failed = call(contact.calls[0], (contact, state.couplings, state.factor, state.multipliers))  # settle
         if failed == FINISHED:
             failed = revise(terms, divided, scheme, state)
             if failed == AGAIN or failed == LAST:  # rows that open may change more than is foreseen

@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import Drive
 from pmr.simulation.native.compilation import compiled, inlined
-from pmr.simulation.native.contact import begin_impulses
 from pmr.simulation.native.driving import GIVEN, Motions
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.handles import Handle, handle
-from pmr.simulation.native.loop import step
-from pmr.simulation.native.part import Loop, observe_all, start_sides
+from pmr.simulation.native.loop import start, step
+from pmr.simulation.native.part import Loop, observe_all
 from pmr.simulation.native.side_arrays import side_outputs
 
 Array = NDArray[np.float64]
-Sizes = tuple[int, int, int | None]
+Sizes = tuple[int, int, int]
 
 
 class Stepped(NamedTuple):
@@ -28,10 +27,9 @@ class Stepped(NamedTuple):
 
     loop: Loop
     drive: Drive  # of one step, or of its start alone, before the first one
-    motions: Any  # `Motions` of paths and loads, by which that is found; None where it is given
+    motions: Motions  # of paths and loads, by which that is found; of none where it is given
     outputs: Any  # `SideOutputs`, or `Outputs`
     y: Array  # (o,): outputs at its end
-    peaks: Array  # (1, m): largest multipliers within it
 
 
 def outputs_of(form: SystemForm, chosen: Sequence[int]) -> Any:
@@ -43,18 +41,21 @@ def outputs_of(form: SystemForm, chosen: Sequence[int]) -> Any:
 def step_of(loop: Loop, observed: tuple[Any, Array], parts: int, sizes: Sizes, led: Motions | None = None) -> Handle:
     """One that is known at so many parts, or at the start alone with none.
 
-    Observed are `outputs_of` a system, as y.  The `sizes` are the numbers of paths, inputs, and amplitudes of terms or
-    None.  What drives it is to be filled in where it is not `led` by motions.
+    Observed are `outputs_of` a system, as y.  The `sizes` are the numbers of paths, inputs, and amplitudes of
+    terms.  What drives it is to be filled in where it is not `led` by motions.
     """
     paths, inputs, amplitudes = sizes
+    lean = loop.levels is None
     drive = Drive(
         s=np.empty((parts + 1, paths)),
         f=np.empty((parts + 1, inputs)),
-        given=None if loop.levels is None else np.full(1, -1),
-        c=None if amplitudes is None else np.empty((parts + 1, amplitudes)),
+        given=None if lean else np.full(1, -1),
+        c=None if lean else np.empty((parts + 1, amplitudes)),
         per=max(parts, 1),
+        peaks=None if lean else np.zeros((1, len(loop.state.multipliers))),
     )
-    return handle(Stepped(loop, drive, led, *observed, np.zeros((1, len(loop.state.multipliers)))))
+    nothing = np.zeros((GIVEN + 1, 0))
+    return handle(Stepped(loop, drive, led or Motions(nothing, nothing, 0.0), *observed))
 
 
 @compiled
@@ -63,10 +64,9 @@ def step_observed(stepped: Stepped) -> int:
     loop, drive = stepped.loop, stepped.drive
     last = len(drive.s) - 1
     _lead(stepped.motions, drive, last)
-    failed = start_sides(loop.sides, loop, drive.s[0], drive.f[0])
+    failed = start(loop.levels, loop, drive)
     if failed == 0 and last > 0:
-        begin_impulses(loop.state.contact)
-        failed = step(loop.levels, loop, drive, 0, stepped.peaks, 0)
+        failed = step(loop.levels, loop, drive, 0, 0)
         if failed == 0:
             observe_all(loop, stepped.outputs, drive.f[last], stepped.y)
     if failed == 0:
@@ -75,21 +75,20 @@ def step_observed(stepped: Stepped) -> int:
 
 
 @inlined
-def _lead(motions: Any, drive: Drive, parts: int) -> None:
+def _lead(motions: Motions, drive: Drive, parts: int) -> None:
     """Paths and loads at equal parts of a step: Hermite's cubics by rates at both ends, or straight lines."""
-    if motions is not None:  # decided when compiled
-        begun, ended, paths = motions.begun, motions.ended, drive.s.shape[1]
-        for k in range(begun.shape[1]):
-            mean = (ended[0, k] - begun[0, k]) / motions.step
-            rate, second, third = mean, 0.0, 0.0
-            if begun[GIVEN, k] >= 2.0 and ended[GIVEN, k] >= 2.0:
-                rate, last = begun[1, k], ended[1, k]
-                second = (6.0 * mean - 4.0 * rate - 2.0 * last) / motions.step
-                third = 6.0 * (rate + last - 2.0 * mean) / motions.step**2
-            for part in range(parts):
-                t = motions.step * part / parts
-                _put(drive, paths, part, k, begun[0, k] + t * (rate + t / 2.0 * (second + t / 3.0 * third)))
-            _put(drive, paths, parts, k, ended[0, k])
+    begun, ended, paths = motions.begun, motions.ended, drive.s.shape[1]
+    for k in range(begun.shape[1]):
+        mean = (ended[0, k] - begun[0, k]) / motions.step
+        rate, second, third = mean, 0.0, 0.0
+        if begun[GIVEN, k] >= 2.0 and ended[GIVEN, k] >= 2.0:
+            rate, last = begun[1, k], ended[1, k]
+            second = (6.0 * mean - 4.0 * rate - 2.0 * last) / motions.step
+            third = 6.0 * (rate + last - 2.0 * mean) / motions.step**2
+        for part in range(parts):
+            t = motions.step * part / parts
+            _put(drive, paths, part, k, begun[0, k] + t * (rate + t / 2.0 * (second + t / 3.0 * third)))
+        _put(drive, paths, parts, k, ended[0, k])
 
 
 @inlined
@@ -101,10 +100,9 @@ def _put(drive: Drive, paths: int, part: int, k: int, value: float) -> None:
 
 
 @inlined
-def _leave(motions: Any) -> None:
+def _leave(motions: Motions) -> None:
     """Note where a step ended; what is not given at the next one has no rate."""
-    if motions is not None:
-        for k in range(motions.begun.shape[1]):
-            for row in range(len(motions.begun)):
-                motions.begun[row, k] = motions.ended[row, k]
-            motions.ended[GIVEN, k] = 1.0
+    for k in range(motions.begun.shape[1]):
+        for row in range(len(motions.begun)):
+            motions.begun[row, k] = motions.ended[row, k]
+        motions.ended[GIVEN, k] = 1.0

@@ -149,7 +149,7 @@ class Stepper:
         self._march = March(form, excitation, initial or {}, examples, self._omega(known) if parts == 0 else None)
         self._state = self._march.loop.state
         # A single load, and the place on tables, are written through these in a third of the time that NumPy takes.
-        whole = self._march.loop.levels is None
+        whole = self._march.finest == 1
         alone = len(self._f) == 1 and not frame_moves and whole
         self._single: Any = memoryview(self._f) if alone else None  # type: ignore[arg-type]
         self._place: Any = None
@@ -165,8 +165,8 @@ class Stepper:
             loop, own = self._march.loop, self._chosen < len(moved)
             self._moved, self._stepped = np.zeros(own.sum()), dict[int, Handle]()
             self._seen = outputs_of(form, self._chosen[own].tolist())
-            self._counts = [1] if loop.levels is None else loop.levels.parts.tolist()
-            level = np.zeros(1, np.int64) if loop.levels is None else loop.control.level
+            self._counts = [1] if whole else loop.levels.parts.tolist()
+            level = np.zeros(1, np.int64) if whole else loop.control.level
             self._level = memoryview(level)  # type: ignore[arg-type]
             #: of these outputs and the contacts' forces behind them; None where it is these
             behind = own.sum() + self._chosen - len(moved)
@@ -300,7 +300,7 @@ class Stepper:
         found = self._stepped.get(parts)
         if found is None:
             c, led = self._driving.c, self._driving.motions if self._driving.frame is None else None
-            sizes = len(self._s), len(self._f), None if c is None else len(self._march.mixed(c))
+            sizes = len(self._s), len(self._f), 0 if c is None else len(self._march.mixed(c))
             found = step_of(self._march.loop, (self._seen, self._moved), parts, sizes, led)
             self._stepped[parts] = found
         if self._driving.frame is not None:
@@ -311,7 +311,7 @@ class Stepper:
         """What drives a step, from the frame's motion."""
         drive.s[-1], drive.f[-1] = self._s, self._f
         # where its parts are other ones than before, it begins anew
-        if parts > 0 and self._march.loop.levels is not None:
+        if parts > 0 and self._march.finest > 1:
             s, f, c = self._driving.samples(parts)
             drive.s[:-1], drive.f[:-1] = s[:-1], f[:-1]
             if drive.c is not None:

@@ -41,9 +41,11 @@ from pmr.simulation.native.arrays import (
     V,
     Z,
 )
-from pmr.simulation.native.compilation import compiled_and_inlined, inlined
+from pmr.simulation.native.compilation import addressed, compiled, inlined
 from pmr.simulation.native.form import SystemForm, starts
+from pmr.simulation.native.handles import call
 from pmr.simulation.native.rows import dot, of_body
+from pmr.simulation.native.side_arrays import Bodies, Sides
 from pmr.simulation.native.simd import LANES, aligned, entry, load, spread, store
 
 Array = NDArray[np.float64]
@@ -65,6 +67,8 @@ NOTHING = 1e-13
 #: since the start in J, |change|^2 of w before, by what it is multiplied from one time to the next at most, and
 #: the times since this was last found.
 LARGEST, TIMES, FIRST, WORK, CHANGE, SHRINKS, TRUSTED = range(7)
+#: Entries of `Terms.calls`.
+BEGIN, EXPECT, REVISE, ACCOUNT, TURN = range(5)
 #: A change that is foreseen to be so much smaller than what counts as none isn't looked at, but for one in so many.
 FORESEEN, MOST_TRUSTED = 0.1, 16
 
@@ -89,7 +93,8 @@ class Terms(NamedTuple):
     old_force: Array  # (4, r'): w of the steps before, the last one first
     old_z: Array  # (r',)
     numbers: Array  # (7,)
-    rubbing: Any = None  # `Rubbing`, or None
+    calls: Indices  # (5,): addresses by BEGIN, EXPECT, REVISE, ACCOUNT and TURN (`pmr.simulation.native.linking`)
+    rubbing: Any  # `Rubbing`; None of a body on its tables
 
 
 class Signals(NamedTuple):
@@ -188,15 +193,13 @@ def _chosen(matrices: Matrices, entries: NDArray[np.bool_]) -> Matrices:
     return found
 
 
-def terms(form: SystemForm, matrices: Sequence[Matrices], paths: Sequence[str]) -> Terms | None:
-    """Those of a system, on its modes, of signals with these matrices; None where it has none.
+def terms(form: SystemForm, matrices: Sequence[Matrices], paths: Sequence[str]) -> Terms:
+    """Those of a system, on its modes, of signals with these matrices; without entries where it has none.
 
     Friction is among them, whose joints slide along `paths`.
     """
     rubbing = friction.rubbing(form, paths)
-    if not form.system.terms and rubbing is None:
-        return None
-    r = int(form.starts[-1])
+    r = int(form.starts[-1]) if form.system.terms or (rubbing is not None and len(rubbing.pads)) else 0
     entries, numbers, first_part = _registers(matrices, r)
     known, u = np.unique(numbers, return_inverse=True)
     first = np.searchsorted(known, r * np.arange(2 * (r // LANES) + 1))
@@ -215,6 +218,7 @@ def terms(form: SystemForm, matrices: Sequence[Matrices], paths: Sequence[str]) 
         old_force=aligned(np.zeros((4, r))),
         old_z=aligned(np.zeros(r)),
         numbers=np.zeros(7),
+        calls=np.zeros(5, np.int64),
         rubbing=rubbing,
     )
 
@@ -237,8 +241,8 @@ def _registers(matrices: Sequence[Matrices], r: int) -> tuple[Array, Indices, In
     return np.concatenate(entries), np.concatenate(numbers), starts(counts)
 
 
-@compiled_and_inlined
-def begin(terms: Terms, state: State, c: Any) -> None:
+@compiled
+def begin(terms: Terms, state: State, c: Array) -> int:
     """Forces w of the present state with amplitudes c (J,), where a simulation or steps of another length begin."""
     _combine(terms, c)
     friction.begin(terms.rubbing)
@@ -251,30 +255,54 @@ def begin(terms: Terms, state: State, c: Any) -> None:
         for k in range(len(terms.old_force)):
             store(terms.old_force[k], n, w)
         store(terms.old_z, n, load(state.modes[Z], n))
+    return 0
+
+
+@inlined
+def begin_terms(terms: Terms, state: State, c: Array) -> None:
+    """The same where there are any."""
+    if len(terms.force) > 0:
+        call(terms.calls[BEGIN], (terms, state, c))
 
 
 @inlined
 def expect(terms: Any, divided: Divided, state: State, f: Array, c: Any) -> None:
     """Begin a step under loads f (i,) and with amplitudes c (J,) at its end: w as the steps before go on."""
     if terms is not None:  # decided when compiled
-        _combine(terms, c)
-        terms.numbers[TIMES] = 0.0
-        for n in range(0, len(terms.force), LANES):
-            ends = load(terms.old_force[0], n) * 4.0 - load(terms.old_force[3], n)  # of a cubic
-            store(terms.force, n, ends + (load(terms.old_force[2], n) * 4.0 - load(terms.old_force[1], n) * 6.0))
-        for n in range(0, len(terms.given), LANES):
-            value = spread(0.0)
-            for l in range(len(f)):
-                value = value + load(divided.B[l], n) * f[l]
-            store(terms.given, n, value)
-        _divide(state.reach, terms, divided, state.modes)
+        if len(terms.force) > 0:
+            call(terms.calls[EXPECT], (terms, divided, state, f, c))
+
+
+@addressed
+def expected(terms: Terms, divided: Divided, state: State, f: Array, c: Array) -> int:
+    """The same where there are any; 0."""
+    _combine(terms, c)
+    terms.numbers[TIMES] = 0.0
+    for n in range(0, len(terms.force), LANES):
+        ends = load(terms.old_force[0], n) * 4.0 - load(terms.old_force[3], n)  # of a cubic
+        store(terms.force, n, ends + (load(terms.old_force[2], n) * 4.0 - load(terms.old_force[1], n) * 6.0))
+    for n in range(0, len(terms.given), LANES):
+        value = spread(0.0)
+        for l in range(len(f)):
+            value = value + load(divided.B[l], n) * f[l]
+        store(terms.given, n, value)
+    _divide(state.reach, terms, divided, state.modes)
+    return 0
 
 
 @inlined
-def turn(terms: Any, bodies: Any, sides: Any) -> None:
+def varies(terms: Any) -> bool:
+    """Whether there are any."""
+    if terms is None:
+        return False
+    return len(terms.force) > 0
+
+
+@inlined
+def turn(terms: Terms, bodies: Bodies, sides: Sides) -> None:
     """Take friction to where the contacts' sides stand."""
-    if terms is not None:
-        friction.turn(terms.rubbing, bodies, sides)
+    if len(terms.rubbing.pads) > 0:
+        call(terms.calls[TURN], (terms.rubbing, bodies, sides))
 
 
 @inlined
@@ -296,8 +324,15 @@ def push(terms: Any, scheme: Scheme, modes: Array) -> None:
 @inlined
 def revise(terms: Any, divided: Divided, scheme: Scheme, state: State) -> int:
     """Find w anew from the multipliers: SETTLED, AGAIN or for the LAST time where these have to follow, UNCONVERGED."""
-    if terms is None:
-        return SETTLED
+    if terms is not None:
+        if len(terms.force) > 0:
+            return call(terms.calls[REVISE], (terms, divided, scheme, state))
+    return SETTLED
+
+
+@addressed
+def revised(terms: Terms, divided: Divided, scheme: Scheme, state: State) -> int:
+    """The same where there are any."""
     _reach(state.reach, terms, divided, scheme, state)
     _find_forces(terms, state)
     change, size = 0.0, 0.0
@@ -344,30 +379,36 @@ def finish(terms: Any, modes: Array) -> None:
 def account(terms: Any, state: State) -> None:
     """Add the work of w in the step that has ended, and keep what the next one asks for."""
     if terms is not None:
-        modes, work = state.modes, friction.finish(terms.rubbing, state.multipliers)
-        for n in range(len(terms.force)):
-            work += (terms.force[n] + terms.old_force[0, n]) / 2.0 * (modes[Z, n] - terms.old_z[n])
-        terms.numbers[WORK] += work
-        for n in range(0, len(terms.force), LANES):
-            for k in range(len(terms.old_force) - 1, 0, -1):
-                store(terms.old_force[k], n, load(terms.old_force[k - 1], n))
-            store(terms.old_force[0], n, load(terms.force, n))
-            store(terms.old_z, n, load(modes[Z], n))
+        if len(terms.force) > 0:
+            call(terms.calls[ACCOUNT], (terms, state))
+
+
+@addressed
+def accounted(terms: Terms, state: State) -> int:
+    """The same where there are any; 0."""
+    modes, work = state.modes, friction.finish(terms.rubbing, state.multipliers)
+    for n in range(len(terms.force)):
+        work += (terms.force[n] + terms.old_force[0, n]) / 2.0 * (modes[Z, n] - terms.old_z[n])
+    terms.numbers[WORK] += work
+    for n in range(0, len(terms.force), LANES):
+        for k in range(len(terms.old_force) - 1, 0, -1):
+            store(terms.old_force[k], n, load(terms.old_force[k - 1], n))
+        store(terms.old_force[0], n, load(terms.force, n))
+        store(terms.old_z, n, load(modes[Z], n))
+    return 0
 
 
 @inlined
 def add(terms: Any, a: Array) -> None:
     """Add w to accelerations (r',)."""
     if terms is not None:
-        for n in range(0, len(a), LANES):
+        for n in range(0, len(terms.force), LANES):
             store(a, n, load(a, n) + load(terms.force, n))
 
 
 @inlined
-def _combine(terms: Terms, c: Any) -> None:
-    """Their sum with amplitudes c (J,), where these are others than before; None where friction alone acts."""
-    if c is None:  # decided when compiled
-        return
+def _combine(terms: Terms, c: Array) -> None:
+    """Their sum with amplitudes c (J,), where these are others than before; none where friction alone acts."""
     same = True
     for k in range(len(c)):
         same = same and c[k] == terms.c[k]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pmr.fullmodel.system import FullSystem
 from pmr.simulation.native import contact as native
 from pmr.simulation.native.arrays import Memory
+from pmr.simulation.native.handles import handle
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import State
@@ -68,7 +69,7 @@ class Pushing:
         """Multipliers (m,) in N, and 0 or what failed, from A (m, m) and how far the rows come out without them."""
         contact, found = self._contact, motion.copy()
         contact.factored[0] = native.STALE
-        failed = int(native.settle(contact, np.ascontiguousarray(matrix), self._factor, found))
+        failed = int(native.settle(handle(contact), np.ascontiguousarray(matrix), self._factor, found))
         if self._comm.size > 1:
             ruling = np.concatenate([found, contact.closed, [failed]])
             self._comm.Bcast(ruling)

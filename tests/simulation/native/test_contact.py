@@ -23,6 +23,7 @@ from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import contact as contact_rows
 from pmr.simulation.native import march as marching
+from pmr.simulation.native.handles import handle
 from pmr.simulation.native.march import without_pull
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.start import reason
@@ -45,7 +46,7 @@ def settled(A: Array, b: Array, clearance: Array, closed: Array) -> Array:
     assert contact is not None
     contact.closed[:] = closed
     multipliers = b.copy()
-    assert contact_rows.settle(contact, A, np.zeros_like(A), multipliers) == 0
+    assert contact_rows.settle(handle(contact), A, np.zeros_like(A), multipliers) == 0
     return multipliers
 
 
@@ -92,7 +93,7 @@ def test_one_at_a_time_ends_what_all_at_once_would_not() -> None:
 def test_a_closed_row_that_depends_on_others_is_numbered() -> None:
     contact = contact_rows.contact(np.zeros(3), GeneralizedAlpha(1e-3, 0.9).memory())
     A = np.array([[2.0, 0, 0], [0, 1, 1], [0, 1, 1]])
-    assert contact_rows.settle(contact, A, np.zeros((3, 3)), np.array([-1.0, 1.0, 1.0])) == 3
+    assert contact_rows.settle(handle(contact), A, np.zeros((3, 3)), np.array([-1.0, 1.0, 1.0])) == 3
 
 
 BODIES = {"modes": modes_on_pads, "flexible": flexible_on_pads}

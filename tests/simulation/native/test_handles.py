@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit
+from numba import njit, types
 from numpy.typing import NDArray
 
-from pmr.simulation.native.handles import handle, instead, words_of
+from pmr.simulation.native.compilation import addressed
+from pmr.simulation.native.handles import address_of, call, handle, instead, number, words_of
 
 Array = NDArray[np.float64]
 
@@ -50,6 +51,24 @@ def scaled_sum_of_another(held: Outer, words: NDArray[np.int64]) -> float:
     return scaled_sum(instead(held, words))
 
 
+@addressed
+def added(held: Outer, row: Array, shift: int) -> int:
+    for k in range(len(row)):
+        row[k] += held.factor
+    return shift + len(row)
+
+
+@addressed
+def first_of(row: Array) -> float:
+    return row[0]
+
+
+@njit(_nrt=False)
+def called_by_addresses(held: Outer, one: int, other: int) -> float:
+    count = call(one, (held, held.matrix[1], -1))
+    return count + number(other, (held.matrix[1],))
+
+
 def _example(factor: float = 2.0) -> Outer:
     marked = np.array([True, False, True])
     return Outer(factor, np.arange(6.0).reshape(2, 3), Inner(np.zeros(3, np.int64), 7), marked)
@@ -68,6 +87,14 @@ def test_memory_of_another_one_is_read_instead() -> None:
     values, other = _example(), _example(-1.0)
     assert scaled_sum_of_another(handle(values), words_of(other)) == -15.0 + 7.0
     assert values.inner.counts.tolist() == [0, 0, 0] and other.inner.counts.tolist() == [1, 0, 1]
+
+
+def test_what_stands_at_an_address_is_called() -> None:
+    """With a handle, a row and a number; it is compiled once."""
+    held, row = handle(_example()), types.Array(types.float64, 1, "C")
+    one, other = address_of(added, held.kind, row, types.int64), address_of(first_of, row)
+    assert called_by_addresses(held, one, other) == (-1 + 3) + (3.0 + 2.0)
+    assert address_of(added, held.kind, row, types.int64) == one and len(added.overloads) == 1
 
 
 def test_arrays_and_the_memory_live_as_long_as_the_handle() -> None:
