@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
 from typing import Any
 
@@ -30,6 +31,7 @@ from pmr.simulation import Excitation, TimeStepping, contact_step, exudyn
 from pmr.simulation.blocks import Block, Recorder
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.march import March
 from pmr.simulation.stepping import Progress
 from pmr.system.states import BodyStates, states_of
 from pmr.system.system import Joined, System, SystemTrajectory
@@ -214,6 +216,7 @@ def _marched(system: System, excitation: Excitation, steps: Indices, kept: Indic
     """By the compiled simulator: evaluated block by block; states of the steps that are `kept`, if these are all."""
     form, start = SystemForm.of(system), systems.start_of(system, excitation)
     f, every = excitation.forces(system.input_names), len(kept) == len(excitation.times)
+    march = cache(lambda: March(form, excitation, start))
 
     def run(done: Progress | None) -> Simulated:
         evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(kept)
@@ -225,10 +228,10 @@ def _marched(system: System, excitation: Excitation, steps: Indices, kept: Indic
             parts[block.first : block.first + block.count] = part.parts
             recorder(block)
 
-        ended = systems.follow(form, excitation, take, start, done)
+        ended = systems.follow(march(), excitation, take, done)
         found = recorder.trajectory(ended)
         numbers = steps if every else np.arange(len(kept))
         response, states = evaluation.response(ended), states_of(system, found, numbers)
         return Simulated(response, states, parts, found if every else None, response)
 
-    return Prepared(run, lambda count: systems.seconds(form, excitation, start, count) if count else [])
+    return Prepared(run, lambda count: [march().again() for _ in range(count)])

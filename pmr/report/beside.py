@@ -44,9 +44,11 @@ class Beside:
 @kept()
 def _load() -> None:
     """Each takes its time to load."""
-    import pmr.report.document  # noqa: F401
+    from pmr.report.document import templates
 
     paper.weasyprint()
+    for name in templates().list_templates():
+        templates().get_template(name)
 
 
 @kept()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -80,23 +81,32 @@ def page(chapters: Sequence[Chapter], kind: str = KIND) -> str:
 
 def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) -> str:
     """A page as HTML from one of the templates, which get what else is named."""
-    environment = jinja2.Environment(
+    blocks = [block for one in chapters for block in one.blocks]
+    drawn = [drawing for block in blocks for drawing in block.drawings] + [one.sketch for one in chapters if one.sketch]
+    text = "".join(words(drawing.svg) for drawing in drawn)
+    return (
+        templates()
+        .get_template(template)
+        .render(
+            title=title,
+            chapters=chapters,
+            font=embedded(FONT, "".join(sorted(set(text)))),
+            players=sorted({block.player.kind for block in blocks if block.player}),
+            **more,
+        )
+    )
+
+
+@cache
+def templates() -> jinja2.Environment:
+    """All templates, each of which is compiled when it is first asked for."""
+    return jinja2.Environment(
         loader=jinja2.PackageLoader("pmr.report"),
         autoescape=True,
         finalize=readable,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
-    )
-    blocks = [block for one in chapters for block in one.blocks]
-    drawn = [drawing for block in blocks for drawing in block.drawings] + [one.sketch for one in chapters if one.sketch]
-    text = "".join(words(drawing.svg) for drawing in drawn)
-    return environment.get_template(template).render(
-        title=title,
-        chapters=chapters,
-        font=embedded(FONT, "".join(sorted(set(text)))),
-        players=sorted({block.player.kind for block in blocks if block.player}),
-        **more,
     )
 
 

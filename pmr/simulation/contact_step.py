@@ -50,21 +50,20 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 
 def frequency_at(system: System, x: Array) -> float:
     """The same with the contacts' places at x (T, sides) m."""
-    pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
+    pushing = np.flatnonzero(~np.isnan(system.clearance))
     if not len(pushing):
-        return largest
+        return 0.0
     assembly = Assembly(system)
-    mobility, rows = spla.splu(assembly.M.tocsc()), assembly.along(x)
-    for C, F in zip(rows.C[:, pushing], rows.F[:, pushing][:, :, pushing], strict=True):
-        largest = max(largest, frequency(F, C @ mobility.solve(np.ascontiguousarray(C.T))))
-    return largest
+    factor, rows = spla.splu(assembly.M.tocsc()), assembly.along(x)
+    mobility = [C @ factor.solve(np.ascontiguousarray(C.T)) for C in rows.C[:, pushing]]
+    return frequency(rows.F[:, pushing][:, :, pushing], np.array(mobility))
 
 
 def frequency(F: Array, mobility: Array) -> float:
-    """The largest omega in rad/s of rows with F = G + 1/k (m, m) in m/N and C M^-1 C^T (m, m) in 1/kg."""
-    if np.linalg.matrix_rank(F, hermitian=True) < len(F):
-        return 0.0  # a rigid row that only pushes is refused elsewhere
-    return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(F, mobility)).real.max()))
+    """The largest omega in rad/s of rows with F = G + 1/k (S, m, m) in m/N and C M^-1 C^T (S, m, m) in 1/kg."""
+    gives = np.linalg.matrix_rank(F, hermitian=True) == F.shape[-1]  # a rigid row that only pushes is refused elsewhere
+    squares = np.linalg.eigvals(np.linalg.solve(F[gives], mobility[gives])).real
+    return float(np.sqrt(squares.max(initial=0.0)))
 
 
 def parts(omega: float, stepping: TimeStepping) -> int:

@@ -95,7 +95,9 @@ def test_states_at_a_few_steps_don_t_take_those_of_all(load_scene, full: FullBod
     def run(scene: Scene) -> None:
         recorder = Recorder(np.arange(0, 7001, 1000))
         form = SystemForm.of(System.of(full))
-        recorder.trajectory(systems.follow(form, Excitation.of(scene), recorder))
+        recorder.trajectory(
+            systems.follow(marching.March(form, Excitation.of(scene), {}), Excitation.of(scene), recorder)
+        )
 
     found = _a_step(load_scene, run)
     assert found < memory.NUMBER * memory.BESIDE

@@ -67,22 +67,17 @@ def simulate_form(
 ) -> SystemTrajectory:
     """The same of a system in modal form; simulations of one form share its tables."""
     recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
-    return recorder.trajectory(follow(form, excitation, recorder, initial, progress))
+    march = March(form, excitation, initial or {})
+    return recorder.trajectory(follow(march, excitation, recorder, progress))
 
 
-def follow(
-    form: SystemForm,
-    excitation: Excitation,
-    take: Take,
-    initial: Mapping[str, InitialState] | None = None,
-    progress: Progress | None = None,
-) -> Ended:
-    """The same, but that nothing is recorded: `take` gets some thousand steps at a time.
+def follow(march: March, excitation: Excitation, take: Take, progress: Progress | None = None) -> Ended:
+    """The same of a simulation under that excitation; nothing is recorded, `take` gets some thousand steps at a time.
 
     Where rows only push, a step may be made in parts (`pmr.simulation.contact_step`), of which `take` gets the last.
     Errors as for `pmr.simulation.SystemSimulator`; that of a motion that grows comes at the end.
     """
-    march, paths = March(form, excitation, initial or {}), excitation.paths.values()
+    form, paths = march.form, excitation.paths.values()
     pushing, rubbing = ~np.isnan(form.system.clearance), Friction.of(form.system.contacts)
     amplitudes = excitation.amplitudes(form.system.term_names) if form.system.terms else None
 
@@ -118,12 +113,6 @@ def follow(
         take(Block(steps.first, len(steps.t), at))
 
     return march.run(taken, progress)
-
-
-def seconds(form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState], count: int) -> list[float]:
-    """The solver's wall time of the same simulation, `count` times; nothing of it is kept."""
-    march = March(form, excitation, initial)
-    return [march.again() for _ in range(count)]
 
 
 def observe(

@@ -36,7 +36,7 @@ def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
     F = system.compliance.constant[np.ix_(pushing, pushing)]
     for k in range(len(steps)):
         rows.move(k)
-        largest = max(largest, contact_step.frequency(F, mobility.of_rows(rows)[np.ix_(pushing, pushing)]))
+        largest = max(largest, contact_step.frequency(F[None], mobility.of_rows(rows)[np.ix_(pushing, pushing)][None]))
     return float(system.comm.bcast(largest))
 
 
