@@ -22,6 +22,7 @@ from pmr.errors import InputError
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
 from pmr.system.statics import ROUND_OFF_OF_K, saddle_point_solver
+from pmr.system.terms import added
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
@@ -99,15 +100,11 @@ class Held:
 def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -> sp.csr_matrix:
     """The sum of c_k G_k on the assembly's coordinates (n, n); an InputError is raised for a name that no term has."""
     terms = {term.name: term for term in assembly.terms}
-    total = sp.csr_matrix((assembly.size,) * 2)
-    for name, c in coefficients.items():
+    for name in coefficients:
         if name not in terms:
             raise InputError("system", "terms", name, f"{', '.join(terms) or 'no names'} are allowed")
-        G = terms[name].stiffness
-        if G is not None and c != 0.0:
-            total += c * G
-    total.eliminate_zeros()
-    return total
+    some = [terms[name] for name in coefficients]
+    return added(sp.csr_matrix((assembly.size,) * 2), some, "stiffness", [*coefficients.values()])
 
 
 def _largest(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:

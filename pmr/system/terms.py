@@ -74,9 +74,12 @@ class Term:
     def among(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
         """Among `size` coordinates, where those of a body with number 0 or more stand; others are left out; sparse."""
         at = np.concatenate([np.asarray(numbers[name], np.int64) for name in self.bodies])
-        kept = np.flatnonzero(at >= 0)
-        P = sp.csr_matrix((np.ones(len(kept)), (at[kept], kept)), shape=(size, len(at)))
-        found: dict[str, Any] = {key: sp.csr_matrix(P @ A @ P.T) for key, A in self._sparse.items()}
+        found = dict[str, Any]()
+        for key, A in self.matrices.items():
+            entries = sp.coo_matrix(A)
+            places = at[entries.row], at[entries.col]
+            kept = np.minimum(*places) >= 0
+            found[key] = sp.csr_matrix((entries.data[kept], tuple(one[kept] for one in places)), shape=(size, size))
         return replace(self, **found, supports={})
 
     @property
@@ -85,11 +88,19 @@ class Term:
 
 
 def added(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
-    """A + sum_k c_k of the terms' ``stiffness`` or ``damping``, all sparse and of one size; no amplitudes leave A."""
-    for term, amplitude in zip(terms, c, strict=len(c) > 0):
-        if (part := getattr(term, key)) is not None:
-            A = A + amplitude * part
-    return A
+    """A + sum_k c_k of the terms' ``stiffness`` or ``damping``, all sparse and of one size; no amplitudes leave A.
+
+    All in one sum, as one by one what SciPy does for each takes longer than the sum.
+    """
+    each = [(c_k, getattr(term, key)) for term, c_k in zip(terms, c, strict=len(c) > 0)]
+    parts = [(1.0, A.tocoo()), *((c_k, part.tocoo()) for c_k, part in each if part is not None and c_k != 0.0)]
+    if len(parts) == 1:
+        return A
+    entries = np.concatenate([c_k * part.data for c_k, part in parts])
+    places = tuple(np.concatenate([getattr(part, side) for _, part in parts]) for side in ("row", "col"))
+    total = sp.csr_matrix((entries, places), shape=A.shape)
+    total.eliminate_zeros()
+    return total
 
 
 def refused(term: str, key: str, value: object, allowed: str) -> InputError:
