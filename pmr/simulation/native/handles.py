@@ -35,6 +35,7 @@ from numba.extending import (
     typeof_impl,
     unbox,
 )
+from numba.np.numpy_support import as_dtype
 from numpy.typing import NDArray
 
 Words = NDArray[np.int64]
@@ -210,7 +211,7 @@ def _read(context: Any, builder: Any, kind: HandleType, value: Any, name: str) -
 def _read_array(context: Any, builder: Any, kind: Any, at: Any) -> Any:
     """An array's parts as Numba has them."""
     n, pointer = kind.ndim, context.get_data_type(kind.dtype).as_pointer()
-    item = _INTEGER(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    item = _INTEGER(as_dtype(kind.dtype).itemsize)  # what LLVM says of it takes a module each time
     shape = [_read_word(builder, at, 2 + k, _INTEGER) for k in range(n)]
     strides = [*(_read_word(builder, at, 2 + n + k, _INTEGER) for k in range(n - 1)), item]
     parts = {
