@@ -62,8 +62,8 @@ def relative_error(signal: Array, reference: Array) -> float:
     """
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
-    refuse_infinite(signal, reference)
     unit = float(largest(reference, None))
+    refuse_infinite(np.array([unit, largest(signal, None)]))
     if unit == 0.0:
         return float(np.any(signal))
     with np.errstate(over="ignore"):  # infinitely far off is possible

@@ -117,7 +117,6 @@ class Floors:
 def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = KINDS) -> dict[str, float]:
     """Error by kind (`pmr.compare.errors.relative_error`), fractions; what is round-off in both counts as zero."""
     moves = settled(one.displacement, reference.displacement, floors.displacement)
-    still = ~np.any(moves[0], axis=0) & ~np.any(moves[1], axis=0)
     found = dict[str, float]()
     for kind in kinds:
         match kind:
@@ -132,6 +131,7 @@ def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequenc
                 found[kind] = float(probe_differences(one, reference, floors).max(initial=0.0))
                 continue
             case _:
+                still = ~np.any(moves[0], axis=0) & ~np.any(moves[1], axis=0)
                 pair = np.where(still, 0.0, one.of(kind)), np.where(still, 0.0, reference.of(kind))
         found[kind] = relative_error(*pair)
     return found
