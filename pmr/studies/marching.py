@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,11 +27,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Motion:
-    """Transverse displacement (T, o) in m at the outputs, strain energy (T,) in J; `surplus` as `Trajectory` has it."""
+    """Transverse displacement (T, o) in m at the outputs; `surplus` as `Trajectory` has it."""
 
     displacement: Array
-    strain: Array
+    strained: Callable[[], Array]  # finds `strain`, which most runs of a study aren't asked for
     surplus: float = 0.0
+
+    @cached_property
+    def strain(self) -> Array:
+        """Strain energy (T,) in J."""
+        return self.strained()
 
 
 def motion(system: System, excitation: Excitation) -> Motion:
@@ -40,9 +46,11 @@ def motion(system: System, excitation: Excitation) -> Motion:
     """
     run = run_from_start(system, excitation)
     moved = np.hstack(list(systems.displacements(system, run).values()))[:, _lengths(system)]
-    return Motion(
-        moved, np.sum([_strain(body, run.bodies[name]) for name, body in system.bodies.items()], 0), run.surplus
-    )
+
+    def strained() -> Array:
+        return np.asarray(np.sum([_strain(body, run.bodies[name]) for name, body in system.bodies.items()], 0))
+
+    return Motion(moved, strained, run.surplus)
 
 
 def _strain(body: SlidingBody, run: Trajectory) -> Array:
@@ -85,7 +93,7 @@ def excitation_of(scene: Scene, full: TaskResult) -> Excitation:
 
 def full_motion(result: TaskResult) -> Motion:
     """The motion of a `full_task`."""
-    return Motion(result.arrays["displacement"], result.arrays["strain"])
+    return Motion(result.arrays["displacement"], lambda: result.arrays["strain"])
 
 
 def driven(scene: Scene) -> Scene:
