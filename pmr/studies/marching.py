@@ -15,11 +15,12 @@ from pmr.errors import SimulationError
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation
 from pmr.simulation import Excitation
 from pmr.simulation.balance import NOTABLE, described
-from pmr.simulation.modal import modal_form
+from pmr.simulation.modal import ModalForm
 from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.studies import shared
 from pmr.studies.engine.task import Task, TaskResult
-from pmr.system.body import SlidingBody, Trajectory, length_outputs
+from pmr.system.body import Trajectory, length_outputs
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -44,17 +45,17 @@ def motion(system: System, excitation: Excitation) -> Motion:
 
     Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
     """
-    run = run_from_start(system, excitation)
+    form = SystemForm.of(system)
+    run = run_from_start(form, excitation)
     moved = np.hstack(list(systems.displacements(system, run).values()))[:, _lengths(system)]
 
     def strained() -> Array:
-        return np.asarray(np.sum([_strain(body, run.bodies[name]) for name, body in system.bodies.items()], 0))
+        return np.asarray(np.sum([_strain(one, run.bodies[name]) for name, one in form.forms.items()], 0))
 
     return Motion(moved, strained, run.surplus)
 
 
-def _strain(body: SlidingBody, run: Trajectory) -> Array:
-    form = modal_form(body)
+def _strain(form: ModalForm, run: Trajectory) -> Array:
     return np.asarray((run.q @ form.inverse.T) ** 2 @ form.omega2 / 2.0)
 
 
