@@ -129,7 +129,7 @@ class State(NamedTuple):
     given: Array
     pushed: Any = None  # (m',) m: H f, how far these inputs move the rows by themselves; None where `couplings` do it
     contact: Contact | None = None  # None, a type of its own to the compiler, where all rows hold both ways
-    reach: Any = None  # `Reach`; None of a body on its tables
+    reach: Any = None  # `Reach`; None where few bodies are taken as if all contacts held all modes
 
 
 class Drive(NamedTuple):

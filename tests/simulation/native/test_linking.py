@@ -54,7 +54,6 @@ OTHERS = [
     pytest.param(lambda: plain(2, 1e-4), id="pushing"),
     pytest.param(lambda: varying(2), id="terms and modes without inertia"),
     pytest.param(lambda: rough(2), id="friction"),
-    pytest.param(lambda: plain(4), id="a chain"),
 ]
 
 
