@@ -3,8 +3,8 @@ r"""The one compiled loop of `march`: any bodies, whole steps or parts of them, 
 There are three kinds of loops.  A body that is nothing but its tables on one path takes O(r m) a step: what it lacks is
 None, and what would be done with it is left out when its loop is compiled.  Other bodies on tables have one loop, and
 bodies on contacts with places of their own another, as have long chains: what some of them lack are arrays without
-entries.  These loops call by addresses what is compiled apart, each when first asked for: a step, places of contacts, contacts that only
-push, steps in parts, terms that vary in time, friction (`pmr.simulation.native.linking`).
+entries.  These loops call by addresses what is compiled apart, each when first asked for: a step, places of contacts,
+contacts that only push, steps in parts, terms that vary in time, friction (`pmr.simulation.native.linking`).
 
 `run` is the entry point.  A system that is advanced from outside (`pmr.simulation.native.stepper`) has `step_observed`
 of `pmr.simulation.native.stepped`, and a body alone `step_on_tables`, which takes a third of a microsecond from Python
