@@ -68,7 +68,7 @@ class Term:
     def on(self, motions: Mapping[str, Array]) -> Term:
         """On other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense."""
         V = sp.block_diag([sp.csr_matrix(motions[name]) for name in self.bodies], format="csr")
-        found: dict[str, Any] = {key: (V.T @ (A @ V)).toarray() for key, A in self._sparse.items()}
+        found: dict[str, Any] = {key: (V.T @ (sp.csr_matrix(A) @ V)).toarray() for key, A in self.matrices.items()}
         return replace(self, **found, supports={})
 
     def among(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
@@ -81,10 +81,6 @@ class Term:
             kept = np.minimum(*places) >= 0
             found[key] = sp.csr_matrix((entries.data[kept], tuple(one[kept] for one in places)), shape=(size, size))
         return replace(self, **found, supports={})
-
-    @property
-    def _sparse(self) -> dict[str, sp.csr_matrix]:
-        return {key: sp.csr_matrix(A) for key, A in self.matrices.items()}
 
 
 def added(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
