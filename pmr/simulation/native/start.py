@@ -24,6 +24,7 @@ from pmr.system.system import System
 from pmr.system.terms import first_few
 
 Array = NDArray[np.float64]
+EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,9 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     if loop.terms is not None and len(loop.terms.force):
         terms.begin(handle(loop.terms), handle(state), onset.c)
         free += loop.terms.force
+    round_off = EPS * C.shape[1] * (np.abs(C) @ np.abs(z) + np.abs(rows.H) @ np.abs(onset.f))
     try:
-        state.multipliers[:] = multipliers_of(C, rows.F, free, C @ z + rows.H @ onset.f, state.contact)
+        state.multipliers[:] = multipliers_of(C, rows.F, free, C @ z + rows.H @ onset.f, round_off, state.contact)
     except NotSettledError as error:
         why = reason(form.modal, C, error.number)
         raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}") from None
@@ -95,19 +97,27 @@ class NotSettledError(Exception):
         self.number = number
 
 
-def multipliers_of(C: Array, F: Array, free: Array, motion: Array, contact: Contact | None) -> Array:
+def multipliers_of(C: Array, F: Array, free: Array, motion: Array, round_off: Array, contact: Contact | None) -> Array:
     """Multipliers (m,) in N of M-orthonormal modes at the start, from F = G + 1/k (m, m); zero in rigid rows.
 
     Those of rows that give way follow from their `motion` C z + H f (m,) m, which closes those that push; those of
-    rigid ones from the accelerations `free` (r,) that the modes would have without any.
+    rigid ones from the accelerations `free` (r,) that the modes would have without any.  Of rows that hardly give way
+    the motion is `round_off` (m,) m: where forces explain it that let nothing accelerate, they are those of a body at
+    rest, and known sharply.
     A NotSettledError is raised where rows that give way depend on each other, and some of them only push.
     """
-    rigid = np.all(F == 0.0, axis=1)
-    A, right = np.where(rigid[:, None], C @ C.T, F), np.where(rigid, C @ free, motion)
-    if contact is None or not len(contact.pushes):
-        return np.linalg.lstsq(A, right, rcond=None)[0]
-    multipliers = _closed(contact, F, motion)
-    multipliers[rigid] = np.linalg.lstsq(A[np.ix_(rigid, rigid)], (right - A @ multipliers)[rigid], rcond=None)[0]
+    rigid, multipliers = np.all(F == 0.0, axis=1), np.zeros(len(motion))
+    if contact is not None and len(contact.pushes):
+        multipliers = _closed(contact, F, motion)
+    elif not rigid.all():
+        resting = np.linalg.lstsq(C.T, free, rcond=None)[0]
+        explained = np.all(np.abs(F @ resting - motion)[~rigid] <= round_off[~rigid])
+        found = np.linalg.lstsq(F[np.ix_(~rigid, ~rigid)], motion[~rigid], rcond=None)[0]
+        multipliers[~rigid] = resting[~rigid] if explained else found
+    # Apart: 1/kg beside m/N in one matrix would leave round-off of the first in forces of rows that hardly give way.
+    A = C @ C.T
+    right = C @ free - A @ multipliers
+    multipliers[rigid] = np.linalg.lstsq(A[np.ix_(rigid, rigid)], right[rigid], rcond=None)[0]
     return multipliers
 
 
