@@ -182,7 +182,7 @@ def make(target: str) -> Callable[[Place], Taken]:
 
 
 MODULES = "FEniCSx, PETSc, SciPy, Numba, matplotlib and WeasyPrint take 1.5 s to load, and 1.7 s to draw a report"
-NUMBA = "Numba compiles for some 8 s"
+NUMBA = "Numba compiles for some 8 s, in two processes"
 UNITS = {"wall": "s", "processor": "s", "memory": "B", "ratio": ""}
 MINE, THREE = "pmr run of pmr new boom", "pmr run boom_three"
 TOLERANCE = "--tolerance 1% on pads that push, beside the run"

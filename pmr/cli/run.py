@@ -122,7 +122,10 @@ def run(
         import pmr.compare.judged  # noqa: F401 (what the other process needs too, and does without MPI)
         from pmr.errors.aside import worked_aside
         from pmr.report.beside import Beside
+        from pmr.simulation.native import ahead
     with worked_aside() as aside:
+        for system in dict.fromkeys(ahead.system_like(scene) for *_, scene in loaded):
+            aside.ask(ahead.compile_for, system)
         report = Beside(aside)
         with environment.kept():
             from pmr.errors.environment import Clock

@@ -9,6 +9,7 @@ import json
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from on_pads import beam_on_pads, modes_on_pads
@@ -18,6 +19,8 @@ from rich.console import Console
 
 from pmr.cli.console import broken, tell
 from pmr.cli.described import described_model
+from pmr.errors.aside import Aside
+from pmr.simulation.native import ahead
 
 SIMPLE = "workflows/paper_simple.toml"
 SHORT = [
@@ -71,12 +74,15 @@ def test_several_scenes_make_one_report(tmp_path: Path, monkeypatch, capsys) -> 
     second = tmp_path / "second.toml"
     second.write_text(f'extends = "{Path(SIMPLE).resolve()}"\ntitle = "A second scene"\n')
     both = ("run", SIMPLE, str(second), "--out", str(tmp_path / "out"))
+    asked, ask = list[Any](), Aside.ask
+    monkeypatch.setattr(Aside, "ask", lambda aside, *work: (asked.append(work), ask(aside, *work))[1])
     done = called(monkeypatch, capsys, *both, *SHORT, "--set", "compare.against=[]")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.pdf").exists()
     for stem in ("paper_simple", "second"):
         assert (tmp_path / "out" / stem / "summary.json").exists()
     html = (tmp_path / "out" / "report.html").read_text()
+    assert asked[0] == (ahead.compile_for, ahead.held) != asked[1]  # both are of one kind
     assert "A second scene" in html and "Sliding beam, simple case" in html
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import pkgutil
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from numba.core.untyped_passes import (
 )
 
 from pmr.errors.environment import uncollected
+from pmr.files.whole import locked
 
 #: What of Numba's pipeline these functions need: they have no closures, comprehensions and expressions of arrays.
 PASSES = (
@@ -188,11 +189,53 @@ def _whole(function: Callable[..., Any], **options: bool) -> Any:
     return dispatcher
 
 
+def claimed(function: Any) -> bool:
+    """Whether another process compiles such a function at present, and will store it."""
+    cache = function._cache
+    return isinstance(cache, _Cache) and cache.claimed
+
+
 class _Cache(FunctionCache):
-    """Knows the sources of the inlined parts too: Numba's own looks at the file of the function alone."""
+    """Knows the sources of the inlined parts too: Numba's own looks at the file of the function alone.
+
+    What one process compiles, others that need it wait for: its lock is held until it is stored.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._lock, self._held = Path(self.cache_path, f"{self._impl.filename_base}.lock"), ExitStack()
+
+    @property
+    def claimed(self) -> bool:
+        """Whether another process holds the lock."""
+        try:
+            with locked(self._lock, wait=False) as free:
+                return not free
+        except OSError:  # nobody has compiled it here yet
+            return False
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """What is stored, or None; what Numba would load first, all that it compiles with, takes five times as long."""
+        """What is stored, or None, with the lock."""
+        found = self._stored(signature, context)
+        if found is not None:
+            return found
+        self._held.close()  # of a time at which it could not be compiled
+        with suppress(OSError):  # no folder for it can be written to
+            self._impl.locator.ensure_cache_path()
+            self._lock.touch()
+            self._held.enter_context(locked(self._lock))
+            found = self._stored(signature, context)
+        if found is not None:
+            self._held.close()
+        return found
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Store what was compiled, and give the lock back."""
+        with self._held:
+            super().save_overload(signature, data)
+
+    def _stored(self, signature: Any, context: Any) -> Any:
+        """What Numba would load first, all that it compiles with, takes five times as long."""
         try:
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(signature, context)

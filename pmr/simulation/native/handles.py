@@ -95,6 +95,11 @@ def address_of(function: Any, *kinds: Any) -> int:
     return found
 
 
+def known(function: Any, *kinds: Any) -> bool:
+    """Whether it has been asked for in this process."""
+    return (function, kinds) in _addresses
+
+
 _addresses = dict[Any, int]()
 
 

@@ -5,13 +5,17 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from numba import TypingError
 from numba.core import caching
 from numba.core.cpu import CPUContext
 
+from pmr.files.whole import locked
 from pmr.simulation.native import compilation as compiled
 
 SOURCE = """
@@ -47,6 +51,40 @@ def test_compiled_once_and_again_after_a_change_in_the_room(tmp_path: Path, monk
         assert twice(1.5) == 3.0
         hits.append(sum(twice.stats.cache_hits.values()))
     assert hits == [0, 1, 0] and set(loaded) == {"one 0", "another 2"}
+
+
+def test_what_another_process_compiles_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "some_kernel.py").write_text(SOURCE)
+    twice = load(tmp_path)
+    assert twice(1.5) == 3.0 and not compiled.claimed(twice)
+    (stored,) = tmp_path.glob("__pycache__/*.nbi")
+    index = stored.read_bytes()
+    stored.unlink()
+
+    @contextmanager
+    def stored_meanwhile(lock: Path) -> Iterator[bool]:
+        assert lock.exists()
+        stored.write_bytes(index)
+        yield True
+
+    again = load(tmp_path)
+    with monkeypatch.context() as patched:
+        patched.setattr(compiled, "locked", stored_meanwhile)
+        assert again(1.5) == 3.0
+    assert sum(again.stats.cache_hits.values()) == 1
+    with locked(stored.with_suffix(".lock")):
+        assert compiled.claimed(again)
+    assert not compiled.claimed(again)
+
+
+def test_what_can_not_be_compiled_can_be_tried_again(tmp_path: Path) -> None:
+    """Its lock isn't waited for by the process that holds it."""
+    (tmp_path / "some_kernel.py").write_text(SOURCE)
+    twice = load(tmp_path)
+    for _ in range(2):
+        with pytest.raises(TypingError):
+            twice("text")
+    assert twice(1.5) == 3.0
 
 
 def test_where_no_folder_can_be_written_to_it_is_compiled_each_time(tmp_path: Path, monkeypatch) -> None:
