@@ -27,7 +27,7 @@ from pmr.report.figures import budget, captions, histories, inputs, shapes, sket
 from pmr.report.figures.canvas import ramp
 from pmr.report.marks import signed_deviation
 from pmr.report.motion import line, player
-from pmr.report.motion.album import album
+from pmr.report.motion.album import Album, album
 from pmr.report.motion.instants import top
 from pmr.report.numbers import SPACE, plain, significant
 from pmr.report.subject import across, alone, loads, moving
@@ -39,10 +39,10 @@ Show = Callable[[RunResult, str], Block | None]
 
 def figures_of(result: RunResult, anchor: str) -> Figures:
     """What is drawn, without ``budget`` of the summary, known last; `anchor` is put before every identifier."""
-    return Figures(
-        drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result),
-        [block for show in SECTIONS if (block := show(result, anchor))],
-    )
+    pictures = album(result, anchor)  # another process makes them while all else is drawn
+    sketched = drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result)
+    shown = [show(result, anchor) for show in SECTIONS]
+    return Figures(sketched, [*filter(None, (motion(result, anchor, pictures), *shown))])
 
 
 def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
@@ -99,8 +99,8 @@ def inputs_over_time(result: RunResult, prefix: str) -> Block:
     return Block(heading=heading, rows=tuple(tuple(row[k : k + 2]) for k in range(0, len(row), 2)))
 
 
-def motion(result: RunResult, prefix: str) -> Block | None:
-    """The motion: that of the fields, where these were recovered, else that of the axis."""
+def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
+    """The motion: that of the fields with `pictures`, where these were recovered, else that of the axis."""
     fields = [body.fields for body in result.bodies.values() if body.fields is not None]
     if not fields:
         if not lines(result, result.responses["reduced"]):
@@ -111,7 +111,7 @@ def motion(result: RunResult, prefix: str) -> Block | None:
         data = line.motion(result)
         strip = drawing(f"{prefix}-snapshots", shapes.snapshots, captions.snapshots(result), result)
         return Block(heading="Motion", player=Player("line", data, line.said(data)), without_scripts=(strip,))
-    data, found = player.player(result), album(result, prefix)
+    data, found = player.player(result), pictures()
     absent = f"There are no pictures: {found.absent}." if found.absent else ""
     scale: tuple[tuple[Drawing, ...], ...] = ()
     if fields[0].von_mises and (data or found.pictures):
@@ -249,8 +249,9 @@ def origin(result: RunResult, prefix: str) -> Block:
 
 #: In the order in which they stand in the page; how far a run is off is known at its very end.
 OF_ERRORS: tuple[Show, ...] = (errors, accuracy)
+#: What follows the motion.
 SECTIONS: tuple[Show, ...] = (
-    motion, position.in_space, inputs_over_time, tip, stresses.stress,
+    position.in_space, inputs_over_time, tip, stresses.stress,
     stresses.along_beams, probes.probes, forces.contact,
     forces.cylinders, forces.supports, forces.pivot, energy, constraint, basis, response, origin,
 )  # fmt: skip

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,21 +47,31 @@ class Album:
     absent: str = ""
 
 
-def album(result: RunResult, prefix: str) -> Album:
-    """Make the pictures; without fields there are none, and nothing is said."""
+def album(result: RunResult, prefix: str) -> Callable[[], Album]:
+    """Begin with the pictures; what is given back waits for them.
+
+    Without fields there are none, and nothing is said.
+    """
     if not seen(result):
-        return Album()
+        return Album
     planned = list(_Views(result).shots())
-    try:
-        developed = develop([shot for _, shot, _ in planned])
-    except NoPictureError as error:
-        return Album(absent=str(error))
-    return Album(
-        tuple(
-            Picture(f"{prefix}-{name}", *shot.size, base64.b64encode(data).decode(), caption)
-            for (name, shot, caption), data in zip(planned, developed, strict=True)
+    with_one = ThreadPoolExecutor(1)  # which waits for the process that makes them
+    developed = with_one.submit(develop, [shot for _, shot, _ in planned])
+    with_one.shutdown(wait=False)
+
+    def made() -> Album:
+        try:
+            pictures = developed.result()
+        except NoPictureError as error:
+            return Album(absent=str(error))
+        return Album(
+            tuple(
+                Picture(f"{prefix}-{name}", *shot.size, base64.b64encode(data).decode(), caption)
+                for (name, shot, caption), data in zip(planned, pictures, strict=True)
+            )
         )
-    )
+
+    return made
 
 
 class _Views:

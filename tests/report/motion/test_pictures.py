@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+import base64
 import io
 import re
 import sys
+from threading import Event
 
 import numpy as np
 import pytest
 from PIL import Image
+from waiting import PATIENCE
 
+from pmr.report import sections
 from pmr.report.document import page as render
 from pmr.report.motion import album as pictures
 from pmr.report.motion import renderer as studio
@@ -44,7 +48,7 @@ def test_without_pyvista_the_report_says_so(monkeypatch, make_space, make_fields
     )
     run = studio.subprocess.run
     monkeypatch.setattr(studio.subprocess, "run", lambda c, **k: run([sys.executable, "-c", hidden, c[-1]], **k))
-    found = album(make_space(fields=make_fields("line")), "case-1")
+    found = album(make_space(fields=make_fields("line")), "case-1")()
     assert found.pictures == () and "pyvista" in found.absent
 
 
@@ -68,6 +72,15 @@ def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> Non
     assert 'id="case-1-ramp"' in page
     assert "displacements 50 times their size" in page
     assert "largest von Mises stress 47.2\u00a0MPa" in page
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_all_else_is_drawn_while_pictures_are_made(monkeypatch, make_space, make_fields) -> None:
+    drawn = Event()
+    monkeypatch.setattr(sections, "SECTIONS", (lambda result, prefix: drawn.set(),))
+    monkeypatch.setattr(pictures, "develop", lambda shots: [b"late" if drawn.wait(PATIENCE) else b""] * len(shots))
+    (block,) = sections.figures_of(make_space(fields=make_fields("line")), "case-1").blocks
+    assert {one.data for one in block.pictures} == {base64.b64encode(b"late").decode()}
 
 
 @pytest.mark.usefixtures("undrawn")
