@@ -21,7 +21,7 @@ from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import bodies, sides
 from pmr.simulation.native.simd import aligned
 from pmr.simulation.native.tables import shares, tables
-from pmr.simulation.native.terms import Matrices, terms
+from pmr.simulation.native.term_arrays import Matrices, terms
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def loop_of(
     """A loop at rest, whose steps are made in so many `parts`, by the `methods` of each, on `paths` by their names.
 
     `omega` in rad/s is that of contacts that only push (`pmr.simulation.contact_step`), `of_terms` the matrices of
-    the terms' signals (`pmr.simulation.native.terms.signals`).
+    the terms' signals (`pmr.simulation.native.term_arrays.signals`).
     """
     system, schemes = form.modal, [method.scheme() for method in methods]
     body = form.on_tables

@@ -23,7 +23,7 @@ from pmr.simulation.native.part import Loop
 from pmr.simulation.native.parts import COARSE
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.start import Onset, begin, places_of, reason
-from pmr.simulation.native.terms import signals
+from pmr.simulation.native.term_arrays import signals
 from pmr.simulation.needs import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress

@@ -19,7 +19,8 @@ from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.terms import LIMIT, independent, signals
+from pmr.simulation.native.term_arrays import independent, signals
+from pmr.simulation.native.terms import LIMIT
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
