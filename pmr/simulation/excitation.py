@@ -53,15 +53,15 @@ class Excitation:
             allowed = "none is allowed here: only pmr run and pmr.simulate, with march, find how a machine moves"
             raise InputError("scene", "frame.machine", None, allowed)
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
-        loads, paths = dict[str, SignalBase](), tuple(scene.paths.values())
+        loads, paths = dict[str, SignalBase](), scene.paths
         for name, member in zip(scene.names, members(scene), strict=True):
             known = load_signals(scene, member) | member.weight | inertia_loads(scene, member)
             if is_accelerated(member):
-                known[EXTENSION] = Acceleration(paths=paths[: member.number], step=stepping.step)
+                known[EXTENSION] = Acceleration(paths=tuple(paths.values())[: member.number], step=stepping.step)
             loads |= {input_of(name, one): signal for one, signal in known.items()}
         loads |= found_inputs(scene)
         terms = term_signals(scene)
-        return cls(scene.paths, loads, stepping, scene.simulation, scene.start, terms=terms)
+        return cls(paths, loads, stepping, scene.simulation, scene.start, terms=terms)
 
     @property
     def path(self) -> SignalBase:

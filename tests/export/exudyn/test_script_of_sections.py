@@ -63,6 +63,19 @@ def test_it_reproduces_the_run(pads: str, tmp_path: Path, monkeypatch, capsys) -
 
 
 @pytest.mark.slow
+def test_extensions_by_their_overlaps_accelerate_sections_as_in_a_run(tmp_path: Path) -> None:
+    """Up to the round-off of some eps that differences of an extension have, over a sixteenth of a step and a step."""
+    quick = ["compare.against=[]", "section.mesh.elements=8", "section.reduction.estimate=false"]
+    scene = pmr.load_scene("boom_lift", quick)
+    system, target = pmr.reduce(scene).system, tmp_path / "sliding_body.py"
+    target.write_text(exudyn_script(system, "system.npz"), encoding="utf-8")
+    names, t, excitation = runpy.run_path(str(target)), np.array([0.7, 3.5, 6.2]), Excitation.of(scene)
+    left = 10.0 * np.finfo(float).eps * excitation.s.max() / (scene.time.step**2 / 16.0)
+    for load, name in zip(names["LOADS"], system.input_names, strict=True):
+        np.testing.assert_allclose([load(one) for one in t], excitation.loads[name].value(t), rtol=1e-12, atol=left)
+
+
+@pytest.mark.slow
 def test_a_frame_that_moves_is_refused_in_one_line(tmp_path: Path) -> None:
     raised = ["frame.pivot=[0.0,0.0,0.0]", "frame.luffing={kind='smooth_ramp',times=[0.0,0.02],values=[0.1,0.2]}"]
     scene = pmr.load_scene("boom_two", [*SHORT, *BOTH_WAYS, *raised])
