@@ -20,6 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from pmr.errors import InputError
 from pmr.system.assembly import Assembly
@@ -34,6 +35,8 @@ ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
 CHANCES, LIMIT = 3, 1000
 #: Pull or overlap that is round-off, over the largest force or displacement.
 ROUND_OFF = 1e-9
+#: Equations up to which a dense factor is quicker than a sparse one.
+DENSE = 300
 #: An equilibrium whose strain energy is a smaller share of what its entries cancel is held by round-off alone.
 ROUND_OFF_OF_K = 1e2 * float(np.finfo(float).eps)
 
@@ -97,22 +100,40 @@ def _solved(assembly: Assembly, rows: ContactRows, closed: Mask, gap: Array, f: 
 
 def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array], Array]:
     """Solutions of ((K, C^T), (C, -F)) for right sides (n + m, ...); not finite where it is singular."""
-    C, F = sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
     n, scale = K.shape[0], rows.unit(K)
-    matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
-    units = np.concatenate([np.ones(n), np.full(C.shape[0], scale)])
-    try:
-        factor = spla.splu(matrix)
-    except RuntimeError:
+    units = np.concatenate([np.ones(n), np.full(len(rows.C), scale)])
+    if not 0 < len(units) <= DENSE:
+        C, F = sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
+        matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
+        once = _sparse_factor(matrix)
+    else:
+        C = scale * rows.C
+        matrix = np.block([[K.toarray(), C.T], [C, -(scale**2) * rows.F]])
+        once = _dense_factor(matrix)
+    if once is None:
         return lambda right: np.full(right.shape, np.nan)
 
     def solve(right: Array) -> Array:
         scaled = (units * right.T).T
-        solution = factor.solve(scaled)
-        solution += factor.solve(scaled - matrix @ solution)
+        solution = once(scaled)
+        solution += once(scaled - matrix @ solution)
         return np.asarray((units * solution.T).T)
 
     return solve
+
+
+def _sparse_factor(matrix: sp.csc_matrix) -> Callable[[Array], Array] | None:
+    """What solves for right sides; None where it is singular."""
+    try:
+        return spla.splu(matrix).solve
+    except RuntimeError:
+        return None
+
+
+def _dense_factor(matrix: Array) -> Callable[[Array], Array] | None:
+    """The same; a sparse factor of a few equations takes as long as one of a hundred."""
+    factor, pivots, singular = dgetrf(matrix)
+    return None if singular else lambda right: dgetrs(factor, pivots, right)[0]
 
 
 def _lowest(assembly: Assembly, rows: ContactRows) -> float:
