@@ -120,7 +120,7 @@ class _Rows:
     def __init__(self, body: ReducedModel) -> None:
         assert body.carriers is not None  # as a system has it that is not on one path
         self._body, self._carriers, self._size = body, body.carriers, 0
-        self._parts = list[sp.csr_matrix]()
+        self._parts = list[tuple[Indices, Indices, Array]]()
         self._names = dict[tuple[object, ...], str]()
         self._rows = list[tuple[Array, Indices, Array]]()
 
@@ -160,13 +160,9 @@ class _Rows:
             found = [self._on_path(name) for name in names]
             breaks, touched, coefficients = found[0]
             used = np.unique(touched)
-            numbers = np.arange(len(used))
-            shape = (len(used), len(self._carriers.values))
-            sums = [
-                share * sp.csr_matrix((np.ones(len(used)), (numbers, used - touched.min() + at.min())), shape)
-                for share, (_, at, _) in zip(shares, found, strict=True)
-            ]
-            self._parts.append(sum(sums[1:], sums[0]))
+            where = used - touched.min() + np.array([[at.min()] for _, at, _ in found])
+            numbers = np.broadcast_to(self._size + np.arange(len(used)), where.shape)
+            self._parts.append((numbers.ravel(), where.ravel(), np.repeat(shares, len(used))))
             self._rows.append((breaks, self._size + np.searchsorted(used, touched), coefficients))
             self._size += len(used)
             self._names[key] = f"{names[0]}, {len(self._names)}"
@@ -175,7 +171,9 @@ class _Rows:
     @property
     def model(self) -> ReducedModel:
         """The body with these rows and carriers."""
-        P, old = sp.vstack(self._parts, format="csr"), self._carriers
+        numbers, where, shares = map(np.concatenate, zip(*self._parts, strict=True))
+        old = self._carriers
+        P = sp.csr_matrix((shares, (numbers, where)), (self._size, len(old.values)))
         known = old.flexibility
         left = known and CarrierFlexibility(
             rows=np.asarray((P @ (P @ known.rows).T).T),
