@@ -42,6 +42,7 @@ from pmr.mesh.strip import Extent, Window
 from pmr.models import StructuralModel
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 #: Stations for each knot of the weight along the pad: its length is (4 STATIONS + 2) Delta.
 STATIONS = 2
@@ -260,12 +261,13 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     near, ends = which.indices, which.indptr
     offsets = np.stack([strip.along[near] - np.repeat(places, np.diff(ends)), strip.across[near] - pad.across])
     weights = beside[near] * value_or_zero(bump(1, step), offsets[0])
-    of_station = sp.csr_matrix((np.ones(len(near)), np.arange(len(near)), ends), (len(places), len(near)))
-    sums, aside = of_station @ weights, np.abs(of_station @ (offsets * weights).T)
-    off = (sums < (1.0 - MISSING) * whole) | np.any(aside > MISSING * np.array([step, knot]) * sums[:, None], axis=1)
+    offsets /= step
+    moments = _moments(weights, offsets, ends)
+    sums, aside = moments[0], np.abs(moments[1:3])
+    off = (sums < (1.0 - MISSING) * whole) | np.any(aside > MISSING * np.array([[1.0], [knot / step]]) * sums, axis=0)
     if off.any():
         raise _off(pad, f"around {places[off][0]:.4g} m", strip.extent)
-    weights = _corrected(weights, offsets / step, of_station)
+    weights = _corrected(weights, offsets, ends, moments)
     means = sp.csr_matrix((weights, near, ends), (len(places), len(strip.along)))
     return sp.csr_matrix(means @ strip.normal)
 
@@ -295,15 +297,33 @@ def _off(pad: Pad, where: str, extent: Extent) -> InputError:
     return InputError("scene", f"pads.{pad.name}", None, allowed)
 
 
-def _corrected(weights: Array, offsets: Array, of_station: sp.csr_matrix) -> Array:
-    """Weights (q,), changed by a parabola in the offsets (2, q) in Delta, with the moments of what they stand for.
+#: Which of the moments in `_moments` the products of 1, x, y and x^2 are.
+_PRODUCTS = np.array([[0, 1, 2, 3], [1, 3, 4, 6], [2, 4, 5, 7], [3, 6, 7, 8]])
 
-    Those of each station (K, q) add up to one, their centroid is zero and their spread along the axis that of the hat,
-    1 / 6.  What changes is the error of quadrature only, but left in, a motion without a ripple would seem to have one.
+
+def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
+    """Sums of weights (q,) times 1, x, y, x^2, x y, y^2, x^3, x^2 y and x^4 at each station, (9, K).
+
+    Stations have the points from one of the `ends` (K + 1,) to the next, with offsets x and y (2, q) in Delta.
     """
     x, y = offsets
-    moments = np.stack([np.ones(len(x)), x, y, x**2], axis=1)
-    products = of_station @ (weights[:, None, None] * moments[:, :, None] * moments[:, None, :]).reshape(-1, 16)
+    wx, wy = weights * x, weights * y
+    wxx = wx * x
+    products = np.stack([weights, wx, wy, wxx, wx * y, wy * y, wxx * x, wxx * y, wxx * x**2])
+    begin, any_there = ends[:-1], np.diff(ends) > 0
+    found = np.zeros((len(products), len(begin)))
+    found[:, any_there] = np.add.reduceat(products, begin[any_there], axis=1)
+    return found
+
+
+def _corrected(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:
+    """Weights (q,), changed by a parabola in the offsets (2, q) in Delta, with the moments of what they stand for.
+
+    Those of each station add up to one, their centroid is zero and their spread along the axis that of the hat, 1 / 6.
+    What changes is the error of quadrature only, but left in, a motion without a ripple would seem to have one.
+    """
     targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
-    parabolas = np.linalg.pinv(products.reshape(-1, 4, 4), rcond=1e-12, hermitian=True) @ targets
-    return np.asarray(weights * np.sum((of_station.T @ parabolas) * moments, axis=1))
+    parabolas = np.linalg.pinv(moments.T[:, _PRODUCTS], rcond=1e-12, hermitian=True) @ targets
+    of_one, of_x, of_y, of_xx = np.repeat(parabolas.T, np.diff(ends), axis=1)
+    x, y = offsets
+    return np.asarray(weights * (of_one + x * (of_x + x * of_xx) + y * of_y))

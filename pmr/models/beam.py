@@ -126,16 +126,20 @@ class Beam(ABC):
 
     def motions(self, places: Array) -> sp.csr_matrix:
         """Displacements and rotations of the axis at distances (k,) m along it, (k d, n)."""
+        return self._measured(places, np.eye(len(self.directions)))
+
+    def _measured(self, places: Array, of: Array) -> sp.csr_matrix:
+        """Combinations `of` them (m, d) at each of the places, (k m, n)."""
         d, x = len(self.directions), self.node_stations[self.grid.cells]
         e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node the one behind it
         h = np.diff(x)[e, 0]
-        ends = self.in_elements(h, (places - x[e, 0]) / h, self.number[e]).reshape(len(places), d, 2, d)
-        local = ends.swapaxes(1, 2) @ self.of_node[self.number[e], None]  # `transformation` of these elements alone
+        ends = of @ self.in_elements(h, (places - x[e, 0]) / h, self.number[e])
+        ends = ends.reshape(len(places), len(of), 2, d).swapaxes(1, 2)
+        local = ends @ self.of_node[self.number[e], None]  # `transformation` of these elements alone
         columns = d * self.grid.cells[e][:, None, :, None] + np.arange(d)
         entries, columns = (part.ravel() for part in np.broadcast_arrays(local.swapaxes(1, 2), columns))
-        found = sp.csr_matrix(
-            (entries, columns, np.arange(0, entries.size + 1, 2 * d)), (d * len(places), d * len(self.node_stations))
-        )
+        starts = np.arange(0, entries.size + 1, 2 * d)
+        found = sp.csr_matrix((entries, columns, starts), (len(of) * len(places), d * len(self.node_stations)))
         found.eliminate_zeros()
         return found
 
@@ -165,8 +169,7 @@ class Beam(ABC):
         across = sum(window.across) / 2.0
         turning = np.cross(across * plane.across, plane.normal)  # (theta x arm) n = theta (arm x n)
         of = np.concatenate([plane.normal, turning])[[DIRECTIONS.index(direction) for direction in self.directions]]
-        normals = sp.csr_matrix(sp.kron(sp.eye(len(points)), of[None]) @ self.motions(points))
-        return Strip(points, np.full(len(points), across), weights, normals, extent, line=True)
+        return Strip(points, np.full(len(points), across), weights, self._measured(points, of[None]), extent, line=True)
 
     def section_forces(self) -> ForceRows:
         values, ends = self._strains, self.node_stations[self.grid.cells]
