@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+import marshal
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache, cached_property
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, SourceFileLoader
-from importlib.util import spec_from_file_location
+from importlib.util import MAGIC_NUMBER, cache_from_source, source_hash, spec_from_file_location
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
@@ -93,7 +95,7 @@ class _Finder(MetaPathFinder):
 
 
 class _Loader(SourceFileLoader):
-    """Compiles the text it was given: what is compiled already may be of another version that looks as old."""
+    """Compiles the text it was given, unless a child has: what Python has compiled may be of one that looks as old."""
 
     def __init__(self, fullname: str, path: str, frozen: Sources) -> None:
         super().__init__(fullname, path)
@@ -104,4 +106,13 @@ class _Loader(SourceFileLoader):
         return super().get_data(path) if text is None else text.encode()
 
     def get_code(self, fullname: str) -> CodeType:
-        return self.source_to_code(self.get_data(self.path), self.path)
+        text, kept = self.get_data(self.path), cache_from_source(self.path, optimization="frozen")
+        of_text = MAGIC_NUMBER + (1).to_bytes(4, "little") + source_hash(text)  # as Python marks what goes by content
+        with suppress(OSError, EOFError, ValueError, TypeError):
+            if (found := super().get_data(kept)).startswith(of_text):
+                known: CodeType = marshal.loads(found[len(of_text) :])
+                return known
+        code = self.source_to_code(text, self.path)
+        if not sys.dont_write_bytecode:
+            self.set_data(kept, of_text + marshal.dumps(code))
+        return code
