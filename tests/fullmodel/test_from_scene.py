@@ -141,7 +141,7 @@ def test_pad_forces_hardly_feel_the_nodes() -> None:
 @pytest.mark.numerical
 def test_ten_coordinates_follow_the_full_model() -> None:
     """Gusts included: the first one comes in the third second."""
-    scene = boom(shell(), span=3.0)
+    scene = boom(shell(), span=3.0, overrides=["time.step=5e-3"])
     full = structural_model(scene.structure)
     every = petsc_alone.observe(full, scene.excitation)
     few = one_body.observe(modal_form(reduced(full, 10)), scene.excitation)

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from finished import compute
 
 from pmr import scene
 from pmr.pipeline import run
 from pmr.studies import files
 from pmr.studies import shared as common
-from pmr.studies.call import compute
-from pmr.studies.engine import pools
 from pmr.studies.engine.task import Plan, key_of
 from pmr.studies.kinds.scenes import run_case
 from pmr.studies.results import StudyResults
@@ -84,10 +83,9 @@ def test_a_scene_may_have_any_name(tmp_path: Path) -> None:
         (tmp_path / f"{name}.toml").write_text(f'extends = "{SCENE}"\n')
     scenes = '.toml", "'.join(names) + ".toml"
     (tmp_path / "study.toml").write_text(SHORT.format(scene=scenes, rest=""))
-    with pools.local_pool(1) as pool:
-        outcome = compute(files.load(tmp_path / "study.toml"), tmp_path / "results", pool, lambda progress: None)
-    assert outcome.is_complete and [run.key for run in outcome.results[""].runs] == [key_of(name) for name in names]
-    assert np.isfinite(outcome.results[""].column("max_displacement")).all()
+    results = compute(tmp_path / "results", files.load(tmp_path / "study.toml"))
+    assert results.is_complete and [run.key for run in results.runs] == [key_of(name) for name in names]
+    assert np.isfinite(results.column("max_displacement")).all()
 
 
 @pytest.fixture(scope="module")
@@ -95,10 +93,9 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     """Three sizes of basis, with the pin's rows held and dropped."""
     folder = tmp_path_factory.mktemp("study")
     plan(folder, "[grid]\nreduction.coordinates = [4, 10, 20]\nreduction.basis = ['paper', 'eigenmodes']")
-    with pools.local_pool(1) as pool:
-        outcome = compute(files.load(folder / "study.toml"), folder, pool, lambda progress: None)
-    assert outcome.is_complete and outcome.computed == 6 + 7
-    return outcome.results[""]
+    found = compute(folder, files.load(folder / "study.toml"))
+    assert found.is_complete and len(list(folder.glob("tasks/*.npz"))) == 6 + 7
+    return found
 
 
 @pytest.mark.slow
@@ -130,9 +127,7 @@ def test_a_study_has_the_figures_of_single_runs(results: StudyResults) -> None:
 def test_six_free_modes_with_flexibility_beat_ten_coordinates(results: StudyResults, tmp_path: Path) -> None:
     choice = "{ basis = 'free_modes', flexibility = true, coordinates = 6 }"
     plan(tmp_path, f"[[cases]]\nname = 'free'\nchange.reduction = {choice}")
-    with pools.local_pool(1) as pool:
-        outcome = compute(files.load(tmp_path / "study.toml"), tmp_path, pool, lambda progress: None)
-    (six,) = outcome.results[""].runs
+    (six,) = compute(tmp_path, files.load(tmp_path / "study.toml")).runs
     (ten,) = [run for run in results.runs if run.key == "coordinates=10,basis=eigenmodes"]
     errors = [run.figures["errors.reduced_vs_full.beam"] for run in (six, ten)]
     assert six.figures["coordinates.reduced"] == 6 and 0.0 < 5.0 * float(errors[0] or 0.0) < float(errors[1] or 0.0)
@@ -196,9 +191,7 @@ section.joint.mouth.0.unilateral = false
 section.reduction.flexibility = [true, false]
 """
     )
-    with pools.local_pool(1) as pool:
-        outcome = compute(files.load(file), tmp_path / "out", pool, lambda progress: None)
-    with_flexibility, without = (run.figures for run in outcome.results[""].runs)
+    with_flexibility, without = (run.figures for run in compute(tmp_path / "out", files.load(file)).runs)
     assert with_flexibility["errors.reduced_vs_full.beam"] < 1e-3 < without["errors.reduced_vs_full.beam"]
     assert without["coordinates.reduced"] == 9
     assert with_flexibility["coordinates.reduced"] == 9 + 2  # modes of the fly's cylinder
