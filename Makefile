@@ -150,7 +150,7 @@ BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
 LONGEST =
 LAST =
 IN_CI = $(call both,test-suite-rest test-wheel-part $(LONGEST) test-suite-rooms $(or $(BETWEEN:%=test-mpi-%),test-mpi) \
-    $(BETWEEN:%=test-between-%) lint $(LAST),test-wheel-part-mpi)
+    $(BETWEEN:%=test-numerical-%) lint $(LAST),test-wheel-part-mpi)
 ALONE = $(call both,lint $(SUITE) test-mpi $(OTHERS:%=test-numerical-%) $(LONGEST) $(LAST),$(OTHERS:%=test-ranks-%))
 BOTH_STACKS = $(and $(filter true,$(CI)),$(PYTHON312))
 # The suite in two pieces of some length, one after the other or side by side.
@@ -170,22 +170,20 @@ test-suite-rest: setup .venv-snakemake/.ready
 	$(call pytest,.venv,$(KERNEL),$(ROOMS:%=--ignore=tests/%))
 
 .PHONY: test-kernels
-test-kernels: $(OTHERS:%=test-kernel-%) ## the numerical part under the other BLAS kernels, on one and two ranks
+test-kernels: $(OTHERS:%=test-kernel-%) ## the numerical part under the other BLAS kernels: on two ranks what is for two, else on one
 
 test-kernel-%:
 	@$(MAKE) --no-print-directory test-numerical-$* test-ranks-$*
 
+# Under a kernel what is for two ranks runs on two alone: on one it runs under KERNEL.
 test-numerical-%: setup
-	$(call numerical,.venv,$*)
+	$(call numerical,.venv,$*, and not mpi)
 
 test-ranks-%: setup
 	$(call ranks,.venv,$*,$(OPENMPI),numerical and mpi)
 
 test-mpi-%: setup
 	$(call ranks,.venv,$*,$(OPENMPI),mpi)
-
-test-between-%: setup
-	$(call numerical,.venv,$*, and not mpi)
 
 # Only the tests of workflows/Snakefile want it.
 .venv-snakemake/.ready: requirements/snakemake.txt
