@@ -338,6 +338,7 @@ def test_a_shell_slides_in_beams() -> None:
     """The fly as a shell, whose stresses are asked for; its pads on the beam carry its weight, full and reduced."""
     beams = [f"sections.{name}.body.model=beam3d" for name in ("base", "middle")]
     coarse = ["section.mesh={size=0.15,along=0.6,elements=12}", "time.end=0.02", "recovery.every=0.01"]
+    coarse.append(f"section.joint.extension={OUT}")
     outcome = run(load(*beams, *coarse, file="boom_three_shell"))
     assert outcome is not None
     summary, weight = outcome.result.summary, 9.80665 * (7850.0 * 6.0 * 2.0 * (0.22 + 0.32) * 6e-3 + 250.0)
