@@ -49,7 +49,7 @@ def driven(system: System, start: str = "rest", amplitude: float = 0.9) -> Excit
         name: Sine(amplitude=amplitude, frequency=4.0 + 0.3 * k, phase=0.5 * k)
         for k, name in enumerate(system.term_names)
     }
-    return excitation(system, TimeStepping(0.1, 1e-3, 0.9), terms)
+    return excitation(system, TimeStepping(0.05, 1e-3, 0.9), terms)
 
 
 @pytest.mark.slow
@@ -59,7 +59,7 @@ def test_full_order_follows_terms_as_march_does() -> None:
     """From equilibrium; coordinates, forces and the energy balance."""
     system, spread = varying(Nested(2, elements=6))
     given = driven(system)
-    history = observe(spread, given, replace(EVERYTHING, states=(0.1,)), static_start(spread, given))
+    history = observe(spread, given, replace(EVERYTHING, states=(0.05,)), static_start(spread, given))
     expected = systems.simulate(system, given, systems.static_start(system, given))
     np.testing.assert_allclose(history.forces, expected.forces, atol=1e-8 * np.abs(expected.forces).max())
     assert history.energy is not None
