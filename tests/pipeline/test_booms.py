@@ -150,7 +150,10 @@ def test_what_another_process_finds_is_the_same() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(MPI.COMM_WORLD.size == 1, reason="compares two ranks with one")
 def test_three_shells_are_the_same_on_all_ranks_as_on_one() -> None:
-    """Reduction, full model, frequencies and stresses of workflows/boom_three_shell.toml, on larger cells and shorter paths, to 1e-8."""
+    """Reduction, full model, frequencies and stresses of workflows/boom_three_shell.toml, to 1e-8.
+
+    On larger cells and shorter paths.
+    """
     coarse = ["section.mesh={size=0.2,along=0.8}", "time.end=0.008", "recovery.every=0.004"]
     coarse.append(f"section.joint.extension={OUT}")
     boom = load(*coarse, file="boom_three_shell")
