@@ -9,7 +9,7 @@ inertia J follow a place's motion g = G q:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -32,7 +32,11 @@ from pmr.scene.structures import PointMass, unit_vector
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Measure = Callable[[str | float], sp.csr_matrix]
+#: Which row of which matrix measures the motion of a place along a direction.
+Measured = dict[tuple[str | float, str], tuple[sp.csr_matrix, int]]
+
+#: Directions of displacements.
+ALONG = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -153,8 +157,8 @@ class Coupling:
 
         Raises an `InputError` if the model has no such direction.
         """
-        at = tuple(cache(measure) for measure in (self.model.displacement, self.model.motion))  # of all its directions
-        of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(one, *at) for one in actions)]
+        measured = self._measured([one for one in actions if isinstance(one, Action)])
+        of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(one, measured) for one in actions)]
         columns, entries = (np.concatenate(parts) for parts in zip(*of_model, strict=True))
         ends = np.cumsum([len(part[0]) for part in of_model])
         result = sp.csr_matrix((entries, columns, ends), shape=(len(actions), self.model.size)) @ self.T
@@ -170,18 +174,31 @@ class Coupling:
             return nothing
         return self.walls.moved(nothing, action.on, (action.direction,))
 
-    def _of_model(self, action: Action | Gauge, displacement: Measure, motion: Measure) -> tuple[Indices, Array]:
+    def _measured(self, actions: Sequence[Action]) -> Measured:
+        """Of the model alone, where each of the actions has its row: those of displacements in one matrix."""
+        known = self.model.directions
+        for one in actions:
+            if one.direction not in known:
+                allowed = f"{', '.join(known)} are allowed"
+                raise InputError("scene", f"{one.name}.direction", one.direction, allowed)
+        places = dict.fromkeys(one.on for one in actions if one.direction in ALONG)
+        number = {place: k for k, place in enumerate(places)}
+        moved = self.model.displacement(*number) if number else None
+        motion, count, found = cache(self.model.motion), sum(name in ALONG for name in known), {}
+        for one in actions:
+            i = known.index(one.direction)
+            at = (moved, count * number[one.on] + i) if one.direction in ALONG else (motion(one.on), i)
+            found[one.on, one.direction] = at
+        return found
+
+    def _of_model(self, action: Action | Gauge, measured: Measured) -> tuple[Indices, Array]:
         """Coordinates of the model and their weights."""
         if isinstance(action, Gauge):
-            row = sp.csr_matrix(action.row)
-            return row.indices, row.data
-        if action.direction not in self.model.directions:
-            allowed = f"{', '.join(self.model.directions)} are allowed"
-            raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
-        measured = (displacement if action.direction in ("x", "y", "z") else motion)(action.on)
-        i = self.model.directions.index(action.direction)
-        of_direction = slice(*measured.indptr[i : i + 2])
-        return measured.indices[of_direction], measured.data[of_direction]
+            rows, number = sp.csr_matrix(action.row), 0
+        else:
+            rows, number = measured[action.on, action.direction]
+        one = slice(*rows.indptr[number : number + 2])
+        return rows.indices[one], rows.data[one]
 
     def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: Moving) -> sp.csr_matrix:
         """A load's column as a row (1, n'); collective."""

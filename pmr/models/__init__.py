@@ -73,8 +73,11 @@ class StructuralModel(Protocol):
     def directions(self) -> tuple[str, ...]:
         """What a place can do: some of `DIRECTIONS`, in their order."""
 
-    def displacement(self, place: str | float) -> sp.csr_matrix:
-        """Rows that measure the mean displacement of a place: the first of `motion`, but of any place, points too."""
+    def displacement(self, *places: str | float) -> sp.csr_matrix:
+        """Rows that measure the mean displacement of places, one after the other: of each the first rows of `motion`.
+
+        Points are places here, too.
+        """
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         """Rows (len(directions), n) that measure displacement (m) and rotation (rad) of a place.

@@ -145,12 +145,17 @@ class Beam(ABC):
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         at = self.station(place)
-        rows, arm = self.motions(np.array([at])), (self.centroid(at) if about is None else about) - at * np.eye(3)[0]
-        if arm.any():
+        return self._motions_of(np.array([at]), np.array([self.centroid(at) if about is None else about]))
+
+    def _motions_of(self, at: Array, points: Array) -> sp.csr_matrix:
+        """Of points (k, 3) m that move with the sections at distances (k,) m along the axis, (k d, n)."""
+        rows, arms = self.motions(at), points - at[:, None] * np.eye(3)[0]
+        if arms.any():
             own = [DIRECTIONS.index(direction) for direction in self.directions]
-            moved = np.eye(6)
-            moved[:3, 3:] = np.cross(np.eye(3), arm).T
-            rows = sp.csr_matrix(moved[np.ix_(own, own)]) @ rows
+            moved = np.tile(np.eye(6), (len(at), 1, 1))
+            moved[:, :3, 3:] = np.cross(np.eye(3), arms[:, None]).transpose(0, 2, 1)
+            blocks = np.ascontiguousarray(moved[:, own][:, :, own])
+            rows = sp.bsr_matrix((blocks, np.arange(len(at)), np.arange(len(at) + 1))).tocsr() @ rows
         rows.data[np.abs(rows.data) < 1e-14] = 0.0
         rows.eliminate_zeros()
         return rows
@@ -273,8 +278,10 @@ class Beam(ABC):
             sums += np.array([[1.0], [at]]) * force[component] * (at > middle)
         return cellwise(mesh, sums[0]), cellwise(mesh, sums[1])
 
-    def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.motion(place)[: sum(d in "xyz" for d in self.directions)]  # rotations come last
+    def displacement(self, *places: str | float) -> sp.csr_matrix:
+        at = np.array([self.station(place) for place in places])
+        moved = self._motions_of(at, np.array([self.centroid(place) for place in at]))
+        return moved[np.flatnonzero(np.tile([d in "xyz" for d in self.directions], len(at)))]
 
     def station(self, place: str | float) -> float:
         """Distance of a place from the beam's first end in m.

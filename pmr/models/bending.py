@@ -34,10 +34,12 @@ FIRST, THIRD = (np.array([np.polyder(p, k) for p in HERMITE]) for k in (1, 3))
 class Deflection:
     """Bending in one plane, in UFL: what nodal values interpolate, the shear strain (None: rigid in shear), and both.
 
-    `cubic` and `value` are in m, `rotation` of the section in rad, `curvature`, its derivative, in 1/m.
+    `second` in 1/m and `third` in 1/m^2 are derivatives of the interpolated cubic, `value` is in m, `rotation` of the
+    section in rad, `curvature`, its derivative, in 1/m.
     """
 
-    cubic: Any
+    second: Any
+    third: Any
     shear: Any
     value: Any
     rotation: Any
@@ -66,19 +68,22 @@ class Bending:
 
     def deflection(self, w: Any, h: Any, X: Any, of_elements: Callable[[Array], Any]) -> Deflection:
         """In UFL, from the cubic w in elements of lengths h at X h, with what makes properties of sections UFL."""
+        first = w.dx(0)  # each looks through all that it is the derivative of
+        second = first.dx(0)
+        third = second.dx(0)
         if self.shear_stiffness is None:
-            return Deflection(w, None, w, w.dx(0), w.dx(0).dx(0))
+            return Deflection(second, third, None, w, first, second)
         EI, kGA = of_elements(self.stiffness), of_elements(self.shear_stiffness)
         bulge = h * (X - 3 * X**2 + 2 * X**3)
-        gamma = -(h**2) / 12 / (1 + kGA * h**2 / (12 * EI)) * w.dx(0).dx(0).dx(0)
-        rotation, curvature = w.dx(0) + gamma * (bulge.dx(0) - 1), w.dx(0).dx(0) + gamma * bulge.dx(0).dx(0)
-        return Deflection(w, gamma, w + gamma * bulge, rotation, curvature)
+        gamma, steeper = -(h**2) / 12 / (1 + kGA * h**2 / (12 * EI)) * third, bulge.dx(0)
+        rotation, curvature = first + gamma * (steeper - 1), second + gamma * steeper.dx(0)
+        return Deflection(second, third, gamma, w + gamma * bulge, rotation, curvature)
 
     def energy(self, of: Deflection, by: Deflection, of_elements: Callable[[Array], Any]) -> Any:
         """The integrand of k in UFL."""
         EI = of_elements(self.stiffness)
-        found = EI * of.cubic.dx(0).dx(0) * by.cubic.dx(0).dx(0)
-        return found if of.shear is None else found + EI * of.shear * by.cubic.dx(0).dx(0).dx(0)
+        found = EI * of.second * by.second
+        return found if of.shear is None else found + EI * of.shear * by.third
 
 
 def _at(polynomials: Array, X: Array) -> Array:

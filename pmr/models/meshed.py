@@ -41,8 +41,8 @@ class Traced(ABC):
     @abstractmethod
     def trace(self, place: str | float) -> Trace: ...
 
-    def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.trace(place).mean
+    def displacement(self, *places: str | float) -> sp.csr_matrix:
+        return sp.vstack([self.trace(place).mean for place in places], format="csr")
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         return self.trace(place).motion(about)
