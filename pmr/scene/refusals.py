@@ -18,6 +18,8 @@ Schema = dict[str, Any]
 #: What is allowed where something else than TOML's tables and lists stands, by pydantic's kind of error.
 _INSTEAD = dict.fromkeys(("model_type", "dict_type"), "a table of keys") | {"tuple_type": "a list"}
 _OF_A_KEY = "of_a_key"
+#: Keys up to which all of a table are named where another one is unknown; so many of a larger one.
+_FEW, _NAMED = 12, 8
 
 
 def of_key(key: str, value: Any, allowed: str) -> PydanticCustomError:
@@ -48,7 +50,7 @@ class Refusal:
                 location += [part for part in first["loc"][-1:] if part not in location]
                 value = None
             case "extra_forbidden":
-                allowed = _unknown(str(first["loc"][-1]), model.model_json_schema(), first["loc"][:-1])
+                allowed = _unknown(str(first["loc"][-1]), value, model.model_json_schema(), first["loc"][:-1])
             case "union_tag_invalid":
                 known = re.findall(r"'(\w+)'", about["expected_tags"])
                 location, value = [*location, "kind"], about["tag"]
@@ -82,8 +84,11 @@ def dotted(location: Location) -> str:
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(".")
 
 
-def _unknown(key: str, schema: Schema, location: Location) -> str:
-    """What is known instead of a key: the keys of its table, and what it is like among them and in all of the file."""
+def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
+    """What is known instead of a key: what it is like among keys of its table and in all of the file, and the former.
+
+    Of a table with many keys the ones that are like it are named, and the first ones.
+    """
     parts, tables = schema.get("$defs", {}), [schema]
     for part in location:
         of_kind = [table for table in tables if table["properties"].get("kind", {}).get("const") == part]
@@ -93,8 +98,23 @@ def _unknown(key: str, schema: Schema, location: Location) -> str:
     known += ["extends"] * (tables[0] is schema)
     paths = _paths(schema) | {name: name for name in known}
     near = [*get_close_matches(key, known, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.8)]
-    meant = "".join(f"did you mean {paths[name]!r}? " for name in [*near, *get_close_matches(key, known)][:1])
-    return f"unknown key; {meant}allowed: {', '.join(known)}"
+    holds = isinstance(value, (Mapping, list))
+    inner = [(name, of["properties"][key]) for name, of in _inner(tables, parts) if key in of["properties"]]
+    below = {f"{name}.{key}" for name, node in inner if holds == any(_tables(node, parts))}
+    only = below if len(below) == 1 else ()  # many tables have a kind
+    guesses = [*(paths[name] for name in near), *only, *get_close_matches(key, known)]
+    meant = f"did you mean {guesses[0]!r}? " if guesses else ""
+    if len(known) <= _FEW:
+        return f"unknown key; {meant}allowed: {', '.join(known)}"
+    named = [*dict.fromkeys([*get_close_matches(key, known), *known])][:_NAMED]
+    return f"unknown key; {meant}allowed: {', '.join(named)} and {len(known) - len(named)} more"
+
+
+def _inner(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[str, Schema]]:
+    """Tables that may stand in some tables, by their names there."""
+    for table in tables:
+        for name, node in table["properties"].items():
+            yield from ((name, of) for of in _tables(node, parts))
 
 
 def _paths(schema: Schema) -> dict[str, str]:
