@@ -85,9 +85,9 @@ def dotted(location: Location) -> str:
 
 
 def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
-    """What is known instead of a key: what it is like among keys of its table and in all of the file, and the former.
+    """What may be meant instead of a key, and which keys its table has: of a large one those like it, and the first.
 
-    Of a table with many keys the ones that are like it are named, and the first ones.
+    A key may be meant that it is like, in its table or in all of the file; or, of a table, the same key further down.
     """
     parts, tables = schema.get("$defs", {}), [schema]
     for part in location:
@@ -99,9 +99,8 @@ def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
     paths = _paths(schema) | {name: name for name in known}
     near = [*get_close_matches(key, known, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.8)]
     holds = isinstance(value, (Mapping, list))
-    inner = [(name, of["properties"][key]) for name, of in _inner(tables, parts) if key in of["properties"]]
-    below = {f"{name}.{key}" for name, node in inner if holds == any(_tables(node, parts))}
-    only = below if len(below) == 1 else ()  # many tables have a kind
+    below = {f"{name}.{key}" for name, of in _inner(tables, parts) if any(_tables(of["properties"].get(key), parts))}
+    only = below if holds and len(below) == 1 else ()
     guesses = [*(paths[name] for name in near), *only, *get_close_matches(key, known)]
     meant = f"did you mean {guesses[0]!r}? " if guesses else ""
     if len(known) <= _FEW:
