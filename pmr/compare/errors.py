@@ -36,6 +36,8 @@ ORDER = ("reduced", "full", "ancf")
 #: Components whose reference RMS does not exceed this share of the largest one are left out of e_NRMS: a direction in
 #: which nothing happens holds round-off only.
 RELATIVE_FLOOR = 1e-6
+#: Where a component's squares are above those of this, those of all that count are exact.
+LEAST = 1e-130
 #: Share of a displacement or a force that cancels which may be left as round-off: tens of thousands of steps of double
 #: precision. Kernels of BLAS leave up to 1.6e-12 of a displacement.
 ROUND_OFF = 1e-11
@@ -56,21 +58,28 @@ def nrms(signal: Array, reference: Array) -> float:
 def relative_error(signal: Array, reference: Array) -> float:
     """What e_NRMS is the smaller one of, beside 1: so an error that grows differs from one that is large.
 
-    Of any size: the reference's largest value is the unit in which both are squared.  Where the reference is zero
-    throughout: 0 if the signal is too, 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value
-    is not finite.
+    Of any size: where squares would leave the range of numbers, the reference's largest value is the unit of both.
+    Where the reference is zero throughout: 0 if the signal is too, 1 otherwise.  Raises ValueError if the shapes
+    differ; SimulationError if a value is not finite.
     """
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
-    unit = float(largest(reference, None))
-    refuse_infinite(np.array([unit, largest(signal, None)]))
-    if unit == 0.0:
-        return float(np.any(signal))
-    with np.errstate(over="ignore"):  # infinitely far off is possible
-        of_unit = reference / unit, (signal - reference) / unit
-        scale, error = (np.sqrt(np.einsum("t...,t...->...", x, x)) for x in of_unit)
+    with np.errstate(over="ignore", invalid="ignore"):  # infinitely far off is possible
+        difference = signal - reference
+        scale, error = _lengths(reference), _lengths(difference)
+        if not (np.isfinite(error).all() and LEAST < np.max(scale, initial=0.0) < np.inf):
+            unit = float(largest(reference, None))
+            refuse_infinite(np.array([unit, largest(signal, None)]))
+            if unit == 0.0:
+                return float(np.any(signal))
+            scale, error = _lengths(reference / unit), _lengths(difference / unit)
     counted = scale > RELATIVE_FLOOR * float(scale.max())
     return float(np.mean(error[counted] / scale[counted]))
+
+
+def _lengths(values: Array) -> Any:
+    """Of each component over all steps."""
+    return np.sqrt(np.einsum("t...,t...->...", values, values))
 
 
 def absolute_error(signal: Array, reference: Array) -> float:

@@ -142,7 +142,10 @@ def observe(
             x, f = march.x[steps, system.sides_of(name)], march.f[steps, form.inputs[k] : form.inputs[k + 1]]
             turned = None if moments is None else system.pressed(name, moments)
             deformed = deformation(system, name, x, system.pressed(name, pressed), f, which, turned)
-            y[at, column : column + sizes[name]] = z @ form.forms[name].body.outputs[which].T + deformed
+            own = slice(column, column + sizes[name])
+            y[at, own] = z @ form.forms[name].body.outputs[which].T
+            if deformed is not None:
+                y[at, own] += deformed
             column += sizes[name]
         evaluated += perf_counter() - begun
 
@@ -185,7 +188,9 @@ def displacements(
         turned = None if trajectory.moments is None else system.pressed(name, trajectory.moments)
         loads = trajectory.loads[:, first:last]
         deformed = deformation(system, name, motion.s, motion.multipliers, loads, chosen, turned)
-        found[name], first = np.asarray((body.outputs[chosen] @ motion.q.T).T) + deformed, last
+        O = body.outputs[chosen]
+        moved = np.asarray((O @ motion.q.T).T) if sp.issparse(O) else motion.q @ O.T
+        found[name], first = moved if deformed is None else moved + deformed, last
     return found
 
 
@@ -206,8 +211,8 @@ def deformation(
     loads: Array,
     chosen: Indices | slice = slice(None),
     moments: Array | None = None,
-) -> Array | float:
-    """W f - X lambda of the chosen outputs (T, o) of a body, under the loads (T, i) N on it; 0 where it has no such.
+) -> Array | None:
+    """W f - X lambda of the chosen outputs (T, o) of a body, under the loads (T, i) N on it; None where it has no such.
 
     With the places x (T, sides) m of its sides, their multipliers (T, sides) N, and the `moments` (T, sides) N m of
     their friction (`pmr.system.friction`), which do X' times as much.
@@ -216,14 +221,14 @@ def deformation(
     own = [side.place for side in system.sides if side.place.body == name]
     if system.on_one_path:  # all rows stand where one of them moves
         if body.flexibility is None:
-            return 0.0
+            return None
         rows, moving = [body.row_names.index(one.row) for one in own], [one.path is not None for one in own]
         X = select_rows(columns(body.flexibility.outputs, rows), chosen)
         s = x[:, moving.index(True)] if any(moving) else np.full(len(x), body.domain[0])
         return np.asarray(loads @ body.flexibility.direct[chosen].T - applied(X, s, multipliers))
     known = None if body.carriers is None else body.carriers.flexibility
     if known is None:
-        return 0.0
+        return None
     found, X = np.asarray(loads @ known.direct[chosen].T), known.outputs.T[:, chosen]
     if not X.shape[1]:
         return found
