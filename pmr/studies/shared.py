@@ -21,7 +21,6 @@ from pmr.results import Response
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
 from pmr.scene.names import ALONE
 from pmr.scene.signals import Constant
-from pmr.studies.booms import full_of
 from pmr.studies.engine.task import Task, TaskFunction, TaskResult
 
 if TYPE_CHECKING:
@@ -67,6 +66,8 @@ def body_of(scene: Scene) -> FullBody:
 
 def full_system(scene: Scene) -> System:
     """All full models of a scene as one system in one piece."""
+    from pmr.studies.booms import full_of
+
     return full_of(scene, bodies_of(scene))
 
 
