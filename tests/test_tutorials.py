@@ -20,8 +20,10 @@ def blocks(page: str, language: str = "") -> list[str]:
     return [text for name, text in fences if name == language]
 
 
+#: For studies: a worker takes seconds to start.
+ONE_WORKER = ["--jobs", "1"]
 #: Runs of which the page shows no figure need not last.
-SHORT = {"reports/heavy": ["--set", "time.end=0.1"], "payloads.toml": ["--set", "change.time.end=0.1"]}
+SHORT = {"reports/heavy": ["--set", "time.end=0.1"], "payloads.toml": ["--set", "change.time.end=0.1", *ONE_WORKER]}
 #: Runs of which the page doesn't say what their mesh and model are off by.
 NOT_MEASURED = re.compile("reports/(heavy|both_ways|second_order|fields)")
 
@@ -122,8 +124,10 @@ def test_a_load_chart_from_an_empty_folder(
     page, (study,) = (PAGES / "load_chart.md").read_text(), blocks("load_chart.md", "toml")
     (tmp_path / "chart.toml").write_text(study)
     monkeypatch.chdir(tmp_path)
-    for command in blocks("load_chart.md"):
-        done = called(monkeypatch, capsys, *shlex.split(command)[1:])
+    for block in blocks("load_chart.md"):
+        command = shlex.split(block)
+        command += [] if command[1] == "new" else ONE_WORKER
+        done = called(monkeypatch, capsys, *command[1:])
         assert done.returncode == 0, done.stderr
     stable, found = (
         json.loads((tmp_path / "reports" / name / "summary.json").read_text()) for name in ("chart_mine", "chart")

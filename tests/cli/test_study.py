@@ -148,7 +148,7 @@ def test_killed_and_started_again_it_makes_the_same_table(
 
 @pytest.mark.slow
 def test_interrupted_by_the_keyboard_it_says_how_to_go_on(small: Path, tmp_path: Path) -> None:
-    command = [sys.executable, HELD, "1", "study", str(small), "--out", str(tmp_path)]
+    command = [sys.executable, HELD, "1", "study", str(small), "--out", str(tmp_path), "--jobs", "1"]
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs inherit a deaf ear
     child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     wait_until(lambda: list(tmp_path.glob("tasks/*.npz")), child)
