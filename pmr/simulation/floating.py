@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +100,27 @@ class Boom:
         """Number of coordinates n."""
         return int(self.rotating.shape[1])
 
-    @property
+    @cached_property
+    def masses(self) -> Array:
+        """Of the S sections, (S,) kg."""
+        return np.array([one.mass for one in self.sections])
+
+    @cached_property
+    def first(self) -> Array:
+        """Their first moments, (S, 3) kg m, each from its tail."""
+        return np.array([one.first for one in self.sections])
+
+    @cached_property
+    def inertia(self) -> Array:
+        """The sum of their inertia, (3, 3) kg m^2, each about its tail."""
+        return np.sum([one.inertia for one in self.sections], axis=0)
+
+    @cached_property
+    def loads(self) -> Array:
+        """(S, 6, i): forces and moments about their tails of all inputs."""
+        return np.array([one.loads for one in self.sections])
+
+    @cached_property
     def mass(self) -> float:
         """Of the whole, kg."""
         return float(sum(one.mass for one in self.sections))
@@ -114,11 +135,9 @@ class State:
         self.of, self.omega, self.weight, self.extended, self.q, self.rate = (
             of, motion.omega, motion.weight, extended, q, rate,
         )  # fmt: skip
-        sections, e = of.sections, _E[0]
-        S, P = len(sections), len(extended.value)
+        e, S, P = _E[0], len(of.sections), len(extended.value)
         self.X, self.X_rate, self.X_second = (np.cumsum(one[:S]) for one in vars(extended).values())
-        # an extension moves all sections from its own on: (section, path)
-        self.beyond = np.hstack([np.tril(np.ones((S, S))), np.zeros((S, P - S))])
+        self.beyond = _beyond(S, P)
         self.d = of.place + np.outer(self.X, e)
         beta = of.moments if moments is None else moments
         beta_rate = beta.slope @ extended.rate
@@ -139,9 +158,8 @@ class State:
             self.mu_second[at] += f * (rate @ one.G @ rate) + 2.0 * f1 * (rate @ Gq) + known * (q @ Gq) / 2.0
             if one.cylinder is not None:
                 self.lean[*at, one.cylinder] += (q @ Gq) / 2.0 / extended.value[one.cylinder] ** 2
-        masses, first = np.array([one.mass for one in sections]), np.array([one.first for one in sections])
-        self.masses = masses
-        self.own = masses[:, None] * self.d + first + self.mu[:, 0]  # of each section about O
+        self.masses = masses = of.masses
+        self.own = masses[:, None] * self.d + of.first + self.mu[:, 0]  # of each section about O
         self.s, self.s_rate = self.own.sum(axis=0), (masses * self.X_rate).sum() * e + self.mu_rate[:, 0].sum(axis=0)
         self.tq, self.tv = of.rotating @ q, of.rotating @ rate  # (3, n)
         self.h = self._turned(self.X_rate, self.mu_rate) + self.tq @ rate
@@ -154,20 +172,15 @@ class State:
 
     def _inertia(self) -> tuple[Array, Array]:
         """Theta (3, 3) about O, and its rate in the boom's axes."""
-        found, rate, e = np.zeros((3, 3)), np.zeros((3, 3)), _E[0]
-        W, W_rate = np.zeros((3, 3)), np.zeros((3, 3))
-        for k, section in enumerate(self.of.sections):
-            d, S, m, v = self.d[k], section.first, section.mass, self.X_rate[k] * e
-            found += _steiner(m * np.outer(d, d) + np.outer(d, S) + np.outer(S, d)) + section.inertia
-            rate += _steiner(m * (np.outer(d, v) + np.outer(v, d)) + np.outer(v, S) + np.outer(S, v))
-            W += np.outer(d, self.mu[k, 0]) + self.mu[k, 1:]
-            W_rate += np.outer(v, self.mu[k, 0]) + np.outer(d, self.mu_rate[k, 0]) + self.mu_rate[k, 1:]
-        N = self.of.carried
-        self.Nq = N @ self.q
-        Q, Q_rate = self.Nq @ self.q, self.Nq @ self.rate
-        found += _steiner(W + W.T + (Q + Q.T) / 2.0)
-        rate += _steiner(W_rate + W_rate.T + Q_rate + Q_rate.T)
-        return found, rate
+        of, d, mu, mu_rate = self.of, self.d, self.mu, self.mu_rate
+        rigid, along = of.masses[:, None] * d, np.zeros((3, 3))  # sums over sections of d S^T, v S^T and the like
+        A = d.T @ (rigid / 2.0 + of.first + mu[:, 0]) + mu[:, 1:].sum(axis=0)
+        along[0] = self.X_rate @ (rigid + of.first + mu[:, 0])
+        A_rate = along + d.T @ mu_rate[:, 0] + mu_rate[:, 1:].sum(axis=0)
+        self.Nq = of.carried @ self.q
+        A += self.Nq @ self.q / 2.0
+        A_rate += self.Nq @ self.rate
+        return _steiner(A + A.T) + of.inertia, _steiner(A_rate + A_rate.T)
 
     def momentum(self, v: Array) -> Array:
         """Linear and angular momentum about O (6,), with O at v (3,) m/s in the boom's axes."""
@@ -183,17 +196,19 @@ class State:
         found[3:6, 3:6] = self.inertia
         J = self.J
         found[:3, 6 : 6 + n] = J[:, 0].sum(axis=0)
-        turned = np.einsum("kab,sa,sbn->kn", CROSS, self.d, J[:, 0]) + np.einsum("klj,sljn->kn", CROSS, J[:, 1:])
-        found[3:6, 6 : 6 + n] = turned + self.tq
+        found[3:6, 6 : 6 + n] = self._over(J) + self.tq
         # beside what it moves, a path changes what coordinates and leaning cylinders move
         found[:3, 6 + n :] = np.outer(e, self.masses @ beyond) + lean[:, 0].sum(axis=0)
         found[3:6, 6 + n :] = crossing(e).T @ self.own.T @ beyond
-        found[3:6, 6 + n :] += np.einsum("kab,sa,sbe->ke", CROSS, self.d, lean[:, 0])
-        found[3:6, 6 + n :] += np.einsum("klj,slje->ke", CROSS, lean[:, 1:])
+        found[3:6, 6 + n :] += self._over(lean)
         found[6 : 6 + n, 6 + n :] = np.einsum("sn,se->ne", J[:, 0, 0], beyond)
         both = beyond.T @ lean[:, 0, 0]
         found[6 + n :, 6 + n :] = beyond.T @ (self.masses[:, None] * beyond) + both + both.T
         return np.asarray(np.triu(found) + np.triu(found, 1).T)
+
+    def _over(self, J: Array) -> Array:
+        """Int rho rho x u (3, .) out of moments (S, 4, 3, .) of u."""
+        return _turning(np.tensordot(self.d, J[:, 0], (0, 0)) + J[:, 1:].sum(axis=0))
 
     def forces(self) -> Array:
         """At a = alpha = q'' = s'' = 0, with the weight, (6 + n + P,)."""
@@ -209,7 +224,7 @@ class State:
         own = np.einsum("slj,sljn->n", y, self.J) + 2.0 * omega @ self.tv
         squared = np.outer(omega, omega) - (omega @ omega) * np.eye(3)
         own += np.einsum("jk,jkn->n", squared, (self.Nq + self.Nq.transpose(1, 0, 2)) / 2.0)
-        each = self.masses[:, None] * y[:, 0] + np.array([one.first for one in self.of.sections]) @ A.T
+        each = self.masses[:, None] * y[:, 0] + self.of.first @ A.T
         each = each + self.mu_second[:, 0] + 2.0 * self.mu_rate[:, 0] @ spin.T + self.mu[:, 0] @ A.T
         path = self.beyond.T @ each[:, 0] + np.einsum("slj,slje->e", y, self.lean)
         return np.concatenate([linear, turned, own, path])
@@ -220,8 +235,16 @@ def _steiner(A: Array) -> Array:
     return np.asarray(np.trace(A) * np.eye(3) - A)
 
 
+@lru_cache(maxsize=8)
+def _beyond(sections: int, paths: int) -> Array:
+    """1 for sections that an extension moves, all from its own on, (section, path)."""
+    found = np.hstack([np.tril(np.ones((sections, sections))), np.zeros((sections, paths - sections))])
+    found.flags.writeable = False
+    return found
+
+
 def _turning(A: Array) -> Array:
-    """Sum of r x u (3,) out of first moments sum r_l u_j (3, 3)."""
+    """Sum of r x u (3, .) out of first moments sum r_l u_j (3, 3, .)."""
     return np.array([A[1, 2] - A[2, 1], A[2, 0] - A[0, 2], A[0, 1] - A[1, 0]])
 
 

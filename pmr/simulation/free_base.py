@@ -137,12 +137,11 @@ class FreeBase:
 
     def loads(self, f: Array, extended: Extended) -> Array:
         """Force and moment about O (6,) of loads f (i,) at the undeformed boom, inertia left out."""
-        found = np.zeros(6)
-        for section, X in zip(self.boom.sections, np.cumsum(extended.value), strict=False):
-            own = section.loads @ f
-            own[3:] += np.cross(self.boom.place + X * np.eye(3)[0], own[:3])
-            found += own
-        return found
+        own = self.boom.loads @ f
+        x, y, z = np.outer(np.eye(3)[0], np.cumsum(extended.value)[: self._count]) + self.boom.place[:, None]
+        force = own[:, :3].T
+        moments = (y @ force[2] - z @ force[1], z @ force[0] - x @ force[2], x @ force[1] - y @ force[0])
+        return np.asarray(own.sum(axis=0) + np.concatenate([np.zeros(3), moments]))
 
     def pulls(self, f: Array) -> Array:
         """Forces (P,) of loads f (i,) along the paths: on a section and all beyond it."""
