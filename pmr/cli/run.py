@@ -116,7 +116,7 @@ def run(
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
         ensure_writable(where, RESULT_FILES)
     outcomes = []
-    with environment.kept():
+    with environment.uncollected(keep=True):
         import numpy as np
 
         import pmr.compare.judged  # noqa: F401 (what the other process needs too, and does without MPI)
@@ -127,7 +127,7 @@ def run(
         for system in dict.fromkeys(ahead.system_like(scene) for *_, scene in loaded):
             aside.ask(ahead.compile_for, system)
         report = Beside(aside)
-        with environment.kept():
+        with environment.uncollected(keep=True):
             from pmr.errors.environment import Clock
             from pmr.files.users import users_folder
             from pmr.pipeline import run as run_scene

@@ -107,23 +107,20 @@ def collected_seldom() -> None:
 
 
 @contextmanager
-def uncollected() -> Iterator[None]:
-    """Don't look for garbage that holds itself: a tenth of the time where many objects are made, most of which stay."""
+def uncollected(keep: bool = False) -> Iterator[None]:
+    """Don't look for garbage that holds itself: a tenth of the time where many objects are made, most of which stay.
+
+    What was made within is kept for good if asked: modules that are loaded, or what a process makes last.
+    """
     looked = gc.isenabled()
     gc.disable()
     try:
         yield
+        if keep:
+            gc.freeze()
     finally:
         if looked:
             gc.enable()
-
-
-@contextmanager
-def kept() -> Iterator[None]:
-    """The same, and what was made within is kept for good: modules that are loaded, or what a process makes last."""
-    with uncollected():
-        yield
-        gc.freeze()
 
 
 def available_memory() -> int | None:

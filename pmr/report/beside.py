@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pmr.errors.aside import Aside
-from pmr.errors.environment import kept
+from pmr.errors.environment import uncollected
 from pmr.report import paper
 from pmr.report.blocks import Figures, ReportFiles
 from pmr.results import RunResult
@@ -41,7 +41,7 @@ class Beside:
         return write_report(results, folder)
 
 
-@kept()
+@uncollected(keep=True)
 def _load() -> None:
     """Each takes its time to load."""
     from pmr.report.document import templates
@@ -51,14 +51,14 @@ def _load() -> None:
         templates().get_template(name)
 
 
-@kept()
+@uncollected(keep=True)
 def _draw(result: RunResult) -> None:
     from pmr.report.document import drawn
 
     _drawn.append((result, drawn(result, len(_drawn) + 1)))
 
 
-@kept()
+@uncollected(keep=True)
 def _write(folder: Path, summaries: Sequence[dict[str, Any]]) -> None:
     from pmr.report.document import write_report
 
