@@ -205,13 +205,11 @@ class Bodies:
         with self.clock.stage("other mesh"):
             try:
                 other = order.on_other_mesh(choice, scene)
-                own = order.compared(choice, scene, models, self.aside)
+                beside = order.BesideOtherMesh.begin(choice, scene, models, self.aside)
                 on_other = self._on_other(other.scene)
             except (InputError, ConvergenceError) as error:  # too coarse to be reduced: no reason not to run
                 return replace(choice, mesh_reason=error.allowed if isinstance(error, InputError) else str(error))
-            found: order.Choice = self._comm.bcast(
-                on_first(self._comm, lambda: order.with_mesh(choice, scene, models, own, on_other, other, self.aside))
-            )
+            found: order.Choice = self._comm.bcast(on_first(self._comm, lambda: beside.with_mesh(other, on_other)))
         return found
 
     def _on_other(self, scene: Scene) -> dict[str, Any]:

@@ -48,7 +48,7 @@ class Choice:
     scene: Scene  # with the step and, of a body alone, the coordinates that were chosen
     models: Mapping[str, ReducedModel]  # by body, `ALONE` or sections, these without the modes of their cylinders
     found: Found
-    mesh: Mapping[str, float] | None = None  # by kind what the mesh is off by, a fraction (`with_mesh`)
+    mesh: Mapping[str, float] | None = None  # by kind what the mesh is off by, a fraction (`BesideOtherMesh`)
     mesh_reason: str | None = "the scene leaves it out"  # why that isn't known
 
     @property
@@ -159,37 +159,39 @@ def on_other_mesh(choice: Choice, asked: Scene) -> mesh.OtherMesh:
     return replace(found, scene=scene)
 
 
-def compared(choice: Choice, asked: Scene, models: Mapping[str, ReducedModel], aside: Aside) -> Family:
-    """Models of the scene `asked` on its own mesh: the process `aside` begins with what moves on the other one too."""
-    steps = comparable(choice.found.steps, 1)
-    family = family_of(_with_step(asked, steps), models, aside)
-    family.begin(choice.found.member, steps, steps)
-    return family
+@dataclass(frozen=True)
+class BesideOtherMesh:
+    """What `choose` found for the scene `asked` of its `models`, which move as `own` beside those on another mesh."""
 
+    choice: Choice
+    asked: Scene
+    models: Mapping[str, ReducedModel]
+    own: Family
+    aside: Aside
 
-def with_mesh(
-    choice: Choice,
-    asked: Scene,
-    models: Mapping[str, ReducedModel],
-    own: Family,
-    on_other: Mapping[str, ReducedModel],
-    other: mesh.OtherMesh,
-    aside: Aside,
-) -> Choice:
-    """What `choose` found for the scene `asked`, with the part of its mesh, from what is `compared`.
+    @classmethod
+    def begin(cls, choice: Choice, asked: Scene, models: Mapping[str, ReducedModel], aside: Aside) -> BesideOtherMesh:
+        """The process `aside` begins with what moves on the scene's own mesh."""
+        steps = comparable(choice.found.steps, 1)
+        own = family_of(_with_step(asked, steps), models, aside)
+        own.begin(choice.found.member, steps, steps)
+        return cls(choice, asked, models, own, aside)
 
-    That are its `own` models and those `on_other_mesh`.  Where the mesh leaves some of the tolerance, the rest is
-    searched with that much.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
-    """
-    found, wanted = choice.found, _asked(asked)
-    steps = comparable(found.steps, 1)
-    theirs = family_of(_with_step(asked, steps), on_other)
-    part = mesh.part_of(own, theirs, found.member, steps, other.share, wanted.outputs)
-    choice, accuracy = replace(choice, mesh=part, mesh_reason=None), choice.scene.accuracy
-    allowed = 0.0 if accuracy is None else accuracy.tolerance
-    if choice.found.holds and not choice.holds and max(part.values()) <= MOST_OF_MESH * allowed:
-        return replace(choose(asked, models, aside, part), mesh=part, mesh_reason=None)
-    return choice
+    def with_mesh(self, other: mesh.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Choice:
+        """The choice with the part of the mesh, from models `on_other_mesh`.
+
+        Where the mesh leaves some of the tolerance, the rest is searched with that much.  Raises InputError or
+        SimulationError as for `pmr.simulation.Simulator`.
+        """
+        found, wanted = self.choice.found, _asked(self.asked)
+        steps = comparable(found.steps, 1)
+        theirs = family_of(_with_step(self.asked, steps), on_other)
+        part = mesh.part_of(self.own, theirs, found.member, steps, other.share, wanted.outputs)
+        choice, accuracy = replace(self.choice, mesh=part, mesh_reason=None), self.choice.scene.accuracy
+        allowed = 0.0 if accuracy is None else accuracy.tolerance
+        if found.holds and not choice.holds and max(part.values()) <= MOST_OF_MESH * allowed:
+            return replace(choose(self.asked, self.models, self.aside, part), mesh=part, mesh_reason=None)
+        return choice
 
 
 def summary(choice: Choice) -> dict[str, Any]:
