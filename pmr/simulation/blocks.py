@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,9 @@ class Recorder:
             return
         # Numbers in a row are taken as they stand, in a fifth of the time.
         some = block.at(slice(None) if high - low == block.count else self._steps[low:high] - block.first)
+        if high - low == len(self._steps):
+            self._found = some.mapped(_own)
+            return
         if self._found is None:
             self._found = some.mapped(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
         for kept, array in zip(self._found.arrays, some.arrays, strict=True):
@@ -63,6 +67,11 @@ class Recorder:
         """The recorded steps."""
         assert self._found is not None  # as every simulation has a block
         return replace(self._found, seconds=ended.seconds, surplus=ended.surplus)
+
+
+def _own(array: NDArray[Any]) -> NDArray[Any]:
+    """The array, or a copy where it is a view of what others may still write to."""
+    return np.ascontiguousarray(array) if array.flags.owndata else array.copy()
 
 
 def in_blocks(

@@ -47,7 +47,9 @@ def motion(system: System, excitation: Excitation) -> Motion:
     """
     form = SystemForm.of(system)
     run = run_from_start(form, excitation)
-    moved = np.hstack(list(systems.displacements(system, run).values()))[:, _lengths(system)]
+    lengths, each = _lengths(system), list(systems.displacements(system, run).values())
+    moved = each[0] if len(each) == 1 else np.hstack(each)
+    moved = moved if lengths.all() else moved[:, lengths]  # copies take as long as the steps
 
     def strained() -> Array:
         return np.asarray(np.sum([_strain(one, run.bodies[name]) for name, one in form.forms.items()], 0))
