@@ -7,9 +7,10 @@ compared is the reduction, not how each lands.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -66,8 +67,20 @@ class Member:
         return sum(self.sizes) + self.beside
 
 
-#: Of a motion: member, steps, at how many equal intervals, rho_inf.
-_Key = tuple[Member, int, int, float]
+#: Of a motion: steps, at how many equal intervals, rho_inf.
+_Key = tuple[int, int, float]
+
+
+@dataclass
+class _Known:
+    """What is known of a member, or has been begun."""
+
+    form: SystemForm | None = None
+    motions: dict[_Key, Outputs] = field(default_factory=dict)
+    begun: dict[_Key, Callable[[], tuple[bool, Any]]] = field(default_factory=dict)  # motions that another process has
+    # by the number of steps: what a run says of its step, None where it can't, and estimates, which may be on their way
+    step_errors: dict[int, StepError | None] = field(default_factory=dict)
+    estimates: dict[int, Callable[[], Estimate]] = field(default_factory=dict)
 
 
 class Family:
@@ -98,11 +111,8 @@ class Family:
         self._more = [count - min(rigid) for count in rigid]
         self._given = excitation.stepping.rho_inf
         self._rho = reference_rho(self._given_system, self._given)
-        self._motions: dict[_Key, Outputs] = {}
-        self._begun: dict[_Key, Callable[[], tuple[bool, Any]]] = {}
-        self._steps: dict[tuple[Member, int], StepError | None] = {}
-        self._estimates: dict[tuple[Member, int], Callable[[], Estimate]] = {}
-        self._forms, self._schedules = dict[Member, SystemForm](), dict[int, tuple[int, ...]]()
+        self._of = defaultdict[Member, _Known](_Known)
+        self._schedules = dict[int, tuple[int, ...]]()
         self._last: tuple[tuple[Member, int], SystemTrajectory] | None = None
         #: Whether any contact only pushes.
         self.pushing = not np.isnan(self._given_system.clearance).all()
@@ -142,9 +152,10 @@ class Family:
 
     def begin(self, member: Member, steps: int, times: int) -> None:
         """Begin with what `motion` says of the same."""
-        key = member, steps, times, self._rho
-        if key not in self._motions and key not in self._begun:
-            self._begun[key] = self._aside.ask(_moved, self._models, self._join, self.excitation, self.rates, key)
+        known, key = self._of[member], (steps, times, self._rho)
+        if key not in known.motions and key not in known.begun:
+            given = self._models, self._join, self.excitation, self.rates
+            known.begun[key] = self._aside.ask(_moved, *given, member, key)
 
     def motion(self, member: Member, steps: int, times: int) -> Outputs:
         """Of one member with so many steps, at `times` equal intervals, a whole number of steps each.
@@ -158,40 +169,42 @@ class Family:
         return self._motion(member, steps, times, self._given)
 
     def _motion(self, member: Member, steps: int, times: int, rho_inf: float) -> Outputs:
-        key = member, steps, times, rho_inf
-        if key in self._begun:
-            well, found = self._begun.pop(key)()
-            self._motions |= {key: found} if well else {}
-        if key not in self._motions:
+        known, key = self._of[member], (steps, times, rho_inf)
+        if key in known.begun:
+            well, found = known.begun.pop(key)()
+            known.motions |= {key: found} if well else {}
+        if key not in known.motions:
             excitation = self._in_parts(self.with_steps(steps, rho_inf))
-            self._motions[key] = at_intervals(self._form(member), excitation, steps // times, self.rates)
-        return self._motions[key]
+            known.motions[key] = at_intervals(self._form(member), excitation, steps // times, self.rates)
+        return known.motions[key]
 
     def begin_estimate(self, member: Member, steps: int) -> None:
         """Begin with what `estimate` says of the same."""
-        if (member, steps) not in self._estimates:
+        known = self._of[member].estimates
+        if steps not in known:
             with suppress(SimulationError):
                 run = self._chosen_parts(member, steps)
                 of = self.models(member), self.system(member), self.with_steps(steps), run
-                self._estimates[member, steps] = self._aside.done(estimate, *of)
+                known[steps] = self._aside.done(estimate, *of)
 
     def estimate(self, member: Member, steps: int) -> Estimate | None:
         """What a run of this member with so many steps estimates of itself; None where it can't, as after impacts."""
         self.begin_estimate(member, steps)
+        known = self._of[member].estimates
         with suppress(SimulationError):
-            if (member, steps) in self._estimates:
-                return self._estimates[member, steps]()
+            return known[steps]() if steps in known else None
         return None
 
     def step_error(self, member: Member, steps: int) -> StepError | None:
         """What the same run says of its step; None where it can't."""
-        if (member, steps) not in self._steps:
-            self._steps[member, steps] = None
+        known = self._of[member].step_errors
+        if steps not in known:
+            known[steps] = None
             with suppress(SimulationError):
                 system, excitation = self.system(member), self.with_steps(steps)
                 run = self._chosen_parts(member, steps) if recorded(system, excitation.stepping) else None
-                self._steps[member, steps] = step_error(system, excitation, run)
-        return self._steps[member, steps]
+                known[steps] = step_error(system, excitation, run)
+        return known[steps]
 
     def _chosen_parts(self, member: Member, steps: int) -> SystemTrajectory:
         """A run that chooses the parts of its steps, the last of which is kept."""
@@ -269,15 +282,16 @@ class Family:
         return self._form(member).system
 
     def _form(self, member: Member) -> SystemForm:
-        if member not in self._forms:
+        known = self._of[member]
+        if known.form is None:
             models = self.models(member)
             if member.attached:
                 bodies = {name: with_attachment_modes(model, self._loads[name]) for name, model in models.items()}
                 system = self._given_system.with_bodies(bodies)
             else:
                 system = self._join(models)
-            self._forms[member] = SystemForm.of(system)
-        return self._forms[member]
+            known.form = SystemForm.of(system)
+        return known.form
 
     def _in_parts(self, excitation: Excitation) -> Excitation:
         if not self.pushing:
@@ -289,9 +303,11 @@ class Family:
         return excitation.with_stepping(replace(excitation.stepping, schedule=self._schedules[steps]))
 
 
-def _moved(models: Models, join: Callable[[Models], System], excitation: Excitation, rates: bool, key: _Key) -> Outputs:
+def _moved(
+    models: Models, join: Callable[[Models], System], excitation: Excitation, rates: bool, member: Member, key: _Key
+) -> Outputs:
     """A motion of such a family."""
-    return Family(models, join, excitation, rates)._motion(*key)
+    return Family(models, join, excitation, rates)._motion(member, *key)
 
 
 def _rigid(model: ReducedModel) -> int:
