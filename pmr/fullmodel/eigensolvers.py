@@ -45,7 +45,7 @@ def is_dense(model: FullModel, choice: str) -> bool:
 
 
 class DenseEigenSolver:
-    """By LAPACK on rank 0: the reproducible path, O(n^3)."""
+    """All modes by LAPACK on rank 0: the reproducible path, O(n^3)."""
 
     def __init__(self, model: FullModel) -> None:
         self._model = model
@@ -62,8 +62,7 @@ class DenseEigenSolver:
         if self._M is not None and self._K is not None:
             springs = (C[soft].T @ sp.diags(1.0 / compliance[soft]) @ C[soft]).toarray() if len(soft) else 0.0
             M, K = elimination.projected(self._M), elimination.projected(self._K + springs)
-            wanted = min(count + 1, len(M))  # one more tells whether the last one belongs to a cluster
-            mu, z = scipy.linalg.eigh(M, K + self._sigma * M, subset_by_index=(len(M) - wanted, len(M) - 1))
+            mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
             all_omega2 = 1.0 / mu[::-1] - self._sigma
             omega2, phi = all_omega2[:count], elimination.matrix() @ z[:, ::-1][:, :count]
             cut = len(all_omega2) > count and clustered(all_omega2[count - 1], all_omega2[count])
