@@ -40,9 +40,8 @@ def test_the_reference_boom_has_the_shells_frequencies_and_deflections() -> None
 
 @pytest.mark.slow
 def test_walls_of_both_sections_of_a_joint_give_way() -> None:
-    """Pressed on are shells of the same cells as those beside them; far out, where pads press most."""
-    short = ["section.joint.extension={kind='smooth_ramp',times=[1.0,5.0,9.0],values=[3.4,4.2,3.4]}"]
-    short += ["section.mesh.size=0.16", "section.mesh.along=0.3", "time.step=5e-3", "section.reduction.estimate=false"]
+    """Pressed on are shells of the same cells as those beside them."""
+    short = ["section.mesh.size=0.16", "section.mesh.along=0.3", "time.step=5e-3", "section.reduction.estimate=false"]
     most = {}
     for name, body in (("beam", "{model='beam3d'}"), ("gives", "{model='beam3d',walls='give'}"), ("shell", "{}")):
         scene = pmr.load_scene(WORKFLOWS / "boom_three_shell.toml", [*ALONE, *short, f"section.body={body}"])
