@@ -36,7 +36,7 @@ ORDER = ("reduced", "full", "ancf")
 #: Components whose reference RMS does not exceed this share of the largest one are left out of e_NRMS: a direction in
 #: which nothing happens holds round-off only.
 RELATIVE_FLOOR = 1e-6
-#: Where a component's squares are above those of this, those of all that count are exact.
+#: Size of a reference from which on squares neither vanish nor lose digits, in all of its components that count.
 LEAST = 1e-130
 #: Share of a displacement or a force that cancels which may be left as round-off: tens of thousands of steps of double
 #: precision. Kernels of BLAS leave up to 1.6e-12 of a displacement.

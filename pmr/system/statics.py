@@ -102,14 +102,14 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
     """Solutions of ((K, C^T), (C, -F)) for right sides (n + m, ...); not finite where it is singular."""
     n, scale = K.shape[0], rows.unit(K)
     units = np.concatenate([np.ones(n), np.full(len(rows.C), scale)])
-    if not 0 < len(units) <= DENSE:
-        C, F = sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
-        matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
-        once = _sparse_factor(matrix)
-    else:
+    if 0 < len(units) <= DENSE:
         C = scale * rows.C
         matrix = np.block([[K.toarray(), C.T], [C, -(scale**2) * rows.F]])
         once = _dense_factor(matrix)
+    else:
+        C, F = sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
+        matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
+        once = _sparse_factor(matrix)
     if once is None:
         return lambda right: np.full(right.shape, np.nan)
 

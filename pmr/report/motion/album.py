@@ -55,9 +55,9 @@ def album(result: RunResult, prefix: str) -> Callable[[], Album]:
     if not seen(result):
         return Album
     planned = list(_Views(result).shots())
-    with_one = ThreadPoolExecutor(1)  # which waits for the process that makes them
-    developed = with_one.submit(develop, [shot for _, shot, _ in planned])
-    with_one.shutdown(wait=False)
+    thread = ThreadPoolExecutor(1)  # which waits for the process that makes them
+    developed = thread.submit(develop, [shot for _, shot, _ in planned])
+    thread.shutdown(wait=False)
 
     def made() -> Album:
         try:

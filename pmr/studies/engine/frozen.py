@@ -95,7 +95,10 @@ class _Finder(MetaPathFinder):
 
 
 class _Loader(SourceFileLoader):
-    """Compiles the text it was given, unless a child has: what Python has compiled may be of one that looks as old."""
+    """Compiles the text it was given, or loads what an earlier worker compiled of the same text, found by its hash.
+
+    Python's own compiled files go by time and size: they may be of another version that looks as old.
+    """
 
     def __init__(self, fullname: str, path: str, frozen: Sources) -> None:
         super().__init__(fullname, path)
