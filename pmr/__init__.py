@@ -18,6 +18,9 @@ basis for all positions; the sliders are a few constraint rows that move::
     boom = pmr.load_scene("boom_three")           # several sections; workflows go by their names
     response = pmr.simulate(boom, pmr.reduce(boom).reduced)  # a model for each section
 
+    full = pmr.full_model(scene)                  # M, D, K, B, rows and outputs as matrices of SciPy
+    own = pmr.reduce(scene, basis=V)              # on vectors V (n, r) of your own; own.basis, own.reconstruct(states)
+
     given = pmr.from_matrices(M, K, points, groups)  # matrices of another program
     given.save("boom.npz")                        # body.model = "matrices", mesh.file = "boom.npz"
 
@@ -29,10 +32,10 @@ from typing import TYPE_CHECKING
 from pmr.errors.lazy import FORMER, names_from
 
 if TYPE_CHECKING:
-    from pmr.compare.simulated import simulate
+    from pmr.compare.simulated import simulate, simulate_with_states
     from pmr.errors import ConvergenceError, InputError, SimulationError
     from pmr.files.matrices import from_matrices
-    from pmr.pipeline import reduce, run
+    from pmr.pipeline import full_model, reduce, run
     from pmr.reduced.model import ReducedModel
     from pmr.results import RunResult
     from pmr.scene import load_any as load_scene
@@ -51,14 +54,16 @@ _PLACES = {
     "Stepper": "pmr.simulation.native.stepper:Stepper",
     "System": "pmr.system.system:System",
     "from_matrices": "pmr.files.matrices:from_matrices",
+    "full_model": "pmr.pipeline:full_model",
     "load_scene": "pmr.scene:load_any",
     "reduce": "pmr.pipeline:reduce",
     "run": "pmr.pipeline:run",
     "simulate": "pmr.compare.simulated:simulate",
+    "simulate_with_states": "pmr.compare.simulated:simulate_with_states",
 }
 __all__ = [
     "ConvergenceError", "InputError", "ReducedModel", "RunResult", "SimulationError", "Stepper", "System",
-    "from_matrices", "load_scene", "reduce", "run", "simulate",
+    "from_matrices", "full_model", "load_scene", "reduce", "run", "simulate", "simulate_with_states",
 ]  # fmt: skip
 __getattr__ = names_from("pmr", _PLACES, former=FORMER)
 

@@ -44,9 +44,24 @@ def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedMo
 
 
 def simulate_with_states(
-    scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel], steps: Sequence[int]
+    scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel], steps: Sequence[int] | None = None
 ) -> Simulated:
-    """The same with the states of each body at the `steps`, ascending numbers."""
+    """Response of a reduced model or system, and the states of each body at some steps of the scene's time grid.
+
+    Parameters
+    ----------
+    scene, reduced
+        As for `simulate`, which raises the same errors.
+    steps : sequence of int, optional
+        Ascending numbers of steps, 0 for the start; by default all of them.
+
+    Returns
+    -------
+    Simulated
+        `response`, and `states` by body, ``""`` for a single one: coordinates ``p`` (S, r), their rates ``v``, path
+        coordinates ``s`` (S, m) in m and ``multipliers`` (S, m) in N of its `rows`, ``loads`` (S, i).
+    """
+    steps = range(scene.time.steps + 1) if steps is None else steps
     scene = with_models_of(scene, reduced)
     system = reduced if isinstance(reduced, System) else joined(scene, reduced)
     scene = as_made(scene, system.terms)

@@ -6,17 +6,18 @@ from pmr.errors.lazy import names_from
 
 if TYPE_CHECKING:
     from pmr.fem.compat import versions as fenicsx_versions
-    from pmr.pipeline.scenes import Outcome, reduce, run
+    from pmr.pipeline.scenes import Outcome, full_model, reduce, run
     from pmr.reduction.recover.framed import framed_body
     from pmr.reduction.recover.nodal import held_body
 
-__all__ = ["Outcome", "fenicsx_versions", "framed_body", "held_body", "reduce", "run"]
+__all__ = ["Outcome", "fenicsx_versions", "framed_body", "full_model", "held_body", "reduce", "run"]
 
 #: Where each name stands: imported when it is asked for, so that versions are known without importing what computes.
 _PLACES = {
     "Outcome": "pmr.pipeline.scenes:Outcome",
     "fenicsx_versions": "pmr.fem.compat:versions",
     "framed_body": "pmr.reduction.recover.framed:framed_body",
+    "full_model": "pmr.pipeline.scenes:full_model",
     "held_body": "pmr.reduction.recover.nodal:held_body",
     "reduce": "pmr.pipeline.scenes:reduce",
     "run": "pmr.pipeline.scenes:run",

@@ -19,19 +19,23 @@ from pmr.errors.aside import Aside
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
-from pmr.fullmodel.build import Built, build_bodies, left_free, log_warnings
+from pmr.fullmodel.build import Built, build_bodies, left_free, log_warnings, models_of
 from pmr.fullmodel.build import warnings as build_warnings
+from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions
 from pmr.pipeline.model_part import Decided, decided, measured, mesh_measured
 from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
+from pmr.reduction.from_scene import with_array_basis
+from pmr.reduction.given import Vectors
 from pmr.reduction.recover.from_scene import Recovered
 from pmr.results import Frequencies, Loads, Paths, RunResult
 from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation.petsc import Checkpoint
+from pmr.system.body import FullBody
 from pmr.system.system import System
 
 #: Stages of a run whose seconds stand in summary.json, beside those of the simulators.
@@ -213,28 +217,88 @@ def _sizes(built: Mapping[str, Built]) -> tuple[int, int]:
     return sum(model.size for model in models), sum(model.outputs.getSize()[1] for model in models)
 
 
-def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
+def full_model(
+    scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, distributed: bool = False
+) -> FullBody | FullModel | Mapping[str, FullBody | FullModel] | None:
+    r"""Assemble the full model of a scene's body, or of each of its sections; a collective call on all ranks.
+
+    .. math:: M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C(s)\, q = 0, \qquad y = O q
+
+    Parameters
+    ----------
+    scene : Scene
+        One body, or a boom of sections.
+    comm : MPI communicator
+        Ranks that share the model.
+    distributed : bool
+        Whether the matrices stay PETSc's, spread over the ranks, or become SciPy's on rank 0.
+
+    Returns
+    -------
+    FullBody, FullModel, or a mapping of them by the sections' names
+        ``M``, ``D``, ``K`` (n, n) in SI units, ``B`` (n, i) with `input_names`, ``outputs`` (o, n) with `output_names`,
+        ``rows.at(s)`` (m, n) with `row_names`.  None on other ranks than the first where the matrices are SciPy's.
+
+    Raises
+    ------
+    InputError
+        If the scene asks for something that is not possible, such as a mesh that can't be had.
+    """
+    try:
+        models = models_of(build_bodies(scene, comm))
+    except InputError as error:
+        raise error.called(scene.spelled(error.key)) from None
+    if distributed:
+        return models.get(ALONE, models)
+    gathered = {name: model.gather() for name, model in models.items()}
+    if comm.rank != 0:
+        return None
+    bodies = {name: body for name, body in gathered.items() if body is not None}
+    return bodies.get(ALONE, bodies)
+
+
+def reduce(
+    scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None, basis: Vectors | None = None
+) -> Reduction:
     """Reduce the single body or all sections of a scene, without a simulation; a collective call on all ranks.
 
-    Errors are those of `run`.  An InputError is also raised if the scene has a tolerance or a budget: these choose the
-    time step, too, so only `run` can follow them.
+    Parameters
+    ----------
+    scene : Scene
+        What is reduced, and in its section `reduction` how.
+    comm : MPI communicator
+        Ranks that share the work.
+    clock : Clock, optional
+        Measures the stages.
+    basis : (n, k) array or function, optional
+        Vectors on the coordinates of `full_model(scene)`, for a scene of one body; or a function of the full model on
+        PETSc's matrices that returns this rank's rows of such vectors.  They are made orthonormal in their order, in
+        the scene's `reduction.product`.  With `reduction.flexibility` the rigid-body modes come before them, and the
+        residual flexibility is that of what all of these leave out.
+
+    Raises
+    ------
+    InputError
+        As by `run`; for vectors that don't fit the full model, and if the scene has a tolerance or a budget: these
+        choose the time step, too, so only `run` can follow them.
     """
     clock = clock or Clock()
     if scene.ordered is not None:
         allowed = "none is allowed where the reduced model alone is made: pmr.run(scene) chooses model and step"
         raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
     try:
-        return _reduced(_decided(scene, comm, clock, None).scene, comm, clock)
+        scene = scene if basis is None else with_array_basis(scene)
+        return _reduced(_decided(scene, comm, clock, None).scene, comm, clock, basis)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
 
-def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None) -> Reduction:
+def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: Vectors | None = None) -> Reduction:
     clock = clock or Clock()
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
     log_warnings(built.values(), comm)
-    bodies = reduce_bodies(scene, built, clock=clock)
+    bodies = reduce_bodies(scene, built, clock=clock, vectors=vectors)
     models = {name: one.model for name, one in bodies.items()}
     return Reduction(comm.bcast(on_first(comm, lambda: with_order(scene, models))), built, bodies)
 

@@ -7,17 +7,22 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
-from pmr.fem.distributed import free_dropped
+from pmr.fem.distributed import free_dropped, inner, times
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel, SectionOf
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import build_basis, enrichment_of, may_be_stressed, project, provenance, take_snapshots
+from pmr.reduction.given import Vectors
 from pmr.reduction.ports import with_ports
 from pmr.reduction.reactions import support_motions, with_reactions
+from pmr.reduction.recover.coordinates import Recovery
 from pmr.reduction.reduced_body import ReducedBody
 from pmr.reduction.residual.model import section_model
 from pmr.reduction.snapshots import Snapshots
@@ -29,7 +34,10 @@ from pmr.scene.frame_terms import frame_terms
 from pmr.scene.members import Member, members
 from pmr.scene.names import ALONE
 from pmr.system.from_scene import system_of
+from pmr.system.states import BodyStates
 from pmr.system.system import System
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,46 @@ class Reduction:
     scene: Scene
     built: Mapping[str, Built]
     bodies: Mapping[str, ReducedBody]
+
+    @property
+    def basis(self) -> Array | Mapping[str, Array]:
+        """Basis V (n, r) of a single body, or of each section by its name; the same on every rank.
+
+        Columns are the vectors that the coordinates multiply, without those of a section's cylinder.  Under MPI every
+        rank gets all rows.
+        """
+        bases = {name: self._whole(name, self._recovery(name).V) for name in self.bodies}
+        return bases.get(ALONE, bases)
+
+    def reconstruct(self, states: Mapping[str, BodyStates]) -> Array | Mapping[str, Array]:
+        r"""Full coordinates q (S, n) of a single body, or of each section by its name, at the times of `states`.
+
+        .. math:: q = V p + R\, (B f - C(s)^T \lambda)
+
+        The second term is the residual flexibility R of what the basis leaves out, where the model has it.  `states`
+        are those of `pmr.simulate_with_states(scene, reduction.system, steps)`.
+        """
+        found = {name: self._whole(name, self._recovery(name).positions(at).T).T for name, at in states.items()}
+        return found.get(ALONE, found)
+
+    def project(self, q: Array, body: str = ALONE) -> Array:
+        r"""Coordinates p (r, ...) of the vectors q (n, ...) that are nearest to them in the product of the basis.
+
+        .. math:: p = (V^T X V)^{-1} V^T X q, \qquad X = M \text{ or } I
+
+        `q` has all rows, the same on every rank; `body` is a section of a boom.
+        """
+        V, model = self._recovery(body).V, self.built[body].model
+        XV = times(model.M, V) if self.bodies[body].basis.product == "mass" else V
+        gram, right = inner(V, XV, model.comm), inner(XV, np.atleast_2d(q.T).T[model.share], model.comm)
+        return np.linalg.solve(gram, right).reshape(len(gram), *q.shape[1:])
+
+    def _recovery(self, body: str) -> Recovery:
+        return Recovery(self.built[body].model, self.bodies[body].V, self.bodies[body].model)
+
+    def _whole(self, body: str, local: Array) -> Array:
+        """All rows (n, ...) of what each rank has its own rows of."""
+        return np.concatenate(self.built[body].model.comm.allgather(local))
 
     @property
     def reduced(self) -> Any:
@@ -67,15 +115,22 @@ def joined(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
 
 
 def reduce_bodies(
-    scene: Scene, built: Mapping[str, Built], caches: Mapping[str, Cache] | None = None, clock: Clock | None = None
+    scene: Scene,
+    built: Mapping[str, Built],
+    caches: Mapping[str, Cache] | None = None,
+    clock: Clock | None = None,
+    vectors: Vectors | None = None,
 ) -> Mapping[str, ReducedBody]:
     """Every body reduced as the scene asks, equal sections once; collective.
 
-    In `caches`, by the bodies' names, what they are reduced to is cached and found.
+    In `caches`, by the bodies' names, what they are reduced to is cached and found. The basis of a single body may
+    consist of `vectors`, an array or a function of its full model; a cache is not used then.
 
     Raises an `InputError` with the section's key.
     """
     caches, clock = caches or {}, clock or Clock()
+    if vectors is not None:
+        return {ALONE: reduce_body(scene, built[ALONE].model, clock, vectors)}
     if ALONE in built:
         return {ALONE: cached_body(scene, built[ALONE].model, caches.get(ALONE), clock)}
     made, found = dict[tuple[int, Choice], ReducedBody](), dict[str, ReducedBody]()
@@ -105,12 +160,14 @@ def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Cloc
     return replace(found, modal=replace(found.modal, provenance=provenance(scene, found.basis)))
 
 
-def reduce_body(scene: Scene, model: FullModel, clock: Clock | None = None) -> ReducedBody:
-    """From the full model of a body alone to the scene's reduced one; collective."""
+def reduce_body(
+    scene: Scene, model: FullModel, clock: Clock | None = None, vectors: Vectors | None = None
+) -> ReducedBody:
+    """Reduce the full model of a single body as the scene asks, or on a basis of `vectors`; collective."""
     clock = clock or Clock()
     with clock.stage("snapshots"):
         body = FreeBody(model, scene.reduction.solver)
-        snapshots = take_snapshots(scene, model, body)
+        snapshots = take_snapshots(scene, model, body, vectors)
     return reduce_with(scene, model, snapshots, clock, body)
 
 

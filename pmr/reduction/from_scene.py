@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from pmr.errors import environment
+from pmr.errors import InputError, environment
 from pmr.fem.compat import versions
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.quasi_static import QUASI_STATIC
 from pmr.reduction.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduction.galerkin import reduced_model, with_held_coordinates
-from pmr.reduction.given import given_basis, given_vectors, offered_vectors
+from pmr.reduction.given import Vectors, given_basis, given_vectors, offered_vectors, vectors_of
 from pmr.reduction.reduced_body import ReducedBody
 from pmr.reduction.residual.model import check_independence, flexible_model, released, section_model
 from pmr.reduction.snapshots import Snapshots
@@ -25,6 +25,8 @@ from pmr.scene import Reduction, Scene
 from pmr.scene.members import member_at
 from pmr.scene.names import ALONE
 
+#: `reduction.basis` of a scene whose vectors are an array in Python; no key of a file.
+ARRAY = "array"
 #: Modes beyond the coordinates with which the error is estimated: attachment modes have what these
 #: leave out.
 ENRICHMENT_MODES = 4
@@ -33,11 +35,17 @@ ENRICHMENT_MODES = 4
 SEARCHED_MODES, SEARCHED_OF_SECTIONS = 34, 12
 
 
-def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None) -> Snapshots:
-    """Eigenmodes with the slider held at several positions, or with the sliders released; or vectors from a file.
+def take_snapshots(
+    scene: Scene, model: FullModel, body: FreeBody | None = None, vectors: Vectors | None = None
+) -> Snapshots:
+    """Eigenmodes with the slider held at several positions, or with the sliders released; or vectors from outside.
+
+    Vectors from outside are those of a file or of an installed package, or the `vectors` themselves.
 
     Raises an `InputError` if the mesh can't give what is asked for, and a `ConvergenceError` if a solver fails.
     """
+    if vectors is not None:
+        return vectors_of(model, vectors)
     if scene.reduction.file is not None:
         return given_vectors(model, scene.reduction.file)
     if scene.reduction.given:
@@ -56,7 +64,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     """
     choice = scene.reduction
     if choice.given:
-        return given_basis(model, snapshots, choice)
+        return given_basis(model, snapshots, choice, None if choice.basis == ARRAY else choice.coordinates)
     if not choice.pooled:
         return modal_basis(snapshots)
     if choice.flexibility:
@@ -67,6 +75,8 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
     """What the reduced model of one of a scene's bodies says of where it comes from."""
     one, known = member_at(scene, number), scene.recorded
+    if one.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe the model
+        known = known | {"scene": {key: value for key, value in known["scene"].items() if key != "reduction"}}
     if one.jointed:  # as a body alone is described, with the pads of its joints
         described = known["scene"]
         own = described.pop("sections")[number] | {"pads": [ring.model_dump(mode="json") for ring in one.pads]}
@@ -131,6 +141,18 @@ def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
     return QUASI_STATIC if may_be_stressed(scene) and choice.extendable else 0
 
 
+def with_array_basis(scene: Scene) -> Scene:
+    """The scene of one body whose basis is an array of vectors; `reduction` keeps its product and its flexibility.
+
+    Raises an `InputError` for a boom of sections: its basis consists of free modes.
+    """
+    if ALONE not in scene.bodies:
+        allowed = "a scene of one body is allowed with a basis: sections are reduced to free modes"
+        raise InputError("pmr.reduce", "sections", list(scene.names), allowed)
+    choice = scene.reduction.model_copy(update={"basis": ARRAY, "file": None, "estimate": False})
+    return scene.model_copy(update={"reduction": choice})
+
+
 def may_be_stressed(scene: Scene) -> bool:
     """Whether terms of second order act on a scene's bodies."""
     return scene.frame is not None and bool(scene.frame.second_order)
@@ -140,7 +162,7 @@ def description(choice: Reduction, basis: Basis) -> str:
     """The basis in words."""
     if choice.given:
         rigid = "rigid-body modes and " if choice.flexibility else ""
-        of = "from a file" if choice.basis == "file" else f"of {choice.basis}"
+        of = {"file": "from a file", ARRAY: "given as an array"}.get(choice.basis, f"of {choice.basis}")
         kind = f"{rigid}vectors {of}, orthonormal in the {basis.product} product"
     elif not choice.pooled:
         kind = "eigenmodes on the fixed supports with the sliders released, M-orthonormal"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import get_args
+from typing import TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from pmr.scene import Reduction
 from pmr.scene.asked import OwnBasis
 
 Array = NDArray[np.float64]
+#: Vectors (n, k) on the coordinates of a full model, or a function of the model that returns this rank's rows of them.
+Vectors: TypeAlias = Array | Callable[[FullModel], Array]
 #: A vector of which a smaller share is left beside those before it depends on them.
 DEPENDENT = 1e-10
 
@@ -38,6 +41,28 @@ def given_vectors(model: FullModel, file: Path) -> Snapshots:
     if not np.isfinite(V).all():
         raise InputError(str(file), "V", None, "finite entries are allowed")
     return _snapshots(model, V[slice(*model.M.getOwnershipRange())], f"vectors from {file.name}")
+
+
+def vectors_of(model: FullModel, basis: Vectors) -> Snapshots:
+    """Snapshots from an array (n, k) on all coordinates of the full model, or from what a function makes of the model.
+
+    Every rank has the whole array. A function returns this rank's rows (n_local, k) alone.
+
+    Raises
+    ------
+    InputError
+        If the array has another number of rows, no column, or entries that are not finite.
+    """
+    share = model.share
+    if callable(basis):
+        local, rows = np.asarray(basis(model), dtype=float), share.stop - share.start
+    else:
+        local, rows = np.asarray(basis, dtype=float), model.size
+    fits = local.ndim == 2 and local.shape[0] == rows and local.shape[1] > 0 and bool(np.isfinite(local).all())
+    if not all(model.comm.allgather(fits)):
+        allowed = f"finite vectors as columns, with {rows} rows, one for each coordinate of the full model, are allowed"
+        raise InputError("pmr.reduce", "basis", list(local.shape), allowed)
+    return _snapshots(model, local if callable(basis) else local[share], "vectors given as an array")
 
 
 def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
@@ -64,8 +89,8 @@ def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
     return Snapshots.of(np.ascontiguousarray(local), model, unknown, unknown, unknown, source)
 
 
-def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction) -> Basis:
-    """The first `coordinates` of the vectors, each made orthonormal to those before it; collective.
+def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:
+    """The first `size` of the vectors, or all independent ones, each made orthonormal to those before it; collective.
 
     Where flexibility is added, rigid-body modes come first: it can't stand in for them.  All singular values are 1, for
     nothing is known of how much a vector weighs.
@@ -78,7 +103,7 @@ def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction) -> Basi
     in_mass = choice.product == "mass"
     Q = np.zeros((len(V), 0))
     for v in V.T:
-        if Q.shape[1] == choice.coordinates:
+        if Q.shape[1] == size:
             break
         whole = left = _size(model, v, in_mass)
         for _ in range(2):  # once leaves round-off of what was taken away
@@ -88,9 +113,9 @@ def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction) -> Basi
             left = _size(model, v, in_mass)
         if left > DEPENDENT * whole:
             Q = np.column_stack([Q, v / left])
-    if Q.shape[1] < choice.coordinates:
+    if size is not None and Q.shape[1] < size:
         allowed = f"the vectors and rigid-body modes span {Q.shape[1]} dimensions; at most so many are allowed"
-        raise InputError("scene", "reduction.coordinates", choice.coordinates, allowed)
+        raise InputError("scene", "reduction.coordinates", size, allowed)
     return Basis(tall(np.ascontiguousarray(Q), model.M), np.ones(Q.shape[1]), choice.product)
 
 
