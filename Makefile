@@ -99,6 +99,10 @@ compiled: # no part of what is listed: make setup does it
 report: setup ## the paper's two cases, full against reduced: reports/paper/report.html and .pdf
 	@.venv/bin/pmr run workflows/paper_simple.toml workflows/paper_evolved.toml --out reports/paper
 
+.PHONY: paper
+paper: setup ## every experiment of the paper, figures and tables in one report: reports/paper_experiments (some minutes)
+	@.venv/bin/pmr study paper --out reports/paper_experiments
+
 # What is compared with, and nothing else needs.
 .venv/.bench: requirements/benchmarks.txt .venv/.ready
 	@.venv/bin/python -m pip install -q --no-compile -r requirements/benchmarks.txt

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from pmr import scene as scenes
 from pmr.fullmodel.build import full_model
@@ -17,13 +18,26 @@ from pmr.scene import Scene
 from pmr.scene.signals import SignalBase, Sine
 from pmr.simulation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.studies.kinds.speed import Later
 from pmr.system.body import FullBody
 from pmr.system.projection import projected
 
+Array = NDArray[np.float64]
 WORKFLOWS = Path(__file__).resolve().parents[1] / "workflows"
 STRETCHES = 8
 CASES = {"simple": "paper_simple.toml", "evolved": "paper_evolved.toml"}
+
+
+class Later(SignalBase):
+    """A signal from some time on: its value at t is that of another one at t + begin."""
+
+    signal: SignalBase
+    begin: float
+
+    def value(self, t: ArrayLike) -> Array:
+        return self.signal.value(np.asarray(t) + self.begin)
+
+    def rate(self, t: ArrayLike) -> Array:
+        return self.signal.rate(np.asarray(t) + self.begin)
 
 
 def shorter(excitation: Excitation, share: float) -> Excitation:

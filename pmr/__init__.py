@@ -37,9 +37,10 @@ if TYPE_CHECKING:
     from pmr.files.matrices import from_matrices
     from pmr.pipeline import full_model, reduce, run
     from pmr.reduced.model import ReducedModel
-    from pmr.results import RunResult
+    from pmr.results import Response, RunResult
     from pmr.scene import load_any as load_scene
     from pmr.simulation.native.stepper import Stepper
+    from pmr.system.projection import projected as project
     from pmr.system.system import System
 
 __version__ = "0.1.0"
@@ -49,6 +50,7 @@ _PLACES = {
     "ConvergenceError": "pmr.errors:ConvergenceError",
     "InputError": "pmr.errors:InputError",
     "ReducedModel": "pmr.reduced.model:ReducedModel",
+    "Response": "pmr.results:Response",
     "RunResult": "pmr.results:RunResult",
     "SimulationError": "pmr.errors:SimulationError",
     "Stepper": "pmr.simulation.native.stepper:Stepper",
@@ -56,14 +58,15 @@ _PLACES = {
     "from_matrices": "pmr.files.matrices:from_matrices",
     "full_model": "pmr.pipeline:full_model",
     "load_scene": "pmr.scene:load_any",
+    "project": "pmr.system.projection:projected",
     "reduce": "pmr.pipeline:reduce",
     "run": "pmr.pipeline:run",
     "simulate": "pmr.compare.simulated:simulate",
     "simulate_with_states": "pmr.compare.simulated:simulate_with_states",
 }
 __all__ = [
-    "ConvergenceError", "InputError", "ReducedModel", "RunResult", "SimulationError", "Stepper", "System",
-    "from_matrices", "full_model", "load_scene", "reduce", "run", "simulate", "simulate_with_states",
+    "ConvergenceError", "InputError", "ReducedModel", "Response", "RunResult", "SimulationError", "Stepper", "System",
+    "from_matrices", "full_model", "load_scene", "project", "reduce", "run", "simulate", "simulate_with_states",
 ]  # fmt: skip
 __getattr__ = names_from("pmr", _PLACES, former=FORMER)
 

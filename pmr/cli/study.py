@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from rich.progress import BarColumn, TextColumn
@@ -67,9 +69,13 @@ def study(
 
         mpiexec -n 9 python -m mpi4py.futures -m pmr study coordinates    (8 workers)
     """
+    from pmr.scene.workflows import experiments
     from pmr.studies import files
     from pmr.studies.call import compute, save
 
+    script = experiments().get(str(study_file))
+    if script is not None and not study_file.is_file():
+        _run_experiment(script, out_dir, jobs, overrides or [], only or [], listed)
     found = found_file(study_file)
     if listed:
         for name in files.load(found, overrides or ()).runs:
@@ -105,6 +111,19 @@ def study(
         _tell(asked, outcome)
     if not outcome.is_complete:
         raise typer.Exit(1)
+
+
+def _run_experiment(
+    script: Path, out_dir: Path | None, jobs: int | None, overrides: list[str], only: list[str], listed: bool
+) -> NoReturn:
+    """Run a script of the paper's experiments in a process of its own, and exit with its code."""
+    if only or listed:
+        allowed = f"a study file is allowed: {script.name} is one script, whose rows are computed in processes"
+        raise InputError("command line", "--only" if only else "--list", script.stem, allowed)
+    options = [f"--out={out_dir}"] if out_dir else []
+    options += [f"--jobs={jobs}"] if jobs else []
+    options += [f"--set={change}" for change in overrides]
+    raise typer.Exit(subprocess.run([sys.executable, str(script), *options], check=False).returncode)
 
 
 def _pool(jobs: int | None) -> AbstractContextManager[pools.Pool | None]:

@@ -58,6 +58,14 @@ class Reduction:
         bases = {name: self._whole(name, self._recovery(name).V) for name in self.bodies}
         return bases.get(ALONE, bases)
 
+    @property
+    def snapshots(self) -> Array | Mapping[str, Array]:
+        """Snapshots (n, k) that the basis of a single body is made from, or of each section; the same on every rank."""
+        pools = {
+            name: self._whole(name, np.array(body.snapshots.S.getDenseArray())) for name, body in self.bodies.items()
+        }
+        return pools.get(ALONE, pools)
+
     def reconstruct(self, states: Mapping[str, BodyStates]) -> Array | Mapping[str, Array]:
         r"""Full coordinates q (S, n) of a single body, or of each section by its name, at the times of `states`.
 

@@ -14,6 +14,12 @@ def workflows() -> dict[str, Path]:
     return {file.stem: file for folder in folders for file in (*folder.glob("*/*.toml"), *folder.glob("*.toml"))}
 
 
+def experiments() -> dict[str, Path]:
+    """Scripts of the paper's experiments by their names; each has a function ``main``."""
+    files = [file for folder in (_HERE.parent, _HERE) for file in (folder / "workflows" / "paper").glob("*.py")]
+    return {file.stem: file for file in files if "__main__" in file.read_text(encoding="utf-8")}
+
+
 def workflow(name: str) -> Path | None:
     """The file of a workflow, if there is one of this name."""
     return workflows().get(name.removesuffix(".toml"))

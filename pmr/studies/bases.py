@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.studies import local_bases, shared
+from pmr.studies import shared
 from pmr.system.body import length_outputs
 from pmr.system.contacts import ALONE
 from pmr.system.projection import projected
@@ -24,8 +23,6 @@ from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
-#: Slider positions and frequencies of the harmonic responses, and their structural loss factor.
-POSITIONS, FREQUENCIES, LOSS = 41, 81, 0.02
 #: Every so many steps of the full motion are snapshots of it.
 EVERY = 5
 
@@ -36,38 +33,45 @@ class Case:
 
     scene: Scene
     excitation: Excitation
-    band: float
     full: ReducedModel
     run: SystemTrajectory
     displacement: Array
 
     @classmethod
-    def of(cls, scene: Scene, band: float) -> Case:
+    def of(cls, scene: Scene) -> Case:
         form, excitation = modal_form(shared.body_of(scene)), Excitation.of(scene)
         run = _simulated(form, excitation)
-        return cls(scene, excitation, band, form.body, run, _outputs(form.body, run))
-
-    def simulated(self, model: ReducedModel) -> tuple[SystemTrajectory, Array]:
-        """Trajectory in modal coordinates, and outputs (T, o)."""
-        form = modal_form(model)
-        run = _simulated(form, self.excitation)
-        return run, _outputs(form.body, run)
-
-
-Model = TypeVar("Model")
-Simulate = Callable[[Excitation, int], local_bases.LocalMotion]  # each so many steps
+        return cls(scene, excitation, form.body, run, _outputs(form.body, run))
 
 
 @dataclass(frozen=True)
-class BySize(Generic[Model]):
-    """Models, or what simulates them, by their number of coordinates, from the smallest to the largest."""
+class Motion:
+    """Displacements (T, o) in m, energy (T,) in J, and wall seconds of the steps alone."""
 
-    of: Callable[[int], Model]
+    displacement: Array
+    energy: Array
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Models:
+    """Models by their number of coordinates, from the smallest to the largest."""
+
+    of: Callable[[int], ReducedModel]
     largest: int
     smallest: int = 1
 
 
-Models = BySize[ReducedModel]
+def simulator(model: ReducedModel) -> Callable[[Excitation, int], Motion]:
+    """Simulate a model from rest or equilibrium under an excitation, and record each so many steps."""
+    form = modal_form(model)
+
+    def simulate(excitation: Excitation, every: int) -> Motion:
+        run = _simulated(form, excitation, every)
+        y = _outputs(form.body, run)[:, length_outputs(form.body)]
+        return Motion(y, run.energy, run.seconds)
+
+    return simulate
 
 
 def _simulated(form: ModalForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
@@ -125,21 +129,6 @@ def flexible(case: Case) -> Models:
     return Models(of, longest.size, max(rigid, 1))
 
 
-def harmonic(case: Case) -> Models:
-    r"""Responses to unit loads, z = h (b - c^T lambda) with h = 1 / (omega_j^2 (1 + i eta) - omega^2)."""
-    body = case.full
-    low, high = case.scene.path_bounds
-    pool = []
-    for s in np.linspace(low, high, POSITIONS):
-        c = body.C(s)
-        for omega in 2.0 * np.pi * np.linspace(0.0, case.band, FREQUENCIES)[1:]:
-            h = 1.0 / (np.diagonal(body.K) * (1.0 + 1j * LOSS) - omega**2)
-            force = np.linalg.solve((c * h) @ c.T + np.diag(body.row_compliance), (c * h) @ body.B)
-            z = h[:, None] * (body.B - c.T @ force)
-            pool += [z.real, z.imag]
-    return _spanned(body, np.hstack(pool))
-
-
 def trajectory(case: Case) -> Models:
     """POD of the full model's own motion."""
     return _spanned(case.full, case.run.bodies[ALONE].q[::EVERY].T)
@@ -156,31 +145,9 @@ MODELS: dict[str, Callable[[Case], Models]] = {
     "pod": pod,
     "visited": pod,
     "modes": modes,
-    "harmonic": harmonic,
     "flexibility": flexible,
     "trajectory": trajectory,
 }
-LOCAL = ("local", "matrices")
-
-
-def candidates(case: Case, method: str) -> BySize[Simulate]:
-    """Simulators of one method: one of `MODELS`, or of local bases."""
-    if method not in LOCAL:
-        models = MODELS[method](case)
-        return BySize(lambda r: _marched(modal_form(models.of(r))), models.largest, models.smallest)
-    if np.any(case.full.row_compliance > 0.0):
-        return BySize(lambda r: _marched(modal_form(case.full)), 0)  # pads that give way hold no modes
-    s = local_bases.positions(case.full, case.scene.path_bounds)
-    return BySize(lambda r: local_bases.local_model(case.full, s, r, method == "local").simulate, case.full.size // 2)
-
-
-def _marched(form: ModalForm) -> Simulate:
-    def simulate(excitation: Excitation, every: int) -> local_bases.LocalMotion:
-        run = _simulated(form, excitation, every)
-        y = _outputs(form.body, run)[:, length_outputs(form.body)]
-        return local_bases.LocalMotion(y, run.energy, run.seconds)
-
-    return simulate
 
 
 def stepped(excitation: Excitation, factor: float) -> Excitation:

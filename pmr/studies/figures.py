@@ -6,7 +6,6 @@ Booms of several sections are run here, too.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -115,19 +114,6 @@ def _probes(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
         yield from ((f"probes.{name}.{key}", value) for key, value in found.summary().items())
         largest = cycles(response.t, response.other(name))[:1, 0]
         yield f"probes.{name}.range", float(largest.sum())
-
-
-def at_the_tip(response: Response) -> Response:
-    """A response without displacements but that of the free end: what histories draw."""
-    return replace(
-        response,
-        x=response.x[-1:],
-        displacement=response.tip[:, None],
-        output_names=response.output_names[-1:],
-        output_units=response.output_units[-1:],
-        kinds=(),
-        bodies=(),
-    )
 
 
 def boom_arguments(boom: Scene) -> dict[str, Any]:

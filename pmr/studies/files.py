@@ -20,6 +20,8 @@ from pmr.studies.study import StudyBase
 
 DIALECT = Dialect("study file", references=("file", "files", "scene", "scenes"))
 COLLECTION = "collection"
+#: Kinds of studies of earlier versions whose experiments are scripts in workflows/paper.
+EXPERIMENTS = ("combinations", "error_map", "histories", "residual", "speed")
 
 
 class Collection(BaseModel):
@@ -124,6 +126,9 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
     for change in changes:
         file.apply(change)
     kind = file.data.get("kind")
+    if kind in EXPERIMENTS:
+        allowed = f"the paper's experiments are scripts: `pmr study {kind}` runs workflows/paper/{kind}.py"
+        raise InputError(file.origin("kind"), "kind", kind, allowed)
     if kind not in kind_names():
         allowed = f"{hint(kind, kind_names())}one of {', '.join(kind_names())} is allowed"
         raise InputError(file.origin("kind"), "kind", kind, allowed)

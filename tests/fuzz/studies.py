@@ -34,17 +34,6 @@ STUDIES: dict[str, dict[str, Any]] = {
         "grid": {"reduction": {"coordinates": [3, 4], "basis": ["eigenmodes"]}},
     },
     "boom": {"kind": "scenes", "title": "Boom", "scenes": ["boom.toml"], "grid": {"mesh": {"elements": [12, 16]}}},
-    "error_map": {
-        "kind": "error_map",
-        "title": "Map",
-        "scene": "beam.toml",
-        "most_snapshots": 3,
-        "most_modes": 3,
-        "smallest_pool": 2,
-        "largest_pool": 9,
-        "budget": 4,
-        "curve": 4,
-    },
     "convergence": {
         "kind": "convergence",
         "title": "Convergence",
@@ -55,7 +44,7 @@ STUDIES: dict[str, dict[str, Any]] = {
     "collection": {
         "kind": "collection",
         "title": "All",
-        "files": ["scenes.toml", "error_map.toml"],
+        "files": ["scenes.toml", "convergence.toml"],
         "change": {"scenes": {"title": "A"}},
     },
 }

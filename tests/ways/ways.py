@@ -348,12 +348,7 @@ def flexible(to: str, subject: Subject) -> None:
 
 STUDIES: dict[str, dict[str, Any]] = {
     "scenes": {"scenes": ["scene.toml"]},
-    "combinations": {"scene": "scene.toml", "combinations": [[2, 2]], "fewest": 3},
     "convergence": {"scene": "scene.toml", "full": [4, 6], "ancf": [2, 4]},
-    "error_map": {"scene": "scene.toml", "most_snapshots": 2, "most_modes": 2, "largest_pool": 4, "budget": 4},
-    "histories": {"scenes": ["scene.toml"]},
-    "residual": {"scenes": ["scene.toml"], "coordinates": [4, 5]},
-    "speed": {"scenes": ["scene.toml"], "repeats": 1},
     "trade": {"scenes": ["scene.toml"], "methods": ["modes", "flexibility"], "coordinates": [4, 6]}
     | {"steps": [2.0, 1.0], "radii": [0.9], "elements": [4]},
     "collection": {"files": ["scenes.toml"]},

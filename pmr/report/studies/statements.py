@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
+from typing import Any, Protocol
 
 from pmr.report.marks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
-from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.study import Statement
 
-#: The three treatments of the supports' rows, in words.
-NAMES = {
-    "round_off": "rows left to round-off, as published",
-    "last": "rows holding the last two",
-    "dropped": "rows dropped",
-}
-EXPLAINED = (
-    "Basis vectors vanish at the pin, so its two rows say nothing, except for their round-off. Left in, as the "
-    "publication does to judge by its figures, they hold two combinations of coordinates that round-off decides on: of "
-    "the last ones where the singular values fall quickly, of any where they fall slowly. Made to hold the last two, "
-    "they do the least harm. Dropped, they leave all coordinates free."
-)
+
+class Compared(Protocol):
+    """Figures of a study or an experiment, and what is published of them."""
+
+    @property
+    def figures(self) -> Mapping[str, Scalar]: ...
+    @property
+    def published(self) -> Sequence[Statement]: ...
+    @property
+    def summary(self) -> Mapping[str, Any]: ...
 
 
-def treatments(study: FinishedStudy, figure: str) -> dict[str, str]:
-    """Those of `NAMES` of which a study knows a figure: of a boom of sections supports' rows are dropped."""
-    return {name: words for name, words in NAMES.items() if f"{name}.{figure}" in study.figures}
-
-
-def comparison(study: FinishedStudy) -> ErrorTable:
-    """The statements on a study's figures; those whose figure it does not have are left out."""
+def comparison(study: Compared) -> ErrorTable:
+    """Table of published statements beside the study's figures, without those whose figure the study does not have."""
     rows, reasons = [], list[str]()
     for statement in study.published:
         here = study.figures.get(statement.figure)

@@ -4,10 +4,6 @@ Methods are those of `pmr.studies.bases`, and
 
 visited
     POD of eigenmodes with the slider held at nine positions that the path visits.
-local
-    Modes with the slider held, interpolated along the path, in equations with all terms (`pmr.studies.local_bases`).
-matrices
-    The same without the terms that the change of basis brings.
 
 Axial coordinates, which nothing excites, are left out of planar beams, for all methods alike.
 """
@@ -38,7 +34,7 @@ from pmr.studies.tolerances import TOLERANCES, holding
 from pmr.system.body import length_outputs
 
 Array = NDArray[np.float64]
-Method = Literal["pod", "visited", "modes", "flexibility", "local", "matrices", "trajectory"]
+Method = Literal["pod", "visited", "modes", "flexibility", "trajectory"]
 METHODS: tuple[Method, ...] = get_args(Method)
 #: The reference's step, as a share of the smallest one that is tried.
 FINER = 0.25
@@ -154,10 +150,12 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     Seconds: ``offline``, of the processor, ``step.<r>`` and ``full``, of one step.
     """
     scene, truth = shared.scene_of(arguments), needs["truth"]
-    case = bases.Case.of(scene, 0.0)
+    case = bases.Case.of(scene)
     begin = time.process_time()
-    models = bases.candidates(case, arguments["method"])
-    tried = [(r, models.of(r)) for r in arguments["coordinates"] if models.smallest <= r <= models.largest]
+    models = bases.MODELS[arguments["method"]](case)
+    tried = [
+        (r, bases.simulator(models.of(r))) for r in arguments["coordinates"] if models.smallest <= r <= models.largest
+    ]
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / scene.time.steps}
     stored = case.run.energy
     moving = np.abs(case.excitation.path_rate) > 0.0

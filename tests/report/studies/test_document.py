@@ -13,17 +13,13 @@ from finished import compute, short_scene
 from pmr.report.studies import document, write_report
 from pmr.studies import files
 
-pytestmark = pytest.mark.slow  # six studies are computed and drawn
+pytestmark = pytest.mark.slow  # studies are computed and drawn
 
 STUDIES = {
-    "histories": 'scenes = ["short.toml"]',
     "convergence": 'scene = "short.toml"\nfull = [4, 8, 20]\nancf = [4, 6, 8]',
-    "combinations": 'scene = "short.toml"\ncombinations = [[3, 3], [8, 1]]',
-    "error_map": 'scene = "short.toml"\nmost_snapshots = 3\nmost_modes = 3\nbudget = 6\nmarked = 2\ncurve = 6',
-    "speed": 'scenes = ["short.toml"]\nrepeats = 2\nshare = { full-callbacks = 0.04, full-callbacks-modified = 0.04 }',
     "scenes": 'scenes = ["short.toml"]\n[change]\ncompare.against = ["full"]\n[grid]\nreduction.coordinates = [10, 12]',
 }
-FIGURES = {"histories": 3, "convergence": 1, "combinations": 2, "error_map": 3, "speed": 1, "scenes": 3}
+FIGURES = {"convergence": 1, "scenes": 3}
 STATEMENT = """
 [[published]]
 figure = "{figure}"
@@ -91,14 +87,6 @@ def test_published_figures_stand_beside_ours(folder: Path, page: str) -> None:
     assert "Their beam was another one." in page
 
 
-def test_marked_tiles_are_listed_best_first(folder: Path, page: str) -> None:
-    figures = json.loads((folder / "error_map" / "summary.json").read_text())["figures"]
-    table = page.split("mean error of the marked combinations")[1].split("</table>")[0]
-    for treatment in ("round_off", "last", "dropped"):
-        places = [table.index(f"({key.replace('x', ',')})") for key in figures[f"{treatment}.marked"].split()]
-        assert len(places) == 2
-
-
 def test_the_same_results_give_the_same_page(folder: Path, page: str) -> None:
     assert document.page(folder) == page
 
@@ -112,11 +100,11 @@ def test_both_files_are_written(folder: Path, page: str) -> None:
 
 
 def test_a_study_with_a_failed_run_says_so_and_shows_its_table(folder: Path, tmp_path: Path) -> None:
-    shutil.copytree(folder / "combinations", tmp_path / "broken")
+    shutil.copytree(folder / "convergence", tmp_path / "broken")
     file = tmp_path / "broken" / "summary.json"
     summary = json.loads(file.read_text())
     summary["runs"][3] |= {"status": "failed", "reason": "the bearing broke", "figures": {}}
     file.write_text(json.dumps(summary | {"figures": {}}))
     page = document.page(tmp_path / "broken")
-    assert "the bearing broke" in page and "Errors over the number of coordinates" not in page
+    assert "the bearing broke" in page and "Error over the number of coordinates" not in page
     assert f"{len(summary['runs']) - 1} of {len(summary['runs'])} runs are there" in page

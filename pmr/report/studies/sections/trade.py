@@ -23,8 +23,6 @@ NAMES = {
     "visited": "POD, places visited",
     "modes": "free modes",
     "flexibility": "residual flexibility",
-    "local": "local bases",
-    "matrices": "local matrices",
     "trajectory": "POD of the full motion",
 }
 COLUMNS = 2

@@ -1,0 +1,159 @@
+"""What the experiments of this folder share: their command line, rows that are computed in processes, and the report.
+
+An experiment is a script with `SETTINGS`, a function that computes a row, and ``main(settings, out, jobs)``, which
+returns its chapter of the report. ``python combinations.py --out DIR --jobs 2 --set "fewest=5"`` runs one of them, and
+so does ``pmr study combinations``. Rows that are there already are read and not computed again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import inspect
+import json
+import os
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from functools import lru_cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import pmr
+from pmr.report.blocks import Block, Chapter
+from pmr.report.document import dated, render, write
+from pmr.report.studies.statements import comparison
+from pmr.studies.study import Statement
+
+Row = dict[str, Any]  # figures and arrays by name
+Settings = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Figures of an experiment, and what is published of them, as the table "Beside the publication" takes them."""
+
+    figures: Mapping[str, Any]
+    published: Sequence[Statement] = ()
+    source: str = ""
+    remarks: Sequence[str] = ()
+    summary: Mapping[str, Any] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "summary", {"source": self.source, "remarks": list(self.remarks)})
+
+    def blocks(self) -> list[Block]:
+        """The table with verdicts; nothing where nothing is published."""
+        table = comparison(self)
+        return [Block("Beside the publication", errors=table)] if table.rows else []
+
+
+def run(
+    main: Callable[[Settings, Path, int], Chapter | list[Chapter]], defaults: Settings, document: str, title: str = ""
+) -> None:
+    """Run an experiment as its command line says, and write its report and summary; exit code 2 for bad input."""
+    parser = argparse.ArgumentParser(description=document.partition("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("reports", Path(inspect.getfile(main)).stem))
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
+    options = parser.parse_args()
+    try:
+        settings = changed(defaults, options.changes)
+        options.out.mkdir(parents=True, exist_ok=True)
+        chapters = main(settings, options.out, options.jobs)
+        chapters = chapters if isinstance(chapters, list) else [chapters]
+        print(f"report {report(options.out, chapters, title)}")
+    except pmr.InputError as error:
+        parser.exit(2, f"{error}\n")
+
+
+def changed(defaults: Settings, changes: Sequence[str]) -> Settings:
+    """The settings with changes such as ``"fewest=5"``; an InputError is raised for a key that is not there."""
+    settings = dict(defaults)
+    for text in changes:
+        key, _, value = text.partition("=")
+        if key not in settings:
+            raise pmr.InputError("command line", f"--set {key}", value, f"one of {', '.join(settings)} is allowed")
+        try:
+            settings[key] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            settings[key] = value
+    return settings
+
+
+def report(out: Path, chapters: Sequence[Chapter], title: str = "") -> Path:
+    """Write report.html and report.pdf of chapters into a folder; where report.html is."""
+    text = render(
+        "study_report.html", title or chapters[0].title, chapters, kind=dated("Study report", []), introduction=()
+    )
+    return write(text, out).html
+
+
+def save(out: Path, **content: Any) -> None:
+    """Write summary.json; arrays become lists, and what is not a number becomes null."""
+    (out / "summary.json").write_text(json.dumps(_plain(content), indent=1, allow_nan=False) + "\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [_plain(part) for part in value]
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def rows(compute: Callable[..., Row], parameters: Sequence[Mapping[str, Any]], out: Path, jobs: int) -> list[Row]:
+    """Rows ``compute(**p)`` for each p in their order; stored ones are read.
+
+    Each is computed in one of `jobs` processes with one thread, or with 0 in this process.
+    """
+    folder = out / "rows"
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"{_digest(compute, one)}.npz" for one in parameters]
+    missing = [(one, file) for one, file in zip(parameters, files, strict=True) if not file.exists()]
+    if jobs == 0:
+        for one, file in missing:
+            _store(compute, one, file)
+    elif missing:
+        os.environ |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        with ProcessPoolExecutor(min(jobs, len(missing)), mp_context=get_context("spawn")) as pool:
+            for done in as_completed([pool.submit(_store, compute, one, file) for one, file in missing]):
+                done.result()
+    return [_read(file) for file in files]
+
+
+def _store(compute: Callable[..., Row], parameters: Mapping[str, Any], file: Path) -> None:
+    part = file.with_suffix(f".{os.getpid()}.part.npz")
+    np.savez(part, **compute(**parameters))
+    part.replace(file)
+
+
+def _read(file: Path) -> Row:
+    with np.load(file, allow_pickle=False) as data:
+        return {name: array if array.ndim else array.item() for name, array in data.items()}
+
+
+def _digest(compute: Callable[..., Row], parameters: Mapping[str, Any]) -> str:
+    """Digest of what a row depends on: its function's module, this package, parameters, and files that these name."""
+    files = {name: Path(value).read_text() for name, value in parameters.items() if _names_file(value)}
+    source = inspect.getsource(inspect.getmodule(compute)) + inspect.getsource(inspect.getmodule(rows))
+    content = [compute.__name__, source, _package(), dict(parameters), files]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def _names_file(value: Any) -> bool:
+    return isinstance(value, str) and value.endswith(".toml") and Path(value).is_file()
+
+
+@lru_cache
+def _package() -> str:
+    folder, digest = Path(pmr.__file__).parent, hashlib.sha256()
+    for file in sorted((*folder.rglob("*.py"), *folder.rglob("*.c"))):
+        if "report" not in file.relative_to(folder).parts:
+            digest.update(file.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,145 @@
+"""Histories: tip displacement and energy of the reduced beam, the full one and the ANCF cable, and their differences.
+
+Weyrer et al., sections "Tip Displacement, Energy, and Accuracy" and "Accuracy". Each scene is reduced as its file says;
+beside it stands the same basis with the pin's rows dropped.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from experiment import Findings, Row, Settings, rows, run, save
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from published import histories
+
+import pmr
+from pmr.compare.errors import nrms
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
+from pmr.report.figures.canvas import SHADE, WIDE, key, sheet
+from pmr.report.numbers import length, percent
+from pmr.report.studies.curves import dots
+
+SETTINGS = {"scenes": ["paper_simple", "paper_evolved"]}
+SIMULATORS = ("full", "ancf", "reduced")
+PAIRS = ("reduced_vs_full", "full_vs_ancf", "reduced_vs_ancf")
+MARCHED = [
+    "simulation.simulators=['march']",
+    "simulation.repeats=1",
+    "simulation.full='march'",
+    "compare.richer='none'",
+]
+
+
+def row(scene: str) -> Row:
+    """Errors between the three models as a run of the scene measures them; tip and energy (T,) of each."""
+    loaded = pmr.load_scene(scene, MARCHED)
+    outcome = pmr.run(loaded)
+    summary, responses = outcome.result.summary, outcome.result.responses
+    result: Row = {"coordinates.full": summary["coordinates"]["full"]}
+    result |= {"coordinates.reduced": summary["coordinates"]["reduced"], "basis.kappa": summary["basis"]["kappa"]}
+    for kind in ("errors", "absolute_errors"):
+        for pair, places in summary[kind].items():
+            result |= {f"{kind}.{pair}.{place}": error for place, error in places.items() if error is not None}
+    result |= {name: summary[name] for name in ("max_displacement", "max_error")}
+    dropping = pmr.load_scene(scene, [*MARCHED, "reduction.basis='eigenmodes'"])
+    dropped, full = pmr.simulate(dropping, pmr.reduce(dropping).reduced), responses["full"]
+    result["dropped.tip"] = nrms(dropped.tip, full.tip)
+    result["dropped.beam"] = nrms(dropped.displacement, full.displacement)
+    result["dropped.max_error"] = float(np.abs(dropped.displacement - full.displacement).max())
+    for name in SIMULATORS:
+        result |= {f"{name}.tip_history": responses[name].tip, f"{name}.energy": responses[name].energy.total}
+    t = full.t
+    loads = [np.broadcast_to(load.signal.value(t), t.shape) for load in loaded.alone.loads]
+    path = loaded.slider.path
+    return result | {"t": t, "s": path.value(t), "moving": np.abs(path.rate(t)) > 0.0, "load": np.sum(loads, axis=0)}
+
+
+def main(settings: Settings, out: Path, jobs: int) -> Chapter:
+    scenes = settings["scenes"]
+    results = dict(zip(scenes, rows(row, [{"scene": scene} for scene in scenes], out, jobs), strict=True))
+    figures = {
+        f"{Path(scene).stem}.{name}": value
+        for scene, result in results.items()
+        for name, value in result.items()
+        if isinstance(value, float | int)
+    }
+    save(out, figures=figures)
+    return chapter(results, Findings(figures, *histories(scenes)))
+
+
+def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
+    names = {scene: f"{Path(scene).stem.removeprefix('paper_')} case" for scene in results}
+    worst, dropped = (
+        max(result[key] for result in results.values()) for key in ("errors.reduced_vs_full.beam", "dropped.beam")
+    )
+    caption = (
+        "Slider position and load (top), transverse displacement of the tip (middle) and total energy (bottom) over "
+        "time. Grey: the slider moves."
+    )
+    without = Grid(
+        "The same basis with the pin's rows dropped, against the full beam: all coordinates move.",
+        ("case", "tip", "beam", "largest difference"),
+        tuple(
+            (names[scene], percent(r["dropped.tip"]), percent(r["dropped.beam"]), length(r["dropped.max_error"]))
+            for scene, r in results.items()
+        ),
+    )
+    between = Grid(
+        "Normalised RMS errors between the models, tip / beam.",
+        ("case", *(pair.replace("_vs_", " against ") for pair in PAIRS)),
+        tuple(
+            (
+                names[scene],
+                *(" / ".join(percent(r[f"errors.{pair}.{place}"]) for place in ("tip", "beam")) for pair in PAIRS),
+            )
+            for scene, r in results.items()
+        ),
+    )
+    return Chapter(
+        anchor="histories",
+        title="Tip displacement, energy and accuracy",
+        headline=f"The reduced model is within {percent(worst)} of the full one; without the pin's rows within "
+        f"{percent(dropped)}.",
+        key_numbers=[
+            KeyNumber(percent(r["errors.reduced_vs_full.beam"]), f"error along the beam, {names[scene]}")
+            for scene, r in results.items()
+        ],
+        paragraphs=[
+            "All models are simulated over the whole time span: the reduced and the full one by the compiled "
+            "simulator, the ANCF cable with its sliding joint by Exudyn."
+        ],
+        blocks=[
+            *(
+                Block(names[scene].capitalize(), ((drawing(f"histories-{n}", draw_histories, caption, result),),))
+                for n, (scene, result) in enumerate(results.items())
+            ),
+            Block("Errors", grids=(between, without)),
+            *findings.blocks(),
+        ],
+    )
+
+
+def draw_histories(result: Row) -> Figure:
+    """Path and load, tip and energy over time."""
+    figure, axes = sheet(WIDE, 4.8, rows=4, sharex=True, gridspec_kw={"hspace": 0.18}, margins={"top": 0.35})
+    t = result["t"]
+    panels = [("Slider in m", {"": result["s"]}), ("Load in N", {"": result["load"]})]
+    panels.append(("Tip in mm", {name: 1e3 * result[f"{name}.tip_history"] for name in SIMULATORS}))
+    panels.append(("Energy in J", {name: result[f"{name}.energy"] for name in SIMULATORS}))
+    for ax, (label, curves) in zip(axes[:, 0], panels, strict=True):
+        ax.fill_between(
+            t, 0.0, 1.0, where=result["moving"], transform=ax.get_xaxis_transform(), color=SHADE, linewidth=0.0
+        )
+        for number, curve in enumerate(curves.values()):
+            ax.plot(t, curve, color=dots(number)["color"], linewidth=0.8)
+        ax.set_ylabel(label)
+    axes[-1, 0].set_xlabel("Time in s")
+    labels = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
+    key(figure, [Line2D([], [], label=labels[name], color=dots(n)["color"]) for n, name in enumerate(SIMULATORS)])
+    return figure
+
+
+if __name__ == "__main__":
+    run(main, SETTINGS, __doc__)

@@ -1,0 +1,41 @@
+"""Every experiment of Weyrer, Gerstmayr, Mikkola and Orzechowski, each figure and table of it in one report."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import combinations
+import error_map
+import histories
+import speed
+from experiment import Settings, report, run
+
+from pmr.report.blocks import Chapter
+from pmr.report.studies.document import chapter
+from pmr.report.studies.finished import FinishedStudy
+
+TITLE = "Model order reduction of a sliding beam using a global basis: every experiment"
+EXPERIMENTS = {"combinations": combinations, "error_map": error_map, "speed": speed}
+#: Settings of each experiment that differ from its own, and the file of the convergence study.
+SETTINGS = {"histories": {}, "convergence": "convergence", **{name: {} for name in EXPERIMENTS}}
+
+
+def main(settings: Settings, out: Path, jobs: int) -> list[Chapter]:
+    def chapter_of(name: str, module: object) -> Chapter:
+        folder = out / name
+        folder.mkdir(parents=True, exist_ok=True)
+        own = module.main(module.SETTINGS | settings[name], folder, jobs)
+        report(folder, [own])
+        return own
+
+    first = chapter_of("histories", histories)
+    command = [sys.executable, "-m", "pmr", "study", settings["convergence"]]
+    subprocess.run([*command, "--out", str(out / "convergence"), "--jobs", str(jobs)], check=True)
+    converged = chapter(FinishedStudy.load(out / "convergence"), "convergence")
+    return [first, converged, *(chapter_of(name, module) for name, module in EXPERIMENTS.items())]
+
+
+if __name__ == "__main__":
+    run(main, SETTINGS, __doc__, TITLE)
