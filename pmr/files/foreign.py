@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files import labelled
-from pmr.files.matrices import DIRECTIONS, GivenMatrices, whole_numbers
+from pmr.files.matrices import GivenMatrices, whole_numbers
+from pmr.files.rigid import DIRECTIONS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from os.path import isfile
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
 from pmr.files import npz
+from pmr.files.rigid import DIRECTIONS, Resistance
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FORMAT, FORMAT_VERSION = "pmr-matrices", 1
-#: Of a coordinate: displacements along the axes and rotations about them.
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Share of the largest entry that M and K may differ by from their transposed.
 SYMMETRY = 1e-9
 _PARTS = ("data", "indices", "indptr")
@@ -72,6 +72,11 @@ class GivenMatrices:
     def size(self) -> int:
         """Number of coordinates n."""
         return int(self.K.shape[0])
+
+    @cached_property
+    def resistance(self) -> Resistance:
+        """What K resists of rigid motions: supports and springs to ground that it has in it."""
+        return Resistance(self.K, self.points, self.node, self.direction)
 
     def save(self, path: str | Path) -> Path:
         """Write matrices, points and groups as one npz file, without pickle."""

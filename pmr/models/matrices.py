@@ -68,7 +68,14 @@ class Matrices(Traced):
 
     @property
     def reference_frequency(self) -> float:
-        r"""Rayleigh's quotient of a beam that bends, w = x^2 about its middle, by the softer of both ways across."""
+        r"""Rayleigh's quotient of a beam that bends, w = x^2 about its middle, by the softer of both ways across.
+
+        Of the stiffness counts what the body has beside K R (R^T K R)^+ R^T K, the supports and springs that K has in
+        it: these may be any number of times stiffer.
+        """
+        K, R = self.given.K, self.rigid_motions()
+        resisted = K @ R
+        compliance = np.linalg.pinv(R.T @ resisted, hermitian=True)
         x = self.given.points - self.given.points.mean(axis=0)
         found = []
         for across in range(3):
@@ -81,7 +88,9 @@ class Matrices(Traced):
             turn = np.cross(np.eye(3)[self.axis], np.eye(3)[across])
             motion[:, 3:] = slope[:, None] * turn
             q = motion[self.given.node, self.given.direction]
-            found.append(float(q @ (self.given.K @ q)) / float(q @ (self.given.M @ q)))
+            on_ground = q @ resisted
+            energy = float(q @ (K @ q)) - float(on_ground @ compliance @ on_ground)
+            found.append(energy / float(q @ (self.given.M @ q)))
         return float(np.sqrt(max(min(found), 1e-12 * max(found))))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
