@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from os.path import isfile
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
 from pmr.files import npz
+from pmr.files.fit import misfit
 from pmr.files.rigid import DIRECTIONS, Resistance
 
 Array = NDArray[np.float64]
@@ -42,6 +42,8 @@ class GivenMatrices:
     direction: Indices  #: (n,) 0 to 5, as `DIRECTIONS`
     groups: Mapping[str, Indices] = field(default_factory=dict)  #: (g,) nodes by name: faces for pads, tail and tip
     source: str = "matrices"  #: File, for messages
+    #: (h, 6): rows that vanish for the rigid motions about the origin that supports and springs inside K leave free
+    held: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         n = self.K.shape[0]
@@ -67,16 +69,15 @@ class GivenMatrices:
                 raise self._refusal(
                     f"groups.{name}", None, f"at least one node, 0 to {len(self.points) - 1}, is allowed"
                 )
+        body = Resistance(self.K, self.points, self.node, self.direction)
+        if reason := misfit(self.M, body):
+            raise self._refusal(reason[0], None, reason[1])
+        object.__setattr__(self, "held", body.held())
 
     @property
     def size(self) -> int:
         """Number of coordinates n."""
         return int(self.K.shape[0])
-
-    @cached_property
-    def resistance(self) -> Resistance:
-        """What K resists of rigid motions: supports and springs to ground that it has in it."""
-        return Resistance(self.K, self.points, self.node, self.direction)
 
     def save(self, path: str | Path) -> Path:
         """Write matrices, points and groups as one npz file, without pickle."""

@@ -63,7 +63,14 @@ class Resistance:
     def edges(self) -> Array:
         """Distance in m between the nodes of each entry of `pairs`."""
         row, column, _ = self.pairs
-        return np.asarray(np.linalg.norm(self.points[self.node[row]] - self.points[self.node[column]], axis=1))
+        squares = np.zeros(len(row))
+        for x in self.points[self.node].T:
+            squares += (x[row] - x[column]) ** 2
+        return np.sqrt(squares)
+
+    def on_pattern(self, values: Array) -> sp.csr_matrix:
+        """A matrix (n, n) with these values in place of the entries of `pairs`."""
+        return sp.csr_matrix((values, self.K.indices, self.K.indptr), shape=self.K.shape)
 
     @cached_property
     def _translations(self) -> tuple[Array, Array]:
@@ -79,36 +86,46 @@ class Resistance:
         return grounded
 
     @cached_property
-    def sprung(self) -> NDArray[np.bool_]:
-        """Which nodes (N,) are grounded as springs at the node itself do it.
-
-        Forces are then a symmetric matrix times its displacement, positive semidefinite, and moments vanish.
-        """
-        blocks, moved = np.zeros((len(self.points), 3, 3)), self.direction < 3
-        blocks[self.node[moved], self.direction[moved]] = self.forces[moved]
-        size = np.abs(blocks).max(axis=(1, 2))
-        skew = np.abs(blocks - blocks.transpose(0, 2, 1)).max(axis=(1, 2))
-        least = np.linalg.eigvalsh((blocks + blocks.transpose(0, 2, 1)) / 2.0)[:, 0]
-        sums, sizes = self._sums_of_moments
-        local = np.zeros(len(self.points))
-        shares = np.divide(np.abs(sums).max(axis=1), sizes, out=np.zeros(len(sizes)), where=sizes > 0.0)
-        np.maximum.at(local, self.node[moved], shares[moved])
-        alike = (skew <= 1e-6 * size) & (least >= -1e-6 * size) & (local <= ROUNDING_OF_POINTS[1])
-        return self.grounded & alike
+    def without_displacements(self) -> NDArray[np.bool_]:
+        """Nodes (N,) that have no coordinate along some axis: a support, or no part of the body."""
+        return np.asarray(np.bincount(self.node[self.direction < 3], minlength=len(self.points)) < 3)
 
     @cached_property
-    def _sums_of_moments(self) -> tuple[Array, Array]:
+    def sprung(self) -> NDArray[np.bool_]:
+        """Which nodes (N,) are grounded as a spring does it, at the node or at a point within the body's length.
+
+        Forces are then a symmetric matrix S times the point's displacement: F = S, and G = S (w x d) with the point's
+        place d beside the node.
+        """
+        moved = self.direction < 3
+        S, G = np.zeros((2, len(self.points), 3, 3))
+        at = self.node[moved], self.direction[moved]
+        sums, sizes = self.sums_of_moments
+        S[at], G[at] = self.forces[moved], sums[moved]
+        allowed, noise = np.zeros((2, len(self.points), 3))
+        allowed[at], noise[at] = ROUNDING_OF_POINTS[1] * sizes[moved], self._translations[1][moved]
+        most = 1e-6 * np.abs(S).max(axis=(1, 2)) + 2.0 * noise.max(axis=1)
+        skew = np.abs(S - S.transpose(0, 2, 1)).max(axis=(1, 2)) > most
+        at_node = (np.abs(G).max(axis=2) <= allowed).all(axis=1)
+        levers = np.einsum("nab,bcd->nacd", S, np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1))
+        d = np.einsum("ndm,nm->nd", np.linalg.pinv(levers.reshape(-1, 9, 3), rcond=1e-6), G.reshape(-1, 9))
+        rest = np.abs(G - np.einsum("nacd,nd->nac", levers, d)).max(axis=2)
+        near = np.linalg.norm(d, axis=1) <= np.ptp(self.points, axis=0).max()
+        return np.asarray(self.grounded & ~skew & (at_node | (near & (rest <= allowed).all(axis=1))))
+
+    @cached_property
+    def sums_of_moments(self) -> tuple[Array, Array]:
         """G (n, 3) as it is, and the sizes (n,) of what it is summed from."""
-        row, column, size = self.pairs
+        _, column, size = self.pairs
         local = np.where(self.direction[column] < 3, self.edges, 1.0)
         sums, middle = self.K @ self._motions, self.points.mean(axis=0)
         moments = sums[:, 3:] - np.einsum("na,nab->nb", sums[:, :3], self._levers(middle))
-        return moments, np.bincount(row, size * local, minlength=self.K.shape[0])
+        return moments, np.asarray(self.on_pattern(size * local).sum(axis=1)).ravel()
 
     @cached_property
     def _rotations(self) -> tuple[Array, Array]:
         """G with its rounding as `_translations`; beside supports, which move their neighbours' rows, as it is."""
-        sums, sizes = self._sums_of_moments
+        sums, sizes = self.sums_of_moments
         beside = (self.grounded & ~self.sprung)[self.node]
         cleaned, noise = _cleaned(sums, sizes, ROUNDING_OF_POINTS, ~beside)
         return np.where(beside[:, None], sums, cleaned), noise

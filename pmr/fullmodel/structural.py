@@ -96,7 +96,7 @@ def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str
 
 def _held_by(model: StructuralModel) -> Array:
     """Rows (h, k) of the model's rigid motions that its stiffness resists by itself: supports inside given matrices."""
-    return model.given.resistance.held() if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
+    return model.given.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
 
 
 def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, resisted: Array) -> RigidMotions:

@@ -24,8 +24,6 @@ Indices = NDArray[np.int64]
 
 #: A face's nodes lie in a plane within this share of the face's extent.
 FLAT = 1e-3
-#: Of all rigid motions together, the share that one of them has at least.
-RIGID = 1e-9
 #: Nodes around a place make up its section if they spread over this share of the body's breadth and height.
 WHOLE = 0.5
 
@@ -39,18 +37,6 @@ class Matrices(Traced):
     """
 
     given: GivenMatrices
-
-    def __post_init__(self) -> None:
-        points, known = self.given.points - self.given.points.mean(axis=0), list[int]()
-        R = rigid_motions(points[self.given.node], self.given.direction)
-        R /= np.maximum(np.linalg.norm(R, axis=0), RIGID * np.linalg.norm(R))
-        for k in range(R.shape[1]):
-            if np.linalg.matrix_rank(R[:, [*known, k]], tol=np.sqrt(RIGID)) > len(known):
-                known.append(k)
-        missing = ", ".join(DIRECTIONS[k] for k in range(R.shape[1]) if k not in known)
-        if missing:
-            allowed = f"coordinates that move and turn in space are allowed: these know no rigid motion along {missing}"
-            raise InputError(self.given.source, "direction", None, allowed)
 
     @classmethod
     def load(cls, file: Path) -> Matrices:

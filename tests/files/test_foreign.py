@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +22,20 @@ NUMBERS = [7, 3, 12, 5]  # of the nodes, as another program counts them
 
 
 def given() -> GivenMatrices:
-    """Four nodes of a plate; the first one stands still along z."""
-    rng = np.random.default_rng(4)
-    pairs = [(k, d) for k in range(4) for d in range(3) if (k, d) != (0, 2)]
-    X, Y = rng.normal(size=(2, len(pairs), len(pairs)))
-    node, direction = np.array(pairs).T
+    """Four nodes of a plate, joined by bars that have a mass; the first one stands still along z."""
     points = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.125]])
+    K, M = np.zeros((2, 12, 12))
+    for i, j in combinations(range(4), 2):
+        axis = points[j] - points[i]
+        length = np.linalg.norm(axis)
+        at = [3 * i, 3 * i + 1, 3 * i + 2, 3 * j, 3 * j + 1, 3 * j + 2]
+        K[np.ix_(at, at)] += 1e7 / length**3 * np.kron([[1, -1], [-1, 1]], np.outer(axis, axis))
+        M[np.ix_(at, at)] += length / 6.0 * np.kron([[2, 1], [1, 2]], np.eye(3))
+    rest = np.delete(np.arange(12), 2)
+    node, direction = rest // 3, rest % 3
     groups = {"tail": np.array([0, 3]), "tip": np.array([1, 2])}
-    return GivenMatrices(sp.csr_matrix(X @ X.T), sp.csr_matrix(Y @ Y.T), points, node, direction, groups)
+    K, M = (sp.csr_matrix(A[np.ix_(rest, rest)]) for A in (K, M))
+    return GivenMatrices(M, K, points, node, direction, groups)
 
 
 def triangle(path: Path, A: sp.csr_matrix) -> Path:
