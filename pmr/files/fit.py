@@ -193,8 +193,8 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
             or (
                 "K",
                 f"a body free to move is allowed but at supports and springs: K resists translations at {wrong.sum()} "
-                f"nodes, such as that at {place(body.points[int(np.flatnonzero(wrong)[0])])}, as neither does; its rows are in "
-                "another order, or nodes have axes of their own",
+                f"nodes, such as that at {place(body.points[wrong][0])}, as neither does; its rows are in another "
+                "order, or nodes have axes of their own",
             )
         )
 

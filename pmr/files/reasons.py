@@ -113,8 +113,8 @@ def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
     if near.max() < 1e-4 * length and len(set(match)) == len(match):
         if len(nodes) == 2:
             return "points", (
-                f"nodes in the order of K are allowed: those at {place(body.points[nodes[0]])} and {place(body.points[nodes[1]])} "
-                "are exchanged"
+                f"nodes in the order of K are allowed: those at {place(body.points[nodes[0]])} and "
+                f"{place(body.points[nodes[1]])} are exchanged"
             )
         return "points", (
             f"nodes in the order of K are allowed: {len(nodes)} are in another one, it has that at "
@@ -122,7 +122,8 @@ def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
         )
     first = int(np.linalg.norm(places - body.points[nodes], axis=1).argmax())
     return "points", (
-        f"places that K was made for are allowed: it has the node at {place(body.points[nodes[first]])} at {place(places[first])}"
+        f"places that K was made for are allowed: it has the node at {place(body.points[nodes[first]])} at "
+        f"{place(places[first])}"
     )
 
 
