@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os.path import isfile
 from pathlib import Path
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files import labelled
+from pmr.files.decks import read_deck
 from pmr.files.matrices import GivenMatrices, whole_numbers
 from pmr.files.rigid import DIRECTIONS
 
@@ -111,6 +112,8 @@ def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
         with warnings.catch_warnings():  # of SciPy's, about classes that it will return and keys of Harwell-Boeing
             warnings.simplefilter("ignore")
             return readers[suffix](path)
+    except InputError:
+        raise
     except MemoryError:
         raise InputError(str(path), "", None, f"a {suffix} file is allowed whose sizes fit into memory") from None
     except DAMAGED as error:
@@ -159,45 +162,11 @@ def _nodes_csv(path: Path) -> _Nodes:
 
 
 def _inp(path: Path) -> _Nodes:
-    numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
-    for keyword, options, lines in _cards(path):
-        if keyword == "*NODE":
-            for line in lines:
-                number, *xyz = [part for part in line.split(",") if part.strip()]
-                numbers.append(int(number))
-                points.append([float(one) for one in [*xyz, "0", "0"][:3]])
-        elif keyword == "*NSET":
-            members = groups.setdefault(options["NSET"].lower(), [])
-            for line in lines:
-                found = [part.strip() for part in line.split(",") if part.strip()]
-                if "GENERATE" in options:
-                    first, last, step = [*map(int, found), 1][:3]
-                    members.extend(range(first, last + 1, step))
-                else:
-                    for name in found:
-                        members.extend([int(name)] if name.isdigit() else groups[name.lower()])
-    return _nodes(numbers, points, groups)
+    deck = read_deck(path)
+    return _nodes(list(deck.nodes), [*deck.nodes.values()], {name: [*own] for name, own in deck.node_sets.items()})
 
 
-def _cards(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
-    """Keyword, its options and its lines, of an input file of CalculiX or Abaqus."""
-    keyword, options, lines = "", dict[str, str](), list[str]()
-    for line in path.read_text().splitlines():
-        if line.startswith("**") or not line.strip():
-            continue
-        if not line.startswith("*"):
-            lines.append(line)
-            continue
-        if keyword:
-            yield keyword, options, lines
-        keyword, *rest = (part.strip() for part in line.split(","))
-        keyword, lines = keyword.upper(), []
-        options = {name.strip().upper(): value.strip() for name, _, value in (part.partition("=") for part in rest)}
-    if keyword:
-        yield keyword, options, lines
-
-
-def _nodes(numbers: list[int], points: list[list[float]], groups: dict[str, list[int]]) -> _Nodes:
+def _nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:
     if not numbers:
         raise ValueError("no nodes")
     found = {name: np.unique(np.array(members, dtype=np.int64)) for name, members in groups.items() if members}

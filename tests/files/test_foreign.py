@@ -201,7 +201,7 @@ BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
     (changed("dofs", "12.1->12.8"), "job.dof: direction = 8: 1 to 6"),
     (changed("dofs", "12.1\n->"), "job.dof = 10: a line for each of the 11 rows"),
     (changed("dofs", "12.1->x"), "job.dof: a readable .dof file"),
-    (changed("nodes", "3, 12, 9->3, 13, 10"), "job.inp: group tip = 13: nodes"),
+    (changed("nodes", "3, 12, 9->3, 13, 10"), "job.inp: line 11: node 13 of set tip is not in the file"),
     (changed("nodes", "*NODE\n"), "job.inp: a readable .inp file is allowed (no nodes)"),
     (
         changed("stiffness", "1 1 nan\n" + "".join(f"{k} {k} 1.0\n" for k in range(2, 12))),
