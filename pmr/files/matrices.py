@@ -97,7 +97,7 @@ class GivenMatrices:
             found = npz.read(path)
             header = npz.without_header(found)
             if header.get("format") != FORMAT or int(header["version"]) > FORMAT_VERSION:
-                raise ValueError(f"{FORMAT} of version {FORMAT_VERSION} or less is allowed")
+                raise InputError(str(path), "", None, f"{FORMAT} of version {FORMAT_VERSION} or less is allowed")
             n = len(found["node"])
             M, K = (sp.csr_matrix(tuple(found[f"{name}.{part}"] for part in _PARTS), (n, n)) for name in ("M", "K"))
             for A in (M, K):
@@ -107,8 +107,9 @@ class GivenMatrices:
             node, direction = (whole_numbers(found[name]) for name in ("node", "direction"))
         except InputError:
             raise
-        except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError) as error:
-            raise InputError(str(path), "", None, f"matrices that pmr wrote are allowed ({error})") from None
+        except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError):
+            allowed = "matrices that pmr wrote are allowed: these are damaged or of another kind"
+            raise InputError(str(path), "", None, allowed) from None
         return cls(M, K, points, node, direction, groups, str(path))
 
     def _check_matrix(self, name: str, A: sp.csr_matrix, n: int) -> None:
