@@ -165,7 +165,7 @@ def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     sums, sizes = body.sums_of_moments
     wrong = np.zeros(len(body.points), dtype=bool)
     wrong[body.node[np.abs(sums).max(axis=1) > ROUNDING_OF_POINTS[1] * sizes]] = True
-    wrong &= ~body.grounded & ~_beside(body, _without_rotations(body))
+    wrong &= ~body.grounded & ~body.lacking.any(axis=1) & ~_beside(body, _without_rotations(body))
     if wrong.any():
         yield (
             affine_change(body)
@@ -184,7 +184,7 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     if _is_dense(body):
         wrong = held if held.any() and _left_free(body) > 6 - len(body.held()) else np.zeros_like(held)
     else:
-        wrong = held & ~_beside(body, body.without_displacements)
+        wrong = held & ~_supported(body)
     if wrong.any():
         yield (
             by_direction(body)
@@ -269,7 +269,7 @@ def _is_dense(body: Resistance) -> bool:
 
 def _without_rotations(body: Resistance) -> Mask:
     """Nodes (N,) that move, but have no rotation about some axis where most others have one."""
-    missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.without_displacements
+    missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.lacking.any(axis=1)
     for k in range(3, 6):
         known = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0
         if 2 * np.sum(known) > len(known):
@@ -277,11 +277,24 @@ def _without_rotations(body: Resistance) -> Mask:
     return missing
 
 
+def _supported(body: Resistance) -> Mask:
+    """Nodes (N,) beside others that are held, as far as forces along the axes say that are.
+
+    Under translations along all other axes a node has no forces, or those of a spring of its own.
+    """
+    beside = np.stack([_beside(body, body.lacking[:, k]) for k in range(3)], axis=1)
+    springs = np.where(beside[:, :, None] | beside[:, None], 0.0, body.blocks)
+    size = np.abs(body.blocks).max(axis=(1, 2))
+    skew = np.abs(springs - springs.transpose(0, 2, 1)).max(axis=(1, 2))
+    least = np.linalg.eigvalsh((springs + springs.transpose(0, 2, 1)) / 2.0)[:, 0]
+    return np.asarray(beside.any(axis=1) & (skew <= 1e-6 * size) & (least >= -1e-6 * size))
+
+
 def _beside(body: Resistance, missing: Mask) -> Mask:
-    """Nodes (N,) as near to one of these as to those that K couples them with, or half as far again."""
+    """Nodes (N,) as near to one of these as to those that K couples them with, or a fifth farther."""
     if not missing.any():
         return np.zeros(len(missing), dtype=bool)
     reach = np.zeros(len(missing))
     np.maximum.at(reach, body.node, body.on_pattern(body.edges).max(axis=1).toarray().ravel())
-    reach = np.minimum(1.5 * reach, 0.5 * float(np.ptp(body.points, axis=0).max()))
+    reach = np.minimum(1.2 * reach, 0.5 * float(np.ptp(body.points, axis=0).max()))
     return np.asarray(cKDTree(body.points[missing]).query(body.points)[0] <= reach)

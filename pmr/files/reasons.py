@@ -145,7 +145,7 @@ def _followed(body: Resistance, wrong: Mask, first: int, expected: Array, least:
 
     The nodes around those that are wrong are among them at first, where they may be on springs, too.
     """
-    displaced = ~body.without_displacements
+    displaced = ~body.lacking.any(axis=1)
     motions = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)[:, first : first + 3]
     for _ in range(2):
         at, rest = np.flatnonzero(wrong[body.node]), np.flatnonzero(~wrong[body.node])

@@ -86,9 +86,19 @@ class Resistance:
         return grounded
 
     @cached_property
-    def without_displacements(self) -> NDArray[np.bool_]:
-        """Nodes (N,) that have no coordinate along some axis: a support, or no part of the body."""
-        return np.asarray(np.bincount(self.node[self.direction < 3], minlength=len(self.points)) < 3)
+    def lacking(self) -> NDArray[np.bool_]:
+        """Nodes and axes (N, 3) without a displacement among the coordinates: a support, or no part of the body."""
+        lacking = np.ones((len(self.points), 3), dtype=bool)
+        moved = self.direction < 3
+        lacking[self.node[moved], self.direction[moved]] = False
+        return lacking
+
+    @cached_property
+    def blocks(self) -> Array:
+        """Forces (N, 3, 3) on each node under translations; zero along axes that it has no coordinate for."""
+        blocks, moved = np.zeros((len(self.points), 3, 3)), self.direction < 3
+        blocks[self.node[moved], self.direction[moved]] = self.forces[moved]
+        return blocks
 
     @cached_property
     def sprung(self) -> NDArray[np.bool_]:
@@ -98,10 +108,10 @@ class Resistance:
         place d beside the node.
         """
         moved = self.direction < 3
-        S, G = np.zeros((2, len(self.points), 3, 3))
+        S, G = self.blocks, np.zeros((len(self.points), 3, 3))
         at = self.node[moved], self.direction[moved]
         sums, sizes = self.sums_of_moments
-        S[at], G[at] = self.forces[moved], sums[moved]
+        G[at] = sums[moved]
         allowed, noise = np.zeros((2, len(self.points), 3))
         allowed[at], noise[at] = ROUNDING_OF_POINTS[1] * sizes[moved], self._translations[1][moved]
         most = 1e-6 * np.abs(S).max(axis=(1, 2)) + 2.0 * noise.max(axis=1)
