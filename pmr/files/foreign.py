@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os.path import isfile
 from pathlib import Path
@@ -22,7 +22,10 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files import labelled
-from pmr.files.matrices import DIRECTIONS, GivenMatrices, whole_numbers
+from pmr.files.decks import MOST_DIGITS, read_deck
+from pmr.files.labelled import UnreadableError
+from pmr.files.matrices import GivenMatrices
+from pmr.files.rigid import DIRECTIONS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -110,20 +113,29 @@ def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
         with warnings.catch_warnings():  # of SciPy's, about classes that it will return and keys of Harwell-Boeing
             warnings.simplefilter("ignore")
             return readers[suffix](path)
+    except InputError:
+        raise
+    except UnreadableError as error:
+        raise InputError(str(path), f"line {error.line}" if error.line else "", None, str(error)) from None
     except MemoryError:
         raise InputError(str(path), "", None, f"a {suffix} file is allowed whose sizes fit into memory") from None
-    except DAMAGED as error:
-        raise InputError(str(path), "", None, f"a readable {suffix} file is allowed ({error})") from None
+    except DAMAGED:
+        allowed = f"a readable {suffix} file is allowed: this one is cut off, changed, or of another form"
+        raise InputError(str(path), "", None, allowed) from None
 
 
 def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
     """A matrix of which only one triangle is stored, whole.
 
-    Raises ValueError if it is not square, or so empty that its size is a mistake, and might not fit into memory.
+    Raises UnreadableError if it is not real and square, or so empty that its size is a mistake, and might not fit into
+    memory.
     """
     n = A.shape[0]
+    if np.iscomplexobj(A):
+        raise UnreadableError("real entries are allowed: these have imaginary parts")
     if A.shape != (n, n) or n > A.nnz:
-        raise ValueError(f"a square matrix with entries in all rows, not {A.nnz} entries in {n} x {A.shape[1]}")
+        allowed = f"a square matrix with entries in all rows is allowed, not {A.nnz} entries in {n} x {A.shape[1]}"
+        raise UnreadableError(allowed)
     if sp.isspmatrix_csr(A) or sp.isspmatrix_csc(A):
         A.check_format(full_check=True)  # SciPy ends the process at indices that are out of range
     A = sp.csr_matrix(A, dtype=float)
@@ -134,71 +146,58 @@ def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
 
 
 def _triplets(path: Path) -> sp.csr_matrix:
-    table = labelled.table(path, 3, "row, column and entry")
-    rows, columns = whole_numbers(table[:, 0]) - 1, whole_numbers(table[:, 1]) - 1
+    entries = labelled.table(path, (int, int, float), "row, column and entry")
+    rows, columns = (entries[:, k].astype(np.int64) - 1 for k in (0, 1))
     n = int(max(rows.max(), columns.max())) + 1
-    return _symmetric(sp.coo_matrix((table[:, 2], (rows, columns)), shape=(n, n)))
+    return _symmetric(sp.coo_matrix((entries[:, 2], (rows, columns)), shape=(n, n)))
 
 
 def _pairs(path: Path, between: str, head: int) -> Indices:
     """Nodes and directions (n, 2) of the lines behind the first `head` ones."""
-    lines = [line.strip().split(between) for line in path.read_text().splitlines()[head:] if line.strip()]
-    return np.array([[int(node), int(direction)] for node, direction in lines], dtype=np.int64).reshape(-1, 2)
+    pairs = list[tuple[int, int]]()
+    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+        parts = line.strip().split(between)
+        if number <= head or parts == [""]:
+            continue
+        if len(parts) != 2 or not all(_is_whole(part) for part in parts):
+            allowed = f"node and direction with {between!r} between them are allowed, not {line.strip()[:40]!r}"
+            raise UnreadableError(allowed, number)
+        pairs.append((int(parts[0]), int(parts[1])))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def _is_whole(text: str) -> bool:
+    text = text.strip()
+    return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
 def _nodes_csv(path: Path) -> _Nodes:
     numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
-    for line in filter(None, map(str.strip, path.read_text().splitlines()[1:])):
-        number, x, y, z, *names = line.split(",")
+    for at, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+        number, *parts = (part.strip() for part in line.split(","))
+        if at == 1 or not line.strip():
+            continue
+        try:
+            place = [float(part) for part in parts[:3]]
+        except ValueError:
+            place = []
+        if len(place) != 3 or not _is_whole(number):
+            raise UnreadableError("node, x, y, z and names of groups are allowed", at)
         numbers.append(int(number))
-        points.append([float(x), float(y), float(z)])
-        for name in filter(None, map(str.strip, names)):
+        points.append(place)
+        for name in filter(None, parts[3:]):
             groups.setdefault(name, []).append(int(number))
     return _nodes(numbers, points, groups)
 
 
 def _inp(path: Path) -> _Nodes:
-    numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
-    for keyword, options, lines in _cards(path):
-        if keyword == "*NODE":
-            for line in lines:
-                number, *xyz = [part for part in line.split(",") if part.strip()]
-                numbers.append(int(number))
-                points.append([float(one) for one in [*xyz, "0", "0"][:3]])
-        elif keyword == "*NSET":
-            members = groups.setdefault(options["NSET"].lower(), [])
-            for line in lines:
-                found = [part.strip() for part in line.split(",") if part.strip()]
-                if "GENERATE" in options:
-                    first, last, step = [*map(int, found), 1][:3]
-                    members.extend(range(first, last + 1, step))
-                else:
-                    for name in found:
-                        members.extend([int(name)] if name.isdigit() else groups[name.lower()])
-    return _nodes(numbers, points, groups)
+    deck = read_deck(path)
+    return _nodes(list(deck.nodes), [*deck.nodes.values()], {name: [*own] for name, own in deck.node_sets.items()})
 
 
-def _cards(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
-    """Keyword, its options and its lines, of an input file of CalculiX or Abaqus."""
-    keyword, options, lines = "", dict[str, str](), list[str]()
-    for line in path.read_text().splitlines():
-        if line.startswith("**") or not line.strip():
-            continue
-        if not line.startswith("*"):
-            lines.append(line)
-            continue
-        if keyword:
-            yield keyword, options, lines
-        keyword, *rest = (part.strip() for part in line.split(","))
-        keyword, lines = keyword.upper(), []
-        options = {name.strip().upper(): value.strip() for name, _, value in (part.partition("=") for part in rest)}
-    if keyword:
-        yield keyword, options, lines
-
-
-def _nodes(numbers: list[int], points: list[list[float]], groups: dict[str, list[int]]) -> _Nodes:
+def _nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:
     if not numbers:
-        raise ValueError("no nodes")
+        raise UnreadableError("nodes are allowed: this file has none")
     found = {name: np.unique(np.array(members, dtype=np.int64)) for name, members in groups.items() if members}
     return _Nodes(np.array(numbers, dtype=np.int64), np.array(points), found)
 
@@ -219,10 +218,13 @@ def _is_market(path: Path) -> bool:
 
 def _market(path: Path) -> sp.csr_matrix:
     """Of Matrix Market, or as Abaqus writes it."""
-    if _is_market(path):
-        return _symmetric(scipy.io.mmread(path))
-    entries = labelled.read_entries(path)
-    return _symmetric(entries.matrix(entries.pairs))
+    if not _is_market(path):
+        entries = labelled.read_entries(path)
+        return _symmetric(entries.matrix(entries.pairs))
+    *_, kind, symmetry = scipy.io.mminfo(path)
+    if kind not in ("real", "integer") or symmetry not in ("general", "symmetric"):
+        raise UnreadableError(f"real entries, general or symmetric, are allowed, not {kind} {symmetry} ones", 1)
+    return _symmetric(sp.coo_matrix(scipy.io.mmread(path)))
 
 
 def _of_bulk(path: Path) -> _Nodes:

@@ -5,12 +5,13 @@ Files of Nastran are read by pyNastran: matrices (DMIG entries, OUTPUT4), grid p
 
 from __future__ import annotations
 
+import re
 import struct
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -48,60 +49,155 @@ class Entries:
         return sp.csr_matrix(A + A.T - A.T.multiply(there))
 
 
+class UnreadableError(ValueError):
+    """A file is not of the form that it should have: what is allowed, and the line in which something else stands."""
+
+    def __init__(self, allowed: str, line: int = 0) -> None:
+        super().__init__(allowed)
+        self.line = line  # from 1; 0 where it is the file as a whole
+
+
 def read_entries(path: Path) -> Entries:
-    """Lines ``node, direction, node, direction, entry``: Abaqus's ``*MATRIX OUTPUT``; raises ValueError at others."""
-    found = table(path, 5, "node, direction, node, direction and entry", delimiter=",", comments="*")
+    """Lines ``node, direction, node, direction, entry``: Abaqus's ``*MATRIX OUTPUT``.
+
+    Raises UnreadableError at others.
+    """
+    form = "node, direction, node, direction and entry"
+    found = table(path, (int, int, int, int, float), form, delimiter=",", comment="*")
     labels = found[:, :4].astype(np.int64)
-    if not np.array_equal(labels, found[:, :4]):
-        raise ValueError("whole numbers of nodes and directions")
     return Entries(labels[:, :2], labels[:, 2:], found[:, 4])
 
 
-def table(path: Path, columns: int, said: str, **read_as: Any) -> Array:
-    """Numbers in so many columns; raises ValueError if there are others, or the file is cut off."""
-    if not path.read_bytes().endswith(b"\n"):
-        raise ValueError("a last line that ends: this one is cut off")
-    found = np.loadtxt(path, ndmin=2, **read_as)
-    if found.shape[1] != columns:
-        raise ValueError(f"lines of {said}, not of {found.shape[1]} numbers")
-    return found
+def table(
+    path: Path, kinds: Sequence[type], form: str, delimiter: str | None = None, comment: str = "#", head: int = 0
+) -> Array:
+    """Numbers (e, c) of the lines behind the first `head` ones, each of c numbers of these kinds.
+
+    Raises UnreadableError with the first line of another form, or if the file is cut off.
+    """
+    content = path.read_bytes()
+    if not content.endswith(b"\n"):
+        raise UnreadableError("a last line that ends is allowed: this file is cut off")
+    try:
+        found = np.loadtxt(path, delimiter=delimiter, comments=comment, skiprows=head, ndmin=2)
+        whole = [k for k, kind in enumerate(kinds) if kind is int]
+        if found.shape[1] == len(kinds) and np.all(found[:, whole] == np.trunc(found[:, whole])) and found.size:
+            return found
+    except (ValueError, UserWarning):
+        pass
+    for number, line in enumerate(content.decode("utf-8", "replace").splitlines()[head:], head + 1):
+        text = line.partition(comment)[0].strip()
+        if text and not _is_row(text.split(delimiter), kinds):
+            raise UnreadableError(f"{form} are allowed, not {text[:40]!r}", number)
+    raise UnreadableError(f"lines of {form} are allowed")
+
+
+def _is_row(parts: Sequence[str], kinds: Sequence[type]) -> bool:
+    if len(parts) != len(kinds):
+        return False
+    try:
+        return all(
+            kind is float or float(part) == int(float(part)) for kind, part in zip(kinds, parts, strict=True)
+        ) and all(np.isfinite(float(part)) or kind is float for kind, part in zip(kinds, parts, strict=True))
+    except (ValueError, OverflowError):
+        return False
 
 
 @dataclass(frozen=True)
 class Bulk:
     """What a bulk data file holds."""
 
-    matrices: dict[str, sp.csr_matrix]  #: Symmetric DMIG matrices by name
+    matrices: dict[str, sp.csr_matrix]  #: Real DMIG matrices by name, square or symmetric
     pairs: Indices  #: (n, 2) array: grid point and component (1 to 6) of each row, ascending
     numbers: Indices  #: (N,) array: grid points
     points: Array  #: (N, 3) array, m
     groups: dict[str, Indices]  #: Grid points of each SET1 entry, as ``set7``
 
 
+#: Cards that pyNastran reads of a file; sets are ours, for it makes lists of their ranges, whether their points exist
+#: or not.
+CARDS = frozenset(("GRID", "DMIG", "INCLUDE", "ENDDATA"))
+
+
 def read_bulk(path: Path) -> Bulk:
-    """What a bulk data file holds; raises InputError if pyNastran is missing, ValueError if the file is not read."""
+    """What a bulk data file holds.
+
+    Raises InputError if pyNastran is missing, UnreadableError if the file is not read.
+    """
     deck = needed("pyNastran.bdf.bdf").BDF(debug=None)
+    deck.disable_cards(deck.cards_to_read - CARDS)
+    text = path.read_text(encoding="utf-8", errors="replace").splitlines()
     try:
         with redirect_stdout(StringIO()):
             deck.read_bdf(str(path), xref=False, punch=True)
-    except (RuntimeError, SyntaxError, AttributeError, AssertionError, SystemExit) as error:  # the first: its own
-        raise ValueError(_first_line(error)) from None
-    square = {name: card for name, card in deck.dmig.items() if card.matrix_form in (SQUARE, SYMMETRIC)}
-    entries = {
-        name: Entries(np.asarray(card.GCi, np.int64), np.asarray(card.GCj, np.int64), np.asarray(card.Real, float))
-        for name, card in square.items()
-    }
+    except (RuntimeError, SyntaxError, AttributeError, AssertionError, SystemExit):  # the first: its own
+        raise UnreadableError("bulk data of GRID, SET1 and DMIG entries are allowed") from None
+    entries = dict[str, Entries]()
+    for name, card in deck.dmig.items():
+        line = next((k for k, one in enumerate(text, 1) if one.upper().startswith("DMIG") and name in one.upper()), 0)
+        if card.is_complex:
+            raise UnreadableError(f"real entries are allowed: those of {name} have imaginary parts", line)
+        if card.matrix_form in (SQUARE, SYMMETRIC):
+            values = np.asarray(card.Real, float)
+            entries[name] = Entries(np.asarray(card.GCi, np.int64), np.asarray(card.GCj, np.int64), values)
     pairs = np.unique(np.vstack([np.empty((0, 2), np.int64), *(one.pairs for one in entries.values())]), axis=0)
     grids = sorted(deck.nodes)
-    if any(deck.nodes[grid].Cp() != 0 for grid in grids):
-        raise ValueError("grid points in the basic coordinate system are allowed")
+    for grid in grids:
+        for what, axes in (("places", deck.nodes[grid].Cp()), ("displacements", deck.nodes[grid].Cd())):
+            if axes != 0:
+                found = re.compile(rf"GRID\*?[\s,]+{grid}\b", re.IGNORECASE)
+                line = next((k for k, one in enumerate(text, 1) if found.match(one)), 0)
+                allowed = f"{what} along the basic axes are allowed: grid point {grid} has them in system {axes}"
+                raise UnreadableError(allowed, line)
     return Bulk(
         {name: one.matrix(pairs) for name, one in entries.items()},
         pairs,
         np.array(grids, dtype=np.int64),
         np.array([deck.nodes[grid].xyz for grid in grids], dtype=float).reshape(-1, 3),
-        {f"set{number}": np.array(sorted(one.ids), dtype=np.int64) for number, one in deck.sets.items()},
+        _sets(text, np.array(grids, dtype=np.int64)),
     )
+
+
+def _sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
+    """Members of each SET1 entry, those of ranges as far as they are grid points."""
+    sets = dict[str, Indices]()
+    for line, fields in _set_entries(text):
+        number, *parts = [field for field in fields if field] or [""]
+        members = list[Indices]()
+        try:
+            while parts:
+                first = int(parts.pop(0))
+                if parts and parts[0].upper() == "THRU":
+                    last = int(parts[1])
+                    parts = parts[2:]
+                    members.append(grids[(grids >= first) & (grids <= last)])
+                else:
+                    members.append(np.array([first]))
+            sets[f"set{int(number)}"] = np.unique(np.concatenate(members))
+        except (ValueError, IndexError, OverflowError):
+            raise UnreadableError("SET1 with numbers of grid points, and first THRU last, is allowed", line) from None
+    return sets
+
+
+def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
+    """Line and fields of each SET1 entry, of which continuations begin with a blank, a plus, a star or a comma."""
+    begun, fields = 0, list[str]()
+    for number, line in enumerate(text, 1):
+        line = line.partition("$")[0].rstrip().expandtabs(8)
+        if not line:
+            continue
+        starts = re.match(r"SET1\b", line, re.IGNORECASE) is not None
+        if begun and (starts or line[0] not in " +*,"):
+            yield begun, fields
+            begun = 0
+        if starts:
+            begun, fields = number, []
+        if begun:
+            width = 16 if "*" in line[:8] else 8
+            parts = line.split(",")[1:9] if "," in line else [line[k : k + width] for k in range(8, 72, width)]
+            fields += [part.strip() for part in parts]
+    if begun:
+        yield begun, fields
 
 
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
@@ -110,18 +206,20 @@ def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
     try:
         with redirect_stdout(StringIO()):  # it prints what it can't read
             return {name.strip(): sp.csr_matrix(one.data) for name, one in read(str(path), debug=None).items()}
-    except (RuntimeError, AssertionError, AttributeError, struct.error) as error:  # of files that are cut off
-        raise ValueError(_first_line(error)) from None
-
-
-def _first_line(error: BaseException) -> str:
-    """The first line of what pyNastran says."""
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+    except (RuntimeError, AssertionError, AttributeError, struct.error, ValueError, LookupError, TypeError):
+        raise UnreadableError(
+            "OUTPUT4 in binary form, or as text with short integers and exponents E, is allowed"
+        ) from None
 
 
 def named(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
-    """The only matrix, or the only one whose name begins with a letter; raises ValueError if none or several are."""
+    """The only matrix, or the only one whose name begins with a letter.
+
+    Raises UnreadableError if none or several do.
+    """
     found = [one for name, one in matrices.items() if len(matrices) == 1 or name.upper().startswith(letter)]
     if len(found) != 1:
-        raise ValueError(f"one matrix whose name begins with {letter}, not {', '.join(matrices) or 'none'}")
+        raise UnreadableError(
+            f"one square matrix whose name begins with {letter} is allowed, not {', '.join(matrices) or 'none'}"
+        )
     return found[0]

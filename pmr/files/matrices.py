@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
 from pmr.files import npz
+from pmr.files.fit import misfit
+from pmr.files.rigid import DIRECTIONS, Resistance
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FORMAT, FORMAT_VERSION = "pmr-matrices", 1
-#: Of a coordinate: displacements along the axes and rotations about them.
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Share of the largest entry that M and K may differ by from their transposed.
 SYMMETRY = 1e-9
 _PARTS = ("data", "indices", "indptr")
@@ -42,6 +42,8 @@ class GivenMatrices:
     direction: Indices  #: (n,) 0 to 5, as `DIRECTIONS`
     groups: Mapping[str, Indices] = field(default_factory=dict)  #: (g,) nodes by name: faces for pads, tail and tip
     source: str = "matrices"  #: File, for messages
+    #: (h, 6): rows that vanish for the rigid motions about the origin that supports and springs inside K leave free
+    held: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         n = self.K.shape[0]
@@ -67,6 +69,10 @@ class GivenMatrices:
                 raise self._refusal(
                     f"groups.{name}", None, f"at least one node, 0 to {len(self.points) - 1}, is allowed"
                 )
+        body = Resistance(self.K, self.points, self.node, self.direction)
+        if reason := misfit(self.M, body):
+            raise self._refusal(reason[0], None, reason[1])
+        object.__setattr__(self, "held", body.held())
 
     @property
     def size(self) -> int:
@@ -91,7 +97,7 @@ class GivenMatrices:
             found = npz.read(path)
             header = npz.without_header(found)
             if header.get("format") != FORMAT or int(header["version"]) > FORMAT_VERSION:
-                raise ValueError(f"{FORMAT} of version {FORMAT_VERSION} or less is allowed")
+                raise InputError(str(path), "", None, f"{FORMAT} of version {FORMAT_VERSION} or less is allowed")
             n = len(found["node"])
             M, K = (sp.csr_matrix(tuple(found[f"{name}.{part}"] for part in _PARTS), (n, n)) for name in ("M", "K"))
             for A in (M, K):
@@ -101,8 +107,9 @@ class GivenMatrices:
             node, direction = (whole_numbers(found[name]) for name in ("node", "direction"))
         except InputError:
             raise
-        except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError) as error:
-            raise InputError(str(path), "", None, f"matrices that pmr wrote are allowed ({error})") from None
+        except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError):
+            allowed = "matrices that pmr wrote are allowed: these are damaged or of another kind"
+            raise InputError(str(path), "", None, allowed) from None
         return cls(M, K, points, node, direction, groups, str(path))
 
     def _check_matrix(self, name: str, A: sp.csr_matrix, n: int) -> None:

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
 from pmr.models import DIRECTIONS, StructuralModel
-from pmr.models.matrices import Matrices
 from pmr.scene.names import ALONE
 
 Array = NDArray[np.float64]
@@ -70,8 +69,6 @@ class Body:
         space = np.eye(6)[own]
         missing = np.delete(np.eye(6), own, axis=0)
         held = [model.rigid.held @ space, missing]
-        if isinstance(structural, Matrices):
-            held.append(_resisted(structural) @ space)
         turning = np.array([direction.startswith("r") for direction in structural.directions])
         reach = float(np.max(comm.allgather(np.abs(R[:, turning]).max(initial=0.0))))
         measured, terms = (np.asarray(comm.allreduce(part)) @ space for part in (U @ R, abs(U) @ np.abs(R)))
@@ -85,14 +82,6 @@ def _fewest(rows: Array, reach: float) -> Array:
     size = np.linalg.norm(rows, axis=1)
     found = np.linalg.qr(rows[size > 0.0] / size[size > 0.0, None], mode="r")
     return np.asarray(found[np.linalg.norm(found, axis=1) > ROUND_OFF] * scale)
-
-
-def _resisted(structural: Matrices) -> Array:
-    """Rigid motions (h, k) that given matrices resist by themselves: some of their nodes may stand still."""
-    K, R = structural.given.K, structural.rigid_motions()
-    size = np.sqrt(np.einsum("nk,nk->k", np.abs(R), abs(K) @ np.abs(R)))
-    share, motions = np.linalg.eigh(R.T @ (K @ R) / np.outer(size, size))
-    return np.asarray((motions[:, share > ROUND_OFF] * size[:, None]).T)
 
 
 def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> list[dict[str, Array]]:

@@ -20,6 +20,8 @@ from pmr.fullmodel.pads import Restraints, restrain
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Action, Coupling, PadForce, Structure, couple
 from pmr.fullmodel.symmetry import mirror_images
+from pmr.models import StructuralModel
+from pmr.models.matrices import Matrices
 from pmr.reduced.moving import CARRIED, ROTATING
 
 Array = NDArray[np.float64]
@@ -62,7 +64,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         output_units=tuple(output.unit for output in structure.outputs),
         output_kinds=tuple(output.kind for output in structure.outputs),
         reference_frequency=model.reference_frequency,
-        rigid=_rigid_motions(coupling, restraints, operators.K),
+        rigid=_rigid_motions(coupling, restraints, operators.K, _held_by(model)),
         node_stations=model.node_stations,
         mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
         ports={port.name: coupling.rows([port]) for port in structure.ports},
@@ -92,7 +94,12 @@ def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str
     return matrices
 
 
-def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat) -> RigidMotions:
+def _held_by(model: StructuralModel) -> Array:
+    """Rows (h, k) of the model's rigid motions that its stiffness resists by itself: supports inside given matrices."""
+    return model.given.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
+
+
+def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, resisted: Array) -> RigidMotions:
     """This rank's rows of them, and what clamps and springs measure of each; a spring within K's round-off has none."""
     size = coupling.T.shape[1]
     lost = size * np.finfo(float).eps * np.concatenate(K.comm.tompi4py().allgather(K.getDiagonal().getArray()))
@@ -101,8 +108,9 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat) -> 
         for c, spring in zip(restraints.vectors(size), restraints.springs, strict=True)
         if np.any(c.toarray()[0] ** 2 > spring.compliance * lost)
     ]
-    own, held = coupling.rigid[slice(*K.getOwnershipRange())].copy(), np.vstack([coupling.clamped, *springs])
-    return RigidMotions(own, held, whole=not len(coupling.clamped))
+    own = coupling.rigid[slice(*K.getOwnershipRange())].copy()
+    held = np.vstack([coupling.clamped, resisted, *springs])
+    return RigidMotions(own, held, whole=not len(coupling.clamped) and not len(resisted))
 
 
 def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:

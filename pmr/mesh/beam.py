@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import redirect_stderr, redirect_stdout
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.mesh.files import read_mesh_file
 
 Array = NDArray[np.float64]
 
@@ -25,29 +24,24 @@ def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
 
 def read_nodes(file: Path, length: float) -> Array:
     """Nodes (N,) in m of the line cells in any file that meshio reads."""
-    import meshio
 
     def refuse(found: str) -> InputError:
         return InputError(str(file), "", None, f"{found}; a chain of line cells on the x axis is allowed")
 
-    try:
-        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
-            mesh = meshio.read(file)
-    except (Exception, SystemExit):  # meshio leaves with SystemExit where no reader fits
-        raise refuse("meshio can't read it") from None
-    kinds = sorted({block.type for block in mesh.cells} - {"vertex"})
+    read = read_mesh_file(file)
+    kinds = sorted({block.kind for block in read.blocks} - {"vertex"})
     if kinds != ["line"]:
         raise refuse(f"cells of type {', '.join(kinds) or 'none'}")
-    lines = np.concatenate([block.data for block in mesh.cells if block.type == "line"])
+    lines = np.concatenate([block.corners for block in read.blocks if block.kind == "line"])
     used = np.unique(lines)
-    points = np.asarray(mesh.points, float)
+    points = read.points
     if not np.isfinite(points[used]).all():
         raise refuse("coordinates that are not finite")
     if np.any(np.abs(points[used, 1:]) > 1e-9 * length):
         raise refuse("points off the x axis")
     x = points[used, 0]
     order = np.argsort(x)
-    nodes, rank = x[order], np.empty(len(mesh.points), int)
+    nodes, rank = x[order], np.empty(len(points), int)
     rank[used[order]] = np.arange(len(used))
     if np.any(np.diff(nodes) <= 1e-12 * length):
         raise refuse("two nodes at one place")

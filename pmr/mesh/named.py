@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cached_property
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
 from pmr.fem.compat import MPI, create_mesh
+from pmr.mesh.files import read_mesh_file
 from pmr.mesh.soundness import unsound
 
 Array = NDArray[np.float64]
@@ -96,21 +95,9 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> N
         If cells are of another kind, of mixed kinds or of higher order, inverted, degenerate or unconnected, or if a
         group is missing; the message says what was found.
     """
-    import meshio
-
-    try:
-        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
-            mesh = meshio.read(file)
-    except (Exception, SystemExit):  # meshio leaves with SystemExit where no reader fits
-        raise InputError(str(file), "", None, "meshio can't read it; a mesh with named groups is allowed") from None
-    found = {block.type for block in mesh.cells}
-    strange = sorted(found - set(KINDS))
-    if strange:
-        raise InputError(str(file), "", None, f"cells of type {', '.join(strange)}; linear cells are allowed")
-    blocks = [
-        (*KINDS[block.type][:2], np.asarray(block.data, np.int64)[:, KINDS[block.type][2]]) for block in mesh.cells
-    ]
-    named = named_mesh(np.asarray(mesh.points, float), blocks, _memberships(mesh), kinds, str(file))
+    read = read_mesh_file(file)
+    blocks = [(*KINDS[block.kind][:2], block.corners[:, KINDS[block.kind][2]]) for block in read.blocks]
+    named = named_mesh(read.points, blocks, read.groups, kinds, str(file))
     named.require(groups)
     return named
 
@@ -161,7 +148,8 @@ def named_mesh(
         parts = [(b, np.asarray(m, np.int64)) for b, m in enumerate(members) if len(m)]
         dims = {blocks[b][1] for b, _ in parts}
         if len(dims) != 1:
-            raise InputError(source, "", None, f"group {name} holds {'entities of several dimensions' * bool(dims)}")
+            held = "entities of several dimensions" if dims else "no cells; gmsh with Mesh.SaveAll leaves groups out"
+            raise InputError(source, "", None, f"group {name} holds {held}")
         vertices = number[np.concatenate([blocks[b][2][m] for b, m in parts])]
         if np.any(vertices < 0):
             raise InputError(source, "", None, f"group {name} has {np.sum(vertices < 0)} points that no cell uses")
@@ -170,23 +158,3 @@ def named_mesh(
             regions[name] = np.unique(cell_of[np.concatenate([offsets[b] + m for b, m in parts])])
             groups[name] = Group(top, cells[regions[name]])
     return NamedMesh(found[0], points, cells, groups, regions, source)
-
-
-def _memberships(mesh: Any) -> dict[str, list[Indices]]:
-    """Members of each physical group in each of meshio's blocks: as sets (MSH 4) or as tags (MSH 2)."""
-    sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
-    if sets:
-        empty = np.empty(0, np.int64)
-        return {
-            name: [empty if part is None else np.asarray(part, np.int64) for part in parts]
-            for name, parts in sets.items()
-        }
-    tags = mesh.cell_data.get("gmsh:physical", [])
-    return {
-        name: [
-            np.flatnonzero(tag == number) if KINDS[block.type][1] == dim else np.empty(0, np.int64)
-            for block, tag in zip(mesh.cells, tags, strict=True)
-        ]
-        for name, (number, dim) in mesh.field_data.items()
-        if len(tags)
-    }

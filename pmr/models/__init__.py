@@ -14,13 +14,13 @@ from pmr.fem.compat import MPI
 from pmr.fields.envelope import ForceRows
 from pmr.fields.series import Grid
 from pmr.fields.stress import StressRows
+from pmr.files.rigid import DIRECTIONS, rigid_motions
 from pmr.mesh.strip import Strip, Window
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Displacements along and rotations about the axes, in the order of the rows of `StructuralModel.motion`.
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+__all__ = ["DIRECTIONS", "rigid_motions"]
 
 
 @dataclass(frozen=True)
@@ -200,14 +200,3 @@ def bilinear(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:
 def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
     """Whether a model has forms on a mesh; otherwise it was given as matrices."""
     return hasattr(model, "forms")
-
-
-def rigid_motions(at: Array, component: Indices) -> Array:
-    """Coordinates (n, 6) of unit translations along and rotations about x, y, z through the origin.
-
-    Each is that of a place `at` (n, 3) m along or about the `component` (n,), as `DIRECTIONS` counts them.
-    """
-    motions, moved = np.zeros((len(at), 6)), component < 3
-    motions[np.arange(len(at)), component] = 1.0
-    motions[moved, 3:] = np.cross(at[moved], np.eye(3)[component[moved]])
-    return motions

@@ -24,8 +24,6 @@ Indices = NDArray[np.int64]
 
 #: A face's nodes lie in a plane within this share of the face's extent.
 FLAT = 1e-3
-#: Of all rigid motions together, the share that one of them has at least.
-RIGID = 1e-9
 #: Nodes around a place make up its section if they spread over this share of the body's breadth and height.
 WHOLE = 0.5
 
@@ -39,18 +37,6 @@ class Matrices(Traced):
     """
 
     given: GivenMatrices
-
-    def __post_init__(self) -> None:
-        points, known = self.given.points - self.given.points.mean(axis=0), list[int]()
-        R = rigid_motions(points[self.given.node], self.given.direction)
-        R /= np.maximum(np.linalg.norm(R, axis=0), RIGID * np.linalg.norm(R))
-        for k in range(R.shape[1]):
-            if np.linalg.matrix_rank(R[:, [*known, k]], tol=np.sqrt(RIGID)) > len(known):
-                known.append(k)
-        missing = ", ".join(DIRECTIONS[k] for k in range(R.shape[1]) if k not in known)
-        if missing:
-            allowed = f"coordinates that move and turn in space are allowed: these know no rigid motion along {missing}"
-            raise InputError(self.given.source, "direction", None, allowed)
 
     @classmethod
     def load(cls, file: Path) -> Matrices:
@@ -68,7 +54,14 @@ class Matrices(Traced):
 
     @property
     def reference_frequency(self) -> float:
-        r"""Rayleigh's quotient of a beam that bends, w = x^2 about its middle, by the softer of both ways across."""
+        r"""Rayleigh's quotient of a beam that bends, w = x^2 about its middle, by the softer of both ways across.
+
+        Of the stiffness counts what the body has beside K R (R^T K R)^+ R^T K, the supports and springs that K has in
+        it: these may be any number of times stiffer.
+        """
+        K, R = self.given.K, self.rigid_motions()
+        resisted = K @ R
+        compliance = np.linalg.pinv(R.T @ resisted, hermitian=True)
         x = self.given.points - self.given.points.mean(axis=0)
         found = []
         for across in range(3):
@@ -81,7 +74,9 @@ class Matrices(Traced):
             turn = np.cross(np.eye(3)[self.axis], np.eye(3)[across])
             motion[:, 3:] = slope[:, None] * turn
             q = motion[self.given.node, self.given.direction]
-            found.append(float(q @ (self.given.K @ q)) / float(q @ (self.given.M @ q)))
+            on_ground = q @ resisted
+            energy = float(q @ (K @ q)) - float(on_ground @ compliance @ on_ground)
+            found.append(energy / float(q @ (self.given.M @ q)))
         return float(np.sqrt(max(min(found), 1e-12 * max(found))))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:

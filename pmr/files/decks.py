@@ -1,0 +1,289 @@
+"""Nodes, elements and sets of an input deck of Abaqus or CalculiX; what can't be read is refused by its line.
+
+A deck is a sequence of cards: a line with a star, a keyword and options, and the lines of data behind it.  `READERS`
+has a function for each keyword that is read, `REFUSED` the reasons why others are not; keywords that say nothing about
+nodes and elements are in neither, and are passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+#: Linear elements by type: the kind of cell in meshio's words; and the corners of each kind.
+KINDS: Mapping[str, str] = {
+    **dict.fromkeys(("T2D2", "T2D2H", "T3D2", "T3D2H", "B21", "B21H", "B31", "B31H", "B31R", "B33"), "line"),
+    **dict.fromkeys(("CPS3", "CPE3", "STRI3", "S3", "S3R", "S3RS", "R3D3", "M3D3"), "triangle"),
+    **dict.fromkeys(("CPS4", "CPS4R", "CPE4", "S4", "S4R", "S4RS", "S4RSW", "S4R5", "R3D4", "M3D4"), "quad"),
+    **dict.fromkeys(("C3D4", "C3D4H"), "tetra"),
+    **dict.fromkeys(("C3D8", "C3D8H", "C3D8I", "C3D8IH", "C3D8R", "C3D8RH"), "hexahedron"),
+}
+CORNERS: Mapping[str, int] = {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
+
+
+#: Digits that the number of a node or an element has less than.
+MOST_DIGITS = 18
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of data."""
+
+    number: int  # in the file, from 1
+    fields: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Card:
+    """A keyword in capital letters, its options by names in capital letters, and its data."""
+
+    number: int
+    keyword: str
+    options: Mapping[str, str]
+    lines: tuple[Line, ...]
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Elements of one card: their type, and of each its number, its line in the file and its nodes' numbers."""
+
+    type: str
+    numbers: list[int]
+    lines: list[int]
+    nodes: list[list[int]]
+
+
+@dataclass
+class Deck:
+    """What a deck holds; sets are by their names in small letters, with members that exist."""
+
+    source: str
+    nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # by number, in the file's order, m
+    elements: list[Elements] = field(default_factory=list)
+    element_numbers: set[int] = field(default_factory=set)
+    node_sets: dict[str, set[int]] = field(default_factory=dict)
+    element_sets: dict[str, set[int]] = field(default_factory=dict)
+    spelled: dict[str, str] = field(default_factory=dict)  # names of sets as they were written first
+
+    def refusal(self, line: int, why: str) -> InputError:
+        """An error of a line of the file."""
+        return InputError(self.source, f"line {line}", None, why)
+
+
+def read_deck(path: Path) -> Deck:
+    """Nodes, elements and sets of a deck.
+
+    Raises InputError with file and line where a card can't be read, or says something that is not read.
+    """
+    deck, parts = Deck(str(path)), _Parts()
+    sets = list[Card]()
+    for card in _cards(deck, path.read_text(encoding="utf-8", errors="replace")):
+        if card.keyword in REFUSED:
+            raise deck.refusal(card.number, f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
+        parts.see(deck, card)
+        if card.keyword in ("NSET", "ELSET"):
+            sets.append(card)
+        elif card.keyword in READERS:
+            READERS[card.keyword](deck, card)
+    for card in sets:  # behind all nodes and elements, which may stand anywhere
+        _read_set(deck, card)
+    return deck
+
+
+def _cards(deck: Deck, text: str) -> Iterator[Card]:
+    """Cards of a deck; what stands before the first one is none of its."""
+    card: tuple[int, str] | None = None
+    data = list[Line]()
+    for number, line in enumerate(text.splitlines(), 1):
+        line = line.strip()
+        if line.startswith("**") or not line:
+            continue
+        if card and not data and card[1].endswith(","):  # a keyword goes on
+            card = card[0], card[1] + line
+        elif not line.startswith("*"):
+            data.append(Line(number, tuple(part.strip() for part in line.split(","))))
+        else:
+            if card:
+                yield _card(*card, data)
+            card, data = (number, line), []
+    if card:
+        yield _card(*card, data)
+
+
+def _card(number: int, head: str, data: Sequence[Line]) -> Card:
+    keyword, *rest = (part.strip() for part in head[1:].split(","))
+    options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in rest)}
+    return Card(number, " ".join(keyword.upper().split()), options, tuple(data))
+
+
+class _Parts:
+    """Parts and instances: one of each, in place, is the body; others would share its numbers."""
+
+    def __init__(self) -> None:
+        self._instances = dict[str, int]()
+
+    def see(self, deck: Deck, card: Card) -> None:
+        if card.keyword != "INSTANCE":
+            return
+        part = card.options.get("PART", card.options.get("NAME", "")).lower()
+        if any(one.strip("0.+-") for line in card.lines for one in line.fields):
+            raise deck.refusal(
+                card.lines[0].number,
+                "the translation or rotation of an instance is not read; nodes in their places are allowed",
+            )
+        if part in self._instances:
+            raise deck.refusal(
+                card.number,
+                f"a second instance of part {part}, after that in line {self._instances[part]}, is not read",
+            )
+        self._instances[part] = card.number
+
+
+def _read_nodes(deck: Deck, card: Card) -> None:
+    if card.options.get("SYSTEM", "R").upper() != "R":
+        allowed = "nodes in rectangular coordinates are allowed"
+        raise deck.refusal(card.number, f"SYSTEM={card.options['SYSTEM']} is not read; {allowed}")
+    _refuse_options(deck, card, {"NSET", "SYSTEM"})
+    numbers = list[int]()
+    for line in card.lines:
+        number, *place = (one for one in line.fields)
+        while place and not place[-1]:
+            place.pop()
+        if len(place) > 3 and any(place[3:]):
+            place = place[:3]  # normals of shells follow
+        node = _whole(deck, line, number, "the whole number of a node")
+        if node in deck.nodes:
+            raise deck.refusal(
+                line.number, f"node {node} is there a second time; one part is allowed, each number once"
+            )
+        try:
+            x, y, z = (float(one or "0") for one in [*place, "0", "0", "0"][:3])
+        except ValueError:
+            raise deck.refusal(line.number, f"coordinates of node {node} that are numbers are allowed") from None
+        deck.nodes[node] = (x, y, z)
+        numbers.append(node)
+    if "NSET" in card.options:
+        _named(deck, deck.node_sets, card, "NSET").update(numbers)
+
+
+def _read_elements(deck: Deck, card: Card) -> None:
+    _refuse_options(deck, card, {"TYPE", "ELSET"})
+    block = Elements(card.options.get("TYPE", "").upper(), [], [], [])
+    count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), 0
+    for line in card.lines:
+        begun = begun if parts else line.number
+        parts.extend(_whole(deck, line, one, "a whole number") for one in line.fields if one)
+        if len(parts) < 1 + count if count else not line.fields[-1]:
+            continue  # it goes on in the next line
+        if parts[0] in deck.element_numbers:
+            raise deck.refusal(
+                begun, f"element {parts[0]} is there a second time; one part is allowed, each number once"
+            )
+        deck.element_numbers.add(parts[0])
+        if count and len(parts) != 1 + count:
+            raise deck.refusal(begun, f"the number of an element and {count} nodes are allowed for {block.type}")
+        block.numbers.append(parts[0])
+        block.lines.append(begun)
+        block.nodes.append(parts[1:])
+        parts = []
+    if parts:
+        raise deck.refusal(begun, f"element {parts[0]} of type {block.type} has too few nodes")
+    deck.elements.append(block)
+    if "ELSET" in card.options:
+        _named(deck, deck.element_sets, card, "ELSET").update(block.numbers)
+
+
+def _read_set(deck: Deck, card: Card) -> None:
+    """Members by numbers, names of other sets, first, last and step, or a set of elements that has the nodes."""
+    of_nodes = card.keyword == "NSET"
+    _refuse_options(deck, card, {"NSET", "ELSET", "GENERATE", "UNSORTED", "INTERNAL", "INSTANCE"})
+    sets = deck.node_sets if of_nodes else deck.element_sets
+    existing = deck.nodes.keys() if of_nodes else deck.element_numbers
+    if card.keyword not in card.options:
+        raise deck.refusal(card.number, f"*{card.keyword} with {card.keyword}=NAME is allowed")
+    members = _named(deck, sets, card, card.keyword)
+    if of_nodes and "ELSET" in card.options:
+        members.update(_nodes_of(deck, card))
+    for line in card.lines:
+        fields = [one for one in line.fields if one]
+        if "GENERATE" in card.options:
+            numbers = [_whole(deck, line, one, "first, last and step") for one in fields]
+            if len(numbers) not in (2, 3) or numbers[2:] == [0]:
+                raise deck.refusal(line.number, "first, last and step as whole numbers are allowed")
+            first, last, step = [*numbers, 1][:3]
+            steps = range(first, last + 1, step)
+            _ensure(deck, line, card, existing, [*steps[:1], *steps[-1:]])
+            members.update(number for number in existing if number in steps)
+            continue
+        for name in fields:
+            if _is_number(name):
+                _ensure(deck, line, card, existing, [int(name)])
+                members.add(int(name))
+            elif name.lower() in sets:
+                members.update(sets[name.lower()])
+            else:
+                raise deck.refusal(line.number, f"{name!r} is neither a number nor a set that stands further up")
+
+
+def _nodes_of(deck: Deck, card: Card) -> set[int]:
+    name = card.options["ELSET"].lower()
+    if name not in deck.element_sets:
+        raise deck.refusal(card.number, f"ELSET={card.options['ELSET']} is no set of elements that stands further up")
+    inside = deck.element_sets[name]
+    return {
+        node
+        for block in deck.elements
+        for n, own in zip(block.numbers, block.nodes, strict=True)
+        if n in inside
+        for node in own
+    }
+
+
+def _ensure(deck: Deck, line: Line, card: Card, existing: Set[int], numbers: list[int]) -> None:
+    missing = next((number for number in numbers if number not in existing), None)
+    if missing is not None:
+        what = "node" if card.keyword == "NSET" else "element"
+        raise deck.refusal(line.number, f"{what} {missing} of set {card.options[card.keyword]} is not in the file")
+
+
+def _named(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) -> set[int]:
+    name = card.options[option]
+    deck.spelled.setdefault(name.lower(), name)
+    return sets.setdefault(name.lower(), set())
+
+
+def _whole(deck: Deck, line: Line, text: str, what: str) -> int:
+    if not _is_number(text):
+        raise deck.refusal(line.number, f"{what} is allowed, not {text!r}")
+    return int(text)
+
+
+def _is_number(text: str) -> bool:
+    """Whether it is a whole number that nodes and elements may have."""
+    return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
+
+
+def _refuse_options(deck: Deck, card: Card, known: set[str]) -> None:
+    for name in card.options:
+        if name and name not in known:
+            raise deck.refusal(card.number, f"the option {name} of *{card.keyword} is not read")
+
+
+READERS: Mapping[str, Callable[[Deck, Card], None]] = {"NODE": _read_nodes, "ELEMENT": _read_elements}
+
+_IN_PLACE = "nodes and elements in the file itself, one by one, are allowed"
+REFUSED: Mapping[str, str] = {
+    "INCLUDE": "the lines of that file in its place are allowed",
+    "SYSTEM": "nodes in the axes of the whole are allowed",
+    **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SUBSTRUCTURE PATH"), _IN_PLACE),
+}

@@ -1,0 +1,300 @@
+"""Whether mass and stiffness of another program belong to the places and directions that are said to be theirs.
+
+A body that nothing holds moves freely as a rigid body of its nodes.  Where K resists that, it does so near coordinates
+that were left out, as supports are, or as springs to ground do.  All else means that rows, directions, axes or places
+of nodes are others than K has, and what they are follows from the motions that K does leave free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from pmr.files.reasons import (
+    ALIKE,
+    DENSE,
+    affine_change,
+    by_direction,
+    moved_nodes,
+    place,
+    turned_everywhere,
+    turned_nodes,
+)
+from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+#: Steps of Lanczos that look for a negative eigenvalue of a matrix with a diagonal of ones, and how far below zero
+#: rounding may bring one.
+STEPS, NEGATIVE = 60, -1e-6
+#: Powers of ten that a diagonal entry may be below the middle one: so far below it counts nothing in double precision,
+#: squared or not.
+VANISHING = 30
+#: m/s: least and most that sound can travel at; in diamond it is 1.8e4, in the softest gels some 1.
+SLOWEST, FASTEST = 1.0, 5e4
+
+
+def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
+    """The matrix or map that does not fit and the reason, in words; None where all fit."""
+    checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[tuple[str, str]]], ...] = (
+        _vanishing,
+        _indefinite,
+        _unknown_motions,
+        _parts,
+        _massless,
+        _places,
+        _axes,
+        _centre,
+        _sound,
+    )
+    return next((reason for check in checks for reason in check(M, body)), None)
+
+
+def _vanishing(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Diagonal entries that are nothing beside the others, by logarithms: their squares may be no numbers any more."""
+    for name, A, what in (("M", M, "mass"), ("K", body.K, "stiffness")):
+        diagonal = A.diagonal()
+        size = np.log10(diagonal)
+        below = np.median(size) - size
+        if below.max() > VANISHING:
+            at = int(below.argmax())
+            yield (
+                name,
+                (
+                    f"a {what} at every coordinate is allowed: coordinate {at + 1} has {diagonal[at]:.3g}, others have "
+                    f"{10.0 ** np.median(size):.3g}; what has none has to be condensed"
+                ),
+            )
+
+
+def _indefinite(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    for name, A in (("M", M), ("K", body.K)):
+        least = _least_eigenvalue(A)
+        if least < NEGATIVE:
+            yield (
+                name,
+                (
+                    "a matrix without negative eigenvalues is allowed; scaled to a diagonal of ones this one has "
+                    f"{least:.2g} or less: some motion would have negative energy"
+                ),
+            )
+
+
+def _least_eigenvalue(A: sp.csr_matrix) -> float:
+    """An upper bound of the least eigenvalue of A with its diagonal scaled to one, by Lanczos from a fixed vector."""
+    scale = 1.0 / np.sqrt(A.diagonal())
+    v = np.random.default_rng(3).standard_normal(A.shape[0])
+    v, before, beta = v / np.linalg.norm(v), np.zeros(A.shape[0]), 0.0
+    diagonal, beside = list[float](), list[float]()
+    for _ in range(min(STEPS, A.shape[0])):
+        w = scale * (A @ (scale * v)) - beta * before
+        diagonal.append(float(w @ v))
+        w -= diagonal[-1] * v
+        beta = float(np.linalg.norm(w))
+        if not beta > 1e-10:
+            break
+        beside.append(beta)
+        before, v = v, w / beta
+    return float(scipy.linalg.eigh_tridiagonal(diagonal, beside[: len(diagonal) - 1], eigvals_only=True)[0])
+
+
+def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Rigid motions that no coordinate takes part in, or only as others do."""
+    R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
+    R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
+    known = list[int]()
+    for k in range(6):
+        if np.linalg.matrix_rank(R[:, [*known, k]], tol=np.sqrt(1e-9)) > len(known):
+            known.append(k)
+    missing = ", ".join(DIRECTIONS[k] for k in range(6) if k not in known)
+    if missing:
+        yield (
+            "direction",
+            (f"coordinates that move and turn in space are allowed: these know no rigid motion along {missing}"),
+        )
+
+
+def _parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Parts that neither stiffness nor ground joins to the rest."""
+    links = sp.coo_matrix(
+        (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
+    )
+    count, part = connected_components(links @ abs(body.K) @ links.T, directed=False)
+    moved = np.unique(body.node)
+    sizes = np.bincount(part[moved], minlength=count)
+    held = np.bincount(part[moved], body.grounded[moved], minlength=count)
+    loose = np.flatnonzero((sizes > 0) & (held == 0))
+    if len(loose) and np.sum(sizes > 0) > 1:
+        smallest = loose[np.argmin(sizes[loose])]
+        first = int(moved[part[moved] == smallest][0])
+        yield (
+            "K",
+            (
+                f"one connected body is allowed: no stiffness joins {sizes[smallest]} of its nodes to the others, "
+                f"such as that at {place(body.points[first])}"
+            ),
+        )
+
+
+def _massless(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    if M.nnz == body.K.nnz > len(body.node) and abs(M - body.K).count_nonzero() == 0:
+        yield "M", "a mass is allowed: this is the same matrix as the stiffness"
+    T = rigid_motions(body.points[body.node], body.direction)[:, :3]
+    mass, size = np.diag(T.T @ (M @ T)), np.diag(T.T @ (abs(M) @ T))
+    if np.any(mass <= 1e-6 * size):
+        along = DIRECTIONS[int(np.argmin(mass / size))]
+        yield (
+            "M",
+            (
+                f"a mass is allowed: of a rigid body this matrix has {mass.min():.3g} kg along {along}; "
+                "is it the stiffness?"
+            ),
+        )
+
+
+def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Rows under which no translation but a rotation acts: places of nodes are not those that K has."""
+    sums, sizes = body.sums_of_moments
+    wrong = np.zeros(len(body.points), dtype=bool)
+    wrong[body.node[np.abs(sums).max(axis=1) > ROUNDING_OF_POINTS[1] * sizes]] = True
+    wrong &= ~body.grounded & ~body.lacking.any(axis=1) & ~_beside(body, _without_rotations(body))
+    if wrong.any():
+        yield (
+            affine_change(body)
+            or moved_nodes(body, wrong)
+            or (
+                "points",
+                f"nodes where K has them are allowed: it resists rotations at {wrong.sum()} nodes that it leaves free "
+                "to move; the nodes are in another order than its rows, or of another mesh",
+            )
+        )
+
+
+def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Rows that a translation acts on far from any support, and not as a spring does."""
+    held = body.grounded & ~body.sprung
+    if _is_dense(body):
+        wrong = held if held.any() and _left_free(body) > 6 - len(body.held()) else np.zeros_like(held)
+    else:
+        wrong = held & ~_supported(body)
+    if wrong.any():
+        yield (
+            by_direction(body)
+            or turned_nodes(body, wrong)
+            or turned_everywhere(body)
+            or (
+                "K",
+                f"a body free to move is allowed but at supports and springs: K resists translations at {wrong.sum()} "
+                f"nodes, such as that at {place(body.points[wrong][0])}, as neither does; its rows are in another "
+                "order, or nodes have axes of their own",
+            )
+        )
+
+
+def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Where all displacements are there, the centre of mass lies within the body."""
+    if len(body.held()):
+        return
+    R = rigid_motions(body.points[body.node], body.direction)
+    J = R.T @ (M @ R)
+    mass = np.trace(J[:3, :3]) / 3.0
+    coupling = np.abs(J[:3, :3] - np.diag(np.diag(J[:3, :3]))).max()
+    if coupling > ALIKE * mass:
+        yield (
+            "M",
+            (
+                f"a mass is allowed that is the same along all directions: {coupling:.3g} of {mass:.3g} kg couple two "
+                "of them; its rows are in another order than those of K"
+            ),
+        )
+    centre = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]]) / 2.0 / mass
+    low, high = body.points.min(axis=0), body.points.max(axis=0)
+    if np.any(np.abs(centre - (low + high) / 2.0) > 0.55 * (high - low).max()):
+        yield "M", f"a mass within the body is allowed: its centre is at {place(centre)}"
+
+
+def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Units of lengths, masses and forces that do not go together, by the speed of sound in the body."""
+    speed = sound(M, body)
+    if speed is not None and not SLOWEST < speed < FASTEST:
+        yield (
+            "points",
+            (
+                f"SI units are allowed: in this body sound would travel at {speed:.2g} m/s, in steel it does at 5000; "
+                "are the places of nodes in mm, or masses in t, or forces per mm?"
+            ),
+        )
+
+
+def sound(M: sp.csr_matrix, body: Resistance) -> float | None:
+    """Speed of sound in m/s, roughly: by distance and frequency of half the nodes, or of the body as it is stretched.
+
+    The lower counts: links between few nodes are stiff, and masses that were lumped leave others with hardly any.
+    """
+    row = body.pairs[0]
+    apart = (body.edges > 0.0) & (body.direction[row] < 3)
+    inverse = np.divide(1.0, body.edges, out=np.zeros(len(row)), where=apart)
+    nearest = body.on_pattern(inverse).max(axis=1).toarray().ravel()
+    known = nearest > 0.0
+    if not known.any():
+        return None
+    speeds = np.zeros(len(body.points))
+    own = 1.0 / nearest[known] * np.sqrt(body.K.diagonal()[known] / M.diagonal()[known])
+    np.maximum.at(speeds, body.node[known], own)
+    x = body.points - body.points.mean(axis=0)
+    axis = int(np.ptp(x, axis=0).argmax())
+    stretch = np.where(body.direction == axis, x[body.node, axis], 0.0)
+    omega2 = (stretch @ (body.K @ stretch)) / (stretch @ (M @ stretch))
+    return float(min(np.median(speeds[speeds > 0.0]), np.ptp(x[:, axis]) * np.sqrt(max(omega2, 0.0) / 12.0)))
+
+
+def _left_free(body: Resistance) -> int:
+    """How many motions a dense K leaves free, of whatever kind."""
+    scale = 1.0 / np.sqrt(body.K.diagonal())
+    A = body.K.toarray() * scale * scale[:, None]
+    return int(np.sum(np.linalg.eigvalsh(A) < 1e-13 * len(A)))
+
+
+def _is_dense(body: Resistance) -> bool:
+    return body.K.nnz > 0.5 * body.K.shape[0] ** 2 and body.K.shape[0] <= DENSE
+
+
+def _without_rotations(body: Resistance) -> Mask:
+    """Nodes (N,) that move, but have no rotation about some axis where most others have one."""
+    missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.lacking.any(axis=1)
+    for k in range(3, 6):
+        known = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0
+        if 2 * np.sum(known) > len(known):
+            missing |= displaced & ~known
+    return missing
+
+
+def _supported(body: Resistance) -> Mask:
+    """Nodes (N,) beside others that are held, as far as forces along the axes say that are.
+
+    Under translations along all other axes a node has no forces, or those of a spring of its own.
+    """
+    beside = np.stack([_beside(body, body.lacking[:, k]) for k in range(3)], axis=1)
+    springs = np.where(beside[:, :, None] | beside[:, None], 0.0, body.blocks)
+    size = np.abs(body.blocks).max(axis=(1, 2))
+    skew = np.abs(springs - springs.transpose(0, 2, 1)).max(axis=(1, 2))
+    least = np.linalg.eigvalsh((springs + springs.transpose(0, 2, 1)) / 2.0)[:, 0]
+    return np.asarray(beside.any(axis=1) & (skew <= 1e-6 * size) & (least >= -1e-6 * size))
+
+
+def _beside(body: Resistance, missing: Mask) -> Mask:
+    """Nodes (N,) as near to one of these as to those that K couples them with, or a fifth farther."""
+    if not missing.any():
+        return np.zeros(len(missing), dtype=bool)
+    reach = np.zeros(len(missing))
+    np.maximum.at(reach, body.node, body.on_pattern(body.edges).max(axis=1).toarray().ravel())
+    reach = np.minimum(1.2 * reach, 0.5 * float(np.ptp(body.points, axis=0).max()))
+    return np.asarray(cKDTree(body.points[missing]).query(body.points)[0] <= reach)

@@ -1,0 +1,194 @@
+r"""Rigid motions of the nodes of a body, and what a stiffness matrix of another program does under them.
+
+With the motion r of a rigid body about the place of row i, split into a translation t and a rotation w,
+
+.. math:: (K r)_i = F_i\, t + G_i\, w, \qquad F_i = \sum_j K_{ij}, \qquad
+    G_i = \sum_j K_{ij}\, (e_{d(j)} \cdot (w \times (x_j - x_i)))
+
+Both vanish where nothing but the body itself acts on the row.  F is what holds it to the ground and says nothing about
+the places of nodes; G beside a vanishing F says that they are not where K has them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Of a coordinate: displacements along the axes and rotations about them.
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: Least and largest share of a row's entries by which their sum may differ from zero through rounding alone: files have
+#: nine to sixteen digits, places of nodes are known to a thousandth of a cell's size or better.
+ROUNDING, ROUNDING_OF_POINTS = (1e-13, 1e-8), (1e-11, 1e-3)
+#: Rounding is taken as so many times the share that a quarter of all rows stays below.
+SPREAD = 100.0
+
+
+def rigid_motions(at: Array, component: Indices) -> Array:
+    """Coordinates (n, 6) of unit translations along and rotations about x, y, z through the origin.
+
+    Each is that of a place `at` (n, 3) m along or about the `component` (n,), as `DIRECTIONS` counts them.
+    """
+    motions, moved = np.zeros((len(at), 6)), component < 3
+    motions[np.arange(len(at)), component] = 1.0
+    motions[moved, 3:] = np.cross(at[moved], np.eye(3)[component[moved]])
+    return motions
+
+
+@dataclass(frozen=True)
+class Resistance:
+    """Forces and moments (n, 3) on rows of K under unit translations and under unit rotations about each row's node.
+
+    Entries that are within rounding are zero.
+    """
+
+    K: sp.csr_matrix
+    points: Array  # (N, 3) m
+    node: Indices  # (n,)
+    direction: Indices  # (n,)
+
+    @cached_property
+    def pairs(self) -> tuple[Indices, Indices, Array]:
+        """Row, column and absolute value of each entry of K."""
+        entries = self.K.tocoo()
+        return entries.row, entries.col, np.abs(entries.data)
+
+    @cached_property
+    def edges(self) -> Array:
+        """Distance in m between the nodes of each entry of `pairs`."""
+        row, column, _ = self.pairs
+        squares = np.zeros(len(row))
+        for x in self.points[self.node].T:
+            squares += (x[row] - x[column]) ** 2
+        return np.sqrt(squares)
+
+    def on_pattern(self, values: Array) -> sp.csr_matrix:
+        """A matrix (n, n) with these values in place of the entries of `pairs`."""
+        return sp.csr_matrix((values, self.K.indices, self.K.indptr), shape=self.K.shape)
+
+    @cached_property
+    def _translations(self) -> tuple[Array, Array]:
+        """F with its rounding, and what rounding each row may have (n,)."""
+        T = self._motions[:, :3]
+        return _cleaned(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, np.ones(len(T), dtype=bool))
+
+    @cached_property
+    def grounded(self) -> NDArray[np.bool_]:
+        """Which nodes (N,) have a row that a translation acts on: where supports and springs to ground are."""
+        grounded = np.zeros(len(self.points), dtype=bool)
+        grounded[self.node[self.forces.any(axis=1)]] = True
+        return grounded
+
+    @cached_property
+    def lacking(self) -> NDArray[np.bool_]:
+        """Nodes and axes (N, 3) without a displacement among the coordinates: a support, or no part of the body."""
+        lacking = np.ones((len(self.points), 3), dtype=bool)
+        moved = self.direction < 3
+        lacking[self.node[moved], self.direction[moved]] = False
+        return lacking
+
+    @cached_property
+    def blocks(self) -> Array:
+        """Forces (N, 3, 3) on each node under translations; zero along axes that it has no coordinate for."""
+        blocks, moved = np.zeros((len(self.points), 3, 3)), self.direction < 3
+        blocks[self.node[moved], self.direction[moved]] = self.forces[moved]
+        return blocks
+
+    @cached_property
+    def sprung(self) -> NDArray[np.bool_]:
+        """Which nodes (N,) are grounded as a spring does it, at the node or at a point within the body's length.
+
+        Forces are then a symmetric matrix S times the point's displacement: F = S, and G = S (w x d) with the point's
+        place d beside the node.
+        """
+        moved = self.direction < 3
+        S, G = self.blocks, np.zeros((len(self.points), 3, 3))
+        at = self.node[moved], self.direction[moved]
+        sums, sizes = self.sums_of_moments
+        G[at] = sums[moved]
+        allowed, noise = np.zeros((2, len(self.points), 3))
+        allowed[at], noise[at] = ROUNDING_OF_POINTS[1] * sizes[moved], self._translations[1][moved]
+        most = 1e-6 * np.abs(S).max(axis=(1, 2)) + 2.0 * noise.max(axis=1)
+        skew = np.abs(S - S.transpose(0, 2, 1)).max(axis=(1, 2)) > most
+        at_node = (np.abs(G).max(axis=2) <= allowed).all(axis=1)
+        levers = np.einsum("nab,bcd->nacd", S, np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1))
+        d = np.einsum("ndm,nm->nd", np.linalg.pinv(levers.reshape(-1, 9, 3), rcond=1e-6), G.reshape(-1, 9))
+        rest = np.abs(G - np.einsum("nacd,nd->nac", levers, d)).max(axis=2)
+        near = np.linalg.norm(d, axis=1) <= np.ptp(self.points, axis=0).max()
+        return np.asarray(self.grounded & ~skew & (at_node | (near & (rest <= allowed).all(axis=1))))
+
+    @cached_property
+    def sums_of_moments(self) -> tuple[Array, Array]:
+        """G (n, 3) as it is, and the sizes (n,) of what it is summed from."""
+        _, column, size = self.pairs
+        local = np.where(self.direction[column] < 3, self.edges, 1.0)
+        sums, middle = self.K @ self._motions, self.points.mean(axis=0)
+        moments = sums[:, 3:] - np.einsum("na,nab->nb", sums[:, :3], self._levers(middle))
+        return moments, np.asarray(self.on_pattern(size * local).sum(axis=1)).ravel()
+
+    @cached_property
+    def _rotations(self) -> tuple[Array, Array]:
+        """G with its rounding as `_translations`; beside supports, which move their neighbours' rows, as it is."""
+        sums, sizes = self.sums_of_moments
+        beside = (self.grounded & ~self.sprung)[self.node]
+        cleaned, noise = _cleaned(sums, sizes, ROUNDING_OF_POINTS, ~beside)
+        return np.where(beside[:, None], sums, cleaned), noise
+
+    @cached_property
+    def _motions(self) -> Array:
+        """Rigid motions (n, 6) about the mean of all points."""
+        return rigid_motions((self.points - self.points.mean(axis=0))[self.node], self.direction)
+
+    @property
+    def forces(self) -> Array:
+        """F (n, 3), N/m, or N m/m where the coordinate is a rotation."""
+        return self._translations[0]
+
+    @property
+    def moments(self) -> Array:
+        """G (n, 3), N/rad or N m/rad."""
+        return self._rotations[0]
+
+    def held(self) -> Array:
+        """Rows (h, 6), h up to six: what K itself resists of a rigid motion about the origin, which is free at zero.
+
+        Singular vectors of all rows, each divided by its rounding: what is smaller than that holds nothing.
+        """
+        (F, of_forces), (G, of_moments) = self._translations, self._rotations
+        middle = self.points.mean(axis=0)
+        length = float(np.ptp(self.points, axis=0).max()) or 1.0
+        rows = np.hstack([F, (G + np.einsum("na,nab->nb", F, self._levers(middle))) / length])
+        noise = of_forces + np.where(G.any(axis=1), of_moments / length, 0.0)
+        acting = rows.any(axis=1) & (noise > 0.0)
+        if not acting.any():
+            return np.empty((0, 6))
+        triangle = np.linalg.qr(rows[acting] / noise[acting, None], mode="r")
+        _, sigma, Vt = np.linalg.svd(triangle)
+        rank = int(np.sum(sigma > 3.0 * np.sqrt(acting.sum())))
+        about_origin = np.eye(6)
+        about_origin[:3, 3:] = np.cross(np.eye(3), middle).T
+        about_origin[3:, 3:] *= length
+        return np.asarray(Vt[:rank] @ about_origin)
+
+    def _levers(self, about: Array) -> Array:
+        """(n, 3, 3): by how much a unit rotation about each axis through `about` displaces the node of each row."""
+        x = self.points[self.node] - about
+        return np.asarray(np.cross(np.eye(3)[None], x[:, None]).transpose(0, 2, 1))
+
+
+def _cleaned(sums: Array, sizes: Array, limits: tuple[float, float], free: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Sums (n, 3) without those that are rounding, and the rounding (n,) of sums over entries of these `sizes` (n,).
+
+    Most of the `free` rows have no other sums; where it looks as if most had, rounding is the least there may be.
+    """
+    least, most = limits
+    shares = np.divide(np.abs(sums).max(axis=1), sizes, out=np.zeros(len(sums)), where=sizes > 0.0)
+    share = SPREAD * float(np.quantile(shares[free], 0.25)) if free.any() else most
+    noise = (max(least, share) if share < most else least) * sizes
+    return np.where(np.abs(sums) > noise[:, None], sums, 0.0), noise

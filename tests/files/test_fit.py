@@ -1,0 +1,212 @@
+"""Matrices that don't belong to their nodes, directions or units are refused, and the reason is the true one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from bricks import bricks
+from frames3d import frame, lattice
+from scipy.spatial.transform import Rotation
+
+from pmr.errors import InputError
+from pmr.files.matrices import GivenMatrices, from_matrices
+
+BODIES: dict[str, GivenMatrices] = {
+    "bricks": bricks((6, 2, 2), (3.0, 0.3, 0.4)),
+    "lattice": lattice(),
+    "frame": frame(),
+}
+Change = Callable[[GivenMatrices], GivenMatrices]
+
+
+def clamped(given: GivenMatrices, held: np.ndarray | None = None) -> GivenMatrices:
+    """Without the coordinates (n,) that are held, by default all of the tail."""
+    rest = np.flatnonzero(~(np.isin(given.node, given.groups["tail"]) if held is None else held))
+    K, M = (A[rest][:, rest] for A in (given.K, given.M))
+    return replace(given, M=M, K=K, node=given.node[rest], direction=given.direction[rest])
+
+
+def sprung(given: GivenMatrices) -> GivenMatrices:
+    """On springs between three nodes and the ground, each along an axis of its own and one of them soft."""
+    K = given.K.tolil()
+    for node, stiffness in ((0, 1e7), (5, 2e5), (given.node.max() - 1, 30.0)):
+        at = np.flatnonzero((given.node == node) & (given.direction < 3))
+        way = np.array([0.6, 0.48, 0.64])
+        K[np.ix_(at, at)] += stiffness * np.outer(way, way)
+    return replace(given, K=K.tocsr())
+
+
+def reordered(given: GivenMatrices, order: tuple[int, int, int]) -> GivenMatrices:
+    """Each three coordinates of a node called in another order than that of the rows."""
+    turned = np.r_[order, 3 + np.array(order)]
+    return replace(given, direction=turned[given.direction])
+
+
+def turned(given: GivenMatrices, nodes: np.ndarray, rotation: Rotation) -> GivenMatrices:
+    """Displacements and rotations of some nodes along axes of their own."""
+    T = sp.identity(len(given.node), format="lil")
+    for node in nodes:
+        for first in (0, 3):
+            at = np.flatnonzero((given.node == node) & (given.direction // 3 == first // 3))
+            if len(at):
+                T[np.ix_(at, at)] = rotation.as_matrix()
+    K, M = ((T.T @ A @ T).tocsr() for A in (given.K, given.M))
+    return replace(given, K=(K + K.T) / 2.0, M=(M + M.T) / 2.0)
+
+
+def exchanged(given: GivenMatrices, nodes: list[int]) -> GivenMatrices:
+    """Places of nodes moved on, each to that of the next one."""
+    points = given.points.copy()
+    points[nodes] = given.points[np.roll(nodes, -1)]
+    return replace(given, points=points)
+
+
+def shuffled(given: GivenMatrices) -> GivenMatrices:
+    return replace(given, points=given.points[np.random.default_rng(3).permutation(len(given.points))])
+
+
+def changed_mass(given: GivenMatrices, change: Callable[[sp.csr_matrix], sp.csr_matrix]) -> GivenMatrices:
+    return replace(given, M=change(given.M))
+
+
+HALF = Rotation.from_euler("z", 30, degrees=True)
+WRONG: dict[str, tuple[Change, str]] = {
+    "z, y, x": (lambda g: reordered(g, (2, 1, 0)), "called x, y, z are along z, y, x"),
+    "y, z, x": (lambda g: reordered(g, (1, 2, 0)), "called x, y, z are along (y, z, x|z, x, y)"),
+    "x, z, y": (lambda g: reordered(g, (0, 2, 1)), "called x, y, z are along x, z, y"),
+    "all axes turned": (lambda g: turned(g, np.arange(len(g.points)), HALF), "all of them turned by 30 degrees"),
+    "some axes turned": (
+        lambda g: turned(g, np.array([19, 20]), HALF),
+        "2 nodes have axes of their own, .* 30 degrees",
+    ),
+    "two nodes": (lambda g: exchanged(g, [21, 25]), "those at .* and .* are exchanged"),
+    "three nodes": (lambda g: exchanged(g, [20, 21, 25]), "3 are in another one"),
+    "all nodes": (shuffled, "the nodes are in another order than its rows"),
+    "places in mm": (lambda g: replace(g, points=1e3 * g.points), "mm"),
+    "places in inches": (lambda g: replace(g, points=g.points / 0.0254), "SI units|in the unit of K"),
+    "one coordinate in mm": (lambda g: replace(g, points=g.points * [1, 1, 1e3]), "K has those along z 0.001 times"),
+    "mass in t": (lambda g: changed_mass(g, lambda M: 1e-3 * M), "sound would travel at .* masses in t"),
+    "mm, t and N": (lambda g: replace(g, points=1e3 * g.points, K=1e-3 * g.K, M=1e-3 * g.M), "mm"),
+    "stiffness for mass": (lambda g: changed_mass(g, lambda M: g.K), "the same matrix as the stiffness"),
+    "a node too far": (
+        lambda g: replace(g, points=np.vstack([g.points[:20], g.points[[20]] + [0.1, 0, 0], g.points[21:]])),
+        "it has the node at",
+    ),
+}
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("held", [None, clamped, sprung], ids=["free", "clamped", "sprung"])
+@pytest.mark.parametrize("name", WRONG)
+def test_what_does_not_fit_is_refused_with_the_reason(body: str, held: Change | None, name: str) -> None:
+    change, says = WRONG[name]
+    if body == "frame" and name.startswith(("places in mm", "mm, t")):
+        says = "turns freely with places 0.001 times these"
+    given = BODIES[body] if held is None else held(BODIES[body])
+    with pytest.raises(InputError) as caught:
+        change(given)
+    assert re.search(says, str(caught.value)), str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+HELD: dict[str, Change] = {
+    "free": lambda g: g,
+    "a face clamped": clamped,
+    "both faces clamped": lambda g: clamped(g, np.isin(g.node, np.r_[g.groups["tail"], g.groups["tip"]])),
+    "a face on rollers": lambda g: clamped(g, np.isin(g.node, g.groups["tail"]) & (g.direction == 2)),
+    "one coordinate": lambda g: clamped(g, (g.node == 9) & (g.direction == 1)),
+    "springs": sprung,
+    "springs and a clamp": lambda g: sprung(clamped(g, (g.node == 2) & (g.direction < 3))),
+    "a stiff spring": lambda g: replace(g, K=g.K + sp.diags(1e15 * ((g.node == 9) & (g.direction == 2))).tocsr()),
+    "an elastic foundation": lambda g: replace(
+        g, K=g.K + sp.diags(1e5 * (np.isin(g.node, g.groups["bottom"]) & (g.direction == 2))).tocsr()
+    ),
+    "a heavy node": lambda g: replace(g, M=g.M + sp.diags(1e6 * (g.node == 9)).tocsr()),
+    "six digits": lambda g: replace(g, points=np.array([[float(f"{c:.6g}") for c in x] for x in g.points + 1 / 3])),
+    "nodes that nothing uses": lambda g: replace(g, points=np.vstack([g.points, g.points + [10.0, 0.0, 0.0]])),
+    "in another order": lambda g: replace(
+        g,
+        M=g.M[::-1, ::-1],
+        K=g.K[::-1, ::-1],
+        node=g.node[::-1],
+        direction=g.direction[::-1],
+    ),
+}
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("name", HELD)
+def test_what_fits_is_taken(body: str, name: str) -> None:
+    HELD[name](BODIES[body])
+
+
+def condensed(given: GivenMatrices, keep: np.ndarray) -> GivenMatrices:
+    """Guyan's reduction to some nodes."""
+    a, b = (np.flatnonzero(np.isin(given.node, keep) == on) for on in (True, False))
+    K, M = given.K.toarray(), given.M.toarray()
+    T = np.vstack([np.eye(len(a)), -np.linalg.solve(K[np.ix_(b, b)], K[np.ix_(b, a)])])
+    order = np.r_[a, b]
+    K, M = (sp.csr_matrix(T.T @ A[np.ix_(order, order)] @ T) for A in (K, M))
+    renumbered = {int(node): k for k, node in enumerate(keep)}
+    node = np.array([renumbered[int(one)] for one in given.node[a]])
+    return from_matrices((M + M.T) / 2, (K + K.T) / 2, given.points[keep], None, node, given.direction[a])
+
+
+@pytest.mark.parametrize("held", [None, clamped, sprung], ids=["free", "clamped", "sprung"])
+def test_a_condensed_body_is_taken_and_its_directions_are_told_apart(held: Change | None) -> None:
+    given = BODIES["bricks"] if held is None else held(BODIES["bricks"])
+    keep = np.flatnonzero(np.isin(given.points[:, 0], [0.5, 1.0, 2.0, 3.0]))
+    whole = condensed(given, keep)
+    if held is None:
+        with pytest.raises(InputError, match="called x, y, z are along z, y, x"):
+            reordered(whole, (2, 1, 0))
+        with pytest.raises(InputError, match="axes of their own"):
+            turned(whole, np.arange(5), HALF)
+
+
+def test_parts_that_nothing_joins_are_refused() -> None:
+    given = BODIES["bricks"]
+    two = sp.block_diag([given.K, given.K], format="csr"), sp.block_diag([given.M, given.M], format="csr")
+    points = np.vstack([given.points, given.points + [0.0, 1.0, 0.0]])
+    with pytest.raises(InputError, match="no stiffness joins 63 of its nodes to the others"):
+        from_matrices(two[1], two[0], points)
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("share", [0.4, 1e-3])
+def test_an_indefinite_stiffness_is_refused(body: str, share: float) -> None:
+    given = BODIES[body]
+    cut = share * given.K.diagonal()
+    cut[:30] = 0.0
+    with pytest.raises(InputError, match="K: a matrix without negative eigenvalues is allowed"):
+        replace(given, K=given.K - sp.diags(cut))
+
+
+@pytest.mark.parametrize("name", ["M", "K"])
+def test_what_is_no_mass_or_stiffness_beside_the_others_is_refused(name: str) -> None:
+    given = BODIES["lattice"]
+    scale = np.ones(len(given.node))
+    scale[-1] = 1e-150
+    A = sp.diags(scale) @ getattr(given, name) @ sp.diags(scale)
+    with pytest.raises(InputError, match=rf"{name}: a (mass|stiffness) at every coordinate is allowed: coordinate 84"):
+        replace(given, **{name: A.tocsr()})
+
+
+def test_rows_that_run_through_directions_first_are_refused() -> None:
+    given = BODIES["bricks"]
+    order = np.lexsort((given.node, given.direction))
+    with pytest.raises(InputError, match="rows node by node are allowed: these are all along x"):
+        from_matrices(given.M[order][:, order], given.K[order][:, order], given.points)
+
+
+def test_cylindrical_axes_at_all_nodes_are_refused() -> None:
+    given = BODIES["bricks"]
+    T = sp.block_diag([Rotation.from_euler("x", 7.0 * k, degrees=True).as_matrix() for k in range(len(given.points))])
+    K = (T.T @ given.K @ T).tocsr()
+    with pytest.raises(InputError, match="all nodes have axes of their own"):
+        replace(given, K=(K + K.T) / 2.0)
