@@ -63,6 +63,15 @@ def kind_of(warning: str) -> str:
     return " ".join(re.split(r"[,:;(]", _NUMBER.sub("", warning), maxsplit=1)[0].split())
 
 
+def duration(seconds: float) -> str:
+    """Seconds as people say them."""
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    if seconds < 3600.0:
+        return f"{seconds / 60.0:.0f} min"
+    return f"{seconds / 3600.0:.1f} h"
+
+
 def not_finite(data: Any, name: str = "") -> Iterator[str]:
     """Dotted names of all numbers in `data` that are not finite, such as ``errors.reduced_vs_full.tip``."""
     if isinstance(data, float) and not isfinite(data):
