@@ -46,7 +46,7 @@ def compute(folder: Path, project: Project) -> StudyResults:
     for task in sorted(part.plan, key=lambda task: list(digest).index(task.key)):
         needs = {name: results[key] for name, key in task.needs.items()}
         results[task.key] = task.function(task.arguments, needs)
-        store.write(digest[task.key], Stored(task.key, results[task.key], ()))
+        store.write(digest[task.key], Stored(task.key, results[task.key]))
     found = StudyResults.collect(folder, part.plan, "test", store, {})
     save(project, Outcome({"": found}, len(results)), folder)
     return found

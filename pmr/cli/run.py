@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from os.path import isdir
 from pathlib import Path
+from threading import Timer
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -30,7 +32,7 @@ from pmr.cli.console import (
     tell,
 )
 from pmr.errors import InputError, environment
-from pmr.errors.text import visible
+from pmr.errors.text import duration, visible
 from pmr.files.swap import fresh, removed
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from pmr.report.beside import Beside
     from pmr.report.marks import Row
 
+QUIET = 10.0  # s before which a run prints no stages where there is no terminal: short runs print results alone
 NAMES = 28  # letters on a line of what a figure is called
 
 
@@ -258,9 +261,42 @@ def _print_errors(found: Sequence[Row]) -> None:
     out.print(table)
 
 
+class _StageLines:
+    """A line on standard error for each stage of a run that takes longer than `QUIET`, as it begins."""
+
+    def __init__(self, title: str) -> None:
+        self._title, self._begin = title, time.monotonic()
+        self._stage, self._printed = "", set[str]()
+        self._timer = Timer(QUIET, self._print)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def __call__(self, stage: str, share: float) -> None:
+        if share < 1.0:
+            self._stage = stage
+            if time.monotonic() - self._begin >= QUIET:
+                self._print()
+
+    def _print(self) -> None:
+        if self._stage and self._stage not in self._printed:
+            self._printed.add(self._stage)
+            say(err, f"{self._title}: {self._stage}, after {duration(time.monotonic() - self._begin)}")
+
+    def stop(self) -> None:
+        """Print nothing from now on."""
+        self._timer.cancel()
+
+
 @contextmanager
 def _progress(title: str, shown: bool) -> Iterator[Report]:
-    """A bar a stage on the terminal; nothing on other ranks or where the output is no terminal."""
+    """A bar a stage on the terminal, a line a stage where the output is no terminal; nothing on other ranks."""
+    if shown and not err.is_terminal:
+        lines = _StageLines(title)
+        try:
+            yield lines
+        finally:
+            lines.stop()
+        return
     columns = (TextColumn("{task.description:32}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True, disable=not (shown and err.is_terminal)) as bars:
         tasks: dict[str, TaskID] = {}

@@ -15,6 +15,8 @@ _STEERING = re.compile(
     "\ud800-\udfff\U000e0000-\U000e0fff\U000ffffe-\U0010ffff]"
 )
 
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?")
+
 NAME_SIGNS = " _-.,:()+#/"
 LONGEST_NAME = 100
 NAMED = f"letters, digits and {' '.join(NAME_SIGNS.strip())} are allowed, {LONGEST_NAME} at most, a letter first"
@@ -54,6 +56,20 @@ def rounded_down(value: float) -> str:
     """A positive `value` with two significant digits and not above it: for what is said to be small enough."""
     place = floor(log10(value)) - 1
     return f"{float(f'{floor(value / 10.0**place * (1.0 + 1e-12))}e{place}'):g}"
+
+
+def kind_of(warning: str) -> str:
+    """What a warning is about: its words up to the first stop, without numbers, which differ from run to run."""
+    return " ".join(re.split(r"[,:;(]", _NUMBER.sub("", warning), maxsplit=1)[0].split())
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them."""
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    if seconds < 3600.0:
+        return f"{seconds / 60.0:.0f} min"
+    return f"{seconds / 3600.0:.1f} h"
 
 
 def not_finite(data: Any, name: str = "") -> Iterator[str]:

@@ -31,10 +31,11 @@ from pmr.errors.aside import Aside
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
-from pmr.reduction.bodies import as_asked, cached_body, joined, reduce_bodies
+from pmr.reduction.bodies import as_asked, cached_body, joined, reduce_bodies, reduce_with
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
 from pmr.reduction.recover.from_scene import Looked, Recovered, beside_full, of_reduced, recovered_steps
+from pmr.reduction.snapshots import Snapshots
 from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.scene import Scene
 from pmr.scene.names import ALONE
@@ -69,15 +70,33 @@ class Motions:
         return {**self.reduced.seconds, **{name: one.seconds for name, one in self.references.responses.items()}}
 
 
+@dataclass(frozen=True)
+class Precomputed:
+    """Results about the full model of a body alone that several runs share; a run takes them over."""
+
+    snapshots: Snapshots
+    references: Mapping[str, Response]  # ``full`` and ``ancf``, as the scene is compared with them
+    frequencies: Array  # (S, f) Hz at the places of `pmr.compare.way.visited`
+
+
 class Bodies:
     """Reduced as the scene asks, with the step and the coordinates that hold its tolerance; methods are collective."""
 
     def __init__(
-        self, scene: Scene, built: Mapping[str, Built], clock: Clock, caches: Mapping[str, Cache], aside: Aside
+        self,
+        scene: Scene,
+        built: Mapping[str, Built],
+        clock: Clock,
+        caches: Mapping[str, Cache],
+        aside: Aside,
+        shared: Precomputed | None = None,
     ) -> None:
-        self.built, self.clock, self.caches, self.aside = built, clock, caches, aside
+        self.built, self.clock, self.caches, self.aside, self.shared = built, clock, caches, aside, shared
         self._comm = next(iter(built.values())).model.comm
-        self.bodies = reduce_bodies(scene, built, caches, clock)
+        if shared is None:
+            self.bodies = reduce_bodies(scene, built, caches, clock)
+        else:
+            self.bodies = {ALONE: reduce_with(scene, built[ALONE].model, shared.snapshots, clock)}
         models = {name: one.model for name, one in self.bodies.items()}
         scene = self._comm.bcast(on_first(self._comm, lambda: decided(scene, models)))
         self.choice = self._chosen(scene)
@@ -122,9 +141,11 @@ class Bodies:
         steps = recovered_steps(self.scene).tolist()
         made = on_first(self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps))
         stepping = self._comm.bcast(None if made is None else made.made)
-        ahead = self.full.ahead(self.aside, steps, stepping)
+        ahead = self.full.ahead(self.aside, steps, stepping) if self.shared is None else None
 
         def moving() -> References:
+            if self.shared is not None:
+                return References(self.shared.references, {}, {})
             return self.full.references(self.clock, steps, checkpoint, stepping, ahead)
 
         references = None if self.full.does_without_petsc else moving()
@@ -237,6 +258,9 @@ class Bodies:
         return reduction_error(self.scene, moved, self.clock, self._other, known)
 
     def _asked_frequencies(self, at: Visited) -> Callable[[], Array]:
+        if self.shared is not None:
+            known = self.shared.frequencies
+            return lambda: known
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)
         if not self.caches:
             return self.full.frequencies_by(self.aside, at.s, at.count, c)

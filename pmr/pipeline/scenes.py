@@ -24,7 +24,7 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
-from pmr.pipeline.bodies import Bodies, Motions
+from pmr.pipeline.bodies import Bodies, Motions, Precomputed
 from pmr.pipeline.model_part import Decided, decided, measured, mesh_measured
 from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
@@ -75,6 +75,7 @@ def run(
     measures: Path | None = None,
     keep: Callable[[Outcome], None] | None = None,
     aside: Aside | None = None,
+    shared: Precomputed | None = None,
 ) -> Outcome | None:
     """Reduce, simulate and compare a scene; on rank 0 of `comm` this returns the outcome, on other ranks None.
 
@@ -82,7 +83,7 @@ def run(
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
     are measured last: `keep` gets the outcome without them before, on rank 0.  Another process, `aside`, finds some of
-    what is said.
+    what is said.  Of a body alone what other runs have computed may be `shared`.
 
     Raises
     ------
@@ -94,7 +95,7 @@ def run(
     """
     try:
         kept = None if checkpoint is None else Checkpoint(checkpoint)
-        return _run(scene, comm, clock or Clock(), kept, cache, measures, keep, aside or Aside())
+        return _run(scene, comm, clock or Clock(), kept, cache, measures, keep, aside or Aside(), shared)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
@@ -108,6 +109,7 @@ def _run(
     measures: Path | None,
     keep: Callable[[Outcome], None] | None,
     aside: Aside,
+    shared: Precomputed | None,
 ) -> Outcome | None:
     check_installed(scene)
     chosen = _decided(scene, comm, clock, cache)
@@ -119,7 +121,7 @@ def _run(
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
-    bodies = Bodies(scene, built, clock, caches, aside)
+    bodies = Bodies(scene, built, clock, caches, aside, shared)
     scene = bodies.scene  # with the step that was chosen
     with clock.stage("frequencies"):
         frequencies = bodies.frequencies()

@@ -20,12 +20,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
+from pmr.errors import InputError
 from pmr.scene.joints import Linear
 from pmr.scene.machine import DIRECTIONS, Machine
 from pmr.scene.refusals import of_key
 from pmr.scene.section import Place, Point, Section, Switch
 from pmr.scene.signals import Constant, Signal, SignalBase
 
+#: An angle of more than a turn, in rad, is more likely meant in degrees.
+TURN = 2.0 * np.pi
 #: What inputs are called that accelerate a body with the frame, before the field: ``inertia x``, ``inertia zx``.
 INERTIA = "inertia "
 
@@ -167,6 +170,13 @@ class Frame(Section):
         """From axes of the boom into those of the base at the times t (T,) s, (T, 3, 3)."""
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return rotation(luffing, slewing)
+
+    def refuse_without_unit(self, key: str, angles: ArrayLike, source: str = "scene") -> None:
+        """Raise an `InputError` of a `key` where `angles` go beyond a turn and the frame does not say their unit."""
+        largest = float(np.max(np.abs(angles), initial=0.0))
+        if largest > TURN and "unit" not in self.model_fields_set:
+            allowed = "its unit has to be said where an angle goes beyond a turn: frame.unit = 'degrees' or 'rad'"
+            raise InputError(source, key, float(f"{largest:.4g}"), allowed)
 
     def _in_rad(self, angle: SignalBase | None) -> SignalBase:
         if angle is None:

@@ -17,8 +17,6 @@ from pmr.scene.structure_checks import refusal
 JUMP = 1e-9
 #: Share of a luffing cylinder's distance from the pivot that its arm is at least, and at how many times.
 IN_LINE, SAMPLES = 0.01, 1001
-#: Of 2 pi rad: more of it is more likely to be meant in degrees.
-TURN = 2.0 * np.pi
 
 
 def check_frame(scene: Scene) -> None:
@@ -29,10 +27,7 @@ def check_frame(scene: Scene) -> None:
     angles = dict(zip(("luffing", "slewing"), frame.angles, strict=True))
     angles |= dict(zip(("base.rx", "base.ry", "base.rz"), frame.rocking, strict=False))
     for key, angle in angles.items():
-        largest = max(np.abs(angle.bounds(0.0, scene.time.end)))
-        if largest > TURN and "unit" not in frame.model_fields_set:
-            allowed = "its unit has to be said where an angle goes beyond a turn: frame.unit = 'degrees' or 'rad'"
-            raise refusal(f"frame.{key}", float(f"{largest:.4g}"), allowed)
+        frame.refuse_without_unit(f"frame.{key}", angle.bounds(0.0, scene.time.end))
         _check_smooth(scene, key, "an angle", angle)
     _check_cylinder(scene, frame)
     if frame.machine is not None:

@@ -191,7 +191,7 @@ class Asked:
         return found
 
     def known(self, loads: Array) -> Array:
-        """The least of all cases (l,), the largest that is looked for where none is met."""
+        """The least of all cases (l,), the largest that is looked for where no limit is reached."""
         return np.asarray(np.nan_to_num(_least(loads)[1], nan=self.up_to))
 
     def of_reduction(self, models: Models, k: int, found: Array) -> Array:
@@ -227,7 +227,7 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     """Task: what limits allow at some of the places; ``place`` (p, 2) m, radius and height of the undeformed tip.
 
     Arrays: ``load`` (p, l) kg, the least of all cases, with ``case`` (p, l), its number, and ``error`` (p, l) kg; NaN
-    where a limit is not met up to the largest load.  ``error`` is the sum of ``error.reduction``, ``error.mesh``, not a
+    where no load up to the largest reaches a limit.  ``error`` is the sum of ``error.reduction``, ``error.mesh``, not a
     number where it is not known, and ``error.rotation``.  With ``hoist`` also ``hoist`` (p,), by which factor of its
     weight the least load of all pulls as it is lifted off, in the first case's amounts.  ``passed`` (p, c, l) says
     which limits are passed in the cases out of service, `left`.  Arrays ``at.`` are those of
@@ -280,7 +280,7 @@ def _at_place(asked: Asked, models: Models, k: int, rope: Rope | None) -> dict[s
 
 
 def _hoisted(loaded: Loaded, load: float, rope: Rope, gravity: float) -> float:
-    """The factor by which a load pulls that is hoisted off the ground; NaN for none and where no limit is met."""
+    """The factor by which a load pulls that is hoisted off the ground; NaN for none and where no limit is reached."""
     if not 0.0 < load < np.inf:
         return np.nan
     return lift_off(loaded.state(load).form, load, rope, gravity)
@@ -304,7 +304,7 @@ def _behind(arrays: Mapping[str, NDArray[Any]], prefix: str) -> dict[str, NDArra
 
 
 def governing(load: Array) -> NDArray[np.int64]:
-    """Number of the limit that allows least at each place, -1 where none is met, of loads (P, l) kg."""
+    """Number of the limit that allows least at each place, -1 where none is reached, of loads (P, l) kg."""
     least = np.where(np.isnan(load), np.inf, load)
     return np.where(np.isfinite(least.min(axis=1)), least.argmin(axis=1), -1)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.results import Response
+from pmr.results import Frequencies, Response
 from pmr.results.extremes import cycles
 from pmr.results.tables import force_extremes, parts_of, probe_extremes, reaction_extremes, stress_by_part
 from pmr.scene import Scene
@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 BEAM_ROOMS = {"N": "beam_forces", "N m": "beam_moments"}
 #: Frequencies that are stated, at these places of the path: where s is least, in the middle, where it is largest.
 FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
+#: Frequencies of a body alone whose errors are stated.
+COMPARED_FREQUENCIES = 3
 
 
 def compared(summary: Mapping[str, Any], *kinds: str) -> dict[str, Scalar]:
@@ -123,31 +125,47 @@ def boom_arguments(boom: Scene) -> dict[str, Any]:
 
 
 def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: one run, as of one body.
+    """Task: one run of a boom of sections, or with second order; see `ran`."""
+    return ran(Scene.model_validate(arguments["boom"]))
 
-    Figures: ``errors.reduced_vs_full.<place>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement``
-    and ``max_error`` (m), ``cylinders.<name>.{min,max}`` (N), what `figures_of` and `of_bodies` say, but for
-    ``largest_force``, which is that of the pads.  Arrays: ``t`` (s), ``tip`` and ``reach`` (m), ``frequencies.<model>``
-    (Hz).
+
+def ran(scene: Scene, shared: Any = None) -> TaskResult:
+    """Result of a run as a row of a table, with its warnings; `shared` is a `pmr.pipeline.bodies.Precomputed`.
+
+    Figures: ``errors.<a>_vs_<b>.<place>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
+    ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), what `figures_of` and
+    `of_bodies` say; ``largest_force`` of a boom is that of its pads.  Of a body alone also ``basis.kappa`` and
+    ``frequency_error.<i>``, the largest relative error of the i-th frequency over the path.  Arrays: ``t`` (s), ``tip``
+    and ``reach``, of a body alone its path (m), ``frequencies.<model>`` (Hz); ``singular_values`` of a body alone.
     """
+    from pmr.files.users import users_folder
     from pmr.pipeline import run
 
-    boom = Scene.model_validate(arguments["boom"])
-    outcome = run(boom)
+    once = scene.simulation.model_copy(update={"simulators": scene.simulation.simulators[:1]})
+    outcome = run(scene.model_copy(update={"simulation": once}), measures=users_folder(), shared=shared)
     assert outcome is not None  # a task runs on one rank
     result, summary = outcome.result, outcome.result.summary
     record = compared(summary, "errors")
     record |= {f"coordinates.{model}": size for model, size in summary["coordinates"].items()}
     found, response = result.frequencies, result.responses["reduced"]
-    record |= figures_of(boom, response, found.along, 2.0 * np.pi * found.models["reduced"]) | of_bodies(summary)
-    if summary["pads"]:
+    arrays = {"t": response.t, "tip": response.tip, "reach": found.along}
+    if (shapes := result.body.shapes) is not None:
+        record |= {"basis.kappa": summary["basis"]["kappa"]} | _frequency_errors(found)
+        arrays["singular_values"] = shapes.singular_values
+    record |= figures_of(scene, response, found.along, 2.0 * np.pi * found.models["reduced"]) | of_bodies(summary)
+    if len(scene.sections) > 1 and summary["pads"]:
         record["largest_force"] = max(max(pad["max"], -pad["min"]) for pad in summary["pads"])
-    cylinders = summary.get("cylinders", ())
+    cylinders, ropes = summary.get("cylinders", ()), summary.get("ropes", ())
     record |= {f"cylinders.{one['name']}.{key}": one[key] for one in cylinders for key in ("min", "max")}
-    arrays = {
-        "t": response.t,
-        "tip": response.tip,
-        "reach": found.along,
-    }
+    record |= {f"ropes.{one['name']}.{key}": one["force"][key] for one in ropes for key in ("min", "max")}
     arrays |= {f"frequencies.{model}": values for model, values in found.models.items()}
-    return TaskResult(record, arrays, {f"simulate.{name}": one.seconds for name, one in result.responses.items()})
+    seconds = {f"simulate.{name}": one.seconds for name, one in result.responses.items()}
+    return TaskResult(record, arrays, seconds, tuple(summary["warnings"]))
+
+
+def _frequency_errors(found: Frequencies) -> dict[str, Scalar]:
+    """The largest relative errors over the path; None of those that fewer coordinates do not have."""
+    if "full" not in found.models:
+        return {}
+    off = np.abs(found.models["reduced"] / found.models["full"] - 1.0).max(axis=0)[:COMPARED_FREQUENCIES]
+    return {f"frequency_error.{i}": float(e) if np.isfinite(e) else None for i, e in enumerate(off, start=1)}

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors.text import kind_of
 from pmr.files import jsonfile, npz
 from pmr.files.swap import finished, fresh
 from pmr.studies.engine.graph import digests
@@ -26,6 +27,8 @@ from pmr.studies.engine.runner import Failure
 from pmr.studies.engine.store import Store
 from pmr.studies.engine.task import Plan, Scalar
 
+#: Between the warnings in a cell of the table.
+SEPARATOR = " | "
 #: Files that go together, and those that are made of them.
 TABLES, REPORT = ("runs.csv", "runs.npz", "seconds.csv", "summary.json"), ("report.html", "report.pdf")
 
@@ -44,14 +47,30 @@ class RunRecord:
     seconds: Mapping[str, float]
     reason: str = ""
     detail: str = ""
-    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     file: str = ""
 
     @property
     def row(self) -> dict[str, Scalar]:
         """Its row of the table."""
         head = {"run": self.key, "status": self.status, "reason": self.reason}
-        return {**head, **self.parameters, **self.figures}
+        return {**head, **self.parameters, **self.figures, "warnings": SEPARATOR.join(self.warnings)}
+
+
+@dataclass(frozen=True)
+class CountedWarning:
+    """A kind of warning: its text in the first of the runs that have it, and the keys of these runs."""
+
+    text: str
+    runs: tuple[str, ...]
+
+    def line(self, count: int) -> str:
+        """The warning in words, where the study has so many runs; the text is that of the first run."""
+        if count == 1:
+            return self.text
+        if len(self.runs) == 1:
+            return f"in {self.runs[0]}: {self.text}"
+        return f"in {len(self.runs)} of {count} runs, first in {self.runs[0]}: {self.text}"
 
 
 @dataclass(frozen=True)
@@ -74,8 +93,10 @@ class StudyResults:
                 record = RunRecord(task.key, failure.status, task.parameters, {}, {}, failure.reason, failure.detail)
             else:
                 stored, file = store.headline(digest[task.key]), os.path.relpath(store.path(digest[task.key]), folder)
-                done, notes = stored.result, stored.notes
-                record = RunRecord(task.key, "done", task.parameters, done.record, done.seconds, notes=notes, file=file)
+                done = stored.result
+                record = RunRecord(
+                    task.key, "done", task.parameters, done.record, done.seconds, warnings=done.warnings, file=file
+                )
             runs.append(record)
         return cls(folder, tuple(runs))
 
@@ -84,7 +105,19 @@ class StudyResults:
         """Read what `save` wrote."""
         finished(folder)
         runs = json.loads((folder / "summary.json").read_text())["runs"]
-        return cls(folder, tuple(RunRecord(**(run | {"notes": tuple(run["notes"])})) for run in runs))
+        for run in runs:
+            run["warnings"] = tuple(run["warnings"] if "warnings" in run else run.pop("notes"))  # as it was called
+        return cls(folder, tuple(RunRecord(**run) for run in runs))
+
+    @property
+    def warnings(self) -> list[CountedWarning]:
+        """The warnings of all runs counted by their kind, those of most runs first."""
+        of_kind = dict[str, dict[str, str]]()
+        for run in self.runs:
+            for text in run.warnings:
+                of_kind.setdefault(kind_of(text), {}).setdefault(run.key, text)
+        found = [CountedWarning(next(iter(of.values())), tuple(of)) for of in of_kind.values()]
+        return sorted(found, key=lambda one: -len(one.runs))
 
     @property
     def is_complete(self) -> bool:
@@ -129,8 +162,9 @@ class StudyResults:
 
 
 def _names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:
-    """All columns, in the order in which they come up."""
-    return list(dict.fromkeys(name for row in rows for name in row))
+    """All columns, in the order in which they come up, warnings last."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return sorted(names, key=lambda name: name == "warnings")
 
 
 def _csv(names: Sequence[str], rows: Iterable[Mapping[str, Scalar]]) -> str:

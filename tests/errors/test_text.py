@@ -10,7 +10,7 @@ from rich.console import Console
 
 from pmr.cli import console
 from pmr.errors import InputError
-from pmr.errors.text import visible
+from pmr.errors.text import kind_of, visible
 
 PLAIN = ["[/red]", "[bold]x", "root:x:0", ":smile:", "$x^2$", "\\frac", "<b>&amp;", "ä ß 漢 שלום 😀 F²", "{0} %s", "_F"]
 STEERING = {
@@ -66,3 +66,16 @@ def test_info_shows_a_title_as_it_is(text: str, tmp_path: Path, monkeypatch, cap
 def test_a_files_name_is_shown_as_it_is(name: str, monkeypatch, capsys) -> None:
     done = called(monkeypatch, capsys, "run", f"{name}.toml")
     assert done.returncode == 2 and done.stderr == f"pmr: {visible(name)}.toml: no such scene file\n"
+
+
+KINDS = {
+    "the model is off by up to 1e+02 % beside a shell, more than 0.05": "the model is off by up to % beside a shell",
+    "3 of 4 pads of the ring tail pull the body, most of all left": "of pads of the ring tail pull the body",
+    "second order is left out: axial forces change the stiffness": "second order is left out",
+    "the step does not resolve the highest mode (h omega = .5)": "the step does not resolve the highest mode",
+}
+
+
+@pytest.mark.parametrize("warning", KINDS)
+def test_a_kind_of_warning_is_the_same_whatever_its_numbers(warning: str) -> None:
+    assert kind_of(warning) == KINDS[warning]

@@ -4,10 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzz import toml
+from ways.kinds import HOISTED, PLANE, boom, rings
 
 from pmr import scene as scenes
+from pmr.files.users import users_folder
+from pmr.pipeline import run
 from pmr.results import Energy, Response
-from pmr.studies.figures import figures_of
+from pmr.studies.figures import boom_arguments, figures_of, run_boom_case
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 
@@ -34,3 +38,21 @@ def test_rows_hold_forces_frequencies_and_probes_with_times_and_places() -> None
     assert (found["path.s_min"], found["path.s_max"]) == (1.5, 2.5)
     assert found["probes.weld stress along.range"] == pytest.approx(10.0)
     assert found["probes.weld stress along.t_min"] == 0.5
+
+
+@pytest.mark.slow
+def test_a_row_has_ropes_and_the_warnings_of_the_run(tmp_path: Path) -> None:
+    """A planar boom on pads that hold both ways, whose fly follows: beside a run of the same scene."""
+    described = boom("On a rope", "beam2d", rings(faces=PLANE) | HOISTED)
+    described["sections"][2]["joint"] = {"follows": "mid"}
+    (tmp_path / "boom.toml").write_text(toml.written(described | {"compare": {"against": []}}))
+    scene = scenes.load_any(tmp_path / "boom.toml")
+    outcome, row = run(scene, measures=users_folder()), run_boom_case(boom_arguments(scene), {})
+    assert outcome is not None
+    summary = outcome.result.summary
+    ropes = {one["name"]: one["force"] for one in summary["ropes"]}
+    assert set(ropes) == {"mid", "fly"} and ropes["fly"]["max"] - ropes["fly"]["min"] > 1.0
+    for name, force in ropes.items():
+        assert [row.record[f"ropes.{name}.{key}"] for key in ("min", "max")] == [force["min"], force["max"]]
+    assert row.warnings == tuple(summary["warnings"])
+    assert any("hold both ways and pull" in one for one in row.warnings)

@@ -35,6 +35,7 @@ from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native import systems
 from pmr.simulation.recorded import recorded
 from pmr.studies.files import kind_names
+from pmr.studies.results import SEPARATOR
 from pmr.system.assembly import Assembly
 from pmr.system.body import length_outputs
 from pmr.system.system import System
@@ -357,21 +358,24 @@ STUDIES: dict[str, dict[str, Any]] = {
 
 
 def study(kind: str, subject: Subject) -> None:
-    """All runs are there and finite; a study of one scene finds what a run of it does."""
+    """All runs are there and finite; a study of one scene finds what a run of it does, and warns of the same."""
     assert subject.file.exists()
     for name in {kind, "scenes"}:
         more = {"extensions": [1.6]} if name == "chart" and subject.kind.has_sections else {}
         text = toml.written({"kind": name, "title": "A study", **STUDIES[name], **more})
         (subject.folder / f"{name}.toml").write_text(text)
     out = subject.out(f"study-{kind}")
-    command("study", str(subject.folder / f"{kind}.toml"), "--jobs", "1", "--out", str(out))
+    said = command("study", str(subject.folder / f"{kind}.toml"), "--jobs", "1", "--out", str(out))
     table = out / ("scenes/runs.csv" if kind == "collection" else "runs.csv")
     with table.open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert rows and all(row.get("status", "done") == "done" for row in rows)
     if kind in ("scenes", "collection"):
-        errors = subject.outcome.result.summary["errors"]["reduced_vs_full"]
+        summary = subject.outcome.result.summary
+        errors = summary["errors"]["reduced_vs_full"]
         np.testing.assert_allclose(float(rows[0]["errors.reduced_vs_full.beam"]), errors["beam"], rtol=1e-3)
+        assert rows[0]["warnings"] == SEPARATOR.join(summary["warnings"])
+        assert all(" ".join(f"warning: {one}".split()) in " ".join(said.split()) for one in summary["warnings"])
 
 
 def chart(subject: Subject) -> None:

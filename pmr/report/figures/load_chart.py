@@ -24,6 +24,8 @@ CURVES, MOST_CELLS = 12, 4000
 STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 #: How far colours of limits are mixed with white.
 PALE = 0.55
+#: Width of the strip that shows a single reach or half of a single angle, as a share of the reach.
+STRIP = 0.02
 #: Height over width of the picture, at most.
 TALLEST = 0.8
 
@@ -119,16 +121,22 @@ def _pale(colour: str) -> str:
 
 
 def _corners(place: Array) -> Array:
-    """Of cells around the places, (E + 1, A + 1, 2)."""
-    for axis in (0, 1):
-        count = place.shape[axis]
-        if count == 1:
-            around = np.zeros(2) if axis == 0 else np.array([-place[0, 0, 1], place[0, 0, 0]])
-            step = 0.02 * (around if np.any(around) else place[:1])
-            place = np.concatenate([place - step, place + step], axis=axis)
-            continue
-        first, last, middle = (np.take(place, k, axis=axis) for k in ([0], [-1], range(count - 1)))
-        nexts = np.take(place, range(1, count), axis=axis)
-        step_first, step_last = (np.take(nexts - middle, [k], axis=axis) / 2.0 for k in (0, -1))
-        place = np.concatenate([first - step_first, (middle + nexts) / 2.0, last + step_last], axis=axis)
-    return place
+    """Corners (E + 1, A + 1, 2) of cells around the places, none of which lies beyond the outermost places.
+
+    Cells at an end are half as long as others.  A single reach is a strip that begins a little before it, a single
+    angle a strip to both of its sides.
+    """
+    if place.shape[1] == 1:
+        turn = np.array([[np.cos(STRIP), np.sin(STRIP)], [-np.sin(STRIP), np.cos(STRIP)]])
+        place = np.concatenate([place @ turn.T, place @ turn], axis=1)
+    else:
+        place = _between(place, 1)
+    return np.concatenate([(1.0 - STRIP) * place, place]) if len(place) == 1 else _between(place, 0)
+
+
+def _between(place: Array, axis: int) -> Array:
+    """The first place, those half way between neighbours, and the last one, along an axis."""
+    count = place.shape[axis]
+    first, last = np.take(place, [0], axis), np.take(place, [-1], axis)
+    middle = (np.take(place, range(count - 1), axis) + np.take(place, range(1, count), axis)) / 2.0
+    return np.concatenate([first, middle, last], axis=axis)

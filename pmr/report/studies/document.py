@@ -66,4 +66,5 @@ def chapter(study: FinishedStudy, anchor: str) -> Chapter:
     if published.rows and not any(block.errors for block in found.blocks):
         found = replace(found, blocks=[*found.blocks, Block("Beside the publication", errors=published)])
     unfinished = [f"{called(run)} ({run.status}: {run.reason})" for run in study.unfinished]
-    return replace(found, unfinished=unfinished)
+    warnings = [one.line(len(study.results.runs)) for one in study.results.warnings]
+    return replace(found, unfinished=unfinished, warnings=[text[:1].upper() + text[1:] for text in warnings])

@@ -15,7 +15,7 @@ MOST_RUNS = 6
 #: What of a run's figures is shown here, and not among those of `pmr.report.studies.runs`.
 ROOMS = (
     "forces.", "reactions.", "moments.", "stress.", "frequencies.", "probes.", "path.", "beam_forces.", "beam_moments.",
-    "utilisation_",
+    "utilisation_", "ropes.",
 )  # fmt: skip
 
 #: Share of the largest value of its unit below which what a probe measures is round-off.
@@ -23,6 +23,7 @@ NOTHING = 1e-6
 #: Headings of what has a largest value, and maybe a least one, with its room, its unit and which of both it has.
 _SPANS = {
     "Forces of pads, sliders and supports": ("forces.", "N", "Least … largest"),
+    "Forces of ropes, and of what pulls them": ("ropes.", "N", "Least … largest"),
     "Forces on rigid supports": ("reactions.", "N", "Least … largest"),
     "Moments on rigid supports": ("moments.", "N m", "Least … largest"),
     "Stress by region": ("stress.", "Pa", "Largest von Mises stress"),

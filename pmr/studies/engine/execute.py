@@ -70,8 +70,9 @@ def _answer(order: Order, memory: _Memory, notes: _Notes) -> Answer:
         begin = time.perf_counter()
         result = function(order.arguments, needs)
         seconds = {"task": time.perf_counter() - begin} | dict(result.seconds)
-        result = TaskResult(_checked(result.record), result.arrays, seconds)
-        store.write(order.digest, Stored(order.key, result, tuple(notes.found)))
+        warnings = tuple(dict.fromkeys((*result.warnings, *notes.found)))
+        result = TaskResult(_checked(result.record), result.arrays, seconds, warnings)
+        store.write(order.digest, Stored(order.key, result))
     except (Exception, SystemExit) as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         return Answer("failed", time.perf_counter() - start, reason, traceback.format_exc())

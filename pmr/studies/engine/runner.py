@@ -6,8 +6,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from pmr.errors.text import duration
 from pmr.studies.engine.frozen import sources
 from pmr.studies.engine.graph import Node, Ready
 from pmr.studies.engine.pools import Pool
@@ -15,6 +16,7 @@ from pmr.studies.engine.store import Store
 from pmr.studies.engine.worker import Answer, Order
 
 WATCH_EVERY = 1.0  # s
+NAMED = 4  # tasks that a line of progress names
 
 
 @dataclass(frozen=True)
@@ -35,13 +37,15 @@ class Progress:
     total: int
     elapsed: float
     left: float | None  # estimated; None before the first task is done
+    running: tuple[str, ...] = ()  # keys of the tasks that are computed now
 
     @property
     def text(self) -> str:
         """One line."""
         failed = f", {self.failed} failed or skipped" if self.failed else ""
         left = f", about {duration(self.left)} left" if self.left and self.done + self.failed < self.total else ""
-        return f"{self.done} of {self.total} tasks done{failed} after {duration(self.elapsed)}{left}"
+        now = f"; now {', '.join(self.running[:NAMED])}{' ...' * (len(self.running) > NAMED)}" if self.running else ""
+        return f"{self.done} of {self.total} tasks done{failed} after {duration(self.elapsed)}{left}{now}"
 
 
 Watch = Callable[[Progress], None]
@@ -79,7 +83,8 @@ def run(
             reason = f"needs {node.task.key}, which failed: {answer.reason}"
             for digest in ready.dependents(node.digest):
                 state.fail(nodes[digest], Failure("skipped", reason))
-        watch(state.progress)
+        now = [node.task.key for node in running.values()][: pool.slots]
+        watch(replace(state.progress, running=tuple(now)))
     return state.failures
 
 
@@ -93,15 +98,6 @@ def _answer(future: Future[Answer]) -> Answer:
 def _order(node: Node, store: Store) -> Order:
     task = node.task
     return Order(task.key, node.digest, task.address, task.arguments, node.needs, str(store.folder), sources().digest)
-
-
-def duration(seconds: float) -> str:
-    """Seconds as people say them."""
-    if seconds < 60.0:
-        return f"{seconds:.0f} s"
-    if seconds < 3600.0:
-        return f"{seconds / 60.0:.0f} min"
-    return f"{seconds / 3600.0:.1f} h"
 
 
 class _State:

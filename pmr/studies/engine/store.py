@@ -16,17 +16,16 @@ from pmr.files import npz
 from pmr.studies.engine.task import TaskResult
 
 FORMAT = "pmr-task-result"
-FORMAT_VERSION = 2  # the header is an array, as in other files
+FORMAT_VERSION = 3  # warnings belong to the result
 STALE_AFTER = 3600.0  # s, age at which a file under construction counts as abandoned
 
 
 @dataclass(frozen=True)
 class Stored:
-    """A result as read back, with the key it was computed under and the warnings that came up."""
+    """A result as read back, with the key it was computed under."""
 
     key: str
     result: TaskResult
-    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class Store:
             "key": stored.key,
             "record": dict(result.record),
             "seconds": dict(result.seconds),
-            "notes": list(stored.notes),
+            "warnings": list(result.warnings),
         }
         json.dumps(header, allow_nan=False)  # a record that is not finite is an error
         npz.write(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, header)
@@ -82,13 +81,12 @@ class Store:
         try:
             data = npz.read(file, only=only)
             header = npz.without_header(data)
-            if (header["format"], header["digest"]) != (FORMAT, digest) or header["version"] not in (1, FORMAT_VERSION):
+            if (header["format"], header["digest"]) != (FORMAT, digest) or not 1 <= header["version"] <= FORMAT_VERSION:
                 raise ValueError("another file's header")
             arrays = {name.removeprefix("array."): array for name, array in data.items()}
             for array in arrays.values():
                 array.setflags(write=False)
-            return Stored(
-                header["key"], TaskResult(header["record"], arrays, header["seconds"]), tuple(header["notes"])
-            )
+            warnings = tuple(header["warnings"] if header["version"] > 2 else header["notes"])
+            return Stored(header["key"], TaskResult(header["record"], arrays, header["seconds"], warnings))
         except (KeyError, TypeError, ValueError) as error:
             raise npz.DamagedError(f"{file.name} is missing or damaged ({error})") from None

@@ -44,12 +44,14 @@ class TaskResult:
     """What a task returns.
 
     The figures of its `record`, one column of the table each, are the same on every machine that computes alike; so
-    measured times, which differ from run to run, stand apart in `seconds`.
+    measured times, which differ from run to run, stand apart in `seconds`.  `warnings` are those of a run of the same
+    scene, a line each; what is logged as a warning meanwhile joins them.
     """
 
     record: Mapping[str, Scalar] = field(default_factory=dict)  # a float must be finite; None leaves the cell empty
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # for other tasks or the report; no objects
     seconds: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 #: Arguments, and the results of what the task needs, by the names under which it needs them.

@@ -120,6 +120,9 @@ class Study(StudyBase):
             limit.check(scene)
         if len(rows) * size > MOST:
             raise InputError("study", "extensions", len(rows), f"at most {MOST} points are allowed in all")
+        assert scene.frame is not None  # as `_scene` says
+        for key, angles in (("luffing", self._angles), ("slewing", self.slewing)):
+            scene.frame.refuse_without_unit(key, angles, "study")
         unit = np.pi / 180.0 if scene.frame is not None and scene.frame.unit == "degrees" else 1.0
         points = [(row, a * unit, b * unit) for row, a, b in self._points]
         held = {name: float(path.value(0.0)) for name, path in scene.paths.items() if name not in scene.names}
@@ -174,7 +177,7 @@ class Study(StudyBase):
         found = [results.column(name) for name in ("load.least", "load.most")]
         if not all(np.isfinite(one).any() for one in found):
             asked = "" if self.limits else f"; it was looked for {STABILITY} alone, [[limits]] of the study adds others"
-            return f"no limit is met up to {self.up_to:g} kg at any of {points} points{asked}"
+            return f"no limit is reached up to {self.up_to:g} kg at any of {points} points{asked}"
         low, high = float(np.nanmin(found[0])), float(np.nanmax(found[1]))
         return f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits"
 

@@ -13,14 +13,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
-from pmr.scene.names import ALONE
+from pmr.scene.richer import candidates
 from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
 from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
-from pmr.studies.figures import boom_arguments, compared, figures_of, of_bodies, run_boom_case
+from pmr.studies.figures import boom_arguments, ran, run_boom_case
 from pmr.studies.study import StudyBase
-
-COMPARED_FREQUENCIES = 3
 
 
 class Case(BaseModel):
@@ -48,7 +46,8 @@ class Study(StudyBase):
         runs, common = [], dict[str, Task]()
         for point in self._points():
             scene = self._scene(point)
-            if len(scene.sections) > 1 or (scene.frame is not None and scene.frame.second_order):
+            second_order = scene.frame is not None and scene.frame.second_order
+            if len(scene.sections) > 1 or second_order or scene.ordered is not None or candidates(scene):
                 runs.append(Task(point.key, run_boom_case, boom_arguments(scene), {}, point.parameters))
                 continue
             needs = shared.modes_tasks(scene) | {"frequencies": shared.frequencies_task(scene)}
@@ -91,46 +90,10 @@ class _Point:
 
 
 def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: one run, from eigenmodes and references to errors.
-
-    Figures: ``errors.<a>_vs_<b>.<place>`` (e_NRMS), ``max_displacement`` and ``max_error`` (m), ``coordinates.full``
-    and ``.reduced``, ``basis.kappa``, and ``frequency_error.<i>``, the largest relative error of the i-th frequency
-    over the path; then what `pmr.studies.figures` says, with stresses where the scene recovers them.  Arrays: ``t``
-    (s), ``tip`` (m), ``singular_values``, ``frequencies.s`` (m), ``.full``, ``.reduced`` (rad/s).
-    """
-    from pmr.compare import summary
-    from pmr.compare.frequencies import reduced_frequencies
-    from pmr.compare.responses import quantities
-    from pmr.compare.simulated import simulate_with_states
-    from pmr.compare.summary import combined
-    from pmr.compare.utilisation import masses, utilisation
-    from pmr.reduction.bodies import reduce_with
-    from pmr.reduction.recover.from_scene import beside_full, of_reduced, recovered_steps
+    """Task: one run of a body alone with eigenmodes, references and frequencies that other runs share; see `ran`."""
+    from pmr.pipeline.bodies import Precomputed
 
     scene = shared.scene_of(arguments)
-    built, stressed = shared.built_of(scene), scene.recovery is not None and scene.recovery.stress
-    body = reduce_with(scene, built.model, shared.snapshots_from(scene, needs))
-    simulated = simulate_with_states(scene, body.model, recovered_steps(scene).tolist() if stressed else ())
-    responses = {"reduced": simulated.response}
-    responses |= {name: shared.response_from(needs[name]) for name in scene.compare.against}
-    s, full = (needs["frequencies"].arrays[name] for name in ("s", "omega"))
-    reduced = 2.0 * np.pi * reduced_frequencies(body.model, s, full.shape[1])
-    record = compared(summary.compared(responses, quantities(scene, simulated.response), {}).figures, "errors")
-    record |= {
-        "coordinates.full": built.model.size,
-        "coordinates.reduced": body.model.size,
-        "basis.kappa": body.basis.kappa(),
-    }
-    for i in range(min(COMPARED_FREQUENCIES, full.shape[1])):
-        off = np.abs(reduced[:, i] / full[:, i] - 1.0).max()
-        record[f"frequency_error.{i + 1}"] = float(off) if np.isfinite(off) else None  # fewer coordinates are free
-    response = responses["reduced"]
-    record |= figures_of(scene, response, s, reduced)
-    said = combined([masses({ALONE: built.model.masses})])
-    if stressed:
-        seen = beside_full(of_reduced(scene, {ALONE: built}, {ALONE: body}, simulated.states), {})[ALONE].summary()
-        said |= seen | dict(utilisation(scene, {ALONE: seen}).figures)
-    record |= of_bodies(said)
-    arrays = {"t": response.t, "tip": response.tip, "singular_values": body.basis.sigma}
-    arrays |= {"frequencies.s": s, "frequencies.full": full, "frequencies.reduced": reduced}
-    return TaskResult(record, arrays, {f"simulate.{name}": r.seconds for name, r in responses.items()})
+    references = {name: shared.response_from(needs[name]) for name in scene.compare.against}
+    frequencies = needs["frequencies"].arrays["omega"] / (2.0 * np.pi)
+    return ran(scene, Precomputed(shared.snapshots_from(scene, needs), references, frequencies))

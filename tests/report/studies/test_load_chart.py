@@ -6,7 +6,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
+from pmr.report.figures.load_chart import Chart, load_chart
 from pmr.report.studies.sections.chart import content
 
 
@@ -27,6 +29,20 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
     chapter = content(study, "part-1")
     assert [block.heading for block in chapter.blocks] == ["Limits", "Load cases"]
     assert not any(block.drawings for block in chapter.blocks) and not chapter.key_numbers
-    assert "not met" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
-    start = "No limit is met up to 20000\u00a0kg at any of 6 points. It was looked for stability alone"
+    assert "not reached" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
+    start = "No limit is reached up to 20000\u00a0kg at any of 6 points. It was looked for stability alone"
     assert chapter.headline.startswith(start)
+
+
+@pytest.mark.parametrize(("reaches", "angles"), [(4, 5), (1, 5), (4, 1), (2, 2)])
+def test_colours_end_where_the_machine_does(reaches: int, angles: int) -> None:
+    """No corner of a cell is further out than the longest reach, and that reach is coloured to its end."""
+    reach, angle = np.linspace(8.0, 22.0, reaches), np.linspace(0.2, 1.2, angles)
+    place = reach[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    names = ["tip", "pads"]
+    load, which = np.full(place.shape[:2], 500.0), np.zeros(place.shape[:2], dtype=int)
+    drawn = load_chart(Chart(place, load, which, names))
+    corners = np.concatenate([patch.get_path().vertices for patch in drawn.axes[0].patches])
+    far = np.linalg.norm(corners, axis=1)
+    assert far.max() == pytest.approx(reach[-1], rel=1e-12)
+    assert far.min() <= reach[0]

@@ -3,7 +3,8 @@ from __future__ import annotations
 import pytest
 
 from pmr.cli import study as cli_study
-from pmr.studies.engine.runner import Progress, duration
+from pmr.errors.text import duration
+from pmr.studies.engine.runner import Progress
 
 
 @pytest.mark.parametrize(
@@ -16,6 +17,7 @@ def test_seconds_are_said_as_people_say_them(seconds: float, text: str) -> None:
 def test_progress_in_one_line() -> None:
     assert Progress(0, 0, 9, 1.0, None).text == "0 of 9 tasks done after 1 s"
     assert Progress(3, 2, 9, 60.0, 120.0).text == "3 of 9 tasks done, 2 failed or skipped after 1 min, about 2 min left"
+    assert Progress(1, 0, 9, 1.0, None, ("row1", "row2")).text == "1 of 9 tasks done after 1 s; now row1, row2"
     assert Progress(9, 0, 9, 60.0, 0.0).text == "9 of 9 tasks done after 1 min"
 
 

@@ -61,7 +61,7 @@ def test_a_child_remembers_what_it_read_last(tmp_path: Path, monkeypatch: pytest
     results = {}
     for digest in "abc":
         powers = study_tasks.square({"x": 2}, {}).arrays
-        store.write(digest, Stored(digest, TaskResult(arrays=powers), ()))
+        store.write(digest, Stored(digest, TaskResult(arrays=powers)))
         results[digest] = memory.result(store, digest)
     assert memory.result(store, "c") is results["c"] and memory.result(store, "b") is results["b"]
     assert memory.result(store, "a") is not results["a"]  # two fit

@@ -218,7 +218,7 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) ->
     line = study.summary_line(small)
     assert line == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
     bare = [replace(run, figures={}) for run in small.runs]
-    unmet = "no limit is met up to 5000 kg at any of 12 points"
+    unmet = "no limit is reached up to 5000 kg at any of 12 points"
     assert study.summary_line(replace(small, runs=tuple(bare))) == unmet
     said = study.model_copy(update={"limits": ()}).summary_line(replace(small, runs=tuple(bare)))
     assert said == f"{unmet}; it was looked for stability alone, [[limits]] of the study adds others"
@@ -227,6 +227,7 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) ->
 def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyResults, folder: Path) -> None:
     text = page(folder)
     assert text.count("<title>radius") == 12
+    assert "stability: limit not reached" in text and "not met" not in text
     assert "Limits, the number of points" in text and "It carries " in text
 
 
@@ -328,6 +329,16 @@ def test_bad_tables_are_refused_in_one_line(folder: Path, old: str, new: str, sa
     with pytest.raises(InputError, match=r".") as refused:
         files.load(folder / "bad.toml")
     assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_degrees_are_refused_where_the_scene_says_no_unit(folder: Path) -> None:
+    """As runs refuse them: the angles of the study are in the unit of the scene, which is rad unless it says so."""
+    (folder / "radians.toml").write_text(SCENE.replace('unit = "degrees"', "").replace("amount = 30.0", "amount = 0.5"))
+    for old, new, key in (("", "", "luffing = 70"), ("most = 70.0", "most = 1.2", "slewing = 90")):
+        text = STUDY.replace("scene.toml", "radians.toml").replace(old, new)
+        (folder / "bad.toml").write_text(text.replace("up_to =", "slewing = [0.0, 90.0]\nup_to =", 1))
+        with pytest.raises(InputError, match=f"{key}.0: its unit has to be said where an angle goes beyond a turn"):
+            files.load(folder / "bad.toml")
 
 
 @pytest.mark.parametrize(

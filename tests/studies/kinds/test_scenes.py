@@ -120,7 +120,8 @@ def test_a_study_has_the_figures_of_single_runs(results: StudyResults) -> None:
     assert figures["frequency_error.1"] == pytest.approx(off[0], rel=1e-4)
     arrays = results.arrays(of_study.key)
     assert np.allclose(arrays["tip"], outcome.result.responses["reduced"].tip, rtol=0.0, atol=1e-12)
-    assert np.allclose(arrays["frequencies.full"], 2.0 * np.pi * curves.models["full"], rtol=1e-9)
+    assert np.allclose(arrays["frequencies.full"], curves.models["full"], rtol=1e-9)
+    assert of_study.warnings == tuple(summary["warnings"])
 
 
 @pytest.mark.slow

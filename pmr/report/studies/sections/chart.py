@@ -27,6 +27,8 @@ UNITS = dict.fromkeys(("pad", "cylinder", "support", "luffing", "rope"), "N")
 UNITS |= {"stress": "Pa", "field": "Pa", "deflection": "m", "frequency": "Hz"}
 #: Arrays of error bars: the sum and its parts.
 PARTS = ("", ".reduction", ".mesh", ".rotation")
+#: What stands in place of a load where no load up to the largest one reaches the limit.
+NOT_REACHED = "limit not reached"
 #: Error bars in kg from which on they are shown beside a load.
 SHOWN = 0.5
 
@@ -98,7 +100,7 @@ def _said(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, error: A
     bar = f" ± {error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
     lines.append(f"load {chart.load[i, k]:.5g}{bar} kg, by {chart.names[chart.which[i, k]]}")
     own = zip(chart.names, table["load"][i, k], strict=True)
-    return "\n".join([*lines, *(f"{name}: {'not met' if np.isnan(v) else f'{v:.5g} kg'}" for name, v in own)])
+    return "\n".join([*lines, *(f"{name}: {NOT_REACHED if np.isnan(v) else f'{v:.5g} kg'}" for name, v in own)])
 
 
 def _kg(load: Any) -> str:
@@ -113,7 +115,7 @@ def _headline(study: FinishedStudy, least: Array) -> str:
             if study.asked["limits"]
             else f" It was looked for {STABILITY} alone: [[limits]] of the study adds others."
         )
-        return f"No limit is met up to {study.asked['up_to']:g}{SPACE}kg at any of {least.size} points.{asked}"
+        return f"No limit is reached up to {study.asked['up_to']:g}{SPACE}kg at any of {least.size} points.{asked}"
     low, high = np.nanmin(least), np.nanmax(least)
     return f"It carries {_kg(low)} to {_kg(high)}, depending on extension and angle."
 
@@ -169,9 +171,12 @@ def _limits(study: FinishedStudy, names: list[str]) -> Grid:
         amount = limit.get("most") or limit.get("least")
         counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
         rows.append((name, str(limit["of"]), _amount(limit, amount), f"{limit['factor']:g}", *counts))
-    heads = ("limit", "of", "amount", "factor", "governs", "not met", "at no load")
+    heads = ("limit", "of", "amount", "factor", "governs", "not reached", "at no load")
     return Grid(
-        "Limits, the number of points at which they govern, are not met, or are met at no load.", heads, tuple(rows)
+        "Limits, the number of points at which they govern, are not reached up to the largest load that is looked for, "
+        "or are passed without a load.",
+        heads,
+        tuple(rows),
     )
 
 
@@ -190,7 +195,7 @@ def _bars(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
 
 
 def _most(shares: Array) -> tuple[str, ...]:
-    return (_per_cent(shares.max()),) if len(shares) else ("not met",) * (len(PARTS) + 1)
+    return (_per_cent(shares.max()),) if len(shares) else (NOT_REACHED,) * (len(PARTS) + 1)
 
 
 def _per_cent(share: Any) -> str:
@@ -237,7 +242,7 @@ def _loads(chart: Chart, error: Array, luffing: Any) -> Grid:
 
     def cell(i: int, k: int) -> str:
         if chart.which[i, k] < 0:
-            return "not met"
+            return NOT_REACHED
         bar = f" ± {error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
         return f"{chart.load[i, k]:.0f}{bar}"
 
