@@ -49,6 +49,8 @@ def matrices(
     """
     from pmr.files.foreign import foreign_files, read_foreign
 
+    if not stiffness.name:
+        raise InputError("command line", "STIFFNESS", str(stiffness), "the name of a file is allowed")
     target = out_file or stiffness.with_name(f"{stiffness.stem}-matrices.npz")
     if target.suffix != ".npz":
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")

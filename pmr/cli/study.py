@@ -69,6 +69,7 @@ def study(
     """
     from pmr.studies import files
     from pmr.studies.call import compute, save
+    from pmr.studies.results import TABLES
 
     found = found_file(study_file)
     if listed:
@@ -83,7 +84,9 @@ def study(
                 return  # a rank that has worked for the first one
             project = files.load(found, overrides or ())
             asked = project.only(only) if only else project
-            ensure_writable(folder)
+            for part in asked.parts:
+                ensure_writable(folder / part.name, TABLES)
+            ensure_writable(folder / "tasks", ("*.npz",))
             with _watching() as watch:
                 outcome = compute(asked, folder, pool, watch)
     except KeyboardInterrupt:
