@@ -6,8 +6,10 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from waiting import PATIENCE
@@ -54,19 +56,21 @@ def python(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subproce
     """This Python with the given arguments, under the mpirun of its own stack for more than one rank.
 
     Open MPI sets variables behind Python's back once MPI has started here; a nested mpirun must not see them, which is
-    why the environment is handed on as Python knows it.
+    why the environment is handed on as Python knows it.  Its session folder is not that of other tests, which remove
+    theirs.
     """
     own = Path(sys.executable).with_name("mpirun")
     launcher = [str(own if own.exists() else "mpirun"), "-n", str(ranks)] if ranks > 1 else []
-    return subprocess.run(
-        [*launcher, sys.executable, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE,
-        cwd=cwd,
-        env=dict(os.environ),
-    )
+    with TemporaryDirectory(prefix="mpi") if launcher else nullcontext() as session:
+        return subprocess.run(
+            [*launcher, sys.executable, *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=PATIENCE,
+            cwd=cwd,
+            env=os.environ | ({"OMPI_MCA_orte_tmpdir_base": session} if session else {}),
+        )
 
 
 def undrawn(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

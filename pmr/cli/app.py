@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 
 from pmr.cli.chart import chart
 from pmr.cli.compile import compile_
-from pmr.cli.console import VisibleText, err, leave, out, plain_letters, ranks, say
+from pmr.cli.console import VisibleText, err, leave, out, output_failure, prepare_streams, ranks, say
 from pmr.cli.export import export
 from pmr.cli.flexible import flexible
 from pmr.cli.info import info
@@ -82,20 +82,26 @@ def main() -> None:
     """Entry point: a line and exit code 2 for bad input, 1 for a solver that failed."""
     environment.collected_seldom()
     atexit.register(gc.freeze)  # what is left at the end goes with the process: to look through it takes a second
-    plain_letters()
+    prepare_streams()
     warnings.filterwarnings("ignore", "A NumPy version")  # of SciPy; what comes of it is said below
     handler = RichHandler(console=err, show_path=False)
     handler.setFormatter(VisibleText("%(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
     try:
         app()
+    except SystemExit:
+        if (failure := output_failure()) is not None:
+            leave(f"standard output: {failure.strerror}; results that go to files are there", 1)
+        raise
     except InputError as error:
         leave(str(error), 2)
     except (ConvergenceError, SimulationError, NotWrittenError) as error:
         leave(str(error), 1)
     except Exception as error:
         if isinstance(error, OSError) and error.errno in FULL:
-            leave(f"no room for compiled code (XDG_CACHE_HOME) or temporary files (TMPDIR): {error.strerror}", 1)
+            output_failure()
+            places = "standard output, compiled code (XDG_CACHE_HOME) and temporary files (TMPDIR)"
+            leave(f"{error.strerror}: room is needed for {places}", 1)
         if any(kind.__name__ == "VerificationError" for kind in type(error).__mro__):  # CFFI's
             leave("a form was not compiled: a C compiler and room for what it writes (XDG_CACHE_HOME) are needed", 1)
         if isinstance(error, ImportError) or "numpy.dtype size changed" in str(error):

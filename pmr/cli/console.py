@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import tempfile
 import textwrap
@@ -34,7 +35,24 @@ Folder = Annotated[
 
 # What is printed is text: [brackets] are no markup and :names: no pictures.
 PLAIN: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
-out, err = Console(**PLAIN), Console(stderr=True, **PLAIN)
+
+
+class Output(Console):
+    """A console that a full disk or a closed stream does not keep from its work: what is computed is stored first."""
+
+    failure: OSError | None = None  # the first one
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        if self.failure is not None:
+            return
+        try:
+            super().print(*objects, **options)
+            self.file.flush()
+        except OSError as error:
+            self.failure = error
+
+
+out, err = Output(**PLAIN), Output(stderr=True, **PLAIN)
 
 
 def say(console: Console, text: str) -> None:
@@ -129,16 +147,39 @@ def _keys(file: Path) -> dict[str, object]:
         return {}
 
 
-def plain_letters() -> None:
-    """Let the terminal's own encoding do: letters that it lacks are spelled out by numbers, as on standard error."""
+def prepare_streams() -> None:
+    """Open what is closed of standard input, output and error, and let the terminal's own encoding do.
+
+    A file of results would otherwise get the number of a closed stream, and with it what libraries print.  Letters that
+    the encoding lacks are spelled out by numbers, as on standard error.
+    """
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, closefd=False))
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def output_failure() -> OSError | None:
+    """Why standard output takes no more, None where it does.
+
+    What it has not taken is dropped, which Python would try to write once more at its end.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return error
+    return out.failure
 
 
 def leave(message: str, code: int) -> NoReturn:
     """Say why, and end this process and all other ranks."""
     say(err, f"pmr: {message}")
-    err.file.flush()
     if ranks() > 1:
         sys.modules["mpi4py.MPI"].COMM_WORLD.Abort(code)
     sys.exit(code)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from functools import partial
 from typing import Annotated
 
 import typer
 
+from pmr.cli.console import out
 from pmr.errors import InputError
 from pmr.errors.text import hint
 
@@ -51,4 +51,4 @@ def schema(
     known |= {name: partial(study_schema, name) for name in kind_names()}
     if kind not in known:
         raise InputError("command line", "KIND", kind, f"{hint(kind, known)}one of {', '.join(known)} is allowed")
-    sys.stdout.write(known[kind]())
+    out.print(known[kind](), soft_wrap=True, end="")

@@ -72,6 +72,7 @@ def study(
     from pmr.scene.workflows import experiments
     from pmr.studies import files
     from pmr.studies.call import compute, save
+    from pmr.studies.results import TABLES
 
     script = experiments().get(str(study_file))
     if script is not None and not study_file.is_file():
@@ -89,7 +90,9 @@ def study(
                 return  # a rank that has worked for the first one
             project = files.load(found, overrides or ())
             asked = project.only(only) if only else project
-            ensure_writable(folder)
+            for part in asked.parts:
+                ensure_writable(folder / part.name, TABLES)
+            ensure_writable(folder / "tasks", ("*.npz",))
             with _watching() as watch:
                 outcome = compute(asked, folder, pool, watch)
     except KeyboardInterrupt:

@@ -8,6 +8,7 @@ import hashlib
 import importlib
 import os
 import platform
+import re
 import subprocess
 import sys
 import tempfile
@@ -25,8 +26,13 @@ from pmr.errors import InputError, SimulationError, plugins
 MEMINFO = Path("/proc/meminfo")
 #: Each launcher's name for the number of processes that it started.
 LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
-#: What Open MPI does in a process that no launcher started: no daemon, no networks.
-UNLAUNCHED = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1"}
+#: What Open MPI does in a process that no launcher started: no daemon, no networks, no session folder.  All isolated
+#: processes of a user take the same one, ompi.HOST.UID/jf.0/1/0, and the first to end removes it while others start.
+UNLAUNCHED = {
+    "OMPI_MCA_ess_singleton_isolated": "1",
+    "OMPI_MCA_pml": "ob1",
+    "OMPI_MCA_orte_create_session_dirs": "0",
+}
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
 _NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
@@ -148,8 +154,20 @@ def unlaunched() -> Iterator[None]:
 
 
 def launched() -> int:
-    """How many processes a launcher of MPI started together, 1 without one."""
-    return max(int(os.environ.get(name, "1")) for name in LAUNCHED)
+    """How many processes a launcher of MPI started together, 1 without one.
+
+    Raises InputError where a variable of a launcher holds no such number.
+    """
+    return max(map(_processes, LAUNCHED))
+
+
+def _processes(variable: str) -> int:
+    """Number of processes that a launcher wrote into a variable of the environment; 1 where it is not set."""
+    text = os.environ.get(variable, "1")
+    if not re.fullmatch("[0-9]{1,9}", text) or int(text) < 1:
+        allowed = "the number of processes, which a launcher of MPI sets, is allowed; `unset` removes the variable"
+        raise InputError("environment", variable, text, allowed)
+    return int(text)
 
 
 def versions() -> dict[str, str]:

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from math import floor, isfinite, log10
+from os.path import isdir
+from pathlib import Path
 from typing import Any
 
 #: Characters that steer what shows them instead of being shown: control codes, line ends, marks that turn the direction
@@ -39,6 +41,11 @@ def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
     plain = all(sign.isalnum() or sign in NAME_SIGNS for sign in text if sign.isascii())
     begins = text[:1].isalnum() or text[:1] == "_"
     return plain and begins and ".." not in text and len(text) <= longest and visible(text) == text == text.strip()
+
+
+def no_file(path: Path, what: str = "file") -> str:
+    """Why nothing can be read there: no such file, and where that is so that it is a folder."""
+    return f"no such {what}" + ", but a folder" * isdir(path)
 
 
 def hint(name: object, known: Iterable[str]) -> str:

@@ -21,6 +21,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.errors.text import no_file
 from pmr.files import labelled
 from pmr.files.decks import MOST_DIGITS, read_deck
 from pmr.files.labelled import UnreadableError
@@ -108,7 +109,7 @@ def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
     if suffix not in readers:
         raise InputError(str(path), "", None, f"files that end in {', '.join(readers)} are allowed")
     if not isfile(path):
-        raise InputError(str(path), "", None, "no such file")
+        raise InputError(str(path), "", None, no_file(path))
     try:
         with warnings.catch_warnings():  # of SciPy's, about classes that it will return and keys of Harwell-Boeing
             warnings.simplefilter("ignore")

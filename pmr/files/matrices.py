@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import InputError
-from pmr.errors.text import NAMED, is_name
+from pmr.errors.text import NAMED, is_name, no_file
 from pmr.files import npz
 from pmr.files.fit import misfit
 from pmr.files.rigid import DIRECTIONS, Resistance
@@ -92,7 +92,7 @@ class GivenMatrices:
     def load(cls, path: Path) -> GivenMatrices:
         """Read a file of `save`; raises InputError if it is missing, of another kind, or its content is not valid."""
         if not isfile(path):
-            raise InputError(str(path), "", None, "no such file; pmr matrices writes one")
+            raise InputError(str(path), "", None, f"{no_file(path)}; pmr matrices writes one")
         try:
             found = npz.read(path)
             header = npz.without_header(found)

@@ -26,6 +26,7 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import applied, applied_change, columns, contributions, evaluate, select_rows, times
 from pmr.errors import InputError
+from pmr.errors.text import no_file
 from pmr.files import jsonfile, npz, records
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
@@ -290,7 +291,7 @@ class ReducedModel:
         """
         path = Path(path)
         if not isfile(path):
-            raise InputError(str(path), "", None, "no such file; `pmr run` writes reduced.npz")
+            raise InputError(str(path), "", None, f"{no_file(path)}; `pmr run` writes reduced.npz")
         try:
             data = npz.read(path)
             header = npz.without_header(data)

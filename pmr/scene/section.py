@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler, ValidationInfo
 
 from pmr.errors import InputError
-from pmr.errors.text import NAMED, is_name, visible
+from pmr.errors.text import NAMED, is_name, no_file, visible
 
 
 class Section(BaseModel):
@@ -89,7 +89,7 @@ def _exists(file: Path, info: ValidationInfo) -> Path:
     if info.context == RECORDED:
         return file
     if not isfile(file):
-        raise ValueError(f"no such file: {file}")
+        raise ValueError(f"{no_file(file)}: {file}")
     try:
         with file.open("rb") as stream:
             stream.read(1)  # a file may open and still not be read

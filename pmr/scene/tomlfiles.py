@@ -8,14 +8,14 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field
-from os.path import isfile
+from os.path import isdir, isfile
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from pmr.errors import InputError
-from pmr.errors.text import hint
+from pmr.errors.text import hint, no_file
 from pmr.scene.refusals import Refusal, dotted, keys_of
 from pmr.scene.workflows import workflow, workflows
 
@@ -121,6 +121,7 @@ class TomlFile:
             base_file = beside if isfile(beside) else workflow(extends)
             if base_file is None:
                 allowed = f"{hint(extends, workflows())}the name of a {what} is allowed; there is none"
+                allowed += ", but a folder" * (extends != "" and isdir(beside))
                 raise InputError(str(path), "extends", extends, allowed)
             base = self._with_base(base_file, (*seen, path.resolve()))
             for key in self.dialect.own:
@@ -170,7 +171,7 @@ def tables(path: Path, what: str) -> dict[str, Any]:
     if not isfile(path):
         close = hint(path.stem, workflows()) if path.name == str(path) else ""
         close = f"a change of a key stands behind {OPTION}" if "=" in path.name else close
-        raise InputError(str(path), "", None, f"no such {what}; {close}".removesuffix("; ").rstrip())
+        raise InputError(str(path), "", None, f"{no_file(path, what)}; {close}".removesuffix("; ").rstrip())
     try:
         if path.stat().st_size > LARGEST:
             raise ValueError(f"a file of at most {LARGEST // 10**6} MB is allowed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -61,7 +62,7 @@ def entries(text: str, table: str) -> list[str]:
 
 def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
-        constant = float(node.value)  # of floats a power overflows where one of integers would fill the memory
+        constant = _as_float(node.value)
         return lambda at: constant
     if isinstance(node, ast.Name) and node.id in names:
         return _entry(node.id)
@@ -76,6 +77,17 @@ def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> V
             return _applied(FUNCTIONS[node.func.id], [_value(one, names, tables) for one in node.args])
     listed = ", ".join([*names, *(f'{one}["name"]' for one in tables), *(f"{one}()" for one in FUNCTIONS)])
     raise ValueError(f"{ast.unparse(node)!r} is not allowed: numbers, + - * / **, {listed} are")
+
+
+def _as_float(number: float) -> float:
+    """A number of an expression: powers of floats overflow where those of integers would fill the memory."""
+    try:
+        value = float(number)
+    except OverflowError:  # of integers; 1e400 is infinite
+        value = math.inf
+    if not math.isfinite(value):
+        raise ValueError("a number in it is too large: up to 1.8e308 is allowed")
+    return value
 
 
 def _entry(name: str, entry: str | None = None) -> Value:

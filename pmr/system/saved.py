@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from pmr.errors import InputError
+from pmr.errors.text import no_file
 from pmr.files import npz, records
 from pmr.reduced.model import FORMAT as ONE_BODY
 from pmr.reduced.model import READING, ReducedModel
@@ -102,7 +103,8 @@ def read(path: Path) -> Saved | ReducedModel:
     An InputError of the file is raised as by `ReducedModel.load`.
     """
     if not isfile(path):
-        raise InputError(str(path), "", None, "no such file; `pmr run` writes system.npz, or reduced.npz of one body")
+        allowed = f"{no_file(path)}; `pmr run` writes system.npz, or reduced.npz of one body"
+        raise InputError(str(path), "", None, allowed)
     try:
         header = npz.without_header(npz.read(path, only={npz.HEADER, npz.OLD_HEADER}))
         if header["format"] == ONE_BODY:

@@ -168,6 +168,7 @@ BAD = [
     (["simulate", "reduced.npz"], "'--scene': scene with the path, loads and time steps; "),
     (["run"], "'SCENE': scene files"),
     (["study", "study.toml", "--jobs", "many"], "'--jobs'"),
+    (["matrices", "/"], "STIFFNESS = '/': the name of a file is allowed"),
     (["frob"], "No such command 'frob'"),
 ]
 

@@ -14,6 +14,7 @@ import pytest
 from processes import UNDRAWN, called, python, undrawn
 from waiting import PATIENCE, wait_until
 
+from pmr.studies.engine.store import Store
 from pmr.studies.results import StudyResults
 
 ROOT = Path(__file__).parents[2]
@@ -204,3 +205,25 @@ def test_the_slurm_script_makes_the_same_table_under_mpiexec(
     with_mpi = environment | {"PMR_LAUNCH": "mpiexec -n 2"}
     script("bash", str(ROOT / "workflows" / "study.slurm"), str(small), "out", cwd=tmp_path, env=with_mpi)
     assert tables(tmp_path / "out") == tables(done)
+
+
+@pytest.mark.parametrize("name", ["tasks", "tasks/0123456789abcdef01234567.npz", "runs.csv", "summary.json"])
+def test_what_stands_in_the_place_of_results_is_told_before_work(
+    name: str, small: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    there = Path(name)
+    there.parent.mkdir(exist_ok=True)
+    there.write_text("") if name == "tasks" else there.mkdir()
+    refused = called(monkeypatch, capsys, "study", str(small), "--out", ".", "--jobs", "1")
+    assert refused.returncode == 2 and refused.stdout == "" and refused.stderr.count("\n") == 1
+    assert refused.stderr.startswith("pmr: command line: --out = ") and name in refused.stderr
+    assert "can be written to is allowed (" in refused.stderr
+
+
+def test_a_folder_that_is_called_as_an_unfinished_task_is_left_alone(tmp_path: Path) -> None:
+    left = tmp_path / "tasks" / "0123.npz.12.part"
+    left.mkdir(parents=True)
+    os.utime(left, (0, 0))
+    Store(left.parent).prepare()
+    assert left.is_dir()

@@ -13,7 +13,7 @@ import scipy.linalg
 from processes import called, python
 
 from pmr.cli import app
-from pmr.errors import environment
+from pmr.errors import InputError, environment
 from pmr.fem.compat import PETSc
 
 ROOT = Path(__file__).parents[2]
@@ -46,11 +46,32 @@ def test_what_lets_mpi_start_alone_is_gone_afterwards(monkeypatch: pytest.Monkey
     """A launcher that is started later would hand it on to processes that do need networks."""
     monkeypatch.setattr(environment, "launched", lambda: launched)
     monkeypatch.setenv("OMPI_MCA_pml", "as the user has it")
-    monkeypatch.delenv("OMPI_MCA_ess_singleton_isolated", raising=False)
+    for name in environment.UNLAUNCHED.keys() - {"OMPI_MCA_pml"}:
+        monkeypatch.delenv(name, raising=False)
     before = dict(os.environ)
     with environment.unlaunched():
-        assert os.environ == before | ({} if launched > 1 else {"OMPI_MCA_ess_singleton_isolated": "1"})
+        assert os.environ == (before if launched > 1 else environment.UNLAUNCHED | before)
     assert os.environ == before
+
+
+def test_processes_that_start_mpi_side_by_side_share_no_folder(tmp_path: Path) -> None:
+    """Open MPI's session folder is the same one for all isolated processes: one that ends removed it under others."""
+    start = (
+        "import os, sys; os.environ['TMPDIR'] = folder = sys.argv.pop(); from pmr.fem.compat import MPI; "
+        "print(MPI.COMM_WORLD.size, os.listdir(folder))"
+    )
+    done = python("-c", start, str(tmp_path))
+    assert done.stdout == "1 []\n", done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("text", ["xx", "", "0", "-1", "1.5", "9" * 5000, "٣"])
+@pytest.mark.parametrize("variable", environment.LAUNCHED)
+def test_a_launchers_variable_that_holds_no_number_of_processes_is_refused(
+    monkeypatch: pytest.MonkeyPatch, variable: str, text: str
+) -> None:
+    monkeypatch.setenv(variable, text)
+    with pytest.raises(InputError, match=rf"environment: {variable} = .*the number of processes"):
+        environment.launched()
 
 
 def test_where_temporary_files_can_not_be_written_one_line_says_so(tmp_path: Path) -> None:

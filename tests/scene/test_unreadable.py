@@ -57,6 +57,7 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "folder.toml").mkdir()
     (tmp_path / "broken.toml").symlink_to("nowhere")
     (tmp_path / "loop.toml").symlink_to("loop.toml")
+    assert refused(tmp_path / "folder.toml").endswith("no such scene file, but a folder")
     for name in ("folder.toml", "broken.toml", "loop.toml", f"{'x' * 300}.toml"):
         assert "no such scene file" in refused(tmp_path / name)
 
@@ -84,7 +85,8 @@ def test_a_base_that_is_none_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / "loop").symlink_to("loop")
     file = tmp_path / "scene.toml"
     file.write_text(f'extends = "{name}"\n')
-    assert "the name of a scene file is allowed; there is none" in refused(file)
+    says = "the name of a scene file is allowed; there is none" + ", but a folder" * (name == "folder")
+    assert refused(file).endswith(says)
 
 
 def test_text_in_another_encoding_is_refused(tmp_path: Path) -> None:

@@ -45,6 +45,9 @@ def test_arithmetic_is_that_of_python() -> None:
         "-" * 999 + "1",
         "1 + " * 400 + "1",
         "load\0",
+        "9" * 400,
+        "load + 9e999",
+        "-(" + "9" * 400 + ")",
     ],
 )
 def test_what_is_no_arithmetic_over_what_is_known_is_refused_in_one_line(text: str) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from pydantic import ConfigDict, Field, field_validator, model_validator
 from scipy.interpolate import Akima1DInterpolator, PPoly
 
+from pmr.errors.text import no_file
 from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase
 
 #: s, between knots; the shortest step that is allowed.  Slopes between closer ones overflow.
@@ -150,7 +151,7 @@ class Table(_Knots):
             raise ValueError("give either file or times and values")
         path = Path(str(given.pop("file")))
         if not isfile(path):
-            raise ValueError(f"no such file: {path}")
+            raise ValueError(f"{no_file(path)}: {path}")
         try:
             text = path.read_text(encoding="utf-8")
         except OSError as error:

@@ -42,7 +42,7 @@ class Store:
         """Make the folder, and clear away what interrupted processes left half-written."""
         self.folder.mkdir(parents=True, exist_ok=True)
         for file in self.folder.glob("*.part"):
-            if time.time() - file.stat().st_mtime > STALE_AFTER:
+            if file.is_file() and time.time() - file.stat().st_mtime > STALE_AFTER:
                 file.unlink(missing_ok=True)
 
     def sound(self, digest: str) -> bool:
