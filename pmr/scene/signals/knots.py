@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pydantic import ConfigDict, Field, field_validator, model_validator
 from scipy.interpolate import Akima1DInterpolator, PPoly
 
-from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase
+from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase, Strand
 
 #: s, between knots; the shortest step that is allowed.  Slopes between closer ones overflow.
 CLOSEST = 1e-12
@@ -73,6 +73,11 @@ class _Knots(SignalBase):
 
     def value(self, t: ArrayLike) -> Array:
         return self._curve.derivatives[0](t)
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        curve = self._curve.derivatives[0]
+        return (Strand(curve.x[:-1], curve.c.T),)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         """Of what rises or falls all the way between two knots: just before one, round-off may be beyond its value."""
