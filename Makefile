@@ -71,7 +71,7 @@ define pinned
 endef
 
 .PHONY: setup
-setup: .venv/.ready ## install what is missing or changed: Debian packages, then the pinned Python ones into .venv
+setup: .venv/.ready .venv/.kernel ## install what is missing or changed: Debian packages, then the pinned Python ones into .venv
 	@.venv/bin/python .ci/versions .venv/pins.txt || { rm $<; $(MAKE) --no-print-directory $<; }
 
 .venv/.ready: $(PINS)
@@ -89,6 +89,12 @@ setup: .venv/.ready ## install what is missing or changed: Debian packages, then
 	@.venv/bin/python -m pip install -q --no-compile -r requirements/debian.txt
 	@.venv/bin/python -m pip install -q --no-deps --no-build-isolation -e .
 	@$(MAKE) --no-print-directory compiled
+	@touch $@
+
+# The kernel in C, in place, where its sources have changed.
+KERNEL_SOURCES := $(wildcard pmr/kernel/src/*.[ch]) pmr/kernel/build.py setup.py
+.venv/.kernel: $(KERNEL_SOURCES) | .venv/.ready
+	@.venv/bin/python setup.py -q build_ext --inplace
 	@touch $@
 
 .PHONY: compiled

@@ -6,7 +6,8 @@ import grimp
 import pytest
 import rooms
 
-MOST_ROOMS, MOST_ARROWS, MOST_MODULES = 21, 109, 2
+# The kernel stands beside what it will replace in the rooms simulation and export.
+MOST_ROOMS, MOST_ARROWS, MOST_MODULES = 22, 114, 2
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from numpy.typing import ArrayLike
@@ -22,8 +23,8 @@ from pmr.scene.section import (
     Stiffness,
     Switch,
 )
-from pmr.scene.signals import Signal, SignalBase
-from pmr.scene.signals.base import Array, Floats
+from pmr.scene.signals import Constant, Signal, SignalBase
+from pmr.scene.signals.base import Array, Floats, Strand
 
 #: N/m: of a pad along the boom.
 SHEAR_STIFFNESS = 1e8
@@ -169,6 +170,14 @@ class Linear(SignalBase):
 
     def second_rate(self, t: ArrayLike) -> Array:
         return self.ratio * self.signal.second_rate(t)
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        scaled = (
+            replace(strand, polynomials=self.ratio * strand.polynomials, amplitude=self.ratio * strand.amplitude)
+            for strand in self.signal.strands
+        )
+        return (*Constant(amount=self.offset).strands, *scaled)
 
     @property
     def breaks(self) -> Floats:

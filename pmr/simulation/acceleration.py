@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pmr.scene.signals import SignalBase
-from pmr.scene.signals.base import Array, Floats
+from pmr.scene.signals.base import Array, Floats, Strand
 
 
 class Acceleration(SignalBase):
@@ -25,6 +27,10 @@ class Acceleration(SignalBase):
         before = np.maximum(t - half, 0.0)
         changes = [path.rate(t + half) - path.rate(before) for path in self.paths]
         return np.asarray(np.sum(changes, axis=0) / (t + half - before))
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        return tuple(replace(strand, spread=self.step) for path in self.paths for strand in path.strands)
 
     def rate(self, t: ArrayLike) -> Array:
         t, half = np.asarray(t, float), self.step / 2.0

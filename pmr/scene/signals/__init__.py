@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field, SerializeAsAny, WrapValidator
 
 from pmr.errors import plugins
-from pmr.scene.signals.base import Array, Chirp, Constant, Floats, SignalBase, Sine, Step
+from pmr.scene.signals.base import Array, Chirp, Constant, Floats, SignalBase, Sine, Step, Strand
 from pmr.scene.signals.knots import Ramp, SmoothRamp, Table
 
 __all__ = [
@@ -43,6 +43,10 @@ class Sum(SignalBase):
 
     def second_rate(self, t: ArrayLike) -> Array:
         return np.sum([term.second_rate(t) for term in self.terms], axis=0)
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        return tuple(strand for term in self.terms for strand in term.strands)
 
     @property
     def breaks(self) -> Floats:

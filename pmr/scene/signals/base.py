@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
@@ -18,6 +19,20 @@ Radians = Annotated[float, Field(strict=True, json_schema_extra={"unit": "rad"})
 Floats = tuple[Real, ...]
 #: Share of a signal's mean rate, from its least value to its largest, that a jump of its rate exceeds.
 KINK = 1e-6
+
+
+@dataclass(frozen=True)
+class Strand:
+    """Pieces p(x) + a sin(q(x)) of the time x since each began; the first goes on before it, the last one for ever.
+
+    With a `spread` h it counts by how fast its rate grows within h, and is none before t = 0.
+    """
+
+    breaks: Array  # (k,) s: where each piece begins
+    polynomials: Array  # (k, p): p, highest power first
+    amplitude: float = 0.0  # a
+    angles: Array = field(default_factory=lambda: np.zeros((1, 3)))  # (k or 1, 3) rad: q, highest power first
+    spread: float = 0.0  # s
 
 
 class SignalBase(BaseModel):
@@ -56,6 +71,11 @@ class SignalBase(BaseModel):
         """The signals that this one is the sum of."""
         return (self,)
 
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        """Pieces of polynomials and sines whose sum it is; a NotImplementedError is raised where it is none."""
+        raise NotImplementedError(f"{type(self).__name__} is no sum of polynomials and sines")
+
     def on_steps(self, step: float) -> SignalBase:
         """The signal on steps of this length in s: another one where its value depends on them."""
         return self
@@ -84,6 +104,10 @@ class Constant(SignalBase):
     def value(self, t: ArrayLike) -> Array:
         return np.full(np.shape(t), self.amount)
 
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        return (Strand(np.zeros(1), np.array([[self.amount]])),)
+
     def rate(self, t: ArrayLike) -> Array:
         return np.zeros(np.shape(t))
 
@@ -101,6 +125,10 @@ class Step(SignalBase):
 
     def value(self, t: ArrayLike) -> Array:
         return np.where(np.asarray(t, dtype=float) < self.time, self.before, self.after)
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        return (Strand(np.array([self.time - 1.0, self.time]), np.array([[self.before], [self.after]])),)
 
     def rate(self, t: ArrayLike) -> Array:
         return np.zeros(np.shape(t))
@@ -127,6 +155,11 @@ class Sine(SignalBase):
 
     def value(self, t: ArrayLike) -> Array:
         return self.offset + self.amplitude * np.sin(self._angle(t))
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        angles = np.array([[0.0, 2.0 * np.pi * self.frequency, self.phase]])
+        return (Strand(np.zeros(1), np.array([[self.offset]]), self.amplitude, angles),)
 
     def rate(self, t: ArrayLike) -> Array:
         return 2.0 * np.pi * self.frequency * self.amplitude * np.cos(self._angle(t))
@@ -180,6 +213,14 @@ class Chirp(SignalBase):
 
     def value(self, t: ArrayLike) -> Array:
         return self.amplitude * np.sin(self._angle(t))
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        knots, f = np.array(self.times), np.array(self.frequencies)
+        breaks = np.array([knots[0] - 1.0, *knots])  # before the first knot the frequency stays what it is there
+        slopes = np.array([0.0, *(np.diff(f) / np.diff(knots)), 0.0])
+        angles = np.column_stack([np.pi * slopes, 2.0 * np.pi * np.array([f[0], *f]), self._angle(breaks)])
+        return (Strand(breaks, np.zeros((len(breaks), 1)), self.amplitude, angles),)
 
     def rate(self, t: ArrayLike) -> Array:
         return self.amplitude * np.cos(self._angle(t)) * 2.0 * np.pi * self.frequency(t)

@@ -13,7 +13,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from scipy.interpolate import Akima1DInterpolator, PPoly
 
 from pmr.errors.text import no_file
-from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase
+from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase, Strand
 
 #: s, between knots; the shortest step that is allowed.  Slopes between closer ones overflow.
 CLOSEST = 1e-12
@@ -74,6 +74,11 @@ class _Knots(SignalBase):
 
     def value(self, t: ArrayLike) -> Array:
         return self._curve.derivatives[0](t)
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        curve = self._curve.derivatives[0]
+        return (Strand(curve.x[:-1], curve.c.T),)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         """Of what rises or falls all the way between two knots: just before one, round-off may be beyond its value."""

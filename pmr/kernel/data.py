@@ -1,0 +1,277 @@
+"""A system as the arrays of one block, which the kernel, a file and an FMU share (src/internal.h says what each is)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.constraints.rows import Row
+from pmr.kernel.rows import LANES, Arrangement, arrange, filled
+from pmr.reduced.model import ReducedModel
+from pmr.system.rings import Combined, combined
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+#: Entries of a term's matrix below this share of its largest one are round-off of zero.
+NEGLIGIBLE = 1e-13
+
+
+class Modal(Protocol):
+    """A body in its own modes (`pmr.simulation.modal.ModalForm`)."""
+
+    @property
+    def body(self) -> ReducedModel:
+        """M = 1, K diagonal."""
+
+    @property
+    def X(self) -> Array:
+        """Modes (n, r): q = X z."""
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Numbers of the rows that `body` has, among the original's."""
+
+
+@dataclass(frozen=True)
+class SystemData:
+    """Arrays of a system by their names, and what its numbers mean."""
+
+    arrays: dict[str, NDArray[Any] | str]
+    used_modes: NDArray[np.int64]  # (r,): where modes stand among all, and not what fills them up
+    modes: dict[str, slice]  # of each body, filled up
+
+
+def system_data(system: System, forms: Mapping[str, Modal]) -> SystemData:
+    """Write a system whose bodies have these modal forms as arrays."""
+    reduced = _in_modes(system, forms)
+    modal, rows = reduced.system, arrange(reduced.system)
+    used = np.concatenate([part.modes.start + np.arange(part.body.size) for part in rows.parts])
+    arrays = _sizes(system, modal, rows) | _bodies(rows) | _contacts(modal, rows)
+    arrays |= _blocks(rows) | _terms(modal, rows) | _friction(rows)
+    shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
+    arrays |= {
+        "shares": _wide(shares, len(rows.F)),
+        "names_drivers": "\n".join([*rows.paths, *system.input_names, *system.term_names]),
+        "names_outputs": "\n".join(system.output_names),
+        "names_contacts": "\n".join(modal.contact_names),
+        "names_forces": "\n".join(system.contact_names),
+    }
+    return SystemData(arrays, used, {name: part.modes for name, part in zip(forms, rows.parts, strict=True)})
+
+
+def _in_modes(system: System, forms: Mapping[str, Modal]) -> Combined:
+    """The system in its modes, with rings of pads as few contacts."""
+    bodies = {}
+    for name, form in forms.items():
+        carriers = None if system.on_one_path else system.bodies[name].carriers
+        bodies[name] = replace(form.body, carriers=carriers and carriers.on(form.X).with_rows(form.rows))
+    motions = {name: form.X for name, form in forms.items()}
+    terms = tuple(term.on(motions) for term in system.terms)
+    return combined(System(bodies, system.contacts, terms=terms))
+
+
+def _sizes(system: System, modal: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+    """The number of everything, in the order in which `read_arrays` of src/system.c takes it."""
+    m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
+    inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
+    whole = len(rows.blocks) == len(rows.parts) == 1 and np.array_equal(rows.blocks[0].numbers, order) and m and inputs
+    sizes = [
+        rows.parts[-1].modes.stop,
+        len(rows.F),
+        m,
+        len(system.contacts),
+        inputs,
+        rows.parts[-1].outputs.stop,
+        len(rows.paths),
+        len(modal.terms),
+        pads,
+        0 if rows.friction is None else len(rows.friction.joints),
+        len(rows.paths) + inputs + len(modal.terms),
+        int(bool(whole) and not modal.compliance.paths and rows.friction is None),
+        int(not all(_is_diagonal(part.body.D) for part in rows.parts)),
+        len(modal.compliance.paths),
+    ]
+    return {"sizes": np.array(sizes)}
+
+
+def _is_diagonal(A: Array) -> bool:
+    return bool(np.count_nonzero(A - np.diag(np.diagonal(A))) == 0)
+
+
+def _wide(array: Array, width: int) -> Array:
+    """Rows filled up with zeros to whole registers of `width` entries."""
+    missing = filled(width) - array.shape[-1]
+    return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
+
+
+def _bodies(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+    """Modes, inputs and outputs of all bodies."""
+    last = rows.parts[-1]
+    r, i, o = last.modes.stop, last.inputs.stop, last.outputs.stop
+    op = filled(o) + LANES
+    D, B, shapes, direct, energy = (np.zeros(shape) for shape in ((r, r), (i, r), (r, op), (i, op), (i, filled(i))))
+    omega2, inertia, still = np.zeros(r), np.zeros(r), list[int]()
+    for part in rows.parts:
+        body, own = part.body, slice(part.modes.start, part.modes.start + part.body.size)
+        omega2[own], inertia[own] = np.diagonal(body.K), 1.0
+        still += (own.start + np.asarray(body.quasi_static)).tolist()
+        D[own, own], B[part.inputs, own], shapes[own, part.outputs] = body.D, body.B.T, body.outputs.T
+        left = body.flexibility if body.carriers is None else body.carriers.flexibility
+        if left is not None:
+            direct[part.inputs, part.outputs] = left.direct.T
+            energy[part.inputs, part.inputs] = 0.0 if left.energy is None else left.energy
+    inertia[still] = 0.0
+    coupled = not all(_is_diagonal(part.body.D) for part in rows.parts)
+    return {
+        "omega2": omega2,
+        "damping": D if coupled else np.diagonal(D),
+        "inertia": inertia,
+        "of_modes": np.array(still, np.int64),
+        "B": B,
+        "shapes": shapes,
+        "direct": direct,
+        "load_energy": energy,
+    }
+
+
+def _contacts(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+    """What of the rows stays, which of them push, and ropes that get longer."""
+    m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
+    clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
+    slopes = np.pad(system.compliance.slopes, ((0, 0), (0, moments), (0, moments)))
+    touched = [set(np.flatnonzero(row).tolist()) for row in rows.C]
+    for block in rows.blocks:
+        for number in block.numbers.tolist():
+            touched[number] |= {block.part.modes.start, block.part.modes.stop - 1}
+    ends = [(min(modes) // LANES * LANES, filled(max(modes) + 1)) if modes else (0, 0) for modes in touched]
+    return {
+        "C0": rows.C,
+        "F0": _wide(rows.F, len(rows.F)),
+        "H0": _wide(rows.H, rows.H.shape[1]),
+        "X0": np.pad(_wide(rows.X, rows.X.shape[1]), ((0, 0), (0, LANES))),
+        "clearance": np.where(np.isnan(clearance), 0.0, clearance),
+        "pushes": ~np.isnan(clearance),
+        "row_modes": np.array(ends, np.int64).reshape(m + moments, 2),
+        "path_ends": np.array(rows.ranges, float).reshape(-1, 2),
+        "rope_paths": np.array([rows.paths.index(path) for path in system.compliance.paths], np.int64),
+        "rope_slopes": _wide(slopes, len(rows.F)),
+    }
+
+
+def _blocks(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+    """Blocks and pairs of them, the tables of all one after the other."""
+    parts: dict[str, list[NDArray[Any]]] = {
+        name: [np.zeros(0, np.int64 if name in ("block_rows", "touched") else np.float64)]
+        for name in ("breaks", "block_rows", "touched", "weights", "between", *(f"table_{what}" for what in "CGSHX"))
+    }
+
+    def store(name: str, array: NDArray[Any]) -> int:
+        at = sum(part.size for part in parts[name])
+        parts[name].append(array.ravel())
+        return at
+
+    numbers, pairs = list[list[int]](), list[list[int]]()
+    carriers = [_carriers(block.on_carriers) for block in rows.blocks]
+    for block, on in zip(rows.blocks, carriers, strict=True):
+        q, part, C = len(block.numbers), block.part, block.rows.c
+        tables = {
+            "C": C,
+            "G": _at_least(block.between.c, 2 * len(C) - 1),
+            "S": _at_least(block.staying.c, len(C)),
+            "H": block.inputs.c,
+            "X": block.outputs.c,
+        }
+        head = [block.path, part.number, C.shape[1], q, len(block.stays), part.modes.start, C.shape[3]]
+        for own in (part.inputs, part.outputs):
+            head += [own.start, own.stop - own.start]
+        head += [len(table) for table in tables.values()]
+        head += [store("breaks", block.rows.x), store("block_rows", np.concatenate([block.numbers, block.stays]))]
+        for what, table in tables.items():
+            head.append(store(f"table_{what}", _wide(table.swapaxes(0, 1), table.shape[3])))
+        width = max((row.touched.shape[1] for row in block.on_carriers), default=0)
+        wide = [_widened(row, width, on) for row in block.on_carriers]
+        head += [len(on), width]
+        for what, k in (("touched", 0), ("weights", 1)):  # interval by interval, with all rows of each
+            head.append(store(what, np.stack([one[k] for one in wide], axis=1) if wide else parts[what][0]))
+        numbers.append(head)
+    for k, first in enumerate(rows.blocks):
+        for l, second in enumerate(rows.blocks[k + 1 :], k + 1):
+            if first.part is second.part:
+                R = first.part.flexibility.rows[np.ix_(carriers[k], carriers[l])]
+                pairs.append([k, l, store("between", R)])
+    lists = {"blocks": np.array(numbers, np.int64), "pairs": np.array(pairs, np.int64)}
+    return {**lists, **{name: np.concatenate(some) for name, some in parts.items()}}
+
+
+def _at_least(c: Array, powers: int) -> Array:
+    """Coefficients with zeros before the highest of them, up to so many powers."""
+    return np.concatenate([np.zeros((max(powers - len(c), 0), *c.shape[1:])), c])
+
+
+def _carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
+    """Numbers of the carriers that rows touch, ascending."""
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *(row.touched.ravel() for row in rows)]))
+
+
+def _widened(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
+    """Which of the carriers (intervals, width) a row touches, and with what (intervals, powers, width)."""
+    missing = width - row.touched.shape[1]
+    touched = np.searchsorted(carriers, np.pad(row.touched, ((0, 0), (0, missing)), "edge"))
+    return touched, np.pad(row.coefficients, ((0, 0), (0, 0), (0, missing))).swapaxes(0, 1)
+
+
+def _terms(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+    """Matrices of terms as registers of four rows: those that no term touches are left out."""
+    r = rows.parts[-1].modes.stop
+    where = {
+        name: range(part.modes.start, part.modes.start + part.body.size)
+        for name, part in zip(system.bodies, rows.parts, strict=True)
+    }
+    keys, values, counts = list[NDArray[np.int64]](), [np.zeros((0, LANES))], [0]
+    for term in system.terms:
+        count = 0
+        for name, A in term.among(where, r).matrices.items():
+            A = A.tocsr()
+            A.data[np.abs(A.data) <= NEGLIGIBLE * np.abs(A.data).max(initial=0.0)] = 0.0
+            A.eliminate_zeros()
+            tall = sp.csr_matrix(A).tobsr((LANES, 1))
+            block = np.repeat(np.arange(r // LANES), np.diff(tall.indptr))
+            keys.append((2 * block + (name == "damping")) * r + tall.indices)
+            values.append(tall.data[:, :, 0])
+            count += len(block)
+        counts.append(count)
+    known, at = np.unique(np.concatenate([np.zeros(0, np.int64), *keys]), return_inverse=True)
+    first = np.searchsorted(known, r * np.arange(2 * (r // LANES) + 1))
+    of_rows = np.stack([first[:-2:2], first[1::2], first[2::2]], axis=1)
+    return {
+        "of_rows": of_rows if len(known) else np.zeros(0, np.int64),
+        "columns": (known % r).astype(np.int64),
+        "first_entry": np.cumsum(counts),
+        "registers_of": at.astype(np.int64),
+        "entry_values": np.concatenate(values),
+    }
+
+
+def _friction(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+    """Pads that rub, joint by joint."""
+    friction, nothing = rows.friction, np.zeros(0, np.int64)
+    if friction is None:
+        numbers = ("joint_paths", "joint_cylinders", "pad_contacts")
+        reals = ("joint_gives", "pad_coefficients", "pad_stiffness", "pad_arms")
+        empty = dict.fromkeys(numbers, nothing) | dict.fromkeys(reals, np.zeros(0))
+        return {**empty, "first_pad": np.zeros(1, np.int64)}
+    return {
+        "joint_paths": np.array([rows.paths.index(name) for name in friction.joints], np.int64),
+        "joint_cylinders": friction.cylinders,
+        "joint_gives": friction.gives,
+        "first_pad": friction.first,
+        "pad_contacts": friction.pads,
+        "pad_coefficients": friction.coefficients,
+        "pad_stiffness": friction.stiffness,
+        "pad_arms": friction.arms,
+    }

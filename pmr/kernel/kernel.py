@@ -1,0 +1,387 @@
+"""Systems and states of the compiled kernel (src/pmr_kernel.h says what each function does)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pmr.errors import InputError, SimulationError
+from pmr.kernel._native import ffi, lib
+from pmr.kernel.block_file import LINE, pack, seal
+from pmr.kernel.data import Modal, system_data
+from pmr.kernel.signals import Signals
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int32]
+_STARTS = {"rest": lib.PMR_AT_REST, "given": lib.PMR_GIVEN, "equilibrium": lib.PMR_IN_EQUILIBRIUM}
+
+
+def variant() -> str:
+    """Name of the code that this processor runs: avx2, sse2, vectors or plain."""
+    return str(ffi.string(lib.pmr_variant()).decode())
+
+
+def checksum(content: bytes | bytearray) -> int:
+    """Checksum of the bytes of a block behind its head."""
+    return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
+
+
+class Kernel:
+    """A system in memory, read only, for any number of states in any number of threads.
+
+    Attributes
+    ----------
+    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, pushing : int
+        Sizes as in `pmr_sizes`.
+    used_modes : (r,) array, or None of a system from a file
+        Where modes stand among all of them, without what fills bodies up to whole registers.
+    """
+
+    modes: int
+    contacts: int
+    forces: int
+    inputs: int
+    outputs: int
+    paths: int
+    terms: int
+    pads: int
+    drivers: int
+    pushing: int
+
+    def __init__(self, block: bytes | bytearray, used_modes: NDArray[np.int64] | None = None) -> None:
+        """Open a block; an InputError is raised where it is none, or is damaged."""
+        self._block, self.used_modes = _aligned_bytes(block), used_modes
+        out, why = ffi.new("pmr_system **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
+        if lib.pmr_system_open(ffi.from_buffer(self._block), len(self._block), out, why):
+            raise InputError("system", "block", None, ffi.string(why).decode(errors="replace"))
+        self._system = ffi.gc(out[0], lib.pmr_system_close)
+        sizes = ffi.new("pmr_sizes *")
+        lib.pmr_system_sizes(self._system, sizes)
+        for name, _ in ffi.typeof("pmr_sizes").fields:
+            setattr(self, name, getattr(sizes, name))
+
+    @classmethod
+    def of(cls, system: System, forms: Mapping[str, Modal]) -> Kernel:
+        """Make one of a system whose bodies have these modal forms (`pmr.simulation.modal.modal_form`)."""
+        data = system_data(system, forms)
+        block = pack(data.arrays)
+        seal(block, checksum(block[LINE:]))
+        return cls(block, data.used_modes)
+
+    @classmethod
+    def read(cls, path: Path) -> Kernel:
+        """Read one that `write` wrote; an InputError is raised where the file is none, or is damaged."""
+        return cls(path.read_bytes())
+
+    def write(self, path: Path) -> None:
+        """Write its bytes."""
+        path.write_bytes(self.block)
+
+    @property
+    def block(self) -> bytes:
+        """Bytes that it was made from."""
+        return self._block.tobytes()
+
+    def names(self, kind: Literal["drivers", "outputs", "contacts", "forces"]) -> tuple[str, ...]:
+        """Names in their order."""
+        count = ffi.new("size_t *")
+        text = lib.pmr_system_names(self._system, kind.encode(), count)
+        return tuple(ffi.buffer(text, count[0])[:].decode().split("\n")) if count[0] else ()
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a system is stepped; with several `parts` a step is made in as many as forces of contacts ask for."""
+
+    step: float  # s
+    rho_inf: float = 0.9
+    parts: tuple[int, ...] = (1,)  # ascending
+    contact_omega: float = 0.0  # rad/s, of contacts that only push
+    tolerance: float = 1e-5  # of their forces, over the largest so far
+    energy: bool = True
+
+
+class Record:
+    """Room for what is recorded of T steps, one row each; what is not asked for is None."""
+
+    FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers")
+
+    def __init__(self, kernel: Kernel, steps: int, names: Sequence[str] = (*FIELDS, "parts")) -> None:
+        sizes = (kernel.modes, kernel.modes, kernel.contacts, kernel.contacts, kernel.contacts, 2, kernel.pads)
+        columns = dict(zip(self.FIELDS, (*sizes, kernel.outputs, kernel.drivers), strict=True))
+        self.arrays = {name: np.zeros((steps, columns[name])) for name in names if name != "parts"}
+        self.parts: Integers = np.zeros(steps if "parts" in names else 0, np.int32)
+        self.steps = steps
+
+    def __getitem__(self, name: str) -> Array:
+        """What was recorded by that name, (T, .)."""
+        return self.arrays[name]
+
+    def at(self, first: int) -> Any:
+        """Pointers for the kernel, from a row on."""
+        record = ffi.new("pmr_record *")
+        for name, array in self.arrays.items():
+            if array.size:
+                setattr(record, name, _pointer(array[first:]))
+        if self.parts.size:
+            record.parts = ffi.cast("int32_t *", self.parts[first:].ctypes.data)
+        return record
+
+
+class State:
+    """One simulation of a system; it belongs to one thread at a time.
+
+    An InputError is raised for settings that are not allowed.
+    """
+
+    def __init__(self, kernel: Kernel, settings: Settings) -> None:
+        self.kernel, self.settings = kernel, settings
+        out, why = ffi.new("pmr_state **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
+        parts = ffi.new("int32_t[]", settings.parts)
+        chosen = ffi.new(
+            "pmr_settings *",
+            {
+                "step": settings.step,
+                "rho_inf": settings.rho_inf,
+                "contact_omega": settings.contact_omega,
+                "tolerance": settings.tolerance,
+                "levels": len(settings.parts),
+                "energy": int(settings.energy),
+                "parts": parts,
+            },
+        )
+        if lib.pmr_state_open(kernel._system, chosen, out, why):
+            raise InputError("simulation", "settings", None, ffi.string(why).decode())
+        self._state = ffi.gc(out[0], lib.pmr_state_close, lib.pmr_state_memory(out[0]))
+        view = ffi.new("pmr_view *")
+        lib.pmr_state_view(self._state, view)
+        self._view = view
+        r, m = kernel.modes, kernel.contacts
+        self.z, self.v = (self._array(part, r) for part in (view.z, view.v))
+        self.multipliers, self.impulses = (self._array(part, m) for part in (view.multipliers, view.impulses))
+        self.energy, self.friction = self._array(view.energy, 2), self._array(view.friction, kernel.pads)
+        self.drivers = self._array(view.drivers, kernel.drivers)
+
+    def _array(self, pointer: Any, count: int) -> Array:
+        """Numbers of the state, as an array that is read only and follows it."""
+        if not count:
+            return np.zeros(0)
+        array = np.frombuffer(ffi.buffer(pointer, 8 * count), np.float64)
+        array.flags.writeable = False
+        return array
+
+    @property
+    def step_number(self) -> int:
+        """Number of the last step."""
+        return int(self._view.step[0])
+
+    @property
+    def parts(self) -> int:
+        """In how many parts the last step was made."""
+        return int(self._view.parts[0])
+
+    @property
+    def memory(self) -> int:
+        """Bytes that it takes."""
+        return int(lib.pmr_state_memory(self._state))
+
+    def start(
+        self, kind: Literal["rest", "given", "equilibrium"], u: ArrayLike, z: ArrayLike = (), v: ArrayLike = ()
+    ) -> None:
+        """Begin at t = 0 under drivers u (N,): at rest, at z and v (modes,), or in equilibrium.
+
+        A SimulationError is raised where nothing holds the bodies, or contacts depend on each other.
+        """
+        drivers = self._checked("u", u, self.kernel.drivers)
+        given = kind == "given"
+        z, v = (self._checked(n, x, self.kernel.modes) if given else np.zeros(1) for n, x in (("z", z), ("v", v)))
+        self._check(lib.pmr_start(self._state, _STARTS[kind], _pointer(drivers), _pointer(z), _pointer(v)), "the start")
+
+    def start_from(
+        self, u: ArrayLike, z: ArrayLike, v: ArrayLike, a: ArrayLike, multipliers: ArrayLike, closed: ArrayLike
+    ) -> None:
+        """Begin as another simulation left off, with accelerations a (modes,) and closed contacts (m,)."""
+        r, m = self.kernel.modes, self.kernel.contacts
+        of_modes = [self._checked(name, x, r) for name, x in (("z", z), ("v", v), ("a", a))]
+        drivers, forces = self._checked("u", u, self.kernel.drivers), self._checked("multipliers", multipliers, m)
+        which = np.ascontiguousarray(closed, np.int32)
+        if which.shape != (m,):
+            raise InputError("state", "closed", which.shape, f"{(m,)} is allowed")
+        arrays = [_pointer(x) for x in (drivers, *of_modes, forces)]
+        self._check(lib.pmr_start_from(self._state, *arrays, ffi.cast("int32_t *", which.ctypes.data)), "the start")
+
+    def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
+        """Take one step to drivers u (N,), with their rates (2, N) at its beginning and end where they are known."""
+        drivers = self._checked("u", u, self.kernel.drivers)
+        led = None if rates is None else self._checked("rates", np.ravel(rates), 2 * self.kernel.drivers)
+        self._check(lib.pmr_step(self._state, _pointer(drivers), _pointer(led)), f"step {self.step_number + 1}")
+
+    def advance(
+        self,
+        signals: Signals,
+        steps: int,
+        record: Record,
+        first: int = 0,
+        every: int = 1,
+        parts: Integers | None = None,
+    ) -> None:
+        """Take steps with drivers from signals; each `every`-th one is recorded, from row `first` on.
+
+        A SimulationError is raised where one fails; the state is where it began.
+        """
+        _check_room(record, first, steps // every)
+        taken, schedule = ffi.new("int64_t *"), _schedule(parts, steps)
+        failed = lib.pmr_advance(self._state, signals.pointer, steps, every, schedule, record.at(first), taken)
+        self._check(failed, f"step {self.step_number + 1}")
+
+    def advance_sampled(
+        self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
+    ) -> tuple[int, int]:
+        """Take steps with samples u (steps per + 1, N) of the drivers; how many were taken, and `needed`.
+
+        It stops before a step that needs more parts than `per`, and tells how many these are; else 0.
+        """
+        u = np.ascontiguousarray(u, float)
+        steps = (len(u) - 1) // per
+        if u.shape != (steps * per + 1, self.kernel.drivers):
+            allowed = f"(steps {per} + 1, {self.kernel.drivers}) is allowed"
+            raise InputError("state", "u", u.shape, allowed)
+        _check_room(record, first, steps // every)
+        taken, needed, schedule = ffi.new("int64_t *"), ffi.new("int *"), _schedule(parts, steps)
+        failed = lib.pmr_advance_sampled(
+            self._state, _pointer(u), per, steps, every, schedule, record.at(first), taken, needed
+        )
+        self._check(failed, f"step {self.step_number + 1}")
+        return int(taken[0]), int(needed[0])
+
+    def outputs(self) -> tuple[Array, Array]:
+        """Outputs (o,) and forces of all contacts (forces,) where it stands."""
+        y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.forces)
+        lib.pmr_outputs(self._state, _pointer(y), _pointer(forces))
+        return y, forces
+
+    def linearize(self, u: ArrayLike) -> Jacobian:
+        """Differentiate the next step to drivers u (N,); an InputError is raised where friction acts."""
+        r, N, o, m = self.kernel.modes, self.kernel.drivers, self.kernel.outputs, self.kernel.contacts
+        shapes = {"A": (3 * r, 3 * r), "B": (3 * r, N), "C": (o, 3 * r), "D": (o, N), "L": (m, 3 * r), "K": (m, N)}
+        arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
+        out = ffi.new("pmr_jacobian *", {name: _pointer(array) for name, array in arrays.items()})
+        failed = lib.pmr_linearize(self._state, _pointer(self._checked("u", u, N)), out)
+        if failed == lib.PMR_REFUSED:
+            raise InputError("state", "friction", None, "a system without friction is allowed")
+        self._check(failed, f"step {self.step_number + 1}")
+        return Jacobian(**arrays)
+
+    def save(self) -> bytes:
+        """Its bytes."""
+        content = ffi.new("char[]", lib.pmr_state_bytes(self._state))
+        lib.pmr_state_save(self._state, content)
+        return bytes(ffi.buffer(content))
+
+    def restore(self, content: bytes) -> None:
+        """Go on from saved bytes; an InputError is raised where they are none of such a state, or are damaged."""
+        why = ffi.new(f"char[{lib.PMR_MESSAGE}]")
+        failed = lib.pmr_state_restore(self._state, content, len(content), why)
+        if failed == lib.PMR_REFUSED:
+            raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
+        self._check(failed, "a restored state")
+
+    def _checked(self, name: str, values: ArrayLike, count: int) -> Array:
+        array = np.ascontiguousarray(values, float)
+        if array.shape != (count,):
+            raise InputError("state", name, array.shape, f"{(count,)} is allowed")
+        if not np.isfinite(array).all():
+            raise InputError("state", name, None, "finite numbers are allowed")
+        return array
+
+    def _check(self, failed: int, where: str) -> None:
+        if failed == lib.PMR_DONE:
+            return
+        trouble = lib.pmr_state_trouble(self._state)
+        names = self.kernel.names("contacts")
+        contact = names[trouble] if 0 <= trouble < len(names) else "one of the contacts"
+        reasons = {
+            lib.PMR_REFUSED: "a number of parts that the settings have not",
+            lib.PMR_DEPENDENT: f"{contact} depends on those before it, or nothing holds the bodies",
+            lib.PMR_UNSETTLED: "which contacts are closed was not settled in 1000 solves",
+            lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
+            lib.PMR_NOT_FINITE: "a coordinate is no finite number",
+        }
+        raise SimulationError(f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}")
+
+
+@dataclass(frozen=True)
+class Jacobian:
+    """Derivatives of a step from its prediction x = (z*, v*, a*) (3 modes,) to drivers u (N,) at its end.
+
+    dx_next = A dx + B du, of outputs dy = C dx + D du, and of multipliers L dx + K du.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    L: Array
+    K: Array
+
+
+def solve_contact(A: Array, b: Array, pushes: NDArray[np.bool_], closed: NDArray[np.bool_]) -> tuple[Array, Any]:
+    """Forces lambda (m,) with w = A lambda - b, of those that push lambda >= 0, w >= 0 and lambda w = 0; else w = 0.
+
+    Returns lambda and which contacts are closed; `closed` is what the search begins with.  A SimulationError is raised
+    where contacts depend on each other.
+    """
+    m = len(b)
+    A, b = np.ascontiguousarray(A, float), np.ascontiguousarray(b, float)
+    forces, work = np.zeros(m), np.zeros(max(1, lib.pmr_contact_work(m)))
+    which, out = np.ascontiguousarray(pushes, np.int32), np.ascontiguousarray(closed, np.int32).copy()
+    integers = [ffi.cast("int32_t *", array.ctypes.data) for array in (which, out)]
+    failed = lib.pmr_contact(
+        m, _pointer(A), _pointer(b), integers[0], _pointer(forces), integers[1], _pointer(work), ffi.NULL
+    )
+    if failed:
+        raise SimulationError(f"the complementarity problem of {m} contacts was not solved ({failed})")
+    return forces, out.astype(bool)
+
+
+def slide_pads(
+    stiffness: Array, old: Array, limits: Array, moved: float, softness: float = 0.0, given: float = 0.0
+) -> Array:
+    """Friction (n,) N of a joint's pads after the old one, that slide by `moved` m (`pmr.system.friction`)."""
+    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, old, limits)]
+    new = np.zeros(len(old))
+    lib.pmr_friction(len(old), *map(_pointer, arrays), moved, softness, given, _pointer(new))
+    return new
+
+
+def _check_room(record: Record, first: int, rows: int) -> None:
+    if first < 0 or first + rows > record.steps:
+        raise InputError("state", "record", record.steps, f"{first + rows} rows or more are needed")
+
+
+def _schedule(parts: Integers | None, steps: int) -> Any:
+    if parts is None:
+        return ffi.NULL
+    if parts.dtype != np.int32 or parts.shape != (steps,) or not parts.flags.c_contiguous:
+        raise InputError("state", "parts", parts.shape, f"{(steps,)} integers of 32 bits are allowed")
+    return ffi.cast("int32_t *", parts.ctypes.data)
+
+
+def _pointer(array: Array | None) -> Any:
+    return ffi.NULL if array is None else ffi.cast("double *", array.ctypes.data)
+
+
+def _aligned_bytes(block: bytes | bytearray) -> NDArray[np.uint8]:
+    """A copy that begins on a multiple of `LINE`."""
+    room = np.empty(len(block) + LINE, np.uint8)
+    first = -room.ctypes.data % LINE
+    array = room[first : first + len(block)]
+    array[:] = np.frombuffer(block, np.uint8)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,247 @@
+r"""Rows of a system's contacts as the kernel evaluates them: tables of what travels along one path on one body.
+
+With the sides of a contact, each of them :math:`b_a(x_a) U` on its body's carriers (`pmr.reduced.carriers`),
+
+.. math::
+    C = C_0 + \sum_k C_k(s_k), \qquad F = F_0 + \sum_k G_k(s_k) + \sum_{k < l} w_k(s_k)\, R\, w_l(s_l)^T
+
+over the blocks k of sides that travel along one path on one body.  Sides that stay are in the constants.  The last sum
+is over blocks of one body on different paths.  A body alone whose contacts share one path is one block with its own
+tables.  Behind the m contacts stand the n pads that rub (`pmr.system.friction`), each with the row C' of its contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.constraints.polynomials import columns, common_breaks, rebased, same_degree, select_rows
+from pmr.constraints.rows import Row
+from pmr.reduced.carriers import CarrierFlexibility
+from pmr.reduced.model import ReducedModel
+from pmr.system.contacts import SLIDER
+from pmr.system.friction import Friction
+from pmr.system.system import Side, System
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+#: Modes of each body are filled up with zeros to a multiple of this.
+LANES = 4
+
+
+def filled(count: int) -> int:
+    """`count` rounded up to whole registers."""
+    return count + -count % LANES
+
+
+@dataclass(frozen=True)
+class Part:
+    """A body in its modes, and where its modes, inputs and outputs stand among all."""
+
+    number: int
+    body: ReducedModel
+    modes: slice  # filled up
+    inputs: slice
+    outputs: slice
+
+    @property
+    def flexibility(self) -> CarrierFlexibility:
+        """What its modes leave out between its carriers; zeros of a body without residual flexibility."""
+        carriers = self.body.carriers
+        assert carriers is not None  # as `System` checks
+        K, i, o = len(carriers.values), len(self.body.input_names), len(self.body.outputs)
+        nothing = {"rows": (K, K), "inputs": (K, i), "outputs": (o, K), "direct": (o, i), "energy": (i, i)}
+        return carriers.flexibility or CarrierFlexibility(**{name: np.zeros(n) for name, n in nothing.items()})
+
+    @property
+    def values(self) -> Array:
+        """What its modes measure on its carriers, filled up, (K, modes)."""
+        assert self.body.carriers is not None
+        values = self.body.carriers.values
+        return np.pad(values, ((0, 0), (0, filled(values.shape[1]) - values.shape[1])))
+
+
+@dataclass(frozen=True)
+class Block:
+    """What travels along one path on one body: tables on common breaks, with values of q sides."""
+
+    part: Part
+    path: int
+    numbers: Indices  # (q,): of the sides' rows
+    stays: Indices  # (w,): of the rows of the sides that stay on this body
+    rows: PPoly  # C (q, modes)
+    between: PPoly  # G (q, q) m/N
+    staying: PPoly  # G (q, w) m/N, with what stays
+    inputs: PPoly  # H (q, i) m/N
+    outputs: PPoly  # X (q, o) m/N
+    on_carriers: tuple[Row, ...] = ()  # the sides on these breaks, where another path travels on the body too
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """Rows of m contacts, and of n pads among them that rub."""
+
+    parts: tuple[Part, ...]
+    paths: tuple[str, ...]
+    ranges: tuple[tuple[float, float], ...]  # m
+    blocks: tuple[Block, ...]
+    C: Array  # (m + n, modes): of what stays, as all that follows
+    F: Array  # (m + n, m + n) m/N, with the contacts' compliance
+    H: Array  # (m + n, i) m/N
+    X: Array  # (m + n, o) m/N
+    friction: Friction | None
+
+
+def arrange(system: System) -> Arrangement:
+    """Arrange the rows of a system whose bodies are in their modes."""
+    parts, friction = _parts(system), Friction.of(system.contacts)
+    F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
+    size = {what: getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs")}
+    C, H, X = (np.zeros((len(F), size[what])) for what in ("modes", "inputs", "outputs"))
+    if system.on_one_path:
+        domain = parts[0].body.domain
+        paths = system.paths or (SLIDER,)
+        blocks_of_tables = (_tabulated(system, parts[0]),) if system.contacts else ()
+        return Arrangement(parts, paths, (domain,), blocks_of_tables, C, F, H, X, friction)
+    paths, blocks = system.paths, list[Block]()
+    ranges = tuple(system.ranges[path] for path in paths)
+    of_all = [*system.sides, *_rubbing_sides(system, friction)]
+    for part, name in zip(parts, system.bodies, strict=True):
+        sides = [side for side in of_all if side.place.body == name]
+        stays = [side for side in sides if side.place.path is None]
+        weights = np.array([_staying_weights(system, side) for side in stays]).reshape(len(stays), len(part.values))
+        numbers = [side.contact for side in stays]
+        for number, b, G in zip(numbers, weights, weights @ part.flexibility.rows @ weights.T, strict=True):
+            C[number, part.modes] += b @ part.values
+            H[number, part.inputs] += b @ part.flexibility.inputs
+            X[number, part.outputs] += b @ part.flexibility.outputs.T
+            np.add.at(F[number], numbers, G)
+        travelled = [k for k, path in enumerate(paths) if any(side.place.path == path for side in sides)]
+        for k in travelled:
+            moving = [side for side in sides if side.place.path == paths[k]]
+            block = _travelling(system, part, k, moving, ranges[k], np.array(numbers, np.int64), weights)
+            blocks.append(block if len(travelled) > 1 else replace(block, on_carriers=()))
+    return Arrangement(parts, paths, ranges, tuple(blocks), C, F, H, X, friction)
+
+
+def _parts(system: System) -> tuple[Part, ...]:
+    parts, r, i, o = list[Part](), 0, 0, 0
+    for number, body in enumerate(system.reduced.values()):
+        modes, inputs, outputs = filled(body.size), len(body.input_names), len(body.outputs)
+        parts.append(Part(number, body, slice(r, r + modes), slice(i, i + inputs), slice(o, o + outputs)))
+        r, i, o = r + modes, i + inputs, o + outputs
+    return tuple(parts)
+
+
+def _tabulated(system: System, part: Part) -> Block:
+    """All contacts of a body alone on one path, by its own tables."""
+    body, left = part.body, part.body.flexibility
+    tables = [body.rows] if left is None else [body.rows, left.rows, left.inputs, left.outputs]
+    breaks = common_breaks(tables, body.domain)
+    rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
+    m, i, o = len(rows), len(body.input_names), len(body.outputs)
+    G, H, X = (_zeros(breaks, shape) for shape in ((m, m), (m, i), (m, o)))
+    if left is not None:
+        G = rebased(columns(select_rows(left.rows, rows), rows), breaks)
+        H = rebased(select_rows(left.inputs, rows), breaks)
+        of_outputs = rebased(columns(left.outputs, rows), breaks)
+        X = PPoly(of_outputs.c.swapaxes(2, 3), breaks)
+    C = rebased(select_rows(body.rows, rows), breaks)
+    C = PPoly(np.pad(C.c, ((0, 0), (0, 0), (0, 0), (0, filled(body.size) - body.size))), breaks)
+    nothing = np.zeros(0, np.int64)
+    return Block(part, 0, np.arange(m), nothing, C, G, _zeros(breaks, (m, 0)), H, X)
+
+
+def _travelling(
+    system: System,
+    part: Part,
+    path: int,
+    sides: Sequence[Side],
+    domain: tuple[float, float],
+    stays: Indices,
+    weights: Array,
+) -> Block:
+    """Sides on one path as a block, beside those that stay and their weights (w, K)."""
+    rows = [_along_path(system, side) for side in sides]
+    breaks = common_breaks([PPoly(row.coefficients, row.breaks) for row in rows], domain)
+    rows = [row.refined(breaks) for row in rows]
+    degree = same_degree(*(row.coefficients for row in rows))
+    rows = [replace(row, coefficients=c) for row, c in zip(rows, degree, strict=True)]
+    R = part.flexibility.rows
+    between = _zeros(breaks, (len(rows),) * 2)
+    if R.any():
+        G = np.array([[_product(a, b, R) for b in rows] for a in rows])
+        between = PPoly(np.moveaxis(G, (0, 1), (2, 3)), breaks)
+    return Block(
+        part,
+        path,
+        np.array([side.contact for side in sides], np.int64),
+        stays,
+        rows=_times(rows, part.values, breaks),
+        between=between,
+        staying=_times(rows, R @ weights.T, breaks),
+        inputs=_times(rows, part.flexibility.inputs, breaks),
+        outputs=_times(rows, part.flexibility.outputs.T, breaks),
+        on_carriers=tuple(rows),
+    )
+
+
+def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
+    """Sides of pads that rub, on which their moments act, numbered behind the contacts."""
+    pads = [] if friction is None else friction.pads.tolist()
+    m = len(system.contacts)
+    return [Side(m + k, s.place, s.sign) for k, pad in enumerate(pads) for s in system.sides if s.contact == pad]
+
+
+def _row(system: System, side: Side) -> Row:
+    """Row of a side in x: of one that a moment acts on, C'."""
+    row = system.row(side.place)
+    return row if side.contact < len(system.contacts) else row.slope
+
+
+def _staying_weights(system: System, side: Side) -> Array:
+    """Weights (K,) of a side that stays, with its sign."""
+    return np.asarray(side.sign * _row(system, side).weights(side.place.at).toarray()[0])
+
+
+def _along_path(system: System, side: Side) -> Row:
+    """Row of a side over its path coordinate s, x = at + rate s, with its sign."""
+    row, place = _row(system, side), side.place
+    c, breaks, touched = row.coefficients, row.breaks, row.touched
+    if place.rate < 0.0:  # the intervals begin at their other end
+        shifted, h = c.copy(), np.diff(breaks)[:, None]
+        for last in range(len(c), 1, -1):
+            for p in range(1, last):
+                shifted[p] += shifted[p - 1] * h
+        c, breaks, touched = shifted[:, ::-1], breaks[::-1], touched[::-1]
+    powers = place.rate ** np.arange(len(c) - 1, -1, -1.0)
+    return replace(
+        row,
+        breaks=(breaks - place.at) / place.rate,
+        touched=touched,
+        coefficients=np.ascontiguousarray(side.sign * c * powers[:, None, None]),
+    )
+
+
+def _times(rows: Sequence[Row], values: Array, breaks: Array) -> PPoly:
+    """Rows b(s) (K,) on common breaks times values (K, n): a table (q, n)."""
+    c = [np.einsum("pkd,kdn->pkn", row.coefficients, values[row.touched]) for row in rows]
+    return PPoly(np.stack(c, axis=2), breaks)
+
+
+def _product(a: Row, b: Row, R: Array) -> Array:
+    """Coefficients (p, k) of a R b^T for rows on common breaks and of one degree."""
+    moved = np.einsum("pkd,kde->pke", a.coefficients, R[a.touched[:, :, None], b.touched[:, None, :]])
+    result = np.zeros((len(moved) + len(b.coefficients) - 1, len(a.touched)))
+    for p, row in enumerate(moved):
+        for q, c in enumerate(b.coefficients):
+            result[p + q] += np.einsum("ke,ke->k", row, c)
+    return result
+
+
+def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
+    return PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks)

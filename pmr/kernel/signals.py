@@ -1,0 +1,61 @@
+"""Signals over time as the kernel evaluates them: pieces of polynomials and of sines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.kernel._native import ffi, lib
+from pmr.scene.signals import SignalBase
+
+Array = NDArray[np.float64]
+
+
+class Signals:
+    """N signals in the order of the drivers.
+
+    A NotImplementedError is raised for one that is no sum of pieces: such a driver is sampled instead.
+    """
+
+    def __init__(self, signals: Sequence[SignalBase]) -> None:
+        strands = [signal.strands for signal in signals]
+        every = [strand for of_signal in strands for strand in of_signal]
+        powers = max([1, *(strand.polynomials.shape[1] for strand in every)])
+        pieces = [
+            np.column_stack(
+                [
+                    np.pad(strand.polynomials, ((0, 0), (powers - strand.polynomials.shape[1], 0))),
+                    np.full(len(strand.breaks), strand.amplitude),
+                    np.broadcast_to(strand.angles, (len(strand.breaks), 3)),
+                ]
+            )
+            for strand in every
+        ]
+        self.first_strand = np.cumsum([0, *map(len, strands)]).astype(np.int32)
+        self.first_piece = np.cumsum([0, *(len(strand.breaks) for strand in every)]).astype(np.int32)
+        self.spread = np.array([strand.spread for strand in every], float)
+        self.breaks = np.concatenate([np.zeros(0), *(strand.breaks for strand in every)])
+        self.pieces = np.concatenate([np.zeros((0, powers + 4)), *pieces])
+        self.pointer = ffi.new(
+            "pmr_signals *",
+            {
+                "drivers": len(signals),
+                "powers": powers,
+                "first_strand": ffi.cast("int32_t *", self.first_strand.ctypes.data),
+                "first_piece": ffi.cast("int32_t *", self.first_piece.ctypes.data),
+                "spread": ffi.cast("double *", self.spread.ctypes.data),
+                "breaks": ffi.cast("double *", self.breaks.ctypes.data),
+                "pieces": ffi.cast("double *", self.pieces.ctypes.data),
+            },
+        )
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Values (N,) and their first two rates (2, N) at t in s."""
+        count = len(self.first_strand) - 1
+        u, rates = np.zeros(count), np.zeros((2, count))
+        lib.pmr_signals_at(
+            self.pointer, t, ffi.cast("double *", u.ctypes.data), ffi.cast("double *", rates.ctypes.data)
+        )
+        return u, rates

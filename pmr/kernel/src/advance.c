@@ -1,0 +1,96 @@
+/* Many steps in a row, and what is recorded of them. */
+
+static void record_row(double *to, int64_t row, int count, const double *from)
+{
+    if (to) copy(to + (size_t)row * count, from, count);
+}
+
+static void record_step(pmr_state *st, const pmr_record *record, int64_t row)
+{
+    const pmr_system *y = st->system;
+    record_row(record->z, row, y->modes, st->z);
+    record_row(record->v, row, y->modes, st->v);
+    record_row(record->multipliers, row, y->contacts, st->lambda);
+    record_row(record->impulses, row, y->contacts, st->impulse);
+    record_row(record->peaks, row, y->contacts, st->peak);
+    record_row(record->energy, row, 2, st->energy);
+    record_row(record->friction, row, y->pads, st->friction);
+    record_row(record->drivers, row, y->drivers, st->u);
+    if (record->parts) record->parts[row] = st->progress.parts;
+    if (record->outputs) outputs(st, record->outputs + (size_t)row * y->outputs, NULL);
+}
+
+/* The level on which a step is made in `count` parts; less than 0 if there is none. */
+static int level_of(const pmr_state *st, int32_t count)
+{
+    int k;
+    for (k = 0; k < st->settings.levels; k++)
+        if (st->settings.parts[k] == count) return k;
+    return -1;
+}
+
+static int is_finite(const pmr_state *st)
+{
+    double sum = 0.0; /* zero times what is not finite is no number */
+    int n;
+    for (n = 0; n < st->system->modes; n++) sum += 0.0 * st->z[n] + 0.0 * st->v[n];
+    return sum == 0.0;
+}
+
+static int make_steps(pmr_state *st, pmr_course *course, const double *samples, int64_t count, int64_t every, const int32_t *parts,
+                      const pmr_record *record, int64_t *taken)
+{
+    int64_t number, row = 0;
+    int failed = PMR_DONE;
+    if (every < 1) every = 1;
+    for (number = 0; number < count; number++) {
+        int level = -1;
+        if (parts && (level = level_of(st, parts[number])) < 0) {
+            failed = PMR_REFUSED;
+            break;
+        }
+        course->step = st->progress.step;
+        if (samples) course->samples = samples + (size_t)number * course->per * st->system->drivers;
+        failed = make_step(st, level, course);
+        if (failed) break;
+        if ((number + 1) % every == 0) record_step(st, record, row++);
+    }
+    *taken = number;
+    if (number && !is_finite(st)) failed = PMR_NOT_FINITE;
+    return failed;
+}
+
+static int advance_signals(pmr_state *st, const pmr_signals *signals, int64_t count, int64_t every, const int32_t *parts, const pmr_record *record,
+                           int64_t *taken)
+{
+    pmr_course course = {.signals = signals, .h = st->settings.step};
+    *taken = 0;
+    if (signals->drivers != st->system->drivers) return PMR_REFUSED;
+    return make_steps(st, &course, NULL, count, every, parts, record, taken);
+}
+
+static int advance_sampled(pmr_state *st, const double *u, int per, int64_t count, int64_t every, const int32_t *parts, const pmr_record *record,
+                           int64_t *taken, int *needed)
+{
+    pmr_course course = {.samples = u, .per = per, .h = st->settings.step};
+    int failed;
+    *taken = 0;
+    *needed = 0;
+    if (per < 1) return PMR_REFUSED;
+    failed = make_steps(st, &course, u, count, every, parts, record, taken);
+    if (failed != COARSE) return failed;
+    *needed = st->settings.parts[st->progress.level];
+    return PMR_DONE;
+}
+
+static int step_to(pmr_state *st, const double *u, const double *rates)
+{
+    pmr_course course = {.h = st->settings.step, .ended = u, .rates = rates};
+    int failed;
+    copy(st->u_begun, st->u, st->system->drivers);
+    course.begun = st->u_begun;
+    course.step = st->progress.step;
+    failed = make_step(st, -1, &course);
+    if (!failed && !is_finite(st)) failed = PMR_NOT_FINITE;
+    return failed;
+}

@@ -1,0 +1,139 @@
+/* Friction of pads along the boom.
+
+   A pad that presses with N, while its section slides out by dy in a step, pulls that back with
+
+       f_{n+1} = clip(f_n + kappa dy, -mu |N|, mu |N|):
+
+   it sticks as a spring of stiffness kappa, and slides at Coulomb's force (Jenkins' element; Iwan 1966).  With Lambda the
+   force of the joint's cylinder of stiffness k, of which lambda = Lambda - sum f reaches the sections, the pads of a joint slide by
+   y = s - Lambda / k, and the cylinder gives way by sum f / k more, its gap.  On the face that a pad touches, an arm e from the axis,
+   friction makes a moment -e sign(lambda) f: the multiplier of a row C' behind the contacts.
+
+   A new friction law is a function like `slide`, called in `revise_friction`, with its constants in the system's data. */
+
+/* Of the lengths that a slip is found from: what is round-off; and how often it is improved at most. */
+#define SLIP_ROUND_OFF 1e-15
+#define SLIP_TRIES 64
+
+/* x + softness (sum f - given) = moved with f = clip(old + kappa x, -limit, limit), whose left side grows at least as x does, by
+   Newton's steps kept between what is known to be too little and too much.  One that is not half as long as the one
+   before gives way to halving: where all pads slide on both sides of the solution Newton's steps go to and fro for ever. */
+static double slide(int count, const double *kappa, const double *old, const double *limits, double moved, double softness, double given, double *f)
+{
+    double x = moved, low = -INFINITY, high = INFINITY, last = INFINITY, total = 0.0;
+    int tries, j;
+    for (tries = 0; tries < SLIP_TRIES; tries++) {
+        double slope = 1.0, size = 0.0, off, ahead;
+        total = 0.0;
+        for (j = 0; j < count; j++) {
+            const double value = old[j] + kappa[j] * x;
+            f[j] = value < -limits[j] ? -limits[j] : value > limits[j] ? limits[j] : value;
+            total += f[j];
+            size += fabs(f[j]);
+            if (f[j] == value) slope += softness * kappa[j];
+        }
+        off = x + softness * (total - given) - moved;
+        if (!(fabs(off) > SLIP_ROUND_OFF * (fabs(x) + fabs(moved) + softness * (size + fabs(given))))) break;
+        if (off > 0.0) {
+            low = larger(low, x - off);
+            high = x;
+        } else {
+            high = x - off < high ? x - off : high;
+            low = x;
+        }
+        ahead = x - off / slope;
+        if (fabs(ahead - x) > last / 2.0 || !(ahead >= low && ahead <= high)) ahead = low + (high - low) / 2.0;
+        last = fabs(ahead - x);
+        x = ahead;
+    }
+    return total;
+}
+
+static double total_friction(const pmr_system *y, const double *friction, int joint)
+{
+    double sum = 0.0;
+    int j;
+    for (j = y->first_pad[joint]; j < y->first_pad[joint + 1]; j++) sum += friction[j];
+    return sum;
+}
+
+/* Moments and gaps of the present friction. */
+static void apply_friction(pmr_state *st)
+{
+    const pmr_system *y = st->system;
+    int i, j;
+    for (i = 0; i < y->joints; i++)
+        if (y->joint_gives[i] > 0.0) st->gap[y->joint_cylinders[i]] = y->joint_gives[i] * total_friction(y, st->friction, i);
+    for (j = 0; j < y->pads; j++) {
+        const double moment = y->pad_arms[j] * st->friction[j];
+        st->lambda[y->contacts + j] = st->lambda[y->pad_contacts[j]] < 0.0 ? moment : -moment;
+    }
+}
+
+/* Find friction from the present multipliers; 0 if they were found under it. */
+static int revise_friction(pmr_state *st, double bound)
+{
+    const pmr_system *y = st->system;
+    double change = 0.0, size = st->progress.gap_largest;
+    int i, j;
+    for (j = 0; j < y->pads; j++) st->limits[j] = y->pad_coefficients[j] * fabs(st->lambda[y->pad_contacts[j]]);
+    for (i = 0; i < y->joints; i++) {
+        const double gives = y->joint_gives[i], given = total_friction(y, st->friction, i);
+        const int first = y->first_pad[i], count = y->first_pad[i + 1] - first;
+        double softness = 0.0, moved = st->s[y->joint_paths[i]] - st->travelled[i];
+        if (gives > 0.0) {
+            const int k = y->joint_cylinders[i];
+            const double soft = larger(st->A[k * y->mp + k] - gives, 0.0); /* as more friction lets it slide less */
+            softness = gives * soft / (gives + soft);
+            moved -= gives * (st->lambda[k] + given - st->drives[i]);
+        }
+        slide(count, y->pad_stiffness + first, st->old_friction + first, st->limits + first, moved, softness, given, st->new_friction + first);
+    }
+    for (j = 0; j < y->pads; j++) {
+        change = larger(change, fabs(st->new_friction[j] - st->friction[j]));
+        size = larger(size, fabs(st->new_friction[j]));
+        st->friction[j] = st->new_friction[j];
+    }
+    apply_friction(st);
+    st->progress.gap_largest = size;
+    return change > bound * size;
+}
+
+/* Go on from the last step's end, whatever was tried since. */
+static void begin_friction(pmr_state *st)
+{
+    const pmr_system *y = st->system;
+    copy(st->friction, st->old_friction, y->pads);
+    apply_friction(st);
+}
+
+/* Work of the gaps that friction makes, of cylinders and of what moments move in the contacts by residual flexibility. */
+static double friction_work(pmr_state *st, const pmr_scheme *c)
+{
+    const pmr_system *y = st->system;
+    double *moments = st->turned, *moved = st->weighted, done = 0.0;
+    int k, j, n;
+    for (n = 0; n < y->modes; n++) moments[n] = 0.0;
+    subtract_rows(st, y->contacts, y->rows, moments);
+    over_S(y, c, moments, 0, y->modes, moved);
+    for (k = 0; k < y->contacts; k++) {
+        double gap = st->gap[k];
+        for (j = y->contacts; j < y->rows; j++) gap += st->A[j * y->mp + k] * st->lambda[j];
+        gap += c->z_gain * dot(moved, st->C + k * y->modes, 0, y->modes); /* A has what modes make of it, F has not */
+        done -= 0.5 * (st->lambda[k] + st->old_lambda[k]) * (gap - st->old_gap[k]);
+        st->old_gap[k] = gap;
+    }
+    return done;
+}
+
+static void end_friction(pmr_state *st)
+{
+    const pmr_system *y = st->system;
+    int i;
+    copy(st->old_friction, st->friction, y->pads);
+    for (i = 0; i < y->joints; i++) {
+        const int k = y->joint_cylinders[i];
+        st->travelled[i] = st->s[y->joint_paths[i]];
+        st->drives[i] = k < 0 ? 0.0 : st->lambda[k] + total_friction(y, st->friction, i);
+    }
+}

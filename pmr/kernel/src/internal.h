@@ -1,0 +1,171 @@
+/* What the parts of the kernel share: the layout of a system and of a state.  parts.h puts them together. */
+#ifndef PMR_INTERNAL_H
+#define PMR_INTERNAL_H
+
+#include "pmr_kernel.h"
+
+/* Modes, inputs, outputs and rows are filled up with zeros to so many, so that no loop over them has a remainder. */
+#define PMR_LANES 4
+#define PMR_UP(n) (((n) + PMR_LANES - 1) / PMR_LANES * PMR_LANES)
+#define PMR_LINE 64
+#define PMR_MOST_LEVELS 64
+
+/* Change of forces of terms and of friction that counts as none, and what is accepted after the last time, over the largest. */
+#define PMR_CONVERGED 1e-11
+#define PMR_ACCEPTED 1e-8
+
+/* Sides that travel along one path on one body.  Their tables are polynomials in s between breaks, the highest power first:
+   of C (rows, modes), G (rows, rows), S (rows, stays), H (rows, inputs) and X (rows, outputs), each row filled up. */
+typedef struct {
+    int32_t path, body, intervals, rows, stays;
+    int32_t first_mode, modes, first_input, inputs, first_output, outputs;
+    int32_t powers_C, powers_G, powers_S, powers_H, powers_X;
+    int32_t at_breaks, at_rows, at_C, at_G, at_S, at_H, at_X;
+    int32_t carriers, width, at_touched, at_weights; /* of blocks that another path on the same body is coupled with */
+} pmr_block;
+
+/* Two blocks of one body on different paths: G between their rows is w(s) R v(s')^T with weights w and v on carriers. */
+typedef struct {
+    int32_t first, second, at_between;
+} pmr_pair;
+
+enum { PMR_BLOCK_NUMBERS = sizeof(pmr_block) / sizeof(int32_t), PMR_PAIR_NUMBERS = sizeof(pmr_pair) / sizeof(int32_t) };
+
+struct pmr_system {
+    const char *block; /* the bytes */
+    size_t bytes;
+    uint64_t checksum;
+    /* sizes: `rows` are contacts and, behind them, the moments of pads that rub */
+    int32_t modes, rows, contacts, forces, inputs, outputs, paths, terms, pads, joints, drivers, blocks, pairs;
+    int32_t whole;    /* all rows are those of one block, so that its tables are the rows */
+    int32_t coupled;  /* damping couples modes */
+    int32_t ropes;    /* paths by which ropes get longer */
+    int32_t mp, ip, op, pushing, quasi_static, registers, entries, largest_table, largest_block, pair_room;
+    const double *omega2;                 /* (r') */
+    const double *damping;                /* (r'), or (r', r') where it couples */
+    const double *inertia;                /* (r'): 1, or 0 of modes without */
+    const double *B;                      /* (i, r') */
+    const double *shapes, *direct;        /* (r', op), (i, op) */
+    const double *load_energy;            /* (i, ip): B^T R B */
+    const double *clearance;              /* (rows) m */
+    const int32_t *pushes;                /* (rows) */
+    const int32_t *row_modes;             /* (rows, 2): modes that a row touches */
+    const double *path_ends;              /* (P, 2) m */
+    const pmr_block *block_list;
+    const pmr_pair *pair_list;
+    const double *breaks;
+    const int32_t *block_rows;
+    const double *table_C, *table_G, *table_S, *table_H, *table_X;
+    const double *C0, *F0, *H0, *X0;      /* (rows, r'), (rows, mp), (rows, ip), (rows, op): of what stays */
+    const int32_t *touched;
+    const double *weights, *between;
+    const int32_t *rope_paths;            /* (ropes) */
+    const double *rope_slopes;            /* (ropes, rows, mp) 1/N: dA/ds */
+    const double *shares;                 /* (forces, mp): forces of all contacts from multipliers */
+    const int32_t *of_modes;              /* (quasi_static): modes without inertia */
+    /* terms: registers of four rows, of which those of one block of rows stand together, those on z before those on z' */
+    const int32_t *of_rows;               /* (r' / 4, 3) */
+    const int32_t *columns;               /* (registers) */
+    const int32_t *first_entry;           /* (K + 1) */
+    const int32_t *registers_of;          /* (entries): the register that an entry of a term is added to */
+    const double *entry_values;           /* (entries, 4): with amplitudes of 1 */
+    /* friction */
+    const int32_t *joint_paths, *joint_cylinders, *first_pad, *pad_contacts;
+    const double *joint_gives, *pad_coefficients, *pad_stiffness, *pad_arms;
+};
+
+/* Generalized-alpha with one length of step. */
+typedef struct {
+    double h;
+    double z_gain, v_gain, gain; /* what an acceleration adds to z, v and a */
+    double z_from_v, z_from_a, z_from_acceleration, v_from_a, v_from_acceleration, a_from_a, a_from_acceleration;
+    /* what a force of the step before leaves */
+    double a_from_force, a_from_share, v_from_force, v_from_share, z_from_force, z_from_share;
+    double *stiffness, *damping, *unit; /* (r'): Omega^2 / S, D / S and 1 / S, S = 1 + D v_gain + Omega^2 z_gain */
+    double *inverse;                    /* (r', r'): S^-1 where damping couples modes */
+    double *F0;                         /* (rows, mp): A of what stays */
+    /* A = F + z_gain C S^-1 C^T has tables of its own, made on the way into an interval */
+    double *of_blocks;  /* block after block: of G (powers, rows, up(rows)), then of S (powers, rows, up(stays)) */
+    int32_t *in_blocks; /* (blocks): the interval that they are of */
+    double *of_pairs;   /* polynomials in both places */
+    int32_t *in_pairs;  /* (pairs, 2) */
+} pmr_scheme;
+
+/* What a state is saved with besides its numbers. */
+typedef struct {
+    int64_t step;
+    int32_t level, active, came, parts, ready, spare;
+    double largest;      /* N: largest force so far */
+    double term_largest; /* largest |w|^2 so far */
+    double term_first, term_change, term_shrinks, term_trusted;
+    double gap_largest; /* m: largest gap of friction so far */
+} pmr_progress;
+
+struct pmr_state {
+    const pmr_system *system;
+    pmr_settings settings; /* parts point into the block */
+    pmr_progress progress;
+    size_t memory; /* bytes of the block that this struct begins */
+    /* numbers that a step which is taken back returns to, one array after the other, filled up to registers */
+    double *mark;
+    size_t marked; /* doubles */
+    double *z_next, *v_next, *a_next, *z_free, *z, *v; /* (r') */
+    double *lambda, *force, *share, *closed, *impulse; /* (mp): lambda of moments behind those of contacts */
+    double *energy;                                    /* (4): stored, work, work of terms */
+    double *old_friction, *old_gap, *drives, *travelled; /* (pads), (mp), (joints), (joints): at the end of the step */
+    /* saved too */
+    double *w, *old_w, *extra;           /* (r'), (4, r'), (r'): forces of terms, of the steps before; with moments of friction */
+    double *accelerated;                 /* (r') */
+    double *friction, *gap;              /* (pads), (mp) */
+    double *u;                           /* (N): drivers where it stands */
+    size_t saved; /* doubles */
+    /* workspace */
+    double *began, *peak;
+    double *s, *x; /* (P), (blocks): paths, and how far each block is into its interval */
+    int32_t *interval;
+    double *C, *H, *A, *factor;
+    double *weighted, *excess, *entries, *motion, *pushed;
+    double *push, *pulled, *turned, *others, *scratch, *held;
+    double *loads, *known_amplitudes, *now; /* (ip), (K), (registers, 4) */
+    double *slopes, *seeds; /* of rows by each path, and along seeds: for derivatives */
+    int32_t *numbers, *wrong;
+    double *old_z, *old_push, *old_C, *old_A, *old_H, *old_loads, *old_lambda;
+    double load_energy, old_load_energy;
+    double *acceleration, *before_closed, *before_lambda;
+    double *w_new, *w_divided, *z_before; /* (r') */
+    double *limits, *new_friction, *pair_sums;
+    double *u_next, *u_begun;             /* (N) */
+    double *y;                            /* (op) */
+    pmr_scheme *scheme;                   /* (levels) */
+    int32_t placed, factored, moved, trouble;
+    int64_t solves;
+};
+
+/* Processor-dependent functions. */
+typedef struct {
+    const char *name;
+    int (*state_open)(const pmr_system *, const pmr_settings *, pmr_state **, char *);
+    int (*state_restore)(pmr_state *, const void *, size_t, char *);
+    int (*start)(pmr_state *, int, const double *, const double *, const double *);
+    int (*start_from)(pmr_state *, const double *, const double *, const double *, const double *, const double *,
+                      const int32_t *);
+    int (*step)(pmr_state *, const double *, const double *);
+    int (*advance)(pmr_state *, const pmr_signals *, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *);
+    int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *,
+                           int *);
+    void (*outputs)(pmr_state *, double *, double *);
+    int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);
+    int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
+    double (*friction)(int, const double *, const double *, const double *, double, double, double, double *);
+    size_t (*state_bytes)(const pmr_state *);
+    void (*state_save)(const pmr_state *, void *);
+} pmr_functions;
+
+extern const pmr_functions pmr_functions_avx2, pmr_functions_baseline;
+
+/* Bytes of a state, for both of its kinds of functions (memory.c). */
+void pmr_say(char *why, const char *format, ...);
+void *pmr_aligned(size_t bytes);
+void pmr_free_aligned(void *memory);
+
+#endif

@@ -1,0 +1,343 @@
+/* Derivatives of a part of a step, with the contacts that are closed staying so, column by column along seeds.
+
+   With z_free = z* + z_gain S^-1 (B f + w - Omega^2 z* - D v*) the multipliers are A lambda = C z_free + H f - c, and so along a seed
+
+       A d lambda = C d z_free + H df + sum over paths of ds (C_s z_free + H_s f - A_s lambda)
+       S d z'' = B df + dw - Omega^2 dz* - D dv* - C^T d lambda - sum ds C_s^T lambda
+
+   with C_s, H_s and A_s derivatives of the same polynomials that C, H and A are.  Forces w of terms follow from z and z'
+   at the end of the step, and are found by the same iteration as in the step. */
+
+/* Derivative of a polynomial (powers, stride), the highest power first. */
+INLINE double slope_at(const double *c, int powers, int stride, double x)
+{
+    double value = 0.0, slope = 0.0;
+    int p;
+    for (p = 0; p < powers; p++) {
+        slope = slope * x + value;
+        value = value * x + c[(size_t)p * stride];
+    }
+    return slope;
+}
+
+/* Room of what changes with one path. */
+typedef struct {
+    double *C, *H, *A; /* (rows, r'), (rows, ip), (rows, mp): the lower half */
+} path_slopes;
+
+static size_t slope_room(const pmr_system *y) { return (size_t)y->rows * (y->modes + y->ip + y->mp); }
+
+static path_slopes slopes_of(const pmr_state *st, int path)
+{
+    const pmr_system *y = st->system;
+    double *first = st->slopes + (size_t)path * slope_room(y);
+    const path_slopes of_path = {first, first + (size_t)y->rows * y->modes, first + (size_t)y->rows * (y->modes + y->ip)};
+    return of_path;
+}
+
+static void slope_block(pmr_state *st, int number, const double *of_A)
+{
+    const pmr_system *y = st->system;
+    const pmr_block *b = y->block_list + number;
+    const path_slopes to = slopes_of(st, b->path);
+    const int32_t *on = y->block_rows + b->at_rows, *staying = on + b->rows;
+    const int m = b->rows, w = b->modes, g = PMR_UP(m), t = PMR_UP(b->stays), i = PMR_UP(b->inputs);
+    const double *C = in_interval(st, number, y->table_C, b->at_C, b->powers_C, m * w), x = st->x[number];
+    const double *H = in_interval(st, number, y->table_H, b->at_H, b->powers_H, m * i), *of_S = of_A + (size_t)b->powers_G * m * g;
+    int k, n;
+    for (k = 0; k < m; k++) {
+        for (n = 0; n < w; n++) to.C[(size_t)on[k] * y->modes + b->first_mode + n] += slope_at(C + k * w + n, b->powers_C, m * w, x);
+        for (n = 0; n < b->inputs; n++) to.H[(size_t)on[k] * y->ip + b->first_input + n] += slope_at(H + k * i + n, b->powers_H, m * i, x);
+        for (n = 0; n <= k; n++)
+            *lower(to.A, y->mp, on[k], on[n]) += slope_at(of_A + k * g + n, b->powers_G, m * g, x) * (k != n && on[k] == on[n] ? 2.0 : 1.0);
+        for (n = 0; n < b->stays; n++)
+            *lower(to.A, y->mp, on[k], staying[n]) += slope_at(of_S + k * t + n, b->powers_S, m * t, x) * (on[k] == staying[n] ? 2.0 : 1.0);
+    }
+}
+
+static void slope_pair(pmr_state *st, int number, const double *tables)
+{
+    const pmr_system *y = st->system;
+    const pmr_pair *pair = y->pair_list + number;
+    const pmr_block *one = y->block_list + pair->first, *two = y->block_list + pair->second;
+    const int p1 = one->powers_C, p2 = two->powers_C;
+    const double s = st->x[pair->first], t = st->x[pair->second];
+    const path_slopes by_s = slopes_of(st, one->path), by_t = slopes_of(st, two->path);
+    int k, l, p, q;
+    for (k = 0; k < one->rows; k++)
+        for (l = 0; l < two->rows; l++) {
+            const int a = y->block_rows[one->at_rows + k], b = y->block_rows[two->at_rows + l];
+            const double *table = tables + (size_t)(k * two->rows + l) * p1 * p2, twice = a == b ? 2.0 : 1.0;
+            double sum = 0.0, of_s = 0.0, of_t = 0.0;
+            for (p = 0; p < p1; p++) {
+                double value = 0.0, slope = 0.0;
+                for (q = 0; q < p2; q++) {
+                    slope = slope * t + value;
+                    value = value * t + table[q * p1 + p];
+                }
+                of_s = of_s * s + sum;
+                sum = sum * s + value;
+                of_t = of_t * s + slope;
+            }
+            *lower(by_s.A, y->mp, a, b) += twice * of_s;
+            *lower(by_t.A, y->mp, a, b) += twice * of_t;
+        }
+}
+
+/* How C, H and A change with each path where the rows stand; beyond the ends of a path nothing changes. */
+static void find_slopes(pmr_state *st, const pmr_scheme *c)
+{
+    const pmr_system *y = st->system;
+    const double *of_A = c->of_blocks, *of_pair = c->of_pairs;
+    int k, n;
+    memset(st->slopes, 0, (size_t)y->paths * slope_room(y) * sizeof(double));
+    for (k = 0; k < y->blocks; k++) {
+        slope_block(st, k, of_A);
+        of_A += block_room(y->block_list + k);
+    }
+    for (k = 0; k < y->pairs; k++) {
+        slope_pair(st, k, of_pair);
+        of_pair += pair_size(y->block_list + y->pair_list[k].first, y->block_list + y->pair_list[k].second);
+    }
+    for (k = 0; k < y->paths; k++) { /* beyond an end the rows stay where they are */
+        const double *ends = y->path_ends + 2 * k;
+        if (st->s[k] < ends[0] || st->s[k] > ends[1]) memset(slopes_of(st, k).C, 0, slope_room(y) * sizeof(double));
+    }
+    for (k = 0; k < y->ropes; k++) {
+        double *A = slopes_of(st, y->rope_paths[k]).A;
+        for (n = 0; n < y->rows * y->mp; n++) A[n] += y->rope_slopes[(size_t)k * y->rows * y->mp + n];
+    }
+}
+
+/* What one seed makes of the end of a step. */
+typedef struct {
+    double *z_next, *v_next, *a_next; /* (r'): the seed, and afterwards what it makes of the next prediction */
+    double *z, *v, *acceleration, *forces, *w, *w_new, *sums; /* (r') */
+    double *lambda, *y;               /* (mp), (op) */
+    const double *u;                  /* (N): the seed's drivers, or NULL */
+} seed;
+
+/* sums -= C^T d lambda + sum ds C_s^T lambda. */
+static void subtract_seed_rows(const pmr_state *st, const seed *d, double *sums)
+{
+    const pmr_system *y = st->system;
+    int k, n, p;
+    for (k = 0; k < y->contacts; k++) {
+        for (n = 0; n < y->modes; n++) sums[n] -= st->C[(size_t)k * y->modes + n] * d->lambda[k];
+        for (p = 0; d->u && p < y->paths; p++)
+            if (d->u[p] != 0.0 && st->lambda[k] != 0.0)
+                for (n = 0; n < y->modes; n++) sums[n] -= d->u[p] * st->lambda[k] * slopes_of(st, p).C[(size_t)k * y->modes + n];
+    }
+}
+
+/* How far a seed moves contact k, with z_free and what the seed makes of it. */
+static double seed_motion(const pmr_state *st, const seed *d, const double *free_seed, int k)
+{
+    const pmr_system *y = st->system;
+    double sum = 0.0;
+    int n, p;
+    for (n = 0; n < y->modes; n++) sum += st->C[(size_t)k * y->modes + n] * free_seed[n];
+    if (!d->u) return sum;
+    for (n = 0; n < y->inputs; n++) sum += st->H[k * y->ip + n] * d->u[y->paths + n];
+    for (p = 0; p < y->paths; p++) {
+        const path_slopes by = slopes_of(st, p);
+        double of_path = 0.0;
+        if (d->u[p] == 0.0) continue;
+        for (n = 0; n < y->modes; n++) of_path += by.C[(size_t)k * y->modes + n] * st->z_free[n];
+        for (n = 0; n < y->inputs; n++) of_path += by.H[k * y->ip + n] * st->loads[n];
+        for (n = 0; n < y->contacts; n++) of_path -= *lower(by.A, y->mp, k, n) * st->lambda[n];
+        sum += d->u[p] * of_path;
+    }
+    return sum;
+}
+
+static void add_seed_loads(const pmr_system *y, const seed *d, double *forces)
+{
+    int l, n;
+    for (l = 0; d->u && l < y->inputs; l++)
+        for (n = 0; n < y->modes; n++) forces[n] += y->B[(size_t)l * y->modes + n] * d->u[y->paths + l];
+}
+
+/* Forces of terms along a seed, by what it makes of z and z', and by their amplitudes: those of the step's end in `of_amplitudes`. */
+static double follow_terms(pmr_state *st, seed *d, const double *of_amplitudes)
+{
+    const pmr_system *y = st->system;
+    double change = 0.0, size = 0.0;
+    int n;
+    find_terms(st, d->z, d->v, d->w_new);
+    for (n = 0; n < y->modes; n++) {
+        const double w = d->w_new[n] + of_amplitudes[n];
+        change += (w - d->w[n]) * (w - d->w[n]);
+        size += w * w;
+        d->w[n] = w;
+    }
+    return size > 0.0 ? change / size : 0.0;
+}
+
+/* w of the step's end by a change of amplitudes. */
+static void amplitude_forces(pmr_state *st, const double *amplitudes, double *w)
+{
+    combine_terms(st, amplitudes);
+    find_terms(st, st->z, st->v, w);
+}
+
+/* The end of a step along a seed; 1 where forces of terms do not converge. */
+static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double *of_amplitudes)
+{
+    const pmr_system *y = st->system;
+    const int r = y->modes;
+    double *bent = st->w_divided, *free_seed = d->sums;
+    int k, n, times;
+    memset(d->w, 0, r * sizeof(double));
+    if (y->registers) copy(d->w, of_amplitudes, r);
+    if (y->coupled) couple(st, c, d->z_next, d->v_next, bent);
+    else
+        for (n = 0; n < r; n++) bent[n] = -c->stiffness[n] * d->z_next[n] - c->damping[n] * d->v_next[n];
+    for (times = 0; times < MOST_TIMES; times++) {
+        copy(d->forces, d->w, r);
+        add_seed_loads(y, d, d->forces);
+        over_S(y, c, d->forces, 0, r, d->acceleration);
+        for (n = 0; n < r; n++) free_seed[n] = d->z_next[n] + c->z_gain * (bent[n] + d->acceleration[n]);
+        for (k = 0; k < y->mp; k++) d->lambda[k] = 0.0;
+        if (y->pushing) {
+            for (n = 0; n < st->factored; n++) st->entries[n] = seed_motion(st, d, free_seed, st->numbers[n]);
+            solve(st->factor, st->factored, y->mp, st->entries);
+            for (n = 0; n < st->factored; n++) d->lambda[st->numbers[n]] = st->entries[n];
+        } else {
+            for (k = 0; k < y->contacts; k++) d->lambda[k] = seed_motion(st, d, free_seed, k);
+            solve(st->factor, y->contacts, y->mp, d->lambda);
+        }
+        subtract_seed_rows(st, d, d->forces);
+        over_S(y, c, d->forces, 0, r, d->acceleration);
+        for (n = 0; n < r; n++) {
+            d->acceleration[n] += bent[n];
+            d->z[n] = d->z_next[n] + c->z_gain * d->acceleration[n];
+            d->v[n] = d->v_next[n] + c->v_gain * d->acceleration[n];
+        }
+        if (!y->registers || follow_terms(st, d, of_amplitudes) <= PMR_CONVERGED * PMR_CONVERGED) return 0;
+    }
+    return 1;
+}
+
+/* What a seed makes of the next prediction, in place of it. */
+static void predict_seed(const pmr_state *st, const pmr_scheme *c, seed *d)
+{
+    const pmr_system *y = st->system;
+    int n, k;
+    for (n = 0; n < y->modes; n++) {
+        const double a = d->acceleration[n], z = d->z_next[n], v = d->v_next[n], before = d->a_next[n];
+        d->z_next[n] = z + v * c->z_from_v + before * c->z_from_a + a * c->z_from_acceleration;
+        d->v_next[n] = v + before * c->v_from_a + a * c->v_from_acceleration;
+        d->a_next[n] = before * c->a_from_a + a * c->a_from_acceleration;
+    }
+    for (k = 0; k < y->quasi_static; k++) {
+        n = y->of_modes[k];
+        d->z_next[n] = d->z[n] * lasting_share(y, c, n);
+        d->v_next[n] = d->a_next[n] = 0.0;
+    }
+}
+
+static void seed_outputs(pmr_state *st, const seed *d)
+{
+    const pmr_system *y = st->system;
+    double *shares = st->scratch;
+    int b, k, p;
+    memset(d->y, 0, (size_t)y->op * sizeof(double));
+    add_columns(y->shapes, y->op, d->z, y->modes, d->y, y->op);
+    if (d->u) add_columns(y->direct, y->op, d->u + y->paths, y->inputs, d->y, y->op);
+    if (!y->whole) {
+        for (k = 0; k < y->rows; k++) shares[k] = -d->lambda[k];
+        add_columns(y->X0, y->op, shares, y->rows, d->y, y->op);
+    }
+    for (b = 0; b < y->blocks; b++) {
+        const pmr_block *block = y->block_list + b;
+        const int width = PMR_UP(block->outputs), m = block->rows;
+        const double *ends = y->path_ends + 2 * block->path;
+        const double ds = d->u && st->s[block->path] >= ends[0] && st->s[block->path] <= ends[1] ? d->u[block->path] : 0.0;
+        if (!width) continue;
+        for (k = 0; k < m; k++) {
+            const int row = y->block_rows[block->at_rows + k];
+            double power = 1.0, before = 0.0; /* x^q and x^(q - 1) */
+            for (p = block->powers_X - 1; p >= 0; p--) {
+                shares[p * m + k] = -d->lambda[row] * power - st->lambda[row] * ds * (block->powers_X - 1 - p) * before;
+                before = power;
+                power *= st->x[b];
+            }
+        }
+        add_columns(in_interval(st, b, y->table_X, block->at_X, block->powers_X, m * width), width, shares, block->powers_X * m,
+                    d->y + block->first_output, width);
+    }
+}
+
+static void store_column(double *to, size_t columns, size_t column, const double *from, size_t count)
+{
+    size_t n;
+    for (n = 0; to && n < count; n++) to[n * columns + column] = from[n];
+}
+
+static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, const pmr_jacobian *jacobian)
+{
+    const pmr_system *y = st->system;
+    const size_t r = y->modes, N = y->drivers, o = y->outputs, m = y->contacts;
+    const double *amplitudes = u + y->paths + y->inputs;
+    double *room = st->seeds, *unit = room + 12 * r, *of_amplitudes = unit + N;
+    seed d = {.z_next = room, .v_next = room + r, .a_next = room + 2 * r, .z = room + 3 * r, .v = room + 4 * r, .acceleration = room + 5 * r,
+              .forces = room + 6 * r, .w = room + 7 * r, .w_new = room + 8 * r, .sums = room + 9 * r, .lambda = st->motion, .y = st->y};
+    size_t column;
+    int failed, n;
+    failed = place(st, c, u);
+    if (failed) return failed;
+    copy(st->z_before, st->z, y->modes);
+    load_bodies(st, u + y->paths);
+    push_free(st, c);
+    if (y->registers) expect_terms(st, c, amplitudes);
+    failed = find_multipliers(st, c);
+    if (failed) return failed;
+    find_slopes(st, c);
+    for (n = 0; n < y->modes; n++) room[10 * r + n] = st->z_free[n];
+    for (column = 0; column < 3 * r + N; column++) {
+        const int of_driver = column >= 3 * r, term = of_driver ? (int)(column - 3 * r) - y->paths - y->inputs : -1;
+        memset(room, 0, 3 * r * sizeof(double));
+        memset(of_amplitudes, 0, r * sizeof(double));
+        d.u = NULL;
+        if (of_driver) {
+            memset(unit, 0, N * sizeof(double));
+            unit[column - 3 * r] = 1.0;
+            d.u = unit;
+            if (term >= 0) {
+                amplitude_forces(st, unit + y->paths + y->inputs, of_amplitudes);
+                combine_terms(st, amplitudes);
+            }
+        } else {
+            room[column] = 1.0;
+        }
+        if (follow_seed(st, c, &d, of_amplitudes)) return PMR_UNCONVERGED;
+        seed_outputs(st, &d);
+        if (of_driver) {
+            store_column(jacobian->D, N, column - 3 * r, d.y, o);
+            store_column(jacobian->K, N, column - 3 * r, d.lambda, m);
+        } else {
+            store_column(jacobian->C, 3 * r, column, d.y, o);
+            store_column(jacobian->L, 3 * r, column, d.lambda, m);
+        }
+        predict_seed(st, c, &d);
+        if (of_driver) store_column(jacobian->B, N, column - 3 * r, room, 3 * r);
+        else store_column(jacobian->A, 3 * r, column, room, 3 * r);
+    }
+    return PMR_DONE;
+}
+
+static int linearize(pmr_state *st, const double *u, const pmr_jacobian *jacobian)
+{
+    const pmr_system *y = st->system;
+    const int level = st->progress.active < 0 ? 0 : st->progress.active;
+    const pmr_progress progress = st->progress;
+    int failed, failed_back;
+    if (y->pads) return PMR_REFUSED;
+    memcpy(st->began, st->mark, st->saved * sizeof(double));
+    failed = linearize_part(st, st->scheme + level, u, jacobian);
+    memcpy(st->mark, st->began, st->saved * sizeof(double));
+    st->progress = progress;
+    failed_back = stand(st);
+    return failed ? failed : failed_back;
+}

@@ -1,0 +1,227 @@
+/* The compiled step of pmr: reduced bodies, the contacts between them that travel along paths, and what drives them.
+
+   Equations.  With modal coordinates z of all bodies (M = 1), multipliers lambda of the contacts, loads f and paths s,
+
+       I z'' + D z' + Omega^2 z + C(s)^T lambda = B f + w,        I = 1, or 0 of a mode without inertia
+       C z + H f - F lambda = g,                                  F = G(s) + A(s)   (m/N)
+       y = O z + W f - X(s) lambda
+
+   lambda > 0 pushes.  A contact that only pushes has a clearance c and obeys 0 <= lambda, 0 <= c + F lambda - C z - H f, one of
+   them zero.  G is what the bodies' residual flexibility gives, A what pads, supports and ropes give; w are forces of terms
+   that vary in time, w = -sum_k c_k (V_k z' + G_k z), and g what cylinders give way to the friction of pads.
+
+   Scheme.  Generalized-alpha of constant step (Chung and Hulbert 1993, eq. 25; Arnold and Bruels 2007, eq. 5 to 7), contacts at
+   position level at the end of each step.  A step of contacts that only push is made in 1, 2, 4, ... equal parts, as many as
+   keep their forces to a tolerance.
+
+   Units are SI: m, N, N m, s, rad.  Modal coordinates are in m kg^(1/2).
+
+   Data.  `pmr_system` is read only: any number of states, in any number of threads, share one.  It is made from one block of bytes
+   that is the same in a file, in memory and in an FMU's resources.  `pmr_state` is one simulation, and belongs to one thread
+   at a time.  No function but `pmr_system_open` and `pmr_state_open` allocates.
+
+   Numbers without a name stand in the order of the system's names (`pmr_system_names`).  Arrays are of doubles in row-major order.
+   Modes stand body after body, each body filled up with zeros to a multiple of four: `modes` counts those too. */
+#ifndef PMR_KERNEL_H
+#define PMR_KERNEL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- from here on cffi reads this file: declarations only ---- */
+
+typedef struct pmr_system pmr_system;
+typedef struct pmr_state pmr_state;
+
+/* What a function returns.  PMR_DONE: all is well.  The others leave the state where the last whole step ended, but for
+   PMR_NOT_FINITE, after which only `pmr_start` and `pmr_state_restore` go on. */
+enum {
+    PMR_DONE = 0,
+    PMR_REFUSED = 1,     /* an argument or a block of bytes is wrong */
+    PMR_DEPENDENT = 2,   /* a contact depends on those before it: `pmr_state_trouble` tells which */
+    PMR_UNSETTLED = 3,   /* which contacts are closed was not found in 1000 solves */
+    PMR_UNCONVERGED = 4, /* forces of terms or friction do not converge within a step */
+    PMR_NOT_FINITE = 5,  /* a coordinate is infinite or no number */
+    PMR_NO_MEMORY = 6
+};
+
+/* Room for a message, with the zero at its end. */
+enum { PMR_MESSAGE = 160 };
+
+/* Sizes of a system. */
+typedef struct {
+    int32_t modes;     /* r': all bodies' modes, filled up */
+    int32_t contacts;  /* m: multipliers */
+    int32_t forces;    /* contacts as the user names them: rings of pads are solved for as fewer multipliers */
+    int32_t inputs;    /* i: loads on the bodies */
+    int32_t outputs;   /* o */
+    int32_t paths;     /* P */
+    int32_t terms;     /* K: terms that vary in time */
+    int32_t pads;      /* n: pads that rub */
+    int32_t drivers;   /* N: what drives the system from outside, `u`: paths, then loads, then what else it asks for */
+    int32_t pushing;   /* contacts that only push */
+} pmr_sizes;
+
+/* ---- systems ---- */
+
+/* Make a system from a block of `bytes` bytes, which begins on a multiple of 64 and has to stay as it is as long as the system
+   lives.  PMR_REFUSED with a reason in `why` (PMR_MESSAGE) if it is not one that this kernel wrote, or is damaged. */
+int pmr_system_open(const void *block, size_t bytes, pmr_system **system, char *why);
+void pmr_system_close(pmr_system *system);
+void pmr_system_sizes(const pmr_system *system, pmr_sizes *sizes);
+/* Names of "drivers", "outputs", "contacts" or "forces", one a line, in `*count` bytes; NULL where there is no such list. */
+const char *pmr_system_names(const pmr_system *system, const char *list, size_t *count);
+/* Checksum that a block is written with: of the bytes behind its first 64. */
+uint64_t pmr_checksum(const void *bytes, size_t count);
+/* Which code runs: "avx2", "sse2", "vectors" or "plain". */
+const char *pmr_variant(void);
+
+/* ---- states ---- */
+
+/* How a system is stepped. */
+typedef struct {
+    double step;          /* s */
+    double rho_inf;       /* spectral radius at infinite frequency, 0 to 1 */
+    double contact_omega; /* rad/s: of the contacts that only push; 0: their forces are not judged, a step is one part */
+    double tolerance;     /* what a part may err in the forces of closed contacts, over the largest so far */
+    int32_t levels;       /* lengths of steps, 1 to 64 */
+    int32_t energy;       /* whether energy and work are added up */
+    const int32_t *parts; /* (levels,): of how many equal parts a step is made, ascending; NULL with levels = 1: of one */
+} pmr_settings;
+
+int pmr_state_open(const pmr_system *system, const pmr_settings *settings, pmr_state **state, char *why);
+void pmr_state_close(pmr_state *state);
+/* Bytes that a state is saved as, and bytes of memory that it takes. */
+size_t pmr_state_bytes(const pmr_state *state);
+size_t pmr_state_memory(const pmr_state *state);
+/* Write a state as `pmr_state_bytes` bytes; restored into a state of the same system and settings it goes on bit for bit. */
+void pmr_state_save(const pmr_state *state, void *bytes);
+/* PMR_REFUSED with a reason, the state as it was, if these are not bytes of such a state, or are damaged. */
+int pmr_state_restore(pmr_state *state, const void *bytes, size_t count, char *why);
+/* Number of the contact that PMR_DEPENDENT is about, else -1. */
+int pmr_state_trouble(const pmr_state *state);
+
+/* Where a state stands.  Pointers lead into the state and stay the same as long as it lives. */
+typedef struct {
+    double *z, *v;       /* (r'): modal coordinates and their rates */
+    double *multipliers; /* (m,) N */
+    double *impulses;    /* (m,) N s: of each contact in the last step */
+    double *energy;      /* (2,) J: stored, and work done on the system since the start */
+    double *friction;    /* (n,) N: of the pads that rub, along the boom */
+    double *drivers;     /* (N,): u where it stands */
+    int64_t *step;       /* number of the last step */
+    int32_t *parts;      /* of how many parts that was made */
+} pmr_view;
+
+void pmr_state_view(pmr_state *state, pmr_view *view);
+
+/* ---- start ---- */
+
+enum { PMR_AT_REST = 0, PMR_GIVEN = 1, PMR_IN_EQUILIBRIUM = 2 };
+
+/* Bring a state to t = 0 under drivers u (N,).  PMR_AT_REST: z = v = 0.  PMR_GIVEN: z (r',) and v (r',).
+   PMR_IN_EQUILIBRIUM: at rest under the loads, v = 0.  Multipliers of contacts that give way follow from the position, those
+   of rigid ones from the accelerations. */
+int pmr_start(pmr_state *state, int kind, const double *u, const double *z, const double *v);
+/* The same with accelerations a (r',), multipliers (m,) and which contacts are closed (m,) as they are: how a
+   simulation that another program began goes on. */
+int pmr_start_from(pmr_state *state, const double *u, const double *z, const double *v, const double *a,
+                   const double *multipliers, const int32_t *closed);
+
+/* ---- signals ---- */
+
+/* Drivers over time as sums of pieces; piece j of driver n counts on breaks[j] <= t < breaks[j + 1], with x = t - breaks[j],
+
+       u_n(t) = sum over its strands of  p(x) + a sin(q(x)),    p with `powers` coefficients, q quadratic.
+
+   The first piece of a strand goes on before its first break, the last one behind its last.  A strand with spread h > 0 counts by
+   how fast its rate grows within h, (u'(t + h/2) - u'(t - h/2)) / h, which has no kinks of u in it, and from t = 0 on only; its
+   second rate is left out. */
+typedef struct {
+    int32_t drivers;              /* N */
+    int32_t powers;               /* of p, 1 or more */
+    const int32_t *first_strand;  /* (N + 1,): strands of each driver */
+    const int32_t *first_piece;   /* (strands + 1,): pieces of each strand */
+    const double *spread;         /* (strands,) s, or NULL: of none */
+    const double *breaks;         /* (pieces,) s: where each begins */
+    const double *pieces;         /* (pieces, powers + 4): p highest power first, a, q highest power first */
+} pmr_signals;
+
+/* u (N,) at t; with rates not NULL also their first and second rates (2, N). */
+void pmr_signals_at(const pmr_signals *signals, double t, double *u, double *rates);
+
+/* ---- steps ---- */
+
+/* One step to drivers u (N,) at its end, which parts in between follow along straight lines, or along Hermite's cubics
+   with rates at both ends, `rates` (2, N) at its beginning and its end. */
+int pmr_step(pmr_state *state, const double *u, const double *rates);
+
+/* Where steps are recorded, one row each; NULL: they are not.  Row 0 is the first step recorded. */
+typedef struct {
+    double *z, *v;       /* (., r') */
+    double *multipliers; /* (., m) N */
+    double *impulses;    /* (., m) N s */
+    double *peaks;       /* (., m) N: largest multiplier within the step */
+    double *energy;      /* (., 2) J */
+    double *friction;    /* (., n) N */
+    double *outputs;     /* (., o) */
+    double *drivers;     /* (., N) */
+    int32_t *parts;      /* (.,) */
+} pmr_record;
+
+/* `count` steps with drivers from `signals`, every `every`-th of them recorded; `parts` (count,) or NULL: of how many parts
+   each is made, one of the settings' numbers.  `*taken` were taken: fewer than `count` if one failed. */
+int pmr_advance(pmr_state *state, const pmr_signals *signals, int64_t count, int64_t every, const int32_t *parts,
+                const pmr_record *record, int64_t *taken);
+/* The same with samples u (count * per + 1, N) at `per` equal parts of each step, the first where the step before ended.
+   It stops before a step that needs more parts than it has samples of; `*needed` is their number, else 0. */
+int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t count, int64_t every, const int32_t *parts,
+                        const pmr_record *record, int64_t *taken, int *needed);
+
+/* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
+void pmr_outputs(pmr_state *state, double *y, double *forces);
+/* Energy stored and work done since the start, both in J. */
+void pmr_energy(const pmr_state *state, double *energy);
+
+/* ---- derivatives ---- */
+
+/* Derivatives of the next step and of its outputs, with the contacts that are closed staying so.  With the prediction
+   x = (z*, v*, a*) (3 r'), from which a step begins, and drivers u at its end, x_next = A x + ... u:
+
+       dx_next = A dx + B du,    dy = C dx + D du,    dforces = L dx + K du
+
+   Any of A (3 r', 3 r'), B (3 r', N), C (o, 3 r'), D (o, N), L (m, 3 r'), K (m, N) may be NULL.  The state
+   stays where it is. */
+typedef struct {
+    double *A, *B, *C, *D, *L, *K;
+} pmr_jacobian;
+
+int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobian);
+
+/* ---- laws alone, for statics, charts and other simulators ---- */
+
+/* Doubles of work that `pmr_contact` takes for m contacts. */
+size_t pmr_contact_work(int m);
+/* lambda (m,) of A lambda = b + w with lambda >= 0, w >= 0, lambda w = 0 at those that push and w = 0 at the others.
+   A (m, m) symmetric and positive definite; b (m,): how far they would come out beyond their clearances without forces.
+   `closed` (m,) is what it begins with, and tells which are closed.  `*solves`, unless NULL: linear systems solved.
+   PMR_DEPENDENT, PMR_UNSETTLED as for a step. */
+int pmr_contact(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed, double *work,
+                int *solves);
+/* Friction (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m and slide at
+   limits (n,) N: f = clip(old + kappa x, -limit, limit), with the slip x of x + softness (sum f - given) = moved.
+   Returns their sum. */
+double pmr_friction(int n, const double *kappa, const double *old, const double *limits, double moved, double softness,
+                    double given, double *f);
+
+/* ---- up to here ---- */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,214 @@
+/* Steps in 1, 2, 4, ... equal parts, as few as keep the forces of contacts that only push to the tolerance.
+
+   A part of length h errs in the modes, in leading order, by
+
+       e = h^2 / 12 (z''_{n+1} - z''_n) - 5 h^2 / 12 sum C^T d lambda
+
+   with the sum over contacts that have opened or closed in it, at a time that nobody knows: half their impulse.  In the forces of
+   those that are closed this makes A^-1 C e.  The first term is that of the trapezoidal rule (Zienkiewicz, Xie 1991).  A
+   step that misses too much is taken back and made in more parts; half the length misses an eighth, and may miss a half. */
+
+#define SPARE 0.125
+
+/* z'' of the modes in the present state under loads f. */
+static void accelerate(pmr_state *st, const double *f, double *a)
+{
+    const pmr_system *y = st->system;
+    int k, n, l;
+    for (n = 0; n < y->modes; n += VL) {
+        vec sum = CV(y->omega2 + n) * CV(st->z + n);
+        if (!y->coupled) sum += CV(y->damping + n) * CV(st->v + n);
+        for (l = 0; l < y->inputs; l++) sum -= CV(y->B + l * y->modes + n) * f[l];
+        V(a + n) = -sum;
+    }
+    if (y->coupled)
+        for (k = 0; k < y->modes; k++)
+            for (n = 0; n < y->modes; n += VL) V(a + n) -= CV(y->damping + (size_t)k * y->modes + n) * st->v[k];
+    if (y->registers)
+        for (n = 0; n < y->modes; n += VL) V(a + n) += CV(st->w + n);
+    subtract_rows(st, 0, y->rows, a);
+}
+
+/* Begin with parts of another length where the last step ended; the prediction stays where it is the old length after all. */
+static int begin_level(pmr_state *st, int level, const double *u)
+{
+    const pmr_system *y = st->system;
+    const pmr_scheme *c = st->scheme + level;
+    const double *f = u + y->paths;
+    int k, n, failed;
+    st->progress.active = level;
+    st->placed = 0;
+    failed = place(st, c, u);
+    if (failed) return failed;
+    if (y->registers || y->pads) begin_terms(st, f + y->inputs);
+    accelerate(st, f, st->accelerated);
+    if (level != st->progress.came) {
+        for (n = 0; n < y->modes; n += VL) {
+            vec a = CV(st->accelerated + n);
+            V(st->z_next + n) = CV(st->z + n) + CV(st->v + n) * c->z_from_v + a * (c->z_from_force + c->z_from_share);
+            V(st->v_next + n) = CV(st->v + n) + a * (c->v_from_force + c->v_from_share);
+            V(st->a_next + n) = a * (c->a_from_force + c->a_from_share);
+        }
+        free_motion(st, c);
+        for (k = 0; k < y->contacts; k++) st->force[k] = st->share[k] = st->lambda[k];
+    }
+    if (y->quasi_static) predict_quasi_static(st, c, st->z);
+    if (st->settings.energy) {
+        load_bodies(st, f);
+        find_load_energy(st);
+        keep_end(st);
+    }
+    return PMR_DONE;
+}
+
+/* What the last part misses of the closed contacts' forces at most, over what it may miss. */
+static double missed(pmr_state *st, const pmr_scheme *c, const double *f)
+{
+    const pmr_system *y = st->system;
+    double *old = st->accelerated, *now = st->acceleration, h = c->h, most = 0.0, largest = st->progress.largest, allowed;
+    int k, n;
+    accelerate(st, f, now);
+    for (n = 0; n < y->modes; n += VL) V(old + n) = (CV(now + n) - CV(old + n)) * (h * h / 12.0);
+    for (k = 0; k < y->contacts; k++) {
+        largest = larger(largest, st->lambda[k]);
+        if (st->closed[k] != st->before_closed[k]) {
+            const double impulse = (st->lambda[k] - st->before_lambda[k]) * (5.0 * h * h / 12.0);
+            for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n += VL) V(old + n) -= CV(st->C + k * y->modes + n) * impulse;
+        }
+    }
+    for (n = 0; n < st->factored; n++) {
+        k = st->numbers[n];
+        st->entries[n] = dot(st->C + k * y->modes, old, y->row_modes[2 * k], y->row_modes[2 * k + 1]);
+    }
+    solve(st->factor, st->factored, y->mp, st->entries);
+    for (n = 0; n < st->factored; n++) most = larger(most, fabs(st->entries[n]));
+    for (n = 0; n < y->modes; n += VL) V(old + n) = CV(now + n);
+    st->progress.largest = largest;
+    allowed = st->settings.tolerance * largest * (h * st->settings.contact_omega < 1.0 ? h * st->settings.contact_omega : 1.0);
+    return most > 0.0 ? most / allowed : 0.0;
+}
+
+/* Drivers of a step at its parts: samples, or something that tells them. */
+typedef struct {
+    const double *samples;      /* (per + 1, N), or NULL */
+    int per;
+    const pmr_signals *signals; /* at t = (step * parts + part) h / parts, or NULL: lines or cubics between two ends */
+    int64_t step;
+    double h;
+    const double *begun, *ended, *rates;
+} pmr_course;
+
+static void follow_course(const pmr_course *course, int drivers, int part, int parts, double *u)
+{
+    const double share = (double)part / parts, h = course->h, t = h * share;
+    int n;
+    if (course->signals) {
+        pmr_signals_at(course->signals, (double)(course->step * parts + part) * (h / parts), u, NULL);
+        return;
+    }
+    if (part == 0 || part == parts) {
+        copy(u, part ? course->ended : course->begun, drivers);
+        return;
+    }
+    for (n = 0; n < drivers; n++) {
+        const double mean = (course->ended[n] - course->begun[n]) / h;
+        double rate = mean, second = 0.0, third = 0.0;
+        if (course->rates) {
+            const double last = course->rates[drivers + n];
+            rate = course->rates[n];
+            second = (6.0 * mean - 4.0 * rate - 2.0 * last) / h;
+            third = 6.0 * (rate + last - 2.0 * mean) / (h * h);
+        }
+        u[n] = course->begun[n] + t * (rate + t / 2.0 * (second + t / 3.0 * third));
+    }
+}
+
+static const double *course_at(pmr_state *st, const pmr_course *course, int part, int parts)
+{
+    if (course->samples) return course->samples + (size_t)part * (course->per / parts) * st->system->drivers;
+    follow_course(course, st->system->drivers, part, parts, st->u_next);
+    return st->u_next;
+}
+
+/* The parts of a step on a level; `*off` is what one of them misses over what it may. */
+static int make_parts(pmr_state *st, int level, int judged, const pmr_course *course, double *off)
+{
+    const pmr_system *y = st->system;
+    const pmr_scheme *c = st->scheme + level;
+    const int count = st->settings.parts[level];
+    int part, failed, k;
+    if (level != st->progress.active) {
+        failed = begin_level(st, level, course_at(st, course, 0, count));
+        if (failed) return failed;
+    }
+    *off = 0.0;
+    for (part = 1; part <= count; part++) {
+        const double *u = course_at(st, course, part, count);
+        if (judged)
+            for (k = 0; k < y->contacts; k++) {
+                st->before_closed[k] = st->closed[k];
+                st->before_lambda[k] = st->lambda[k];
+            }
+        failed = make_part(st, c, u);
+        if (failed) return failed;
+        for (k = 0; k < y->contacts; k++) st->peak[k] = part == 1 ? st->lambda[k] : larger(st->peak[k], st->lambda[k]);
+        if (judged) *off = larger(*off, missed(st, c, u + y->paths));
+        if (part == count) copy(st->u, u, y->drivers);
+    }
+    return PMR_DONE;
+}
+
+static void take_back(pmr_state *st)
+{
+    memcpy(st->mark, st->began, st->marked * sizeof(double));
+    st->progress.active = -1;
+}
+
+/* Where the step that failed began. */
+static int stop(pmr_state *st, int failed)
+{
+    const pmr_system *y = st->system;
+    const int trouble = st->trouble;
+    if (y->pushing || y->registers || y->pads) memcpy(st->mark, st->began, st->saved * sizeof(double));
+    st->progress.active = st->progress.came = -1;
+    st->placed = 0;
+    stand(st);
+    st->trouble = trouble;
+    return failed;
+}
+
+/* Returned where a step needs more parts than its course has samples of; the level is the one it needs. */
+enum { COARSE = -1 };
+
+/* One step; `level` less than 0: as the forces ask for. */
+static int make_step(pmr_state *st, int given_level, const pmr_course *course)
+{
+    const pmr_system *y = st->system;
+    const int last = st->settings.levels - 1, judged = given_level < 0 && last > 0 && st->settings.contact_omega > 0.0;
+    int level = given_level >= 0 ? given_level : st->progress.level, failed = PMR_DONE;
+    double off = 0.0;
+    if (y->pushing)
+        for (int n = 0; n < y->mp; n += VL) V(st->impulse + n) = (vec){0.0};
+    if (!judged) st->progress.came = -1;
+    else if (st->progress.active >= 0) st->progress.came = st->progress.active;
+    if (y->pushing || y->registers || y->pads) memcpy(st->began, st->mark, st->saved * sizeof(double));
+    for (;;) {
+        if (course->samples && course->per % st->settings.parts[level]) {
+            st->progress.level = level;
+            return COARSE;
+        }
+        failed = make_parts(st, level, judged, course, &off);
+        if (failed || !judged || off <= 1.0 || level == last) break;
+        take_back(st);
+        while (off > 1.0 && level < last) {
+            level++;
+            off /= 4.0;
+        }
+    }
+    if (failed) return stop(st, failed);
+    if (judged) st->progress.level = off < SPARE && level > 0 ? level - 1 : level;
+    else if (given_level >= 0) st->progress.level = given_level;
+    st->progress.parts = st->settings.parts[level];
+    st->progress.step++;
+    return PMR_DONE;
+}

@@ -1,0 +1,193 @@
+/* Terms that vary in time, w = -sum c_k (V_k z' + G_k z), at the end of a step as all other forces, so that the scheme keeps its order.
+
+   S, the rows and their factor stay those of the constant matrices: w begins with what a cubic through the four steps before
+   makes of it, and multipliers and w are found anew until w no longer changes.  Each time its error shrinks by the largest ratio
+   of z_gain x G x + v_gain x V x to x S x, which is below the share of the buckling load with any step.  Beyond that, or where
+   a tension raises frequencies that the step does not resolve, it does not converge.
+
+   Friction is iterated beside it (friction.c). */
+
+#define MOST_TIMES 100
+#define DIVERGED 1e6
+/* A change that is foreseen to be so much smaller than what counts as none is not looked at, but for one in so many. */
+#define FORESEEN 0.1
+#define MOST_TRUSTED 16
+enum { SETTLED = 0, AGAIN = 1, LAST_TIME = 2 };
+
+/* The terms' sum with these amplitudes (K,), where they are others than before. */
+static void combine_terms(pmr_state *st, const double *amplitudes)
+{
+    const pmr_system *y = st->system;
+    int same = 1, k, e, n;
+    for (k = 0; k < y->terms; k++) {
+        same = same && amplitudes[k] == st->known_amplitudes[k];
+        st->known_amplitudes[k] = amplitudes[k];
+    }
+    if (same) return;
+    memset(st->now, 0, (size_t)PMR_LANES * y->registers * sizeof(double));
+    for (k = 0; k < y->terms; k++) {
+        if (amplitudes[k] == 0.0) continue;
+        for (e = y->first_entry[k]; e < y->first_entry[k + 1]; e++) {
+            double *to = st->now + (size_t)PMR_LANES * y->registers_of[e];
+            for (n = 0; n < PMR_LANES; n += VL) V(to + n) += CV(y->entry_values + (size_t)PMR_LANES * e + n) * amplitudes[k];
+        }
+    }
+}
+
+/* w of displacements z and rates v. */
+static void find_terms(const pmr_state *st, const double *z, const double *v, double *w)
+{
+    const pmr_system *y = st->system;
+    int k, u, n;
+    for (k = 0; k < y->modes / PMR_LANES; k++) {
+        const int32_t *row = y->of_rows + 3 * k;
+        for (n = 0; n < PMR_LANES; n += VL) {
+            vec of_z = {0.0}, of_v = {0.0};
+            for (u = row[0]; u < row[1]; u++) of_z -= CV(st->now + (size_t)PMR_LANES * u + n) * z[y->columns[u]];
+            for (u = row[1]; u < row[2]; u++) of_v -= CV(st->now + (size_t)PMR_LANES * u + n) * v[y->columns[u]];
+            V(w + PMR_LANES * k + n) = of_z + of_v;
+        }
+    }
+}
+
+/* z_free += share z_gain S^-1 w. */
+static void push_by_terms(pmr_state *st, const pmr_scheme *c, double share)
+{
+    const pmr_system *y = st->system;
+    int n;
+    if (!y->registers) return;
+    over_S(y, c, st->w, 0, y->modes, st->w_divided);
+    for (n = 0; n < y->modes; n += VL) V(st->z_free + n) += CV(st->w_divided + n) * (share * c->z_gain);
+}
+
+static void push_terms(pmr_state *st, const pmr_scheme *c) { push_by_terms(st, c, 1.0); }
+
+/* Begin a step with amplitudes (K,) at its end. */
+static void expect_terms(pmr_state *st, const pmr_scheme *c, const double *amplitudes)
+{
+    const pmr_system *y = st->system;
+    const size_t r = y->modes;
+    int n;
+    copy(st->z_before, st->z, y->modes);
+    if (!y->registers) return;
+    combine_terms(st, amplitudes);
+    for (n = 0; n < y->modes; n += VL) {
+        const double *old = st->old_w + n;
+        V(st->w + n) = (CV(old) * 4.0 - CV(old + 3 * r)) + (CV(old + 2 * r) * 4.0 - CV(old + r) * 6.0);
+    }
+    push_terms(st, c);
+}
+
+/* Displacements and rates at the end of the step with the present multipliers and w. */
+static void reach_end(pmr_state *st, const pmr_scheme *c)
+{
+    const pmr_system *y = st->system;
+    double *forces = st->others, *acceleration = st->weighted, *bent = st->turned;
+    int n;
+    for (n = 0; n < y->modes; n += VL) V(forces + n) = CV(st->push + n) + CV(st->w + n);
+    subtract_rows(st, 0, y->rows, forces);
+    over_S(y, c, forces, 0, y->modes, acceleration);
+    if (y->coupled) couple(st, c, st->z_next, st->v_next, bent);
+    for (n = 0; n < y->modes; n += VL) {
+        vec z = CV(st->z_next + n), v = CV(st->v_next + n), a = CV(acceleration + n);
+        if (y->coupled) a += CV(bent + n);
+        else a -= CV(c->stiffness + n) * z + CV(c->damping + n) * v;
+        V(st->z + n) = z + a * c->z_gain;
+        V(st->v + n) = v + a * c->v_gain;
+    }
+}
+
+/* Find w and friction anew from the multipliers: SETTLED, AGAIN where these have to follow, LAST_TIME where that
+   will change nothing that counts, less than 0 where it does not converge. */
+static int revise(pmr_state *st, const pmr_scheme *c, int times)
+{
+    const pmr_system *y = st->system;
+    pmr_progress *known = &st->progress;
+    const int last = times >= MOST_TIMES;
+    const double bound = last ? PMR_ACCEPTED : PMR_CONVERGED;
+    double change = 0.0, size = 0.0, largest, usual;
+    int rubs = 0, foreseen, n;
+    if (y->registers) {
+        reach_end(st, c);
+        find_terms(st, st->z, st->v, st->w_new);
+        for (n = 0; n < y->modes; n++) {
+            const double off = st->w_new[n] - st->w[n];
+            change += off * off;
+            size += st->w_new[n] * st->w_new[n];
+        }
+    }
+    if (y->pads) rubs = revise_friction(st, bound);
+    largest = larger(known->term_largest, size);
+    if (times == 1) known->term_first = size;
+    usual = larger(known->term_largest, known->term_first);
+    if (usual > 0.0 && change > DIVERGED * DIVERGED * usual) return -1;
+    if (times > 1 && known->term_change > 0.0) {
+        known->term_shrinks = larger(known->term_shrinks / 2.0, change / known->term_change);
+        known->term_trusted = 0.0;
+    }
+    known->term_change = change;
+    if ((change <= bound * bound * largest && !rubs) || change != change) { /* what is not a number is said elsewhere */
+        known->term_largest = largest;
+        return SETTLED;
+    }
+    if (last) return -1;
+    if (y->registers) {
+        for (n = 0; n < y->modes; n += VL) V(st->z_free + n) -= CV(st->w_divided + n) * c->z_gain;
+        copy(st->w, st->w_new, y->modes);
+        push_terms(st, c);
+    }
+    known->term_trusted += 1.0;
+    foreseen = !rubs && known->term_shrinks > 0.0 && known->term_trusted < MOST_TRUSTED &&
+               change * known->term_shrinks <= FORESEEN * PMR_CONVERGED * FORESEEN * PMR_CONVERGED * largest;
+    if (foreseen) known->term_largest = largest;
+    return foreseen ? LAST_TIME : AGAIN;
+}
+
+/* Forces of the present state, as if they had been so in the steps before: where a simulation or parts of another length begin. */
+static void begin_terms(pmr_state *st, const double *amplitudes)
+{
+    const pmr_system *y = st->system;
+    int k, n;
+    if (y->pads) begin_friction(st);
+    if (!y->registers) return;
+    combine_terms(st, amplitudes);
+    find_terms(st, st->z, st->v, st->w);
+    for (k = 0; k < 4; k++)
+        for (n = 0; n < y->modes; n += VL) V(st->old_w + (size_t)k * y->modes + n) = CV(st->w + n);
+}
+
+/* Work of terms and friction in the step, before the balance notes its end: of the forces that are neither loads nor
+   contacts, and of the gaps that friction makes. */
+static void account_terms(pmr_state *st, const pmr_scheme *c)
+{
+    const pmr_system *y = st->system;
+    vec work = {0.0};
+    double done;
+    int n;
+    for (n = 0; n < y->modes; n += VL) {
+        vec extra = CV(st->others + n) - CV(st->push + n) + CV(st->pulled + n);
+        work += (extra + CV(st->extra + n)) * (CV(st->z + n) - CV(st->z_before + n)) * 0.5;
+        V(st->extra + n) = extra;
+    }
+    done = sum_of(work);
+    if (y->pads) done += friction_work(st, c);
+    st->energy[1] += done;
+    st->energy[2] += done;
+}
+
+/* What the next step asks for. */
+static void end_terms(pmr_state *st)
+{
+    const pmr_system *y = st->system;
+    const size_t r = y->modes;
+    size_t n;
+    if (y->pads) end_friction(st);
+    if (!y->registers) return;
+    for (n = 0; n < r; n += VL) {
+        double *old = st->old_w + n;
+        V(old + 3 * r) = CV(old + 2 * r);
+        V(old + 2 * r) = CV(old + r);
+        V(old + r) = CV(old);
+        V(old) = CV(st->w + n);
+    }
+}

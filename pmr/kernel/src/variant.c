@@ -1,0 +1,32 @@
+/* All of the kernel that is compiled for one kind of processor: PMR_VL doubles a register, its functions in the table PMR_FUNCTIONS. */
+#include "internal.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "vectors.h"
+
+#include "scheme.c"
+#include "contact.c"
+#include "rows.c"
+
+static void free_motion(pmr_state *st, const pmr_scheme *c);
+static void couple(const pmr_state *st, const pmr_scheme *c, const double *z, const double *v, double *result);
+static int stand(pmr_state *st);
+INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums);
+
+#include "friction.c"
+#include "terms.c"
+#include "energy.c"
+#include "step.c"
+#include "substeps.c"
+#include "outputs.c"
+#include "state.c"
+#include "start.c"
+#include "linearize.c"
+#include "advance.c"
+
+const pmr_functions PMR_FUNCTIONS = {
+    PMR_VARIANT, state_open, state_restore, start, start_from, step_to, advance_signals, advance_sampled, outputs, linearize, contact_alone, slide,
+    state_bytes, state_save,
+};

@@ -1,0 +1,199 @@
+"""Systems and states as bytes: what is damaged or not theirs is refused, what is saved goes on bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from kernels import kernel_of
+from nested import Nested, reduced
+
+from pmr.errors import InputError
+from pmr.kernel.block_file import LINE, pack, seal, unpack
+from pmr.kernel.data import SystemData, system_data
+from pmr.kernel.kernel import Kernel, Record, Settings, State, checksum
+from pmr.kernel.signals import Signals
+from pmr.scene.signals import Constant, Ramp, SignalBase, SmoothRamp
+from pmr.simulation.modal import modal_form
+
+#: Of steps in parts, as forces of pads that push ask for.
+SETTINGS = Settings(1e-3, 0.8, parts=(1, 2, 4, 8, 16), contact_omega=1e3)
+STEPS = 60
+
+
+@cache
+def kernel() -> Kernel:
+    return kernel_of(reduced(Nested(2, elements=8, clearance=2e-4, compliance=1e-7), 3))[0]
+
+
+def signals(of: Kernel) -> Signals:
+    """Out of the boom, lifted off its pads and let fall."""
+    force = SmoothRamp(times=(0.0, 0.02, 0.04), values=(0.0, 2e4, 0.0))
+    driven: list[SignalBase] = [Ramp(times=(0.0, 0.1), values=(2.0, 2.05))]
+    driven += [force if name.endswith(".F") else Constant(amount=9.81) for name in of.names("drivers")[1:]]
+    return Signals(driven)
+
+
+def begun(of: Kernel) -> State:
+    state = State(of, SETTINGS)
+    state.start("equilibrium", signals(of).at(0.0)[0])
+    return state
+
+
+def advanced(state: State, steps: int) -> Record:
+    record = Record(state.kernel, steps)
+    state.advance(signals(state.kernel), steps, record)
+    return record
+
+
+def equal(one: Record, other: Record, first: int = 0) -> bool:
+    """Whether all rows from one on are the same to the last bit."""
+    arrays = [(one[name][first:], other[name]) for name in Record.FIELDS] + [(one.parts[first:], other.parts)]
+    return all(a.tobytes() == b.tobytes() for a, b in arrays)
+
+
+def test_a_state_that_is_restored_goes_on_bit_for_bit() -> None:
+    """In another state of the same system, whatever that has been through."""
+    whole = advanced(begun(kernel()), STEPS)
+    assert len(set(whole.parts.tolist())) > 1 and np.any(whole["multipliers"] == 0.0)
+    for at in (0, 17, 31):
+        first, second = begun(kernel()), begun(kernel())
+        if at:
+            advanced(first, at)
+        content = first.save()
+        advanced(second, 5)
+        second.restore(content)
+        assert second.step_number == at
+        assert equal(whole, advanced(second, STEPS - at), at)
+
+
+def test_threads_share_a_system() -> None:
+    """Each with a state of its own; all trajectories are the same to the last bit."""
+    with ThreadPoolExecutor(4) as pool:
+        records = list(pool.map(lambda _: advanced(begun(kernel()), STEPS), range(8)))
+    assert all(equal(records[0], other) for other in records[1:])
+
+
+def test_a_system_from_a_file_is_the_same(tmp_path: Path) -> None:
+    kernel().write(tmp_path / "system.pmr")
+    assert equal(advanced(begun(kernel()), STEPS), advanced(begun(Kernel.read(tmp_path / "system.pmr")), STEPS))
+
+
+def damaged(content: bytes, rng: np.random.Generator, kind: int) -> bytes:
+    """With some bits turned, cut short, longer, or with a stretch of other bytes."""
+    changed = bytearray(content)
+    at = int(rng.integers(len(content)))
+    if kind == 0:
+        changed[at] ^= 1 << int(rng.integers(8))
+    elif kind == 1:
+        return bytes(changed[:at])
+    elif kind == 2:
+        return bytes(changed) + rng.bytes(int(rng.integers(1, 100)))
+    else:
+        stretch = rng.bytes(int(rng.integers(8, 64)))
+        changed[at : at + len(stretch)] = stretch
+        del changed[len(content) :]
+    return bytes(changed)
+
+
+def refused(read: Callable[[bytes], object], content: bytes, count: int) -> None:
+    rng = np.random.default_rng(8)
+    for k in range(count):
+        wrong = damaged(content, rng, k % 4)
+        if wrong != content:
+            with pytest.raises(InputError):
+                read(wrong)
+
+
+def test_damaged_systems_are_refused() -> None:
+    refused(Kernel, kernel().block, 300)
+
+
+def test_damaged_states_are_refused_and_leave_the_state_as_it_is() -> None:
+    state = begun(kernel())
+    advanced(state, 20)
+    content = state.save()
+    refused(state.restore, content, 300)
+    assert state.save() == content
+
+
+def test_states_of_other_systems_and_settings_are_refused() -> None:
+    content = begun(kernel()).save()
+    other, _ = kernel_of(reduced(Nested(2, elements=10, clearance=2e-4, compliance=1e-7), 3))
+    with pytest.raises(InputError, match="another system"):
+        State(other, SETTINGS).restore(content)
+    with pytest.raises(InputError, match="other settings"):
+        State(kernel(), Settings(2e-3)).restore(content)
+
+
+@cache
+def data() -> SystemData:
+    """Of three sections, the middle one of which two paths travel on."""
+    system = reduced(Nested(3, elements=8), 3)
+    return system_data(system, {name: modal_form(body) for name, body in system.bodies.items()})
+
+
+def resealed(change: Callable[[dict[str, np.ndarray]], None]) -> bytearray:
+    """The system's block with arrays changed, and a checksum that fits."""
+    arrays = data().arrays
+    copies = {name: array.copy() for name, array in arrays.items() if not isinstance(array, str)}
+    change(copies)
+    block = pack(arrays | copies)
+    seal(block, checksum(block[LINE:]))
+    return block
+
+
+INTEGERS = ("sizes", "blocks", "pairs", "block_rows", "touched", "row_modes", "pushes", "first_entry", "first_pad")
+
+
+@pytest.mark.parametrize("name", INTEGERS)
+def test_numbers_that_lead_beyond_an_array_are_refused(name: str) -> None:
+    """Although the checksum fits."""
+    sound = unpack(bytes(resealed(lambda arrays: None)))
+    assert Kernel(resealed(lambda arrays: None)).modes
+    for value in (-1, 2**30):
+        for at in range(min(12, len(sound[name]))):
+
+            def change(arrays: dict[str, np.ndarray], value: int = value, at: int = at) -> None:
+                arrays[name] = arrays[name].astype(np.int64)
+                arrays[name].flat[at] = value
+
+            with pytest.raises(InputError):
+                Kernel(resealed(change))
+
+
+def test_what_is_no_number_is_refused() -> None:
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        arrays["omega2"] = np.full_like(arrays["omega2"], np.nan)
+
+    with pytest.raises(InputError, match="omega2"):
+        Kernel(resealed(change))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        Settings(0.0),
+        Settings(np.nan),
+        Settings(1e-3, rho_inf=1.5),
+        Settings(1e-3, parts=(2, 1)),
+        Settings(1e-3, parts=(0,)),
+        Settings(1e-3, parts=(1, 2), contact_omega=-1.0),
+        Settings(1e-3, contact_omega=1.0, tolerance=0.0),
+        Settings(1e-3, parts=tuple(range(1, 70))),
+    ],
+)
+def test_settings_that_make_no_step_are_refused(settings: Settings) -> None:
+    with pytest.raises(InputError):
+        State(kernel(), settings)
+
+
+def test_drivers_of_a_wrong_size_are_refused() -> None:
+    state = begun(kernel())
+    for u in (np.zeros(2), np.full(kernel().drivers, np.nan)):
+        with pytest.raises(InputError, match="u"):
+            state.step(u)

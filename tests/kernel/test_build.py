@@ -1,0 +1,83 @@
+"""The sources alone: no warnings, no names that others could have, the same results on every kind of processor."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr.kernel.build import FILES, FLAGS, declarations
+
+SOURCES = Path(__file__).parents[2] / "pmr" / "kernel" / "src"
+COMPILER = shutil.which("cc")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="a C compiler is needed")
+RUN = """
+import sys
+import numpy as np
+from kernels import kernel_of
+from nested import Nested, reduced
+from pmr.kernel.kernel import Settings, State, variant
+system = reduced(Nested(3, elements=8, clearance=2e-4, compliance=1e-7), 3)
+kernel, _ = kernel_of(system)
+state = State(kernel, Settings(1e-3, 0.8, parts=(1, 2, 4), contact_omega=1e3))
+state.start("rest", [2.0, 2.1, *np.zeros(kernel.inputs)])
+rows = []
+for n in range(1, 60):
+    state.step([2.0 + 1e-4 * n, 2.1 + 2e-4 * n, *np.full(kernel.inputs, 2e3 * np.sin(0.05 * n))])
+    rows.append([*state.z, *state.multipliers, *state.energy, *state.outputs()[0]])
+np.save(sys.argv[1], np.array(rows))
+print(variant())
+"""
+
+
+@needs_compiler
+@pytest.mark.parametrize("flags", [[], ["-DPMR_PLAIN"]], ids=["vectors", "plain"])
+def test_sources_compile_without_a_warning_and_export_what_the_header_declares(
+    tmp_path: Path, flags: list[str]
+) -> None:
+    library = tmp_path / "kernel.so"
+    files = [str(SOURCES / name) for name in FILES]
+    command = [str(COMPILER), *FLAGS, "-Werror", "-fvisibility=default", *flags, "-fPIC", "-shared", *files]
+    subprocess.run([*command, "-o", str(library), "-lm"], check=True)
+    names = subprocess.run(
+        ["nm", "-D", "--defined-only", str(library)], check=True, capture_output=True, text=True
+    ).stdout.split()[2::3]
+    own = [name for name in names if name not in ("_init", "_fini")]
+    assert all(name.startswith("pmr_") for name in own)
+    declared = set(re.findall(r"\b(pmr_\w+)\(", declarations((SOURCES / "pmr_kernel.h").read_text())))
+    assert declared <= set(own) and len(declared) > 20
+
+
+def test_no_step_allocates() -> None:
+    """Memory is taken where a system or a state is opened, and nowhere else."""
+    text = {path.name: path.read_text() for path in SOURCES.glob("*.c")}
+    taking = {name for name, source in text.items() if re.search(r"\b(malloc|calloc|realloc|alloca)\(", source)}
+    assert taking == {"system.c"}
+    assert {name for name, source in text.items() if "pmr_aligned(" in source} == {"system.c", "state.c"}
+    assert text["state.c"].count("pmr_aligned(") == 1 and "pmr_aligned(r.at)" in text["state.c"]
+
+
+@pytest.mark.slow
+def test_both_kinds_of_code_in_the_library_agree(tmp_path: Path) -> None:
+    """To round-off; where a processor has no AVX2 both are the same."""
+    found = []
+    for number, environment in enumerate(({}, {"PMR_KERNEL_BASELINE": "1"})):
+        target = tmp_path / f"{number}.npy"
+        path = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
+        done = subprocess.run(
+            [sys.executable, "-c", RUN, str(target)],
+            env={**os.environ, **environment, "PYTHONPATH": path},
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        found.append((done.stdout.split()[-1], np.load(target)))
+    (_, one), (name, other) = found
+    assert name in ("sse2", "vectors", "plain")
+    np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9 * np.abs(other).max())

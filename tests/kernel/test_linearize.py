@@ -1,0 +1,104 @@
+"""Derivatives of a step and of its outputs beside differences of steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from kernels import coupled, kernel_of, rubbing, varying
+from nested import Nested, reduced
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.kernel.kernel import Settings, State
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+CASES = {
+    "two bodies": lambda: reduced(Nested(2, elements=8), 3),
+    "three bodies": lambda: reduced(Nested(3, elements=8), 3),
+    "pads that push": lambda: reduced(Nested(2, elements=8, clearance=1e-5, compliance=1e-7), 3),
+    "coupled damping": lambda: coupled(reduced(Nested(2, elements=8), 3)),
+    "terms": lambda: varying(reduced(Nested(2, elements=8), 3)),
+}
+
+
+def drivers(of: State, t: float) -> Array:
+    kernel = of.kernel
+    s = [2.0 + 0.1 * k + 0.3 * t for k in range(kernel.paths)]
+    f = [2e3 * np.sin(20.0 * t + k) for k in range(kernel.inputs)]
+    c = [-0.5, 0.4, 2.0, 1.0][: kernel.terms]
+    return np.array([*s, *f, *c])
+
+
+@pytest.mark.parametrize("make", CASES.values(), ids=list(CASES))
+def test_derivatives_are_those_of_differences(make: Callable[[], System]) -> None:
+    """A state is moved by changes of u in the step before, so that no prediction has to be set by hand."""
+    kernel, _ = kernel_of(make())
+    state = State(kernel, Settings(1e-3, 0.8))
+    state.start("equilibrium", drivers(state, 0.0))
+    for n in range(1, 6):
+        state.step(drivers(state, 1e-3 * n))
+    start = state.save()
+    u, before = drivers(state, 7e-3), drivers(state, 6e-3)
+    state.step(before)
+    jacobian, at = state.linearize(u), state.save()
+    first = state_before(state, start, before)
+
+    def ended(changed: Array, last: Array) -> tuple[Array, Array]:
+        """Outputs and multipliers after steps to these drivers."""
+        state.restore(start)
+        state.step(changed)
+        state.step(last)
+        return state.outputs()[0], state.multipliers.copy()
+
+    for k in range(kernel.drivers):
+        d = np.zeros(kernel.drivers)
+        d[k] = 1e-5 if k < kernel.paths else 10.0 if k < kernel.paths + kernel.inputs else 1e-3
+        y, forces = ((a - b) / (2.0 * d[k]) for a, b in zip(ended(before, u + d), ended(before, u - d), strict=True))
+        np.testing.assert_allclose(jacobian.D[:, k], y, atol=2e-6 * np.abs(y).max(initial=1e-300))
+        np.testing.assert_allclose(jacobian.K[:, k], forces, atol=2e-6 * np.abs(forces).max(initial=1e-300))
+        through = first.B[:, k]  # what the step before makes of its own drivers
+        y, forces = ((a - b) / (2.0 * d[k]) for a, b in zip(ended(before + d, u), ended(before - d, u), strict=True))
+        np.testing.assert_allclose(jacobian.C @ through, y, atol=2e-6 * np.abs(y).max(initial=1e-300))
+        np.testing.assert_allclose(jacobian.L @ through, forces, atol=2e-6 * np.abs(forces).max(initial=1e-300))
+    state.restore(at)
+    assert state.save() == at
+
+
+def state_before(state: State, start: bytes, u: Array):  # type: ignore[no-untyped-def]
+    """Derivatives of the step before; the state is left where it stood."""
+    here = state.save()
+    state.restore(start)
+    jacobian = state.linearize(u)
+    assert state.save() == start
+    state.restore(here)
+    return jacobian
+
+
+def test_two_steps_are_the_product_of_one_after_the_other() -> None:
+    """A of a system that nothing moves is that of all its steps: its powers are those of the free motion."""
+    kernel, _ = kernel_of(reduced(Nested(2, elements=8), 3))
+    state = State(kernel, Settings(1e-3, 0.8))
+    u = np.array([2.0, *np.zeros(kernel.inputs)])
+    state.start("equilibrium", u)
+    jacobian = state.linearize(u)
+    push = np.zeros(kernel.drivers)
+    push[-1] = 100.0
+    state.step(u + push)
+    x = jacobian.B @ push
+    for _ in range(40):
+        state.step(u)
+        y = jacobian.C @ x
+        x = jacobian.A @ x
+        np.testing.assert_allclose(state.outputs()[0], y, atol=1e-9 * np.abs(y).max())
+
+
+def test_friction_is_refused() -> None:
+    kernel, _ = kernel_of(rubbing(reduced(Nested(2, elements=8), 3), 1e7))
+    state = State(kernel, Settings(1e-3))
+    u = np.array([2.0, *np.zeros(kernel.inputs)])
+    state.start("rest", u)
+    with pytest.raises(InputError, match="friction"):
+        state.linearize(u)

@@ -1,0 +1,60 @@
+"""Kernels of small systems, and what their modes are in the bodies' coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from terms import axial
+
+from pmr.kernel.kernel import Kernel
+from pmr.kernel.rows import filled
+from pmr.simulation.modal import ModalForm, modal_form
+from pmr.system.assembly import Assembly
+from pmr.system.system import System
+from pmr.system.terms import Term
+
+Array = NDArray[np.float64]
+
+
+def kernel_of(system: System) -> tuple[Kernel, Mapping[str, ModalForm]]:
+    """The kernel of a system, and its bodies' modal forms."""
+    forms = {name: modal_form(body) for name, body in system.bodies.items()}
+    return Kernel.of(system, forms), forms
+
+
+def motions_of(system: System, forms: Mapping[str, ModalForm], kernel: Kernel) -> Array:
+    """Coordinates of the assembled bodies of unit modes, (n, modes)."""
+    assembly = Assembly(system)
+    motions, first = np.zeros((assembly.size, kernel.modes)), 0
+    for name, form in forms.items():
+        r = form.body.size
+        motions[assembly.coordinates[name], first : first + r] = form.X[assembly.free[name]]
+        first += filled(r)
+    return motions
+
+
+def coupled(system: System) -> System:
+    """With a damping that couples the modes."""
+    bodies = {
+        name: replace(body, D=body.D + 20.0 * np.ones((body.size, body.size)), rayleigh=None)
+        for name, body in system.bodies.items()
+    }
+    return replace(system, bodies=bodies)
+
+
+def varying(system: System) -> System:
+    """With a stiffness on each of two bodies and dashpots that vary in time."""
+    dashpots = [
+        Term(f"dashpot {name}", (name,), damping=np.diag(np.arange(1.0, body.size + 1.0)))
+        for name, body in system.bodies.items()
+    ]
+    return replace(system, terms=(*axial(system)[:2], *dashpots))
+
+
+def rubbing(system: System, stiffness: float) -> System:
+    """With pads that rub, off the axis."""
+    rough = [replace(one, friction=0.3, arm=0.18, shear_stiffness=stiffness) for one in system.contacts]
+    return replace(system, contacts=tuple(rough))
