@@ -88,6 +88,7 @@ setup: .venv/.ready .venv/.kernel ## install what is missing or changed: Debian 
 	$(call pinned,.venv,debian)
 	@.venv/bin/python -m pip install -q --no-compile -r requirements/debian.txt
 	@.venv/bin/python -m pip install -q --no-deps --no-build-isolation -e .
+	@rmdir .venv/lib/python3*/site-packages/pmr 2>/dev/null || true # left empty by an earlier installation, it would hide the package
 	@$(MAKE) --no-print-directory compiled
 	@touch $@
 
