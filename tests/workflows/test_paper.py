@@ -197,6 +197,7 @@ def test_residual_flexibility_beside_other_bases(short_residual: str, tmp_path: 
     assert "8 free modes" in chapter.headline and "scene short" in chapter.headline
     error = {basis: residual.row(short_residual, basis, [8], 20.0)["beam"][0] for basis in residual.NAMES}
     assert error["flexibility"] < 0.5 * error["modes"] < error["pod"]
+    assert max(error["trajectory"], error["harmonic"]) < error["modes"]
     run = pmr.run(pmr.load_scene(short_residual, ["reduction.coordinates=8", "compare.against=['full']"]))
     assert error["flexibility"] == pytest.approx(run.result.summary["errors"]["reduced_vs_full"]["beam"], rel=1e-3)
     ratio = float(chapter.blocks[0].grids[1].rows[0][2])

@@ -91,7 +91,9 @@ def models(scene: str, basis: str, largest: int, band: float) -> tuple[Callable[
     full, phi, omega2, _, p = full_motion(scene)
     pool = p[::EVERY].T if basis == "trajectory" else np.hstack(list(_responses(scene, full, phi, omega2, band)))
     U, sigma, _ = np.linalg.svd(pool, full_matrices=False)
-    return lambda r: pmr.project(full, phi @ U[:, :r]), int(np.sum(sigma > sigma[0] * 1e-13))
+    free = [row for row in range(len(full.row_names)) if row not in full.rows.fixed]  # the basis satisfies the others
+    rank = int(np.sum(sigma > sigma[0] * 1e-13))
+    return lambda r: pmr.project(full, phi @ U[:, :r]).with_rows(free), rank
 
 
 def _responses(scene: str, full: object, phi: np.ndarray, omega2: np.ndarray, band: float) -> Iterator[np.ndarray]:
