@@ -15,7 +15,8 @@ from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.columns import called
-from pmr.system.contacts import Contact, named
+from pmr.simulation.support_reactions import is_reaction
+from pmr.system.contacts import named
 from pmr.system.system import Joined
 
 Array = NDArray[np.float64]
@@ -68,11 +69,6 @@ def bearing(system: Joined[Any]) -> list[int]:
     kept = [(k, one) for k, one in enumerate(system.contacts) if one.kind != STRAIGHT and not is_reaction(one)]
     alone = ALONE in system.bodies
     return [k for k, one in kept if not alone or one.inner.path is not None or one.clearance is not None]
-
-
-def is_reaction(contact: Contact) -> bool:
-    """Whether a contact is a rigid support of a section, as one of a full body that holds several coordinates."""
-    return contact.kind == "support" and contact.compliance == 0.0 and contact.clearance is None
 
 
 def force_kinds_of(system: Joined[Any]) -> tuple[str, ...]:

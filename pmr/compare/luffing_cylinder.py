@@ -3,13 +3,11 @@ r"""The cylinder that raises a boom: its force along itself, its length and its 
 .. math::
     L(\varphi) = |R(\varphi)\, r_1 - r_0|, \qquad F = \mathfrak M / \tfrac{dL}{d\varphi}, \qquad P = F\, \dot L
 
-with the moment M of all that the boom presses on its machine with about the pivot (`pmr.compare.pivot`): whatever holds
-the base in the scene, the pivot turns freely and the cylinder alone keeps the angle.
+with the moment M of all that the boom presses on its machine with about the pivot (`pmr.simulation.pivot`): whatever
+holds the base in the scene, the pivot turns freely and the cylinder alone keeps the angle.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,26 +16,9 @@ from pmr.compare.summary import Part
 from pmr.results import Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Scene
-from pmr.scene.pivot import CYLINDER, MOMENT
+from pmr.scene.pivot import CYLINDER
 
 Array = NDArray[np.float64]
-
-
-def with_force(scene: Scene, response: Response) -> Response:
-    """With its force in N, positive where it presses, where the scene says how it is hinged and the moment is known."""
-    if scene.frame is None or scene.frame.cylinder is None or MOMENT not in response.other_names:
-        return response
-    assert response.others is not None  # where there are names
-    _, arm = scene.frame.cylinder.length(scene.frame.angles[0].value(response.t))
-    force = response.other(MOMENT) / arm
-    return replace(
-        response,
-        others=np.hstack([response.others, force[:, None]]),
-        other_names=(*response.other_names, CYLINDER),
-        other_units=(*response.other_units, "N"),
-        kinds=(*response.kinds, "reaction"),
-        bodies=(*response.bodies, scene.names[0]),
-    )
 
 
 def part(scene: Scene, response: Response) -> Part:

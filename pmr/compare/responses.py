@@ -7,16 +7,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import booms, luffing_cylinder
+from pmr.compare import booms
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
 from pmr.compare.machine import with_machine
-from pmr.compare.pivot import at_pivot
 from pmr.compare.runs import recorded
 from pmr.errors import GrowthError, environment
 from pmr.errors.environment import Clock
@@ -32,9 +30,10 @@ from pmr.simulation.blocks import Block, Recorder
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
+from pmr.simulation.pivot import with_forces_on_machine
 from pmr.simulation.stepping import Progress
 from pmr.system.states import BodyStates, states_of
-from pmr.system.system import Joined, System, SystemTrajectory
+from pmr.system.system import System, SystemTrajectory
 
 Indices = NDArray[np.int64]
 
@@ -92,7 +91,7 @@ def simulate(
             given = excitation.with_stepping(made)
             prepared[name] = _prepared(system, given, name, np.asarray(steps, np.int64))
             one = prepared[name].run(done)
-            found[name] = replace(one, response=with_machine(scene, completed(scene, system, one.own)))
+            found[name] = replace(one, response=with_machine(scene, with_forces_on_machine(scene, one.own)))
         if names[0] == "march" or name == names[-1]:
             made = contact_step.as_made(excitation.stepping, found[names[0]].parts, omega)
     responses = {name: one.response for name, one in found.items()}
@@ -116,18 +115,13 @@ def repeated(
     prepared = _prepared(system, excitation, simulator, np.asarray(steps, np.int64))
     found = prepared.run(done)
     seconds = prepared.least(found.own.seconds, scene.simulation.repeats)
-    return replace(found, response=replace(completed(scene, system, found.own), seconds=seconds))
+    return replace(found, response=replace(with_forces_on_machine(scene, found.own), seconds=seconds))
 
 
 def marched(scene: Scene, system: System, excitation: Excitation) -> Response:
     """By the compiled simulator, once; no states are kept."""
     nothing = np.empty(0, np.int64)
-    return completed(scene, system, _marched(system, excitation, nothing, nothing).run(None).response)
-
-
-def completed(scene: Scene, system: Joined[Any], response: Response) -> Response:
-    """With what the machine below bears, which follows from the motion."""
-    return luffing_cylinder.with_force(scene, at_pivot(scene, response))
+    return with_forces_on_machine(scene, _marched(system, excitation, nothing, nothing).run(None).response)
 
 
 def agreement(found: Mapping[str, Response]) -> dict[str, float]:

@@ -44,6 +44,6 @@ def richer(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Ar
             pressed(carriers, rows, x[:, on], system.pressed(name, of), acting[:, first:last])
             for of, acting in zip(forces, loads, strict=True)
         ]
-        bodies[name] = with_attachment_modes(extended(model), sp.vstack(pressing, "csr"), LEFT_OUT)
+        bodies[name] = with_attachment_modes(extended(model), sp.vstack(pressing, "csr"), LEFT_OUT, at_rest=True)
         first = last
     return system.with_bodies(bodies)

@@ -25,7 +25,7 @@ from pmr.results.extremes import Extremes
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.names import cylinder_of
-from pmr.scene.ropes import longest, rope_shares
+from pmr.scene.ropes import drive_rows, longest, rope_shares
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,9 @@ def forces(scene: Scene, response: Response) -> dict[str, Array]:
     shares = rope_shares(scene)
     if any(force_of(cylinder_of(name)) not in response.force_names for name in shares):
         return {}
-    own = {name: response.force(force_of(cylinder_of(name)), 0) for name in shares}
-    return {name: np.sum([r * own[one] for one, r in of.items()], axis=0) for name, of in shares.items()}
+    cylinders = [name for name in map(cylinder_of, scene.names[1:]) if force_of(name) in response.force_names]
+    forces_of_all = np.array([response.force(force_of(name), 0) for name in cylinders])
+    return {name: row @ forces_of_all for name, row in drive_rows(scene, cylinders).items() if name in shares}
 
 
 def part(scene: Scene, response: Response) -> Part:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from pmr.compare import cable
 from pmr.compare.booms import bearing
-from pmr.compare.evaluation import Motion, Supports, response_of, with_friction, with_reactions
-from pmr.compare.responses import Simulated, completed, full_simulator, repeated
+from pmr.compare.evaluation import Motion, response_of, with_friction
+from pmr.compare.responses import Simulated, full_simulator, repeated
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError, on_first
 from pmr.errors.aside import Aside
@@ -35,7 +35,9 @@ from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.needs import needs_of
 from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows
+from pmr.simulation.pivot import with_forces_on_machine
 from pmr.simulation.stepping import Progress, TimeStepping
+from pmr.simulation.support_reactions import Supports, with_reactions
 from pmr.system.assembly import Assembly
 from pmr.system.frame_terms import terms_of
 from pmr.system.friction import Friction
@@ -219,7 +221,7 @@ class FullOrder:
             surplus=history.surplus,
         )
         x, f = places(whole, excitation), excitation.forces(whole.input_names)
-        return completed(self.scene, whole, found), _states(whole, history, list(steps), x, f)
+        return with_forces_on_machine(self.scene, found), _states(whole, history, list(steps), x, f)
 
     def _with_terms(self) -> FullSystem:
         """The distributed system with its terms, whose sparse matrices every rank has whole."""

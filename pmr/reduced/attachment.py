@@ -97,7 +97,11 @@ def _in_a_frame(found: ReducedModel, model: ReducedModel, loads: Array, turned: 
         X[r + c : r + c + p, r:] = carriers.spanned @ loads
     matrices = {name: X.T @ A @ X for name, A in carriers.matrices.items()}
     ports = {name: row @ X for name, row in carriers.ports.items()}
-    return replace(found, matrices={**found.matrices, **matrices}, ports={**found.ports, **ports})
+    reactions = found.reactions
+    if reactions is not None:  # of files of earlier versions the work on these vectors is not known
+        worked = {name: A @ X[: A.shape[1]] for name, A in reactions.matrices.items()}
+        reactions = replace(reactions, matrices=worked)
+    return replace(found, matrices={**found.matrices, **matrices}, ports={**found.ports, **ports}, reactions=reactions)
 
 
 def _carried(model: ReducedModel, known: Reactions, answers: Answers, turned: Array) -> Reactions:
@@ -118,13 +122,13 @@ def _carried(model: ReducedModel, known: Reactions, answers: Answers, turned: Ar
 
 
 def with_attachment_modes(
-    model: ReducedModel, loads: Array | sp.csr_matrix, left_out: float = LEFT_OUT
+    model: ReducedModel, loads: Array | sp.csr_matrix, left_out: float = LEFT_OUT, at_rest: bool = False
 ) -> ReducedModel:
     """The model with the principal answers to loads (T, K + i) in N, on its carriers and inputs, as coordinates.
 
     They are those with the most inertia, all but a share `left_out` of it: at rest nothing is missing.  Where there is
     a cylinder, `RICHER` modes of it are among them.  Without either, and where none moves what is left out, the model
-    stays as it is.
+    stays as it is.  With `at_rest` it knows the forces of its rigid supports, of no motion else.
 
     A ValueError is raised where it does not know flexibility and inertia of what it leaves out on its carriers.
     """
@@ -144,8 +148,13 @@ def with_attachment_modes(
     if not len(K):
         return model if answers is None else _rigid_along(model, answers)
     turned, stiffness = _turned(K, M)
-    found = _extended(model, stiffness, measured @ turned, outputs @ turned)
-    g = G.shape[1]
+    found, g = _extended(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
+    if at_rest and model.reactions is not None:  # where forces do not depend on which inertia supports bear
+        known, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
+        inertia, damping, stiff = (
+            np.hstack([part[:, : model.size], none]) for part in (known.inertia, known.damping, known.stiffness)
+        )
+        found = replace(found, reactions=replace(known, inertia=inertia, damping=damping, stiffness=stiff))
     return _in_a_frame(found, model, G @ turned[:g], turned[g:])
 
 

@@ -113,6 +113,8 @@ class CarriedRows:
     matrices: Mapping[str, Array] = field(default_factory=dict)
     ports: Mapping[str, Array] = field(default_factory=dict)  # its `ports` on all these, (R + p + n,)
     spanned: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (p, K + i): these answers by the p vectors
+    # work (h, .) of `matrices` on the motions of rigid supports (`pmr.reduced.reactions`)
+    supports: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:

@@ -67,8 +67,10 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
         damping = inner(motions, times(model.D, V), model.comm)
     else:
         damping = model.rayleigh.of(inertia, np.zeros_like(inertia))
+    carriers = None if reduced.carriers is None else replace(reduced.carriers, supports={})
     return replace(
         reduced,
+        carriers=carriers,
         reactions=Reactions(
             names=tuple(row.name for row in held),
             units=tuple(row.unit for row in held),
@@ -78,13 +80,20 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
             inputs=np.asarray(model.comm.allreduce(motions.T @ local_csr(model.inputs))),
             rows=PPoly(np.ascontiguousarray(c.swapaxes(2, 3)), rows.x),
             carried=None if reduced.carriers is None else _carried(model, motions),
-            matrices={name: inner(motions, times(A, V), model.comm) for name, A in model.matrices.items()},
+            matrices=_worked(reduced, model, V, motions),
             ports={
                 name: model.comm.allreduce(np.asarray(row[:, model.share] @ motions)[0])
                 for name, row in model.ports.items()
             },
         ),
     )
+
+
+def _worked(reduced: ReducedModel, model: FullModel, V: Array, motions: Array) -> dict[str, Array]:
+    """Work (h, .) of the model's matrices on the motions: on V, and on all that the carriers' matrices are on."""
+    if reduced.carriers is not None and reduced.carriers.supports:
+        return dict(reduced.carriers.supports)
+    return {name: inner(motions, times(A, V), model.comm) for name, A in model.matrices.items()}
 
 
 def _carried(model: FullModel, motions: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -18,6 +17,7 @@ from pmr.report.subject import length as reach_of
 from pmr.results import RunResult
 from pmr.results.tables import FORCE_OF
 from pmr.scene.names import cylinder_of, named
+from pmr.scene.pivot import supports_at_lug
 
 Rows = Iterator[tuple[str, str]]
 
@@ -38,8 +38,6 @@ MOMENTS = ("moment", "moment on the machine", "moment on the ground")
 MACHINE = "machine "
 #: Of the largest force: what is below is round-off.
 ROUND_OFF = 1e-9
-#: How near to the lug of a luffing cylinder its support is, m.
-AT_LUG = 1e-6
 
 
 def tables(result: RunResult) -> tuple[Table, ...]:
@@ -147,10 +145,8 @@ def _raising(result: RunResult) -> set[str]:
     frame = result.scene.frame
     if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
         return set()
-    body, part = next(iter(result.scene.bodies.items()))
-    lug = frame.cylinder.lug[0] - frame.place[0]
-    upwards = {one.name: part.place(one.on) for one in part.supports if one.held == ("z",)}
-    return {named(body, name) for name, x in upwards.items() if x is not None and math.isclose(x, lug, abs_tol=AT_LUG)}
+    body = next(iter(result.scene.bodies))
+    return {named(body, name) for name in supports_at_lug(result.scene)}
 
 
 def _directed(result: RunResult, name: str) -> str:

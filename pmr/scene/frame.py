@@ -101,6 +101,13 @@ class LuffingCylinder(Section):
         turned = own[..., 1] * lug[..., 0] - own[..., 0] * lug[..., 1]
         return length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0)
 
+    def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """From the foot to the lug at luffing angles (...) in rad, (..., 2): x and z in the axes of the boom."""
+        own = self.raised(angle) - self.foot
+        own = own / np.linalg.norm(own, axis=-1, keepdims=True)
+        sine, cosine = np.sin(angle), np.cos(angle)
+        return np.stack([own[..., 0] * cosine + own[..., 1] * sine, own[..., 1] * cosine - own[..., 0] * sine], axis=-1)
+
 
 class Frame(Section):
     """A frame that luffs and slews about a pivot: the whole boom moves with it, and gravity keeps pointing down."""

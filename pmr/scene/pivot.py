@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 #: What force and moment at the pivot are called, by their directions, and what the cylinder bears that raises the boom.
 AT_PIVOT = "pivot"
 MOMENT, CYLINDER = reaction_of(f"{AT_PIVOT} ry"), reaction_of(f"{AT_PIVOT} cylinder")
+#: How near to the lug of a luffing cylinder its support is, and a pin to the pivot, m.
+NEAR = 1e-6
 #: Faces that every body has: along which axis out of them, and the sense.
 OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right": ("y", -1.0)}
 
@@ -34,6 +36,46 @@ class Pressed:
 def pressed_on_ground(scene: Scene, along: Mapping[str, Array]) -> list[Pressed]:
     """All of it, where the scene's paths, by their names, are (T,) m."""
     return [one for member in members(scene) for one in _pressed(scene, member, along)]
+
+
+@dataclass(frozen=True)
+class PinAndCylinder:
+    """A rigid pin at the pivot, and the support across the boom that stands for the luffing cylinder, at its lug.
+
+    Names of the pin's forces along x and z, and names that the force of the support may have.
+    """
+
+    pin: tuple[str, str]
+    across: tuple[str, ...]
+
+
+def supports_at_lug(scene: Scene) -> tuple[str, ...]:
+    """Names of supports of the base that stand for the luffing cylinder: across the boom, at its lug."""
+    if scene.frame is None or scene.frame.cylinder is None:
+        return ()
+    part, lug = members(scene)[0].part, scene.frame.cylinder.lug[0] - scene.frame.place[0]
+    places = {one.name: part.place(one.on) for one in part.supports if one.held == ("z",)}
+    return tuple(name for name, x in places.items() if x is not None and abs(x - lug) <= NEAR)
+
+
+def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
+    """What holds a base that stands on a rigid pin and one luffing cylinder alone; None for any other base."""
+    at_lug, base = supports_at_lug(scene), members(scene)[0]
+    if len(at_lug) != 1 or base.part.pads or (base.points and not base.jointed):
+        return None
+    assert scene.frame is not None
+    name, place = scene.names[0], scene.frame.place
+    others = [one for one in base.part.supports if one.name not in at_lug]
+    rows = {d: [one for one in others if d in one.held] for d in ("x", "z", "ry")}
+    if [len(rows[d]) for d in ("x", "z", "ry")] != [1, 1, 0]:
+        return None
+    for support in (rows["x"][0], rows["z"][0]):
+        at = base.part.place(support.on)
+        if at is None or np.hypot(at + place[0], place[2]) > NEAR or support.stiffness != "rigid":
+            return None
+    x, z = (reaction_of(named(name, rows[d][0].row_name(d))) for d in ("x", "z"))
+    across = next(one for one in base.part.supports if one.name in at_lug)
+    return PinAndCylinder((x, z), _names(name, across.row_name("z")))
 
 
 def _pressed(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[Pressed]:

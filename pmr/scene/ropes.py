@@ -11,9 +11,16 @@ say, is as long as its keys say, :math:`l = l_0 + l' s_k`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.scene.names import cylinder_of
 from pmr.scene.scene import Scene
+
+Array = NDArray[np.float64]
 
 
 def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
@@ -37,6 +44,23 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
         return found
 
     return {name: of(name) for name in joined}
+
+
+def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
+    """Forces of what moves each section along the boom: shares (m,) of the forces with these names, by section.
+
+    Of a section on ropes, or that others follow, it is T of `rope_shares`, of any other the force of its cylinder; not
+    a number where a cylinder is not among the names.
+    """
+    shares = {name: {name: 1.0} for name in scene.names[1:]} | rope_shares(scene)
+    rows = {name: np.zeros(len(forces)) for name in shares}
+    for name, row in rows.items():
+        for section, share in shares[name].items():
+            if cylinder_of(section) in forces:
+                row[forces.index(cylinder_of(section))] += share
+            else:
+                row[:] = np.nan
+    return rows
 
 
 def rope_length(scene: Scene, number: int) -> float | None:

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.scene import Scene
+from pmr.scene.frame import BaseMotion
 from pmr.scene.frame_terms import frame_terms
+from pmr.scene.names import SLIDER
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.frame import term_signals
 
@@ -51,7 +53,7 @@ def resting(
     """The scene as it stands at places that are numbered in place of times, each with its extensions (P,) m of joints.
 
     Angles in rad are one each, or one for each place; loads, by their names, are constant, and its weight is all there.
-    The base, if it moves, stays level.
+    The base is inclined as far as its motions are constant.
     """
     assert scene.frame is not None  # of a scene that has angles
     changed = []
@@ -61,12 +63,25 @@ def resting(
         if joint is not None and part.name in extensions:
             stays = _listed(extensions[part.name])
             joint = joint.model_copy(update={"extension": stays, "overlap": None, "follows": None})
-        changed.append(part.model_copy(update={"loads": own, "joint": joint}))
-    still = {"luffing": _listed(luffing), "unit": "rad", "base": None}
+        slider = part.slider
+        if slider is not None and SLIDER in extensions:
+            slider = slider.model_copy(update={"path": _listed(extensions[SLIDER])})
+        changed.append(part.model_copy(update={"loads": own, "joint": joint, "slider": slider}))
+    still = {"luffing": _listed(luffing), "unit": "rad"}
+    still |= {"base": level_or_inclined(scene.frame.base, np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0)}
     still |= {"slewing": _listed(slewing)} if scene.frame.slewing is not None else {}
     frame = scene.frame.model_copy(update=still)
     gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
     return scene.model_copy(update={"sections": tuple(changed), "frame": frame, "gravity": gravity})
+
+
+def level_or_inclined(base: BaseMotion | None, unit: float = 1.0) -> BaseMotion | None:
+    """A base with those of its angles that are constant, times `unit`; None where it is level."""
+    angles = {} if base is None else {key: base.motions.get(key) for key in ("rx", "ry", "rz")}
+    constant = {
+        key: Constant(amount=unit * angle.amount) for key, angle in angles.items() if isinstance(angle, Constant)
+    }
+    return BaseMotion(**constant) if constant else None
 
 
 def accelerated(still: Scene, angle: str) -> Scene:

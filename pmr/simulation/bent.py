@@ -53,4 +53,12 @@ class Bent:
 
     def measured(self, at: Postures) -> Postures:
         """Where the boom stands, measured there and nowhere else."""
-        return replace(at, outputs=self.outputs, direct=self.direct, X=self.X)
+        none = {name: getattr(at, name)[..., :0, :] for name in ("machine_q", "machine_forces", "machine_loads")}
+        return replace(
+            at,
+            outputs=self.outputs,
+            direct=self.direct,
+            X=self.X,
+            machine_parts=at.machine_parts[..., :0, :],
+            **none,
+        )

@@ -4,30 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.results.outputs import Output
+from pmr.results.quantities import Columns
 from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import directions
-from pmr.scene.frame import INERTIA, rotation
+from pmr.scene.frame import rotation
 from pmr.scene.members import members
-from pmr.scene.names import ALONE, cylinder_of
-from pmr.scene.ropes import rope_shares
+from pmr.scene.names import named
+from pmr.scene.ropes import drive_rows, rope_shares
 from pmr.scene.signals import Constant
-from pmr.simulation.at_rest import accelerated, resting
+from pmr.simulation.at_rest import accelerated, level_or_inclined, resting
 from pmr.simulation.excitation import Excitation, in_order
+from pmr.simulation.rest_rows import rest_rows
+from pmr.simulation.turning import Turning
 from pmr.system.assembly import Assembly
-from pmr.system.body import kinds_of, names_of
-from pmr.system.frame_terms import carried
+from pmr.system.body import kinds_of, names_of, units_of
 from pmr.system.loaded import Equations
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: By the bodies' names: mass in kg, first moment about the tail in kg m.
-Weights = Mapping[str, tuple[float, float]]
 #: What the load is called that is looked for, by a kg of it; what acts without any load.
 HOOK, WEIGHT = "load of the chart", "weight"
 #: A load that never acts: modes that no load reaches are left out of a model, and by these a boom may buckle sideways.
@@ -64,7 +66,7 @@ class Stands:
 
 
 def with_hook(scene: Scene) -> Scene:
-    """The scene with the load of a chart at its tip, a kg of which pulls down, at rest on a level base."""
+    """The scene with the load of a chart at its tip, on the axis: a kg of it pulls down where the scene is at rest."""
     assert scene.frame is not None and scene.gravity is not None  # as whoever makes a chart says
     pull = Constant(amount=-scene.gravity.acceleration)
     hook = Load(name=HOOK, on="tip", direction="z", axes="ground", signal=pull)
@@ -72,17 +74,8 @@ def with_hook(scene: Scene) -> Scene:
     if "y" in directions(members(scene)[-1]):
         loads.append(Load(name=SIDEWAYS, on="tip", direction="y", signal=Constant(amount=0.0)))
     parts = (*scene.sections[:-1], last.model_copy(update={"loads": (*last.loads, *loads)}))
-    frame = scene.frame.model_copy(update={"base": None})
+    frame = scene.frame.model_copy(update={"base": level_or_inclined(scene.frame.base)})
     return scene.model_copy(update={"sections": parts, "frame": frame, "recovery": None})
-
-
-def weights_of(full: System) -> Weights:
-    """Of bodies that are not reduced, with what is attached to them."""
-    found = {}
-    for name, body in full.bodies.items():
-        along = "x" if INERTIA + "x" in body.input_names else "z"
-        found[name] = carried(body, along, along), carried(body, f"{along}x", along)
-    return found
 
 
 @dataclass(frozen=True)
@@ -98,33 +91,52 @@ class Postures:
     terms: Array  # (k, n, n)
     pushes: NDArray[np.bool_]  # (m,)
     clearance: Array  # (m,) m
-    hook: NDArray[np.int64]  # numbers of the load's inputs
+    hook: NDArray[np.int64]  # numbers of inputs along which the load moves as a mass
+    hook_axes: tuple[str, ...]  # axes of the boom along which these act
     C: Array  # (P, m, n)
     F: Array  # (P, m, m)
     H: Array  # (P, m, i)
     X: Array  # (P, o, m)
     f: Array  # (w, P, i): loads of each part
     c: Array  # (w, P, k): amplitudes of the terms of each part
-    wrenches: Array  # (w, P, 6): force in N and moment in N m about the pivot, along the ground's axes, of each part
+    # rows of r forces on supports and on the machine (`pmr.simulation.rest_rows`): by coordinates, contact forces,
+    # loads and, by a unit of each part, coordinates again
+    machine_q: Array  # (P, r, n)
+    machine_forces: Array  # (P, r, m)
+    machine_loads: Array  # (P, r, i)
+    machine_parts: Array  # (w, P, r, n)
     slewing: Array  # (P,) rad
     luffing: Array  # (P,) rad
+    up: Array  # (P, 3): the vertical in the axes of the boom
+    tip: Array  # (P, 3) m: the undeformed tip from the pivot, in the axes of the boom
     arm: Array  # (P,) m: about the pivot, of the cylinder that raises the boom; NaN where the scene has none
-    ropes: Array  # (r, m): shares of the contacts' forces that ropes and cylinders of sections bear that others follow
-    rope_names: tuple[str, ...]  # (r,): the sections that they move
+    drives: Array  # (d, o + r + m): shares of all columns in the force that moves a section along the boom
+    drive_names: tuple[str, ...]  # (d,): the sections
+    rope_names: tuple[str, ...]  # those of them on ropes, or that others on ropes follow
     parts: tuple[str, ...]  # (w,)
+    gravity: float  # m/s^2
+    # of outputs, then of forces on supports and on the machine, (o + r,)
     output_names: tuple[str, ...]
     output_kinds: tuple[str, ...]
-    force_names: tuple[str, ...]
+    output_units: tuple[str, ...]
+    output_bodies: tuple[str, ...]
+    force_names: tuple[str, ...]  # (m,)
     force_kinds: tuple[str, ...]
 
     @classmethod
-    def of(cls, scene: Scene, system: System, at: Stands, weights: Weights) -> Postures:
-        """Of a scene that `with_hook` made, with its bodies, reduced or full."""
+    def of(cls, scene: Scene, system: System, at: Stands) -> Postures:
+        """Matrices of a scene that `with_hook` made, with its bodies, reduced or full."""
         assembly = Assembly(system)
         x = places_of(system, at)
         rows, size = assembly.along(x), assembly.size
         parts, f, c = acting(scene, system, at)
-        shown, names, kinds = _shown(system)
+        assert scene.frame is not None and scene.gravity is not None  # as `with_hook` says
+        shown, outputs = _shown(system)
+        still = resting(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
+        machine = [rest_rows(still, assembly, k, x[k], rows.at(k), c[:, k]) for k in range(at.count)]
+        outputs = [*outputs, *machine[0].outputs]
+        columns = [one.name for one in outputs] + list(system.contact_names)
+        drives = drive_rows(scene, columns)
         used = [k for k, term in enumerate(assembly.terms) if term.stiffness is not None and np.any(c[:, :, k])]
         terms = [assembly.terms[k].stiffness.toarray() for k in used]
         clearance = system.clearance
@@ -138,24 +150,47 @@ class Postures:
             terms=np.array(terms).reshape(len(used), size, size),
             pushes=~np.isnan(clearance),
             clearance=np.nan_to_num(clearance),
-            hook=np.array([k for k, name in enumerate(system.input_names) if HOOK in name]),
+            hook=(hook := _hook_inputs(system)),
+            hook_axes=tuple("y" if SIDEWAYS in (name := system.input_names[k]) else name[-1] for k in hook),
             C=rows.C,
             F=rows.F,
             H=rows.H,
             X=rows.X[:, shown],
             f=f,
             c=c[:, :, used],
-            wrenches=np.array([_wrench(scene, weights, at, name) for name in parts]),
+            machine_q=np.array([one.coordinates for one in machine]),
+            machine_forces=np.array([one.contacts for one in machine]),
+            machine_loads=np.array([one.loads for one in machine]),
+            machine_parts=np.stack([one.parts for one in machine], axis=1),
             slewing=at.slewing,
             luffing=at.luffing,
+            up=_up(still, at),
+            tip=np.array(scene.frame.place) + at.reach(scene)[:, None] * np.eye(3)[0],
             arm=_arms(scene, at),
-            ropes=_ropes(scene, system),
+            drives=np.array([*drives.values()]).reshape(len(drives), len(columns)),
+            drive_names=tuple(drives),
             rope_names=tuple(rope_shares(scene)),
             parts=parts,
-            output_names=names,
-            output_kinds=kinds,
+            gravity=scene.gravity.acceleration,
+            output_names=tuple(one.name for one in outputs),
+            output_kinds=tuple(one.kind for one in outputs),
+            output_units=tuple(one.unit for one in outputs),
+            output_bodies=tuple(one.body for one in outputs),
             force_names=system.contact_names,
             force_kinds=tuple(contact.kind for contact in system.contacts),
+        )
+
+    @cached_property
+    def columns(self) -> Columns:
+        """What the columns of outputs and contact forces are, one behind the other."""
+        bodies = ("",) * len(self.force_names)
+        return Columns(
+            (*self.output_names, *self.force_names),
+            (*self.output_kinds, *self.force_kinds),
+            (*self.output_units, *("N",) * len(self.force_names)),
+            (*self.output_bodies, *bodies),
+            dict(zip(self.drive_names, self.drives, strict=True)),
+            self.rope_names,
         )
 
     def at(self, k: int, amounts: Mapping[str, float], factor: float = 1.0) -> Equations:
@@ -166,6 +201,8 @@ class Postures:
         H, own = self.H[k], self.hook
         gap = np.where(self.pushes, self.clearance, 0.0)
         G = np.tensordot(c, self.terms, 1)
+        direct = np.vstack([self.direct, self.machine_loads[k]])
+        bent = np.tensordot(np.array([shares, hook]), self.machine_parts[:, k], 1)
         return Equations(
             M=self.M,
             K=self.K,
@@ -174,12 +211,20 @@ class Postures:
             g=(gap - H @ f[0], -H @ f[1]),
             C=self.C[k],
             F=self.F[k],
-            outputs=self.outputs,
-            X=self.X[k],
-            direct=(self.direct @ f[0], self.direct @ f[1]),
+            outputs=np.vstack([self.outputs, self.machine_q[k] + bent[0]]),
+            X=np.vstack([self.X[k], -self.machine_forces[k]]),
+            direct=(direct @ f[0], direct @ f[1]),
             pushes=self.pushes,
             on=(self.B[:, own], H[:, own], self.energy[np.ix_(own, own)]),
+            by_load=bent[1],
         )
+
+    def pull(self, k: int) -> Array:
+        """Force (3,) in N of a kg of the load at the k-th place, in the axes of the boom."""
+        force = np.zeros(3)
+        for number, axis in zip(self.hook.tolist(), self.hook_axes, strict=True):
+            force["xyz".index(axis)] += self.f[self.parts.index(HOOK), k, number]
+        return force
 
 
 def places_of(system: System, at: Stands) -> Array:
@@ -191,8 +236,8 @@ def places_of(system: System, at: Stands) -> Array:
 
 def acting(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], Array, Array]:
     """Parts, and loads (w, P, i) and amplitudes (w, P, k) of a unit of each: of the weight, and of every load."""
-    names = list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
     assert scene.gravity is not None
+    names = _load_names(scene)
     unit = dict.fromkeys(names, 1.0) | {HOOK: -scene.gravity.acceleration}
     numbers, f, c = np.arange(at.count, dtype=float), list[Array](), list[Array]()
     for one_of in (None, *names):
@@ -207,6 +252,10 @@ def acting(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], A
     return (WEIGHT, *names), found_f, found_c
 
 
+def _load_names(scene: Scene) -> list[str]:
+    return list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
+
+
 def turned(scene: Scene, system: System, at: Stands, angle: str) -> Array:
     """Loads (P, i) of a unit of the acceleration of an angle, in N s^2, on a scene that `with_hook` made."""
     names = [load.name for part in scene.sections for load in part.loads]
@@ -217,61 +266,35 @@ def turned(scene: Scene, system: System, at: Stands, angle: str) -> Array:
     return np.asarray(f[1] - f[0])
 
 
-def _wrench(scene: Scene, weights: Weights, at: Stands, acting: str) -> Array:
-    """Force (P, 3) N of a unit of what acts and its moment (P, 3) N m about the pivot, on the undeformed boom."""
-    assert scene.frame is not None and scene.gravity is not None
-    found, tail, turned = np.zeros((at.count, 6)), np.zeros(at.count), rotation(at.luffing, at.slewing)
-    for name, part in zip(scene.names, scene.sections, strict=True):
-        tail = tail + (at.extensions[name] if part.joint is not None else 0.0)
-        if acting == WEIGHT:
-            mass, moment = weights[name]
-            force = np.array([0.0, 0.0, -mass * scene.gravity.acceleration])
-            _add(found, at.on_ground(scene, tail + moment / mass), np.tile(force, (at.count, 1)))
-        for load in part.loads:
-            if load.name == acting:
-                along = np.eye(3)["xyz".index(load.direction[-1])]
-                force = (-scene.gravity.acceleration if acting == HOOK else 1.0) * along
-                force = np.tile(force, (at.count, 1)) if load.axes == "ground" else turned @ force
-                if load.direction[0] == "r":
-                    found[:, 3:] += force
-                else:
-                    _add(found, at.on_ground(scene, tail + (part.place(load.on) or 0.0)), force)
-    return found
-
-
-def _add(found: Array, place: Array, force: Array) -> None:
-    found[:, :3] += force
-    found[:, 3:] += np.cross(place, force)
-
-
 def _arms(scene: Scene, at: Stands) -> Array:
     assert scene.frame is not None
     cylinder = scene.frame.cylinder
     return np.full(at.count, np.nan) if cylinder is None else cylinder.length(at.luffing)[1]
 
 
-def _ropes(scene: Scene, system: System) -> Array:
-    """Shares (r, m) of the cylinders' forces; where none holds a section along the boom, not a number."""
-    found = np.zeros((len(rope_shares(scene)), len(system.contact_names)))
-    for row, shares in zip(found, rope_shares(scene).values(), strict=True):
-        for name, share in shares.items():
-            if (known := cylinder_of(name)) in system.contact_names:
-                row[system.contact_names.index(known)] = share
-            else:
-                row[:] = np.nan
-    return found
+def _up(still: Scene, at: Stands) -> Array:
+    """The vertical (P, 3) in the axes of the boom, on a scene that `resting` made."""
+    assert still.frame is not None
+    numbers = np.arange(at.count, dtype=float)
+    return Turning.of(*still.frame.angles, numbers, still.frame.rocking).up
 
 
-def _shown(system: System) -> tuple[list[int], tuple[str, ...], tuple[str, ...]]:
-    """Numbers, names and kinds of outputs: of the last body's tip, of supports that give way, and of probes."""
-    numbers, names, kinds, first = list[int](), list[str](), list[str](), 0
+def _hook_inputs(system: System) -> NDArray[np.int64]:
+    """Inputs along whose axes the load moves as a mass: those of its weight, and the one across the boom."""
+    named = {name.rpartition(" ")[2]: k for k, name in enumerate(system.input_names) if HOOK in name}
+    across = [k for k, name in enumerate(system.input_names) if SIDEWAYS in name]
+    return np.array([*named.values(), *(across if "y" not in named else [])])
+
+
+def _shown(system: System) -> tuple[list[int], list[Output]]:
+    """Numbers of outputs, and what they are: of the last body's tip, of supports that give way, and of probes."""
+    numbers, outputs, first = list[int](), list[Output](), 0
     last = list(system.bodies)[-1]
     for name, body in system.bodies.items():
-        for k, (kind, one) in enumerate(zip(kinds_of(body), names_of(body), strict=True)):
+        for k, (kind, one, unit) in enumerate(zip(kinds_of(body), names_of(body), units_of(body), strict=True)):
             what = kind.split(" ")[0]
             if what in ("probe", "support") or (what == "tip" and name == last):
                 numbers.append(first + k)
-                names.append(one if name == ALONE else f"{name}: {one}")
-                kinds.append(what)
+                outputs.append(Output(named(name, one), what, name, unit=unit))
         first += len(kinds_of(body))
-    return numbers, tuple(names), tuple(kinds)
+    return numbers, outputs

@@ -42,7 +42,7 @@ class Place:
     def share(self, limit: Limit) -> Share:
         """Of a limit that states use."""
         if limit not in self._shares:
-            self._shares[limit] = limit.share(self.at, self.k, self.amounts, self.gravity)
+            self._shares[limit] = limit.share(self.at, self.k, self.amounts)
         return self._shares[limit]
 
     @cached_property
@@ -95,7 +95,7 @@ def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: flo
 
     A tip that is w to the side of a boom of length l stands by :math:`\theta \approx 3 w / 2 l` aside, and projections
     that second order takes as 1 are :math:`1 - \theta^2 / 2`.  Of a limit of which the rest uses :math:`u_0` these are
-    :math:`\tfrac98 (w / l)^2 P / (1 - u_0)`; of overturning what the boom's own weight adds that moves as the tip does.
+    :math:`\tfrac98 (w / l)^2 P / (1 - u_0)`; of overturning of the moment of load and boom together.
     """
     found, tip = np.zeros(len(loads)), [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
     states, unloaded = place.loaded.states(loads.tolist()), place.loaded.states([0.0])
@@ -105,9 +105,7 @@ def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: flo
             continue
         share = PROJECTED * float(np.sum(state.outputs[0, tip] ** 2)) / reach**2
         if limit.of == "overturning":
-            tipping = limit.tipping(place.at, place.k, place.amounts, place.gravity)
-            used, more = (float(of(state, limit.factor)[0]) for of in (tipping.share, tipping.bent))
-            found[n] = load * (share + 1.0 - used / more)
+            found[n] = share * limit.tipping(place.at, place.k, place.amounts).moved_by(state, limit.factor)
         else:
             rest = float(place.share(limit)(unloaded)[0])
             found[n] = load * share / (1.0 - min(rest, MOST_AT_REST))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation.bent import Bent
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, turned, weights_of
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, turned
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
 from pmr.studies.field_probes import with_fields
@@ -58,9 +58,8 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     scene = with_fields(Scene.model_validate(arguments["boom"]), arguments.get("fields", ()), at.count)
     built = shared.bodies_of(scene)
     full = shared.full_system(scene)
-    weights = weights_of(full)
     system = joined(scene, reduce_bodies(scene, built))
-    found = Postures.of(scene, system, at, weights)
+    found = Postures.of(scene, system, at)
     reach = at.reach(scene)
     arrays = {
         **records.arrays(Bent.of(system, at), "bent."),
@@ -70,10 +69,10 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
         **{f"turned.{angle}": turned(scene, system, at, angle) for angle in arguments.get("turned", ())},
     }
     if arguments["error"]:
-        better = richer_system(scene, system, at, weights, arguments["up_to"])
-        arrays |= records.arrays(Postures.of(scene, better, at, weights), "richer.")
+        better = richer_system(scene, system, at, arguments["up_to"])
+        arrays |= records.arrays(Postures.of(scene, better, at), "richer.")
         if (finer := on_finer_mesh(scene)) is not None:
-            arrays |= records.arrays(Postures.of(scene, finer, at, weights), "finer.")
+            arrays |= records.arrays(Postures.of(scene, finer, at), "finer.")
             arrays["mended"] = np.array(1.0 - FINER**-ORDER)
         arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
     return TaskResult(arrays=arrays)
@@ -91,12 +90,12 @@ def on_finer_mesh(scene: Scene) -> System | None:
     return joined(finer, reduce_bodies(finer, shared.bodies_of(finer)))
 
 
-def richer_system(scene: Scene, system: System, at: Stands, weights: Any, up_to: float) -> System:
+def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> System:
     """With attachment modes for what contacts bear under no load and half of the largest, and as the boom buckles."""
     from pmr.compare.richer import richer
 
     few = at.some(_answered(at))
-    known, half = Postures.of(scene, system, few, weights), up_to / 2.0
+    known, half = Postures.of(scene, system, few), up_to / 2.0
     loaded = [Loaded(known.at(k, dict.fromkeys(known.parts, 0.0) | {WEIGHT: 1.0})) for k in range(few.count)]
     most = [min(half, one.state(0.0).form.critical / 2.0) for one in loaded]
     forces = [np.array([one.state(0.0).forces for one in loaded])]

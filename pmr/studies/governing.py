@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.results.quantities import mises
 from pmr.simulation.bent import Bent
 from pmr.simulation.postures import Postures
 from pmr.studies.allowed import Place
 from pmr.studies.field_probes import FIELD
-from pmr.studies.limits import Limit, mises, stresses
+from pmr.studies.limits import Limit
 from pmr.studies.stops import Stopping
 
 Array = NDArray[np.float64]
@@ -54,7 +55,7 @@ def details(
     found = {name: np.array([(row or empty)[name] for row in rows]) for name in known}
     names = {
         "forces": at.force_names,
-        "stress": tuple(stresses(at)),
+        "stress": tuple(at.columns.stresses()),
         "direction": bent.direction,
         "section": bent.names,
     }
@@ -64,7 +65,7 @@ def details(
 
 def _probes(at: Postures) -> dict[str, dict[str, int]]:
     """Those of the scene itself."""
-    return {probe: one for probe, one in stresses(at).items() if FIELD not in probe}
+    return {probe: one for probe, one in at.columns.stresses().items() if FIELD not in probe}
 
 
 def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:

@@ -1,26 +1,18 @@
 r"""Limits of a load chart: what may not be passed, and which share of a limit a load uses.
 
-The share is 1 where the limit is reached, with the limit's own factor :math:`\gamma`:
+The share is 1 where the limit is reached, with the limit's own factor :math:`\gamma`: :math:`\gamma |r| / r_{most}`, r
+being the run's own quantity (`pmr.results.quantities`) or what a user makes of `AtRest`, and of the others
 
-========================================  ==================================================================
-stress, pad, cylinder, support, deflection :math:`\gamma |r| / r_{most}` of the largest of what it looks at
-buckling                                  :math:`\gamma \Lambda_{least} / \Lambda`, all axial forces growing
-frequency                                 :math:`\gamma f_{least} / f`, the load as a mass that hangs at the tip
-overturning                               :math:`\gamma M_{load} / M_{rest}` about each edge of the polygon, the
-                                          load at the deflected tip
-field                                     :math:`\gamma \sigma_v / \sigma_{most}` of the largest at all points of walls
-luffing                                   :math:`\gamma |M / a| / F_{most}`, moment about the pivot over the arm of
-                                          `frame.cylinder`, the load at the deflected tip
-rope                                      :math:`\gamma |T| / T_{most}` of what moves sections that others follow
-function, expression                      :math:`\gamma |r| / r_{most}` of what a user makes of `AtRest`
-========================================  ==================================================================
+===========  ===============================================================================
+buckling     :math:`\gamma \Lambda_{least} / \Lambda`, all axial forces growing
+frequency    :math:`\gamma f_{least} / f`, the load as a mass at the tip
+overturning  :math:`\gamma M_{load} / M_{rest}` about each edge of the polygon (`pmr.studies.tipping`)
+===========  ===============================================================================
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from fnmatch import fnmatchcase
-from functools import lru_cache, reduce
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -28,10 +20,11 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pmr.errors import InputError
+from pmr.results.quantities import QUANTITIES, Columns, Measure, fits
 from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.scene.ropes import rope_shares
-from pmr.simulation.postures import HOOK, Postures
+from pmr.simulation.postures import Postures
 from pmr.studies.field_probes import FIELD, WHOLE, bodies_with_field
 from pmr.studies.own_limits import Own, amount_of, check_names, expression_of, function_of
 from pmr.studies.searches import Share
@@ -40,26 +33,14 @@ from pmr.system.from_scene import force_names
 from pmr.system.loaded import Form, States
 
 Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 Positive = Annotated[float, Field(gt=0.0)]
-#: What outputs and which contacts a limit of each kind looks at.
-OUTPUTS = {"stress": "probe", "deflection": "tip", "support": "support"}
-CONTACTS = {"pad": "pad", "cylinder": "cylinder", "support": "support"}
-NAMED = ("stress", "rope", *CONTACTS)
+#: Whose names can be checked without a model.
+NAMED = ("stress", "rope", "pad", "cylinder", "support")
 #: Keys of what the user makes of a state.
 OWN = ("function", "expression")
 LEAST = ("buckling", "frequency")
 #: The limit that every chart has: beyond it nothing stands.
 STABILITY = "stability"
-#: Von Mises' stress squared by the components that models have.
-MISES = {
-    ("axial",): np.eye(1),
-    ("axial", "torsion"): np.diag([1.0, 3.0]),
-    ("along", "across", "shear"): np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]]),
-    ("xx", "yy", "zz", "yz", "xz", "xy"): np.block(
-        [[1.5 * np.eye(3) - 0.5, np.zeros((3, 3))], [np.zeros((3, 3)), 3.0 * np.eye(3)]]
-    ),
-}
 
 
 class Limit(BaseModel):
@@ -128,7 +109,7 @@ class Limit(BaseModel):
             expression_of(self.expression)
         return self
 
-    def share(self, at: Postures, k: int, amounts: Sequence[float], gravity: float) -> Share:
+    def share(self, at: Postures, k: int, amounts: Sequence[float]) -> Share:
         """Of the limit that states at the k-th place use, where parts act by `amounts`, the load's factor among them.
 
         An InputError is raised where it looks at nothing.
@@ -139,33 +120,25 @@ class Limit(BaseModel):
         if self.of == "frequency":
             return lambda states: np.array([_ratio(least, form.frequency(load)) for form, load in _each(states)])
         if self.of == "overturning":
-            tipping = self.tipping(at, k, amounts, gravity)
+            tipping = self.tipping(at, k, amounts)
             return lambda states: tipping.share(states, self.factor)
-        measure, allowed = self._measure(at, k, amounts), float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
-        return lambda states: self.factor / allowed * measure(states)
-
-    def _measure(self, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-        """The amount of which `most` is allowed."""
-        if self.of in ("stress", "field"):
-            groups = [(names, i) for names, i in self._stresses(at).items()]
-            return lambda states: reduce(
-                np.maximum, [mises(states.outputs[:, i], names).max(axis=1) for names, i in groups]
-            )
-        if self.of == "luffing":
-            pressed = self._luffing(at, k, np.asarray(amounts))
-            return lambda states: np.abs(pressed(states))
+        allowed = float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
         if self.of in OWN:
             amount = amount_of(self._own(), f"limits.{self.name}.{self.of}", getattr(self, self.of), at, k)
-            return lambda states: np.abs(amount(states))
-        if self.of == "rope":
-            shares = at.ropes[[n for n, name in enumerate(at.rope_names) if self._means(name)]]
-            return lambda states: np.abs(states.forces @ shares.T).max(axis=1)
-        outputs, contacts = self._looked_at(at)
-        if self.of == "deflection":
-            return lambda states: np.sqrt(np.sum(states.outputs[:, outputs] ** 2, axis=1))
-        if not outputs.size:
-            return lambda states: np.abs(states.forces[:, contacts]).max(axis=1)
-        return lambda states: np.abs(np.hstack([states.outputs[:, outputs], states.forces[:, contacts]])).max(axis=1)
+            return lambda states: self.factor / allowed * np.abs(amount(states))
+        if self.of == "luffing" and not at.arm[k] > 0.0:
+            found = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
+            raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {found}")
+        measure = self.measure(at.columns)
+        return lambda states: self.factor / allowed * measure(np.hstack([states.outputs, states.forces]))
+
+    def measure(self, columns: Columns) -> Measure:
+        """The amount of which `most` is allowed, from values of these columns; an InputError is raised without any."""
+        measure = QUANTITIES[self.of].measure(columns, self.looks_at)
+        if measure is None:
+            known = [probe for probe in columns.stresses() if FIELD not in probe] if self.of == "stress" else []
+            raise self._nothing(known)
+        return measure
 
     def directly(self, form: Form, near: float, up_to: float) -> float | None:
         """The load in kg that it allows as long as no contact opens; None for a limit that is no eigenvalue.
@@ -178,9 +151,9 @@ class Limit(BaseModel):
             return form.load_of_frequency(self.factor * float(self.least or 0.0), near, up_to)
         return None
 
-    def tipping(self, at: Postures, k: int, amounts: Sequence[float], gravity: float) -> Tipping:
+    def tipping(self, at: Postures, k: int, amounts: Sequence[float]) -> Tipping:
         """Moments about the edges of a limit of overturning."""
-        return Tipping.of(self.polygon, self.height, self.machine, at, k, np.asarray(amounts), gravity)
+        return Tipping.of(self.polygon, self.height, self.machine, at, k, np.asarray(amounts))
 
     @property
     def grows(self) -> bool:
@@ -210,108 +183,30 @@ class Limit(BaseModel):
             known = list(rope_shares(scene))
         elif self.of != "stress":
             known = list(force_names(scene)[self.of])
-        if not all(any(fnmatchcase(name, pattern) for name in known) for pattern in self.which):
+        if not all(any(fits((pattern,), name) for name in known) for pattern in self.which):
             raise self._nothing(known)
 
     def _own(self) -> Own:
         """What the user makes of a state, by a function or an expression."""
         return function_of(self.name, self.function) if self.of == "function" else expression_of(self.expression or "")
 
-    def _looked_at(self, at: Postures) -> tuple[Numbers, Numbers]:
-        """Numbers of outputs and of contacts."""
-        outputs = _chosen(self.which, at.output_names, at.output_kinds, OUTPUTS.get(self.of))
-        contacts = _chosen(self.which, at.force_names, at.force_kinds, CONTACTS.get(self.of))
-        if not outputs.size and not contacts.size:
-            known = _chosen(("*",), at.output_names, at.output_kinds, OUTPUTS.get(self.of))
-            forces = _chosen(("*",), at.force_names, at.force_kinds, CONTACTS.get(self.of))
-            raise self._nothing([*(at.output_names[k] for k in known), *(at.force_names[k] for k in forces)])
-        return outputs, contacts
-
-    def _stresses(self, at: Postures) -> dict[tuple[str, ...], Numbers]:
-        """Numbers (p, c) of the components at the probes, by the components' names."""
-        found = _components(self, at.output_names, at.output_kinds)
-        if not found:
-            raise self._nothing([probe for probe in stresses(at) if FIELD not in probe])
-        return found
-
-    def sees(self, probe: str) -> bool:
-        """Whether a probe is one of a limit of stress, or a point of one of the field."""
-        body, known, rest = probe.rpartition(FIELD)
+    def looks_at(self, name: str) -> bool:
+        """Whether it looks at a column, at a probe, or at a point of the field by its name."""
+        if self.of not in ("stress", "field"):
+            return fits(self.which, name)
+        body, separator, rest = name.rpartition(FIELD)
         if self.of == "stress":
-            return not known and self._means(probe)
-        body = body.removesuffix(": ")
-        return bool(known) and (self._means(body or WHOLE) or self._means(named(body, rest.rpartition(" ")[0])))
-
-    def _means(self, name: str) -> bool:
-        return _fits(self.which, name)
+            return not separator and fits(self.which, name)
+        body, region = body.removesuffix(": "), rest.rpartition(" ")[0]
+        return bool(separator) and (fits(self.which, body or WHOLE) or fits(self.which, named(body, region)))
 
     def _nothing(self, known: Sequence[str]) -> InputError:
         allowed = f"names among {', '.join(known)} are allowed" if known else f"the scene has no {self.of} to look at"
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
-    def _luffing(self, at: Postures, k: int, amounts: Array) -> Share:
-        """Force in N of the cylinder that raises the boom, positive where it presses."""
-        c, s = np.cos(at.slewing[k]), np.sin(at.slewing[k])
-        about = at.wrenches[:, k, 4] * c - at.wrenches[:, k, 3] * s  # of each part, along the axis of luffing
-        load = np.array([name == HOOK for name in at.parts])
-        rest, hook = float(~load * amounts @ about), float(load * amounts @ about)
-        weight = -float(load * amounts @ at.wrenches[:, k, 2])  # of a kg of the load
-        if not at.arm[k] > 0.0:
-            found = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
-            raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {found}")
-        z = next(n for n, kind in enumerate(at.output_kinds) if kind == "tip" and at.output_names[n].endswith("tip z"))
-
-        def pressed(states: States) -> Array:
-            outwards = -states.outputs[:, z] * np.sin(at.luffing[k])
-            return np.asarray((rest + states.load * (hook + weight * outwards)) / at.arm[k])
-
-        return pressed
-
 
 def _each(states: States) -> Iterator[tuple[Form, float]]:
     return zip(states.forms, states.load.tolist(), strict=True)
-
-
-def _fits(which: tuple[str, ...], name: str) -> bool:
-    return any(fnmatchcase(name, pattern) for pattern in which)
-
-
-@lru_cache(256)  # each place of a chart asks the same
-def _chosen(which: tuple[str, ...], names: tuple[str, ...], kinds: tuple[str, ...], wanted: str | None) -> Numbers:
-    """Numbers of those of a kind whose names fit one of the patterns."""
-    found = [
-        k for k, (name, kind) in enumerate(zip(names, kinds, strict=True)) if kind == wanted and _fits(which, name)
-    ]
-    return np.array(found, dtype=np.int64)
-
-
-@lru_cache(256)
-def _components(limit: Limit, names: tuple[str, ...], kinds: tuple[str, ...]) -> dict[tuple[str, ...], Numbers]:
-    """Numbers (p, c) of components of stresses that a limit looks at, by the components' names."""
-    found = dict[tuple[str, ...], list[list[int]]]()
-    for probe, one in _stresses(names, kinds).items():
-        if limit.sees(probe):
-            found.setdefault(tuple(one), []).append(list(one.values()))
-    return {components: np.array(one) for components, one in found.items()}
-
-
-def stresses(at: Postures) -> dict[str, dict[str, int]]:
-    """Numbers of the outputs that are components of a stress, by the probe and the component."""
-    return _stresses(at.output_names, at.output_kinds)
-
-
-def _stresses(names: tuple[str, ...], kinds: tuple[str, ...]) -> dict[str, dict[str, int]]:
-    found = dict[str, dict[str, int]]()
-    for k, (kind, name) in enumerate(zip(kinds, names, strict=True)):
-        probe, known, component = name.rpartition(" stress ")
-        if kind == "probe" and known:
-            found.setdefault(probe, {})[component] = k
-    return found
-
-
-def mises(components: Array, names: Sequence[str]) -> Array:
-    """Von Mises' stress (p,) in Pa of components (p, c) by their names."""
-    return np.asarray(np.sqrt(np.maximum(np.sum(components @ MISES[tuple(names)] * components, axis=-1), 0.0)))
 
 
 def _ratio(part: float, whole: float) -> float:

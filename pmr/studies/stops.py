@@ -72,8 +72,7 @@ class Stopping:
         at, k = place.at, place.k
         f = self.turned[k].copy()
         if self.of == "luffing":  # the load hangs: what lifts its rope accelerates it, and nothing sideways
-            number = at.parts.index(HOOK)
-            force, moment = at.wrenches[number, k, :3], at.wrenches[number, k, 3:]
-            about = moment[1] * np.cos(at.slewing[k]) - moment[0] * np.sin(at.slewing[k])
-            f += load * float(about / -force[2]) / place.gravity * at.f[number, k]
-        return Acting(at.B @ f, -at.H[k] @ f, at.direct @ f)
+            x, _, z = at.tip[k]
+            lifted = float(at.up[k] @ [-z, 0.0, x])  # by a radian
+            f += load * lifted / place.gravity * at.f[at.parts.index(HOOK), k]
+        return Acting(at.B @ f, -at.H[k] @ f, np.vstack([at.direct, at.machine_loads[k]]) @ f)

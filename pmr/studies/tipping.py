@@ -1,11 +1,11 @@
 r"""A machine that tips over an edge of the polygon it stands on.
 
 .. math::
-    \frac{P\, (m_1 + \hat u \cdot (F_1 \times e))}{M_0} = 1
+    \gamma\, \frac{P\; \hat n \cdot (p + u) \times F_1}{-\hat n \cdot (M - P\, (p + u) \times F_1 + M_m)} = 1
 
-with the edge's direction e, the moment :math:`M_0` that keeps the machine from tipping about it without the load,
-:math:`m_1` what a kg of the load adds to tipping at the undeformed tip, :math:`F_1` its force, and u how the tip is
-displaced.  The boom's own weight acts where it does undeformed; `Tipping.bent` moves it as far as the tip.
+with an edge's direction n, taken about it: M what the boom presses on its machine with at the pivot, as a run has it
+(`pmr.simulation.pivot`), the load's part of it by its force F_1 at the tip p that is displaced by u, and the weight of
+the machine M_m.  All of it in the axes of the base, which may be inclined; the weight acts on the deflected boom.
 """
 
 from __future__ import annotations
@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from pmr.errors import InputError
 from pmr.scene.frame import rotation
 from pmr.simulation.postures import HOOK, WEIGHT, Postures
 from pmr.system.loaded import States
 
 Array = NDArray[np.float64]
+AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class Mass(BaseModel):
@@ -40,12 +42,12 @@ class Mass(BaseModel):
 
 @dataclass(frozen=True)
 class Tipping:
-    """About all edges at one place, anticlockwise: moments about them that are positive tip the machine."""
+    """Moments about all edges at one place, anticlockwise: those that are positive tip the machine."""
 
-    held: Array  # (e,) N m: what keeps it from tipping without the load
-    tips: Array  # (e,) N m: by a kg of the load
-    moved: Array  # (e, o) N: by which that grows with outputs, of a kg of the load
-    boom: Array  # (e, o) N: by which the boom's weight tips more if it moved as far as the tip
+    machine: Array  # (e,) N m: of the machine's weight
+    boom: Array  # (e, o): of boom and load together, by outputs
+    tips: Array  # (e,) N m: of a kg of the load at the undeformed tip
+    moved: Array  # (e, o) N: by which that grows with outputs
 
     @classmethod
     def of(
@@ -56,32 +58,44 @@ class Tipping:
         at: Postures,
         k: int,
         amounts: Array,
-        gravity: float,
     ) -> Tipping:
-        """At the k-th place, with corners X, Y in m from the pivot, which is `height` above them."""
-        about, load = _edges(tuple(polygon), height), np.array([name == HOOK for name in at.parts])
-        resting, hook = ((share * amounts) @ at.wrenches[:, k] for share in (~load, load))
-        own, c, s = amounts[at.parts.index(WEIGHT)], np.cos(at.slewing[k]), np.sin(at.slewing[k])
+        """At the k-th place, with corners X, Y in m from the pivot, which is `height` above them.
+
+        An InputError is raised where a run does not know all that the boom presses on its machine with.
+        """
+        turned = rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
+        edges = _edges(tuple(polygon), height)
+        about = np.hstack([edges[:, :3] @ turned, edges[:, 3:] @ turned])  # of a wrench in the axes of the boom
+        weight, up = amounts[at.parts.index(WEIGHT)] * at.gravity, turned @ at.up[k]
+        resting = np.zeros(6)
+        c, s = np.cos(at.slewing[k]), np.sin(at.slewing[k])
         for one in machine:
-            x, y = (c * one.at[0] - s * one.at[1], s * one.at[0] + c * one.at[1]) if one.slews else one.at[:2]
-            pull = -one.mass * own * gravity
-            resting += np.array([0.0, 0.0, pull, y * pull, -x * pull, 0.0])
-        tip, weight = _displaced(at, k), own * at.wrenches[at.parts.index(WEIGHT), k, :3]
-        moved, boom = (about[:, 3:] @ (_across(force) @ tip) for force in (hook[:3], weight))
-        return cls(-about @ resting, about @ hook, moved, boom)
+            x, y, z = one.at
+            place = np.array([c * x - s * y, s * x + c * y, z] if one.slews else one.at)
+            force = -one.mass * weight * up
+            resting += np.concatenate([force, np.cross(place, force)])
+        pull = amounts[at.parts.index(HOOK)] * at.pull(k)
+        moment = about[:, 3:] @ _across(pull)
+        return cls(
+            machine=edges @ resting,
+            boom=about @ _at_pivot(at),
+            tips=about[:, :3] @ pull + moment @ at.tip[k],
+            moved=moment @ _tip(at.output_names, at.output_kinds),
+        )
 
     def share(self, states: States, factor: float) -> Array:
         """Of what keeps it from tipping that `factor` times the load uses, about the worst edge (p,)."""
-        return self._worst(states, factor, self.held)
+        load = states.load[:, None] * (self.tips + states.outputs @ self.moved.T)
+        held = load - self.machine - states.outputs @ self.boom.T
+        return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
-    def bent(self, states: States, factor: float) -> Array:
-        """The same with the boom's weight displaced as far as the tip, which is further than it is."""
-        return self._worst(states, factor, self.held - np.abs(states.outputs @ self.boom.T))
-
-    def _worst(self, states: States, factor: float, held: Array) -> Array:
-        """Infinite where nothing keeps it from tipping."""
-        tips = factor * states.load[:, None] * (self.tips + states.outputs @ self.moved.T)
-        return np.asarray(np.where(held > 0.0, tips / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
+    def moved_by(self, states: States, factor: float) -> float:
+        """The load in kg whose moment is that of boom and load, about the worst edge, in one state."""
+        load = states.load[0] * (self.tips + states.outputs[0] @ self.moved.T)
+        boom = states.outputs[0] @ self.boom.T - load
+        held = -self.machine - boom
+        worst = int(np.argmax(factor * load / np.where(held > 0.0, held, np.nan)))
+        return float(states.load[0] * (1.0 + abs(boom[worst]) / (factor * abs(load[worst]))))
 
 
 def area(polygon: Sequence[tuple[float, float]]) -> float:
@@ -107,10 +121,19 @@ def _across(force: Array) -> Array:
     return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
 
-def _displaced(at: Postures, k: int) -> Array:
-    """How outputs displace the tip along the ground's axes (3, o)."""
-    turned = rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
-    return np.asarray(turned @ _tip(at.output_names, at.output_kinds))
+def _at_pivot(at: Postures) -> Array:
+    """Rows (6, o) of force and moment at the pivot among the outputs; an InputError is raised where one is unknown."""
+    columns, count = at.columns.at_pivot(), len(at.output_names)
+    planar = not {"y", "rx", "rz"} & set(columns)
+    missing = [axis for axis in AXES if axis not in columns and not (planar and axis in ("y", "rx", "rz"))]
+    if missing:
+        allowed = f"a scene whose run has force and moment at the pivot is allowed: {', '.join(missing)} is not known"
+        raise InputError("study", "limits", "overturning", allowed)
+    rows = np.zeros((6, count))
+    for number, axis in enumerate(AXES):
+        if axis in columns:
+            rows[number, columns[axis]] = 1.0
+    return rows
 
 
 @lru_cache(64)

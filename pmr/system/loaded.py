@@ -17,7 +17,7 @@ ones has a `Form` of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -56,6 +56,8 @@ class Equations:
     # the load's inputs in its d directions: loads on coordinates (n, d), what they move at contacts (m, d) and at
     # their own place (d, d)
     on: tuple[Array, Array, Array]
+    # (r, n): what a unit of the load adds to the last r rows of outputs
+    by_load: Array = field(default_factory=lambda: np.zeros((0, 1)))
 
 
 @dataclass(frozen=True)
@@ -149,14 +151,19 @@ class Form:
         """Responses, which are outputs, forces and what contacts move, to both parts of the load and to U."""
         e, n, closed, pushes = self.equations, len(self.equations.K), self.closed, self.equations.pushes
         o, m, d = len(e.outputs), len(closed), int(pushes.sum())
-        R = np.zeros((o + m + d, n + int(closed.sum())))
+        R = np.zeros((o + m + d + len(e.by_load), n + int(closed.sum())))
+        R[o + m + d :, :n] = e.by_load
         R[:o, :n], R[:o, n:] = e.outputs, -self._X
         R[o + np.flatnonzero(closed), np.arange(n, R.shape[1])] = 1.0
         if d:
-            R[o + m :, :n], R[o + m :, n:] = e.C[pushes], -e.F[pushes][:, closed]
+            pushing = slice(o + m, o + m + d)
+            R[pushing, :n], R[pushing, n:] = e.C[pushes], -e.F[pushes][:, closed]
         z = [Z @ np.concatenate([b, g[closed]]) for b, g in zip(e.b, e.g, strict=True)]
         # contacts are closed where C q - F lambda = g: the rest is how far that fails
-        rest = [np.concatenate([direct, np.zeros(m), -g[pushes]]) for direct, g in zip(e.direct, e.g, strict=True)]
+        none = np.zeros(len(e.by_load))
+        rest = [
+            np.concatenate([direct, np.zeros(m), -g[pushes], none]) for direct, g in zip(e.direct, e.g, strict=True)
+        ]
         self._linear = [R @ one + more for one, more in zip(z, rest, strict=True)]
         Y = (R @ Z[:, :n]) @ e.G[1]
         self._bent = [Y @ one[:n] for one in z]
@@ -177,7 +184,10 @@ class Form:
         amplitudes = P * (u0 + P * u1) / (1.0 + P * self.eta)
         found = r0 + P * (r1 - y0 - P * y1 + amplitudes @ self._modal)
         found[~stands] = np.nan
-        return np.asarray(found)
+        o, count = len(self.equations.outputs), len(self.equations.by_load)
+        last = found.shape[1] - count
+        found[:, o - count : o] += P * found[:, last:]
+        return np.asarray(found[:, :last])
 
     def stands(self, loads: Array) -> Mask:
         """Under which loads (p,) it stands."""

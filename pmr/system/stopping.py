@@ -86,4 +86,7 @@ def _at_rest(form: Form, load: float, loads: list[Array]) -> tuple[Array, Array]
     found = units * np.linalg.solve(matrix, units * np.vstack([loads[0], loads[1][closed]]))
     forces = np.zeros((len(closed), found.shape[1]))
     forces[closed] = found[n:]
-    return e.outputs @ found[:n] - e.X @ forces + loads[2], forces
+    outputs = e.outputs @ found[:n] - e.X @ forces + loads[2]
+    if len(e.by_load):
+        outputs[-len(e.by_load) :] += load * (e.by_load @ found[:n])
+    return outputs, forces

@@ -12,11 +12,11 @@ import pmr
 from pmr import scene as scenes
 from pmr.compare.evaluation import respond
 from pmr.compare.frame_energy import InSpace, in_space
-from pmr.compare.pivot import at_pivot
 from pmr.compare.simulated import excitation_in
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation.native import systems
+from pmr.simulation.pivot import at_pivot
 from pmr.simulation.turning import Turning
 from pmr.system.system import System
 

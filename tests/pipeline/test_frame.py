@@ -11,13 +11,13 @@ from newton_euler import needed, of_masses
 import pmr
 from pmr import scene as scenes
 from pmr.compare.evaluation import respond
-from pmr.compare.pivot import at_pivot
 from pmr.compare.simulated import excitation_in
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
 from pmr.results import Response
 from pmr.simulation.native import systems
+from pmr.simulation.pivot import at_pivot
 
 pytestmark = pytest.mark.slow  # seconds each, the crane's full model half a minute
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -15,7 +15,6 @@ import pmr
 from pmr import scene as scenes
 from pmr.compare.boom_figures import frequency_map
 from pmr.compare.evaluation import respond
-from pmr.compare.pivot import at_pivot
 from pmr.compare.saved_model import simulate_saved
 from pmr.compare.way import frequencies, visited
 from pmr.errors import InputError
@@ -27,6 +26,7 @@ from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
+from pmr.simulation.pivot import at_pivot
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 

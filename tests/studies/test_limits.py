@@ -14,22 +14,24 @@ from textbook import beam_matrices
 from pmr.compare.runs import run_from_start
 from pmr.errors import InputError
 from pmr.reduction.bodies import joined, reduce_bodies
+from pmr.results.quantities import mises
 from pmr.scene import Scene, load_any
 from pmr.scene.built import Load
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.charting import MARGIN, governing, in_doubt
 from pmr.studies.field_probes import with_fields
 from pmr.studies.governing import chosen
-from pmr.studies.limits import Limit, mises, stresses
+from pmr.studies.limits import Limit
 from pmr.studies.stops import Stopping
 from pmr.studies.tipping import Mass
 from pmr.system.body import kinds_of
+from pmr.system.frame_terms import carried
 
 pytestmark = pytest.mark.slow
 
@@ -299,9 +301,9 @@ def test_what_is_met_at_no_load_is_nothing(level: Postures) -> None:
 
 
 def test_the_frequency_is_that_of_a_cantilever_with_a_mass_at_its_tip(level: Postures) -> None:
-    """1 + cos k cosh k + mu k (cos k sinh k - sin k cosh k) = 0, mu the load over the beam's mass."""
+    """1 + cos k cosh k + mu k (cos k sinh k - sin k cosh k) = 0, mu the load over the beam's mass; sideways, softer."""
     (load, _) = loads([Limit(name="a", of="frequency", least=2.0)], level)
-    k = (rhoA := 7850.0 * A) ** 0.25 * np.sqrt(2.0 * np.pi * 2.0) / (E * I) ** 0.25 * L
+    k = (rhoA := 7850.0 * A) ** 0.25 * np.sqrt(2.0 * np.pi * 2.0) / (E * I_SIDEWAYS) ** 0.25 * L
     mu = load / (rhoA * L)
     across = np.cos(k) * np.sinh(k) - np.sin(k) * np.cosh(k)
     assert 1.0 + np.cos(k) * np.cosh(k) + mu * k * across == pytest.approx(0.0, abs=1e-3 * np.cosh(k))
@@ -357,8 +359,8 @@ def test_ropes_bear_by_statics_what_follows() -> None:
     at = at_rest(scene, [angle], {"middle": [3.0], "fly": [2.0]})
     named = [Limit(name=name, of="rope", which=(name,), most=20e3) for name in ("middle", "fly")]
     cylinder, rope, _ = loads(named, at)
-    masses = weights_of(shared.full_system(with_hook(scene)))
-    own = [masses[name][0] for name in ("middle", "fly")]
+    full = shared.full_system(with_hook(scene)).bodies
+    own = [carried(full[name], "x") for name in ("middle", "fly")]
     most = 20e3 / (G * np.sin(angle))
     assert rope == pytest.approx(most - own[1], rel=1e-6)
     assert cylinder == pytest.approx((most - own[0] - 1.5 * own[1]) / 1.5, rel=1e-6)
@@ -381,7 +383,11 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     field = Limit(name="a", of="field", which=("fly",), most=100e6)
     load = loads([field], at)[0]
     state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G).loaded.state(load)
-    each = [mises(state.outputs[list(one.values())], tuple(one)) for p, one in stresses(at).items() if "field of" in p]
+    each = [
+        mises(state.outputs[list(one.values())], tuple(one))
+        for p, one in at.columns.stresses().items()
+        if "field of" in p
+    ]
     assert len(each) == len(points) and max(each) == pytest.approx(100e6, rel=1e-6)
     with pytest.raises(InputError, match="the scene has no field to look at"):
         field.check(crane())

@@ -4,7 +4,8 @@ r"""The force of the cylinder that raises a boom, from what stands between the b
     F = \sum_k \lambda_k\, (a_{k0} + \sum_p a_{kp} s_p) \Big/ \frac{dL}{d\varphi}
 
 with forces lambda that the unit tells, the moment a of a unit of each about the pivot, linear in the paths s, and the
-cylinder's arm (`pmr.scene.frame.LuffingCylinder`), as `pmr.compare.luffing_cylinder` finds it in a run.
+cylinder's arm (`pmr.scene.frame.LuffingCylinder`), as `pmr.simulation.pivot` computes it in a
+run.  A pin at the pivot bears the rest.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from pmr.export.fmi.drivers import Drivers
 from pmr.scene.built import force_of
-from pmr.scene.pivot import pressed_on_ground
+from pmr.scene.pivot import pin_and_cylinder, pressed_on_ground
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,7 @@ class Luffing:
     hinges: tuple[float, ...]  # m: x and z of foot and lug
     sources: tuple[int, ...]  # (K,): numbers of outputs, or -1 - k of contact k
     moments: Array  # (K, 1 + P): a, in m and 1
+    pin: tuple[int, int, int]  # outputs of a pin along x and z, -1 for none, and the source of the support at the lug
 
     @property
     def arrays(self) -> dict[str, Array]:
@@ -36,6 +38,7 @@ class Luffing:
             "const double luffing_hinges[4]": np.array(self.hinges),
             "const int luffing_sources[LUFFING]": np.array(self.sources),
             "const double luffing_moments[LUFFING][1 + PATHS]": self.moments,
+            "const int luffing_pin[3]": np.array(self.pin),
         }
 
 
@@ -59,4 +62,10 @@ def luffing(drivers: Drivers) -> Luffing | None:
         if np.any(about):
             sources.append(known[name])
             moments.append(np.concatenate([about[:1], np.pad(about[1:] - about[0], (0, not rows.paths))]))
-    return Luffing((*cylinder.foot, *cylinder.lug), tuple(sources), np.array(moments)) if sources else None
+    if not sources:
+        return None
+    pin, held = (-1, -1, 0), pin_and_cylinder(scene)
+    if held is not None and set(held.pin) <= set(known):
+        across = next(known[name] for name in held.across if name in known)
+        pin = (known[held.pin[0]], known[held.pin[1]], across)
+    return Luffing((*cylinder.foot, *cylinder.lug), tuple(sources), np.array(moments), pin)

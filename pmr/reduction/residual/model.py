@@ -101,7 +101,7 @@ def section_model(
     answers = None if x is None else _answers(residual, shared, x, motions)
     loads = carrier_loads(model, shared.carriers)
     span, spanned = _span(residual, loads) if inertia and model.matrices else (None, np.zeros((0, loads.shape[1])))
-    matrices, ports = _matrices(model, [np.array(basis.V.getDenseArray()), span, x])
+    matrices, ports, supports = _matrices(model, [np.array(basis.V.getDenseArray()), span, x], motions)
     body.drop()
     free_dropped(model.comm)
     values = _measured(model, shared, basis)
@@ -109,7 +109,15 @@ def section_model(
     flexible = _with_flexibility(reduced, tables(flexibility, shared))
     check_independence(flexible, _that_give_way(flexible))
     moved = inertia[0].between_any_two() if inertia else None
-    known = replace(carriers, inertia=moved, answers=answers, matrices=matrices, ports=ports, spanned=spanned)
+    known = replace(
+        carriers,
+        inertia=moved,
+        answers=answers,
+        matrices=matrices,
+        ports=ports,
+        supports=supports,
+        spanned=spanned,
+    )
     return _with_coordinates(replace(flexible, carriers=known), coordinates)
 
 
@@ -164,14 +172,21 @@ def _span(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | 
     return Z @ (Q[:, kept] / root), (root[:, None] * Q[:, kept].T) * size
 
 
-def _matrices(model: FullModel, vectors: list[Array | None]) -> tuple[dict[str, Array], dict[str, Array]]:
-    """The model's matrices between all vectors (n_local, .), and its ports on them."""
+def _matrices(
+    model: FullModel, vectors: list[Array | None], motions: Array | None
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
+    """The model's matrices between all vectors (n_local, .), its ports on them, and its supports' motions' work (h, .).
+
+    `motions` (n_local, h) are those of rigid supports, if there are any.
+    """
     if not model.matrices:
-        return {}, {}
+        return {}, {}, {}
     every = np.hstack([one for one in vectors if one is not None])
-    matrices = {name: inner(every, times(A, every), model.comm) for name, A in model.matrices.items()}
+    moved = {name: times(A, every) for name, A in model.matrices.items()}
+    matrices = {name: inner(every, one, model.comm) for name, one in moved.items()}
+    supports = {} if motions is None else {name: inner(motions, one, model.comm) for name, one in moved.items()}
     ports = {name: model.comm.allreduce(row[:, model.share] @ every)[0] for name, row in model.ports.items()}
-    return matrices, ports
+    return matrices, ports, supports
 
 
 def _answers(residual: ResidualFlexibility, shared: SharedCarriers, x: Array, motions: Array | None) -> Answers:

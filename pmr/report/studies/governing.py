@@ -12,8 +12,8 @@ from pmr.report.blocks import Block, Table, drawing
 from pmr.report.figures.at_rest import AtRest, at_rest
 from pmr.report.numbers import SPACE, quantity
 from pmr.report.studies.finished import FinishedStudy
+from pmr.results.outputs import FORCES
 from pmr.scene.names import ALONE
-from pmr.studies.limits import CONTACTS
 
 Array = NDArray[np.float64]
 #: Arrays of a study's runs, one after the other.
@@ -97,7 +97,7 @@ def _columns(
             tips = tuple((name, quantity(one, "m")) for name, one in zip(sections, moved, strict=True))
             left.append(Table(f"Tips of sections, across the boom {said}", tips))
     forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _rounded(arrays["at.forces"][n]), strict=True)
-    some = tuple((str(name), quantity(float(f), "N")) for name, kind, f in forces if kind in CONTACTS.values())
+    some = tuple((str(name), quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES)
     return [left, [Table("Forces, positive where they push", some)]] if some else [left]
 
 

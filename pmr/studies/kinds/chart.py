@@ -16,6 +16,7 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.refusals import of_key
+from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.postures import HOOK, with_hook
 from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
@@ -265,6 +266,7 @@ class Study(StudyBase):
             raise InputError("study", "scene", str(self.scene), "a scene whose [frame] has a luffing angle is allowed")
         if found.gravity is None:
             raise InputError("study", "scene", str(self.scene), "a scene with [gravity] is allowed")
+        _check_at_rest(found)
         frame = found.frame.model_copy(update={"second_order": True})
         found = found.model_copy(update={"frame": frame})
         known = {load.name for part in found.sections for load in part.loads} - {HOOK}
@@ -304,6 +306,19 @@ class Study(StudyBase):
         if not found:
             raise InputError("study", "luffing", None, "at least one angle is allowed")
         return found
+
+
+def _check_at_rest(scene: Scene) -> None:
+    """Refuse what moves below a boom: a machine that moves by itself, or a base whose motion is not constant."""
+    assert scene.frame is not None
+    if scene.frame.machine is not None:
+        raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")
+    base = scene.frame.base
+    moving = [key for key, one in (base.motions if base else {}).items() if not isinstance(one, Constant)]
+    moving += [f"acceleration.{axis}" for axis in (base.accelerations if base else {})]
+    if moving:
+        allowed = "a base that is inclined by a constant rx, ry or rz is allowed in a load chart"
+        raise InputError("scene", f"frame.base.{moving[0]}", None, allowed)
 
 
 def _cell(value: Any) -> str:

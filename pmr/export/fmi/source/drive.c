@@ -233,11 +233,14 @@ static void find_tip(const Body *body, const double *seed, const double *along, 
 }
 
 #if LUFFING
-/* Force of the cylinder that raises the boom: the moment about the pivot over what its length grows by for each radian. */
-static Number find_luffing(const double *u, const double *seed, const double *found)
+static int luffing_number(int source) { return source < 0 ? FORCES - 1 - source : DISPLACEMENTS + source; }
+
+/* Force of the cylinder that raises the boom: the moment about the pivot over what its length grows by for each radian; its
+   direction from foot to lug, x and z in the axes of the boom. */
+static Number find_luffing(const double *u, const double *seed, const double *found, Number direction[2])
 {
     const double *foot = luffing_hinges, *lug = luffing_hinges + 2;
-    Number phi = driver(u, seed, angle_drivers[0], 0), s = sine(phi), c = cosine(phi), moment = none, square, turned, arm;
+    Number phi = driver(u, seed, angle_drivers[0], 0), s = sine(phi), c = cosine(phi), moment = none, square, turned, inverse, arm;
     Number at[2], own[2];
     int k, p;
     at[0] = minus(scaled(lug[0], c), scaled(lug[1], s));
@@ -245,9 +248,12 @@ static Number find_luffing(const double *u, const double *seed, const double *fo
     for (k = 0; k < 2; k++) own[k] = minus(at[k], scaled(foot[k], one));
     square = plus(times(own[0], own[0]), times(own[1], own[1]));
     turned = minus(times(own[1], at[0]), times(own[0], at[1]));
-    arm = times(turned, chained(square, pow(square.value, -0.5), -0.5 * pow(square.value, -1.5), 0.75 * pow(square.value, -2.5)));
+    inverse = chained(square, pow(square.value, -0.5), -0.5 * pow(square.value, -1.5), 0.75 * pow(square.value, -2.5));
+    arm = times(turned, inverse);
+    direction[0] = times(inverse, plus(times(own[0], c), times(own[1], s)));
+    direction[1] = times(inverse, minus(times(own[1], c), times(own[0], s)));
     for (k = 0; k < LUFFING; k++) {
-        int number = luffing_sources[k] < 0 ? FORCES - 1 - luffing_sources[k] : DISPLACEMENTS + luffing_sources[k];
+        int number = luffing_number(luffing_sources[k]);
         Number force = none, lever = scaled(luffing_moments[k][0], one);
         force.value = u[number];
         if (seed) force.along = found[number];
@@ -339,8 +345,15 @@ void add_outputs(const Body *body, const double *seed, const double *v, const do
         find_tip(body, seed, found, tip);
         for (k = 0; k < 3; k++) found[DISPLACEMENTS + TIP + k] += seed ? tip[k].along : tip[k].value;
 #if LUFFING
-        tip[0] = find_luffing(body->memory.variables, seed, found);
-        found[DISPLACEMENTS + TIP + 3] += seed ? tip[0].along : tip[0].value;
+        {
+            Number direction[2], force = find_luffing(body->memory.variables, seed, found, direction);
+            found[DISPLACEMENTS + TIP + 3] += seed ? force.along : force.value;
+            for (k = 0; k < 2 && luffing_pin[k] >= 0; k++) {
+                Number more = times(force, direction[k]);
+                found[DISPLACEMENTS + luffing_pin[k]] += seed ? more.along : more.value;
+                if (k) found[DISPLACEMENTS + luffing_pin[k]] += found[luffing_number(luffing_pin[2])];
+            }
+        }
 #endif
     }
 #else

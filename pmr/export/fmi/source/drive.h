@@ -30,6 +30,9 @@ extern const int first_product[INPUTS + TERMS + 1];
 extern const double luffing_hinges[4];
 extern const int luffing_sources[LUFFING];
 extern const double luffing_moments[LUFFING][1 + PATHS];
+/* Outputs of the pin's forces along x and z, less than 0 where no pin bears what the cylinder does not, and the force of the
+   support across the boom that stands for the cylinder, as among the sources. */
+extern const int luffing_pin[3];
 #endif
 #endif
 /* Entries of T for an amplitude of 1, those of one term after the other: where they stand, and their values. */

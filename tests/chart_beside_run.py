@@ -1,0 +1,258 @@
+"""A machine at a place of its load chart, and the same machine as a run at rest with the load as a mass at its tip."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from random_machines import G, random_machine
+
+from pmr.compare.evaluation import respond
+from pmr.compare.ropes import forces as rope_forces
+from pmr.compare.second_order import stressed
+from pmr.files import records
+from pmr.reduction.bodies import joined, reduce_bodies
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.scene.checks import check
+from pmr.scene.pivot import CYLINDER
+from pmr.simulation import Excitation
+from pmr.simulation.excitation import places
+from pmr.simulation.native import systems
+from pmr.simulation.pivot import with_forces_on_machine
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, with_hook
+from pmr.studies import shared
+from pmr.studies.allowed import Place
+from pmr.studies.charting import allowed, postures
+from pmr.studies.figures import boom_arguments
+from pmr.studies.limits import Limit
+from pmr.system.assembly import Assembly
+from pmr.system.loaded import States
+
+Array = NDArray[np.float64]
+POLYGON = ((2.0, 1.6), (-2.2, 1.6), (-2.2, -1.6), (2.0, -1.6))
+MACHINE = {"name": "carrier", "mass": 9000.0, "at": (-0.6, 0.0, -0.8)}
+HEIGHT = 1.5
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Limits at one place, the loads that they allow, and their bars in kg and as shares of the limits."""
+
+    limits: Sequence[Limit]
+    load: Array
+    error: Array
+    bar: Array
+
+
+def scene_of(plain: Mapping[str, Any]) -> Scene:
+    scene = Scene.model_validate(plain)
+    check(scene)
+    return scene
+
+
+def chart(
+    plain: Mapping[str, Any], extensions: Mapping[str, float], angle: float, wind: float, at_load: float
+) -> Chart:
+    """Of all kinds of limits, each of which is reached at about a load in kg."""
+    scene = scene_of(plain)
+    hooked = with_hook(scene)
+    at = {"extensions": {name: [x] for name, x in extensions.items()}, "luffing": [np.deg2rad(angle)], "slewing": [0.0]}
+    common: dict[str, Any] = {"up_to": 4.0 * at_load, "error": True}
+    made = postures(boom_arguments(hooked) | common | {"at": at}, {})
+    own = records.record(
+        Postures, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
+    )
+    amounts = [{WEIGHT: 1.0, HOOK: 1.0, "wind": wind}.get(part, 0.0) for part in own.parts]
+    place = Place(own, 0, amounts, G)
+    limits = list[Limit]()
+    state = States.of([place.loaded.state(at_load)])
+    kinds = ["stress", "pad", "cylinder", "support", "luffing", "deflection", "buckling", "frequency", "overturning"]
+    kinds += ["rope"] if own.rope_names else []
+    for kind in kinds:
+        if kind == "stress" and not any("stress" in name for name in own.output_names):
+            continue
+        if kind == "overturning":
+            machine = {**MACHINE, "mass": 1.0}
+            light = Limit(name=kind, of=kind, polygon=POLYGON, machine=[machine], height=HEIGHT, factor=1.3)
+            tipping = light.tipping(own, 0, amounts)
+            load = at_load * (tipping.tips + state.outputs[0] @ tipping.moved.T)
+            more = (2.3 * load + state.outputs[0] @ tipping.boom.T - load) / -tipping.machine - 1.3 * load * 0.0
+            mass = float(max(np.max(more[np.isfinite(more)]), 500.0))
+            limits.append(light.model_copy(update={"machine": (light.machine[0].model_copy(update={"mass": mass}),)}))
+            continue
+        key = "least" if kind in ("buckling", "frequency") else "most"
+        unit = Limit(name=kind, of=kind, **{key: 1.0})
+        value = float(unit.share(own, 0, amounts)(state)[0])
+        value = 1.0 / value if key == "least" and value > 0.0 else value
+        if np.isfinite(value) and value > 0.0:
+            limits.append(unit.model_copy(update={key: value}))
+    asked = common | {"limits": [one.model_dump(mode="json") for one in limits], "gravity": G, "rows": [0, 1]}
+    cases = [{"weight": 1.0, "load": 1.0, "loads": {"wind": wind}}]
+    found = allowed(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
+    load, error = found["load"][0][: len(limits)], found["error"][0][: len(limits)]
+    bar = np.full(len(limits), np.nan)
+    for k, limit in enumerate(limits):
+        if load[k] > 0.0:
+            step = max(error[k], 1e-4 * load[k])
+            pair = [place.loaded.state(max(load[k] + way * step, 0.0)) for way in (-1.0, 0.0)]
+            if all(one.stands for one in pair):
+                low, high = place.share(limit)(States.of(pair))
+                bar[k] = abs(high - low) * error[k] / step
+    return Chart(limits, load, error, bar)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run at rest."""
+
+    scene: Scene
+    system: Any
+    response: Response
+    mass: float
+
+    def value(self, limit: Limit) -> float:
+        """What a run says of the quantity that a limit is of, at its start; overturning by moments of its figures."""
+        response, first = self.response, 0
+        if limit.of == "stress":
+            return self._stress()
+        if limit.of == "pad":
+            return max(abs(response.of("pad")[first]))
+        if limit.of == "deflection":
+            return float(np.linalg.norm(response.of("tip", body=self.scene.names[-1])[first]))
+        if limit.of == "luffing":
+            return abs(float(response.other(CYLINDER)[first]))
+        if limit.of in ("rope", "cylinder"):
+            ropes = {name: abs(one[first]) for name, one in rope_forces(self.scene, response).items()}
+            own = {
+                name: abs(float(response.force(f"force of cylinder of {name}", 0)[first]))
+                for name in self.scene.names[1:]
+            }
+            return float(max((ropes if limit.of == "rope" else own | ropes).values()))
+        if limit.of == "support":
+            return self._support()
+        if limit.of == "buckling":
+            return stressed(self.scene, self.system.bodies).factor
+        if limit.of == "frequency":
+            excitation = Excitation.of(self.scene)
+            x, c = places(self.system, excitation)[0], excitation.amplitudes(self.system.term_names)[0]
+            return float(Assembly(self.system).frequencies(x, 1, c)[0])
+        raise NotImplementedError(limit.of)
+
+    def _stress(self) -> float:
+        """Bending, axial force and torsion at probes of beams: (s^2 + 3 t^2)^(1/2)."""
+        probes = dict[str, list[float]]()
+        for name in self.response.other_names:
+            if " stress " in name:
+                weight = 3.0 if name.endswith("torsion") else 1.0
+                probes.setdefault(name.partition(" stress ")[0], []).append(weight * self.response.other(name)[0] ** 2)
+        return float(np.sqrt(max(map(sum, probes.values()))))
+
+    @property
+    def lifts(self) -> bool:
+        """Whether a pad that only pushes is open: frequencies and buckling of a run are those with every pad closed."""
+        pushing = ~np.isnan(self.system.clearance)
+        names = [f"force of {name}" for name, one in zip(self.system.contact_names, pushing, strict=True) if one]
+        return any(not self.response.force(name, 0)[0] > 0.0 for name in names)
+
+    def _support(self) -> float:
+        """Largest resultant force of a support: springs along z, a pin or a clamp along all axes."""
+        springs = [abs(one) for one in self.response.of("support")[0]]
+        units = dict(zip(self.response.other_names, self.response.other_units, strict=True))
+        rigid = [name for name, unit in units.items() if unit == "N" and name.startswith("reaction of s0: ")]
+        return float(max([*springs, np.linalg.norm([self.response.other(name)[0] for name in rigid])]))
+
+    def tipping(self, limit: Limit) -> float:
+        """Share of a limit of overturning, by sums of moments of what a run says, about each edge."""
+        angle = np.deg2rad(float(self.scene.frame.luffing.value(0.0)))
+        base = {
+            key: np.deg2rad(float(one.value(0.0)))
+            for key, one in (self.scene.frame.base.motions if self.scene.frame.base else {}).items()
+        }
+        turned = _about_y(-angle)
+        ground = _about_y(base.get("ry", 0.0)) @ _about_x(base.get("rx", 0.0))
+        down = ground.T @ [0.0, 0.0, -G]
+        response, names = self.response, ("x", "y", "z", "rx", "ry", "rz")
+        wrench = [
+            response.other(f"reaction of pivot {axis}")[0]
+            if f"reaction of pivot {axis}" in response.other_names
+            else 0.0
+            for axis in names
+        ]
+        force, moment = turned @ wrench[:3], turned @ wrench[3:]
+        tip = np.zeros(3)
+        for k, one in enumerate(response.outputs[: len(response.output_names)]):
+            if one.kind == "tip" and one.body == self.scene.names[-1]:
+                tip["xyz".index(one.direction)] = response.displacement[0, k]
+        along = sum(float(path.value(0.0)) for path in self.scene.paths.values()) + self.scene.sections[-1].length
+        place = turned @ (np.array(self.scene.frame.place) + [along, 0.0, 0.0] + tip)
+        corners = [np.array([*one, -limit.height]) for one in limit.polygon]
+        corners = corners[::-1]
+        if _area(limit.polygon) > 0.0:
+            corners = corners[::-1]
+        worst = -np.inf
+        for first, second in zip(corners, corners[1:] + corners[:1], strict=True):
+            edge = (second - first) / np.linalg.norm(second - first)
+            load = edge @ np.cross(place - first, self.mass * down)
+            every = edge @ (moment + np.cross(-first, force))
+            machine = sum(edge @ np.cross(np.array(one.at) - first, one.mass * down) for one in limit.machine)
+            worst = max(worst, limit.factor * load / (load - every - machine))
+        return float(worst)
+
+
+def _area(polygon: Sequence[tuple[float, float]]) -> float:
+    x, y = np.array(polygon).T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def _about_y(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def _about_x(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def run(plain: Mapping[str, Any], wind: float, mass: float) -> Run:
+    """The machine with the load as a mass at its tip, where its run begins: at rest."""
+    changed = copy.deepcopy(dict(plain))
+    last = changed["sections"][-1]
+    last["masses"] = [*last.get("masses", ()), {"name": "payload", "on": "tip", "mass": mass}]
+    last["loads"][0]["signal"]["amount"] = wind
+    changed["gravity"] = {"rise": 0.0}
+    scene = scene_of(changed)
+    system = joined(scene, reduce_bodies(scene, shared.bodies_of(scene)))
+    excitation = Excitation.of(scene)
+    moved = systems.simulate(system, excitation, systems.start_of(system, excitation))
+    return Run(scene, system, with_forces_on_machine(scene, respond(system, moved)), mass)
+
+
+def beside(seed: int) -> list[tuple[str, float, float, float]]:
+    """By limit its kind, the load, how far the run's share of it is off 1, and the bar of that."""
+    plain, extensions, angle = random_machine(seed)
+    rng = np.random.default_rng([seed, 47])
+    wind = float(rng.choice([0.0, rng.uniform(-300.0, 300.0)]))
+    found = chart(plain, extensions, angle, wind, float(rng.uniform(200.0, 900.0)))
+    rows, runs = [], dict[float, Run]()
+    for limit, load, bar in zip(found.limits, found.load, found.bar, strict=True):
+        if not load > 0.0 or not np.isfinite(bar):
+            continue
+        key = float(load)
+        near = next((one for one in runs if abs(one - key) < 1e-7 * key), None)
+        there = runs[near] if near is not None else runs.setdefault(key, run(plain, wind, key))
+        if limit.of == "overturning":
+            share = there.tipping(limit)
+        elif limit.least is not None and there.lifts:
+            continue
+        elif limit.least is not None:
+            share = limit.least / there.value(limit)
+        else:
+            share = there.value(limit) / float(limit.most or 1.0)
+        rows.append((limit.of, key, share - 1.0, float(bar)))
+    return rows
