@@ -39,7 +39,7 @@ def richer_model(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) 
         if any(sorted(force_names(own)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
             return _without(f"a {called} has other pads and cylinders")
         system = joined(other, reduce_bodies(other, shared.bodies_of(other)))
-        found = Postures.of(other, system, at, weights_of(shared.full_system(other)))
+        found = Postures.of(other, system, at, weights_of(shared.full_system(own)))  # shells weigh as beams do
     except UNKNOWN as error:
         return _without(error.allowed if isinstance(error, InputError) else str(error))
     return TaskResult(arrays={**records.arrays(found, "model."), "called": np.array(called)})

@@ -187,12 +187,12 @@ class Study(StudyBase):
         return f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits{self._bars(results)}"
 
     def _bars(self, results: StudyResults) -> str:
-        """The largest error bar, and what it does not cover, in words."""
+        """How far lower bounds are below the loads at most, and what the error bars do not cover, in words."""
         table = self.table(results)
-        which = governing(table["load"])
-        bars = table["error"][np.flatnonzero(which >= 0), which[which >= 0]]
-        largest = f", with error bars of up to {bars.max():.3g} kg" if np.isfinite(bars).any() else ""
-        return f"{largest}; not covered: {self.not_covered(results)}"
+        load = np.nan_to_num(table["load"], nan=self.up_to).min(axis=1)
+        lower = np.maximum(lowest(table["load"], table["error"], self.up_to).min(axis=1), 0.0)
+        less = f", less error bars of up to {(load - lower).max():.3g} kg" if self.error_bars else ""
+        return f"{less}; not covered: {self.not_covered(results)}"
 
     @property
     def _in_service(self) -> list[LoadCase]:

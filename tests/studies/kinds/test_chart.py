@@ -238,7 +238,7 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) ->
     study, loads = files.load(folder / "study.toml").parts[0].study, [row["load [kg]"] for row in rows(folder)]
     known = [float(load) for load in loads if load]
     line = study.summary_line(small)
-    carried, bars, missing = re.split(", with error bars of up to | kg; not covered: ", line)
+    carried, bars, missing = re.split(", less error bars of up to | kg; not covered: ", line)
     assert carried == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
     assert float(bars) > 0.0
     assert missing.startswith("the structural model: a point slides on beam2d only")

@@ -127,7 +127,7 @@ def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNu
     found.append(KeyNumber(_kg(np.nanmax(least)), "most"))
     found.append(KeyNumber(_kg(np.nanmin(least)), "least"))
     if np.isfinite(error).any():
-        largest, doubt = f"{np.nanmax(error):.2g}{SPACE}kg", str(study.figures["in_doubt"])
+        largest, doubt = _kg(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
         found.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, model, rotations"))
         found.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
     return found
@@ -197,7 +197,7 @@ def _bars(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
 
 
 def _most(shares: Array) -> tuple[str, ...]:
-    return (_per_cent(shares.max()),) if len(shares) else (NOT_REACHED,) * (len(PARTS) + 1)
+    return (_per_cent(shares.max()),) if len(shares) else (NOT_REACHED, *["–"] * len(PARTS))
 
 
 def _per_cent(share: Any) -> str:
