@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors.text import rounded
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.load_chart import Chart, load_chart, pointed
 from pmr.report.numbers import SPACE, plain, quantity
@@ -201,7 +202,7 @@ def _most(shares: Array) -> tuple[str, ...]:
 
 
 def _per_cent(share: Any) -> str:
-    return "not known" if np.isnan(share) else f"{100.0 * share:.2g}{SPACE}%" if share >= 1e-5 else "0"
+    return "not known" if np.isnan(share) else f"{rounded(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
 
 
 def _cases(study: FinishedStudy) -> Grid:
