@@ -188,3 +188,5 @@ def _tell_failures(outcome: Outcome) -> None:
         say(err, line)
     if len(wrong) > SHOWN_FAILURES:
         say(err, f"and {len(wrong) - SHOWN_FAILURES} more")
+    if wrong:
+        say(err, "these are in no table; the same command computes them again")

@@ -148,11 +148,11 @@ def pulled(scene: Scene, contacts: Sequence[Contact], response: Response) -> lis
     }
     for ring in _rings(scene):
         own = {name: found[name] for name, _, _ in ring.places if name in found and not ring.unilateral}
-        said += [_of_ring(ring, own)] if own else []
+        said += [_of_ring(ring, own, response)] if own else []
     held = [
         one for one in contacts if one.inner.body in scene.names[1:] and one.clearance is None and one.name in found
     ]
-    return [*said, _of_joints(held, found)] if held else said
+    return [*said, _of_joints(held, found, response)] if held else said
 
 
 def unknown(scene: Scene, response: Response) -> list[str]:
@@ -169,18 +169,18 @@ def unknown(scene: Scene, response: Response) -> list[str]:
     return [f"{pads} rigid and stay on the body: their forces are unknown; give them a stiffness in N/m"]
 
 
-def _of_ring(ring: PadRing, found: Mapping[str, Extremes]) -> str:
+def _of_ring(ring: PadRing, found: Mapping[str, Extremes], response: Response) -> str:
     most = min(found, key=lambda name: found[name].least)
     load = found[most]
     pads = f"{len(found)} of {len(ring.places)} pads of the ring {ring.name} pull"
     if len(found) == 1:
         pads = f"one of {len(ring.places)} pads of the ring {ring.name} pulls"
-    worst = f"{most} with up to {newton(-load.least)} at {load.t_least:g} s (s = {load.s_least:.4g} m)"
+    worst = f"{most} with up to {newton(-load.least)} {response.when(load.t_least, load.s_least)}"
     most_of_all = "most of all " if len(found) > 1 else ""
     return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
 
 
-def _of_joints(held: Sequence[Contact], found: Mapping[str, Extremes]) -> str:
+def _of_joints(held: Sequence[Contact], found: Mapping[str, Extremes], response: Response) -> str:
     most = min((one.name for one in held), key=lambda pad: found[pad].least)
     names = list(dict.fromkeys(one.inner.body for one in held))
     more = f", and {len(held) - 1} more" if len(held) > 1 else ""
@@ -190,7 +190,7 @@ def _of_joints(held: Sequence[Contact], found: Mapping[str, Extremes]) -> str:
     joints, these = ("joints", "these sections") if len(names) > 1 else ("joint", "this section")
     return (
         f"pads in the {joints} of {', '.join(names)} hold both ways and pull: {most} with up to "
-        f"{newton(-found[most].least)} at {found[most].t_least:g} s{more}; if they can only push, set "
+        f"{newton(-found[most].least)} {response.when(found[most].t_least)}{more}; if they can only push, set "
         f"unilateral = true in {keys} of {these}"
     )
 

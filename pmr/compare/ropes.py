@@ -65,7 +65,7 @@ def part(scene: Scene, response: Response) -> Part:
             one |= {"length": length, "stiffness": rope.strands * rope.EA / length}
         said.append(one)
         if (rope or follows) and -found.least > max(PULLED * found.most, response.force_round_off):
-            most = f"{newton(-found.least)} at t = {found.t_least:.4g} s"
+            most = f"{newton(-found.least)} {response.when(found.t_least)}"
             slack.append(
                 f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "
                 "rope that pulls the section in"

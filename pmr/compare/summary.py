@@ -135,12 +135,17 @@ def reliability(missing: Mapping[str, str], responses: Mapping[str, Response]) -
 
 def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
     """Motions beyond what the models' theory describes, and unusual materials."""
-    bodies = {f"sections.{part.name}." if part.name else "": part for part in scene.sections}
     length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
+    return Part(grave=[*unusual_materials(scene), *trust.large_motion(length, responses.values())])
+
+
+def unusual_materials(scene: Scene) -> list[str]:
+    """A line for each property of a material that nothing has which is built with."""
+    bodies = {f"sections.{part.name}." if part.name else "": part for part in scene.sections}
     materials = {f"{key}body.material": body.body.material for key, body in bodies.items()} | {
         f"{key}body.regions.{name}.material": region.material
         for key, body in bodies.items()
         for name, region in body.body.regions.items()
         if region.material is not None
     }
-    return Part(grave=[*trust.unusual(materials), *trust.large_motion(length, responses.values())])
+    return trust.unusual(materials)

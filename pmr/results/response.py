@@ -123,6 +123,10 @@ class Response:
             bodies=tuple(self.bodies[k] for k in kept),
         )
 
+    def when(self, t: float, s: float | None = None) -> str:
+        """A time in s in words, with the path coordinate in m where one is given."""
+        return f"at {t:g} s" + ("" if s is None else f" (s = {s:.4g} m)")
+
     def column(self, number: int) -> Array:
         """History (T,) of one of the outputs, forces as `force` has them."""
         forces = self.slider_force if self.force_peaks is None else self.force_peaks

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,12 @@ class Stands:
     extensions: Mapping[str, Array]  # of a body alone where its slider is, if it has been said
     luffing: Array
     slewing: Array
+
+    @classmethod
+    def of(cls, at: Mapping[str, Any]) -> Stands:
+        """From the lists of a task's arguments: ``extensions`` by name, ``luffing`` and ``slewing``."""
+        extensions = {name: np.array(one, float) for name, one in at["extensions"].items()}
+        return cls(extensions, np.array(at["luffing"], float), np.array(at["slewing"], float))
 
     @property
     def count(self) -> int:

@@ -61,9 +61,9 @@ def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
     written = []
     for part in project.parts:
         results = outcome.results[part.name]
-        tables = part.study.tables(results) if results.is_complete else {}
+        tables = part.study.tables(results)
         results.save(_summary(part.study.title, part.study.kind) | _of_study(part.study, results), tables)
-        written += [results.folder / name for name in ("runs.csv", *tables)]
+        written += [results.folder / name for name in ("runs.csv", *filter(tables.get, tables))]
     if "" not in outcome.results:
         runs = tuple(record for name, results in outcome.results.items() for record in _named(name, results))
         StudyResults(folder, runs).save_summary(

@@ -17,7 +17,8 @@ from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
 from pmr.studies.field_probes import with_fields
 from pmr.studies.governing import chosen, details
-from pmr.studies.limits import Limit
+from pmr.studies.limits import STABILITY, Limit
+from pmr.studies.richer_model import STRESS, UNCOMPARED
 from pmr.studies.stops import Stopping
 from pmr.system.assembly import Assembly
 from pmr.system.buckling import buckling_factors
@@ -29,17 +30,14 @@ Array = NDArray[np.float64]
 
 #: How many times as large an error is taken as a richer model says; where buckling decides (docs/load_chart.md).
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
+#: Parts of an error bar.
+PARTS = ("reduction", "mesh", "model", "rotation")
+#: Why the error of the mesh is not known.
+NO_FINER_MESH = "a finer one is made of beams with rigid walls alone"
 #: Luffing angles at each extension whose forces attachment modes answer.
 ANSWERED = 3
 #: Places at which the richer model's buckling factor is compared with that of full order.
 MEASURED = 5
-
-
-def stands_of(arguments: Mapping[str, Any]) -> Stands:
-    """Where the boom stands, from a task's arguments."""
-    at = arguments["at"]
-    extensions = {name: np.array(one, float) for name, one in at["extensions"].items()}
-    return Stands(extensions, np.array(at["luffing"], float), np.array(at["slewing"], float))
 
 
 def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -48,13 +46,18 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     Those of a finer mesh, ``finer.``, are there where all bodies are beams.
 
     ``mended`` is the share of a mesh's error that it does not have.
-    Arrays ``reach`` (P,) m along the boom and ``tip`` (P, 3) m on the ground, undeformed, as well.
+    Arrays ``reach`` (P,) m along the boom and ``tip`` (P, 3) m on the ground, undeformed, as well, and ``contacts``, of
+    which warnings have to know.  Warnings are those of a run that hold for the scene wherever it stands.
     """
+    from pmr.compare.accuracy import mesh
     from pmr.compare.accuracy.mesh import FINER, ORDER
+    from pmr.compare.summary import unusual_materials
+    from pmr.fullmodel.build import warnings
     from pmr.reduction.bodies import joined, reduce_bodies
     from pmr.studies import shared
+    from pmr.studies.chart_warnings import contacts_as_text
 
-    at = stands_of(arguments)
+    at = Stands.of(arguments["at"])
     scene = with_fields(Scene.model_validate(arguments["boom"]), arguments.get("fields", ()), at.count)
     built = shared.bodies_of(scene)
     full = shared.full_system(scene)
@@ -64,6 +67,7 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     arrays = {
         **records.arrays(Bent.of(system, at), "bent."),
         "reach": reach,
+        "contacts": contacts_as_text(system),
         "tip": at.on_ground(scene, reach),
         **records.arrays(found, "reduced."),
         **{f"turned.{angle}": turned(scene, system, at, angle) for angle in arguments.get("turned", ())},
@@ -75,7 +79,9 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
             arrays |= records.arrays(Postures.of(scene, finer, at), "finer.")
             arrays["mended"] = np.array(1.0 - FINER**-ORDER)
         arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
-    return TaskResult(arrays=arrays)
+    of_structures = [line for one in built.values() for line in warnings(one.structure)]
+    lines = dict.fromkeys((*unusual_materials(scene), *of_structures, *mesh.warnings(scene)))
+    return TaskResult(arrays=arrays, warnings=tuple(lines))
 
 
 def on_finer_mesh(scene: Scene) -> System | None:
@@ -142,23 +148,50 @@ def _answered(at: Stands) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Models:
-    """Where the boom stands, by the reduced model, a richer one and one on a finer mesh, as far as they are there."""
+    """Where the boom stands, by the reduced model, a richer one, one on a finer mesh and a richer structural one.
+
+    Of the last three those are None that are not there.
+    """
 
     own: Postures
     better: Postures | None
     finer: Postures | None
+    structural: Postures | None
+    called: str  # what the richer structural model is called, or why there is none
     mended: float  # share of a mesh's error that the finer one does not have
     above: float  # share by which the richer model's buckling factor is above that of full order
     reach: Array  # (P,) m
 
     @classmethod
-    def of(cls, arrays: Mapping[str, NDArray[Any]]) -> Models:
-        """From the results of the task `postures`."""
+    def of(cls, needs: Mapping[str, TaskResult]) -> Models:
+        """From the results of the tasks `postures` and `richer_model`."""
+        arrays, beside = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         found = {name: _behind(arrays, f"{name}.") for name in ("reduced", "richer", "finer")}
         own, better, finer = (records.record(Postures, one) if one else None for one in found.values())
         assert own is not None
         mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
-        return cls(own, better, finer, mended, above, arrays["reach"])
+        model = _behind(beside, "model.")
+        structural = records.record(Postures, model) if model else None
+        called = str(beside.get("called", beside.get("reason", "")))
+        return cls(own, better, finer, structural, called, mended, above, arrays["reach"])
+
+    @property
+    def compared(self) -> dict[str, tuple[Postures, str, float]]:
+        """The model ``own``, and others by their part of the error: their names, and shares of the difference."""
+        own = {"own": (self.own, "", 0.0)}
+        model = {} if self.structural is None else {"model": (self.structural, self.called, 1.0)}
+        return own | model | ({} if self.finer is None else {"mesh": (self.finer, "finer mesh", 1.0 / self.mended)})
+
+    def not_covered(self, limits: Sequence[Limit]) -> list[str]:
+        """Parts of the error that are not in the bars, a clause each."""
+        if self.better is None:
+            return ["any error: error_bars = false"]
+        of = sorted({one.of for one in limits} & set(UNCOMPARED))
+        model = f"the structural model: {self.called}" if self.structural is None else ""
+        if not model and of:
+            model = f"the structural model in limits of {' and '.join(of)}: {STRESS}"
+        mesh = "" if self.finer is not None else f"the mesh: {NO_FINER_MESH}"
+        return [*filter(None, (model, mesh)), f"large rotations in {STABILITY}"]
 
 
 @dataclass(frozen=True)
@@ -215,6 +248,16 @@ class Asked:
         apart = np.abs(self.known(self.loads(self.places(models.finer, k), found)) - self.known(found))
         return np.asarray(apart / models.mended)
 
+    def of_model(self, models: Models, k: int, found: Array) -> Array:
+        """Error (l,) kg of the structural model, by a richer one; not a number where that is not known."""
+        error = np.full(found.shape[1], np.nan)
+        if models.structural is not None:
+            which = [n for n, one in enumerate(self.limits) if one.of not in UNCOMPARED]
+            compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, len(self.limits)]
+            loads = compared.loads(compared.places(models.structural, k), found[:, columns])
+            error[columns] = np.abs(compared.known(loads) - self.known(found)[columns])
+        return error
+
     def of_rotation(self, places: Sequence[Place], found: Array, reach: float) -> Array:
         """What second order neglects (l,) kg, in the case that allows least."""
         case, load = _least(found)
@@ -226,15 +269,18 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     """Task: what limits allow at some of the places; ``place`` (p, 2) m, radius and height of the undeformed tip.
 
     Arrays: ``load`` (p, l) kg, the least of all cases, with ``case`` (p, l), its number, and ``error`` (p, l) kg; NaN
-    where no load up to the largest reaches a limit.  ``error`` is the sum of ``error.reduction``, ``error.mesh``, not a
-    number where it is not known, and ``error.rotation``.  With ``hoist`` also ``hoist`` (p,), by which factor of its
+    where no load up to the largest reaches a limit.  ``error`` is the sum of ``error.reduction``, ``error.mesh`` and
+    ``error.model``, not a number where they are not known, and ``error.rotation``; ``not_covered`` (p,) says in words
+    what it lacks.  With ``hoist`` also ``hoist`` (p,), by which factor of its
     weight the least load of all pulls as it is lifted off, in the first case's amounts.  ``passed`` (p, c, l) says
     which limits are passed in the cases out of service, `left`.  Arrays ``at.`` are those of
     `pmr.studies.governing.details` at ``at.place`` (l,), where each limit governs the largest load of these places, or
     -1.
     Figures are the extremes of the loads that all limits allow.
     """
-    models = Models.of(needs["postures"].arrays)
+    from pmr.studies.chart_warnings import contacts_from_text, warnings_of_row
+
+    models = Models.of(needs)
     at, cases, gravity = models.own, arguments["cases"], arguments["gravity"]
     amounts = [[_amount(case, part) for part in at.parts] for case in cases]
     asked = Asked([Limit.model_validate(one) for one in arguments["limits"]], amounts, arguments["up_to"], gravity)
@@ -257,7 +303,14 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     at_best = [asked.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
     pages = details(asked.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     arrays |= {f"at.{name}": one for name, one in (pages | {"place": best}).items()}
-    return TaskResult(record, {**arrays, "place": np.column_stack([radius, tip[:, 2]])})
+    arrays["not_covered"] = np.array(["; ".join(models.not_covered(asked.limits))] * len(rows))
+    scene, contacts = Scene.model_validate(arguments["boom"]), contacts_from_text(needs["postures"].arrays["contacts"])
+    loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=asked.up_to), arrays["case"]
+    of_places = warnings_of_row(
+        scene, contacts, asked.places, models.compared, models.reach, loads, cases_of_loads, first
+    )
+    arrays["place"] = np.column_stack([radius, tip[:, 2]])
+    return TaskResult(record, arrays, warnings=(*of_places, *needs["postures"].warnings))
 
 
 def _at_place(asked: Asked, models: Models, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:
@@ -266,12 +319,14 @@ def _at_place(asked: Asked, models: Models, k: int, rope: Rope | None) -> dict[s
     found = asked.loads(places)
     case, load = _least(found)
     row: dict[str, NDArray[Any]] = {"load": load, "case": case}
-    parts = dict.fromkeys(("error.reduction", "error.mesh", "error.rotation"), np.full(len(load), np.nan))
+    parts = dict.fromkeys((f"error.{of}" for of in PARTS), np.full(len(load), np.nan))
     if models.better is not None:
         parts["error.reduction"] = asked.of_reduction(models, k, found)
         parts["error.mesh"] = asked.of_mesh(models, k, found)
+        parts["error.model"] = asked.of_model(models, k, found)
         parts["error.rotation"] = asked.of_rotation(places, found, float(models.reach[k]))
-    row |= parts | {"error": parts["error.reduction"] + np.nan_to_num(parts["error.mesh"]) + parts["error.rotation"]}
+    sometimes = np.nan_to_num(parts["error.mesh"]) + np.nan_to_num(parts["error.model"])
+    row |= parts | {"error": parts["error.reduction"] + sometimes + parts["error.rotation"]}
     if rope is not None:
         least = float(np.nanmin(np.append(load, np.inf)))
         row["hoist"] = np.array(_hoisted(places[0].loaded, least, rope, asked.gravity))
@@ -308,9 +363,15 @@ def governing(load: Array) -> NDArray[np.int64]:
     return np.where(np.isfinite(least.min(axis=1)), least.argmin(axis=1), -1)
 
 
-def in_doubt(load: Array, error: Array) -> NDArray[np.bool_]:
+def lowest(load: Array, error: Array, up_to: float) -> Array:
+    """Loads (P, l) kg less their errors; those of limits that are not reached are `up_to` at least without these."""
+    return np.asarray(np.nan_to_num(load, nan=up_to) - np.nan_to_num(error))
+
+
+def in_doubt(load: Array, error: Array, up_to: float) -> NDArray[np.bool_]:
     """Which limits (P, l) may govern within the error bars, where these are several."""
-    low = np.where(np.isnan(load), np.inf, load - np.nan_to_num(error))
+    low = lowest(load, error, up_to)
+    low = np.where(np.isnan(load) & (low >= up_to), np.inf, low)
     high = np.where(np.isnan(load), np.inf, load + np.nan_to_num(error))
     may = (low <= high.min(axis=1)[:, None]) & np.isfinite(low)
     return may & (may.sum(axis=1) > 1)[:, None]

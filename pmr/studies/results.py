@@ -142,7 +142,8 @@ class StudyResults:
         names = _names(rows)
         with fresh(self.folder, (*TABLES, *REPORT, *(tables or {}))) as new:
             for name, text in (tables or {}).items():
-                _write(new / name, text)
+                if text:
+                    _write(new / name, text)
             _write(new / "runs.csv", _csv(names, rows))
             npz.write(new / "runs.npz", {name: self.column(name) for name in names})
             times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]

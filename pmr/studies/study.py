@@ -62,7 +62,10 @@ class StudyBase(BaseModel):
         return {}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:
-        """Further tables by the names of their files, once all runs are there, as text."""
+        """Further tables of the runs that are done, by the names of their files, as text.
+
+        An old file of a table without text goes.
+        """
         return {}
 
     def summary_line(self, results: StudyResults) -> str:

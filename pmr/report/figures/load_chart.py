@@ -130,13 +130,20 @@ def _corners(place: Array) -> Array:
         turn = np.array([[np.cos(STRIP), np.sin(STRIP)], [-np.sin(STRIP), np.cos(STRIP)]])
         place = np.concatenate([place @ turn.T, place @ turn], axis=1)
     else:
-        place = _between(place, 1)
+        place = _turned(place)
     return np.concatenate([(1.0 - STRIP) * place, place]) if len(place) == 1 else _between(place, 0)
 
 
-def _between(place: Array, axis: int) -> Array:
-    """The first place, those half way between neighbours, and the last one, along an axis."""
-    count = place.shape[axis]
-    first, last = np.take(place, [0], axis), np.take(place, [-1], axis)
-    middle = (np.take(place, range(count - 1), axis) + np.take(place, range(1, count), axis)) / 2.0
+def _turned(place: Array) -> Array:
+    """The first angle, those half way between neighbours and the last one, about the pivot at a mean radius."""
+    polar = np.stack([np.linalg.norm(place, axis=-1), np.arctan2(place[..., 1], place[..., 0])], axis=-1)
+    radius, angle = np.moveaxis(_between(polar, 1), -1, 0)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+
+
+def _between(values: Array, axis: int) -> Array:
+    """The first one of values, those half way between neighbours, and the last one, along an axis."""
+    count = values.shape[axis]
+    first, last = np.take(values, [0], axis), np.take(values, [-1], axis)
+    middle = (np.take(values, range(count - 1), axis) + np.take(values, range(1, count), axis)) / 2.0
     return np.concatenate([first, middle, last], axis=axis)

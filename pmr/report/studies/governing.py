@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.report.blocks import Block, Table, drawing
 from pmr.report.figures.at_rest import AtRest, at_rest
-from pmr.report.numbers import SPACE, quantity
+from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
 from pmr.results.outputs import FORCES
 from pmr.scene.names import ALONE
@@ -53,7 +53,7 @@ def _page(
         "large; thin where it is without any load."
     )
     stands = ", ".join(f"{name} out {value:.3g}{SPACE}m" for name, value in out.items())
-    bar = f" ± {error:.2g}" if np.isfinite(error) else ""
+    bar = f" ± {plain(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
     text = (
         f"Raised by {np.rad2deg(angle):.3g}°{', ' if stands else ''}{stands}: radius {radius:.4g}{SPACE}m, height "
         f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}, the largest load that this limit "

@@ -20,11 +20,12 @@ from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.postures import HOOK, with_hook
 from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
-from pmr.studies.charting import allowed, governing, in_doubt, postures, sequence
+from pmr.studies.charting import allowed, governing, in_doubt, lowest, postures, sequence
 from pmr.studies.engine.task import Plan, Scalar, Task, number
 from pmr.studies.figures import boom_arguments
 from pmr.studies.limits import STABILITY, Limit
 from pmr.studies.results import StudyResults
+from pmr.studies.richer_model import richer_model
 from pmr.studies.stops import Stop
 from pmr.studies.study import Count, StudyBase
 
@@ -116,7 +117,7 @@ class Study(StudyBase):
         return self
 
     def plan(self) -> Plan:
-        scene, rows, size = self._scene, self._rows, len(self._angles) * len(self.slewing)
+        scene, rows, size = self._scene, self._rows, self._size
         for limit in self.limits:
             limit.check(scene)
         if len(rows) * size > MOST:
@@ -136,8 +137,12 @@ class Study(StudyBase):
         fields = sorted({name for limit in self.limits if limit.of == "field" for name in limit.which})
         common |= {"fields": fields} if fields else {}
         turned = {"turned": sorted({stop.of for stop in self.stops})} if self.stops else {}
-        shared = Task("postures", postures, boom_arguments(with_hook(scene)) | common | turned | {"at": at}, cost=10.0)
-        asked: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars}
+        boom = boom_arguments(with_hook(scene))
+        shared = {"postures": Task("postures", postures, boom | common | turned | {"at": at}, cost=10.0)}
+        if self.error_bars:
+            shared["model"] = Task("model", richer_model, boom | {"at": at}, cost=20.0)
+        needs = {name: task.key for name, task in shared.items()}
+        asked: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars} | boom
         asked |= {
             "limits": [limit.model_dump(mode="json") for limit in self.limits],
             "cases": [case.acting(self.classes) for case in self._in_service],
@@ -150,13 +155,13 @@ class Study(StudyBase):
         for k, row in enumerate(rows):
             parameters: dict[str, Scalar] = {f"extension.{name}": value for name, value in row.items()}
             arguments = asked | {"rows": [k * size, (k + 1) * size]}
-            runs.append(Task(f"row{k + 1}", allowed, arguments, {"postures": shared.key}, parameters))
-        return Plan(tuple(runs), (shared,))
+            runs.append(Task(f"row{k + 1}", allowed, arguments, needs, parameters))
+        return Plan(tuple(runs), tuple(shared.values()))
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
         table = self.table(results)
         names, load = self.names, table["load"]
-        least, doubt = governing(load), in_doubt(load, table["error"]).any(axis=1)
+        least, doubt = governing(load), in_doubt(load, table["error"], self.up_to).any(axis=1)
         found: dict[str, Scalar] = {"points": len(load), "limits": len(names), "in_doubt": int(doubt.sum())}
         for k, name in enumerate(names):
             found |= {
@@ -180,7 +185,15 @@ class Study(StudyBase):
             asked = "" if self.limits else f"; it was looked for {STABILITY} alone, [[limits]] of the study adds others"
             return f"no limit is reached up to {self.up_to:g} kg at any of {points} points{asked}"
         low, high = float(np.nanmin(found[0])), float(np.nanmax(found[1]))
-        return f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits"
+        return f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits{self._bars(results)}"
+
+    def _bars(self, results: StudyResults) -> str:
+        """How far lower bounds are below the loads at most, and what the error bars do not cover, in words."""
+        table = self.table(results)
+        load = np.nan_to_num(table["load"], nan=self.up_to).min(axis=1)
+        lower = np.maximum(lowest(table["load"], table["error"], self.up_to).min(axis=1), 0.0)
+        less = f", less error bars of up to {(load - lower).max():.3g} kg" if self.error_bars else ""
+        return f"{less}; not covered: {self.not_covered(results)}"
 
     @property
     def _in_service(self) -> list[LoadCase]:
@@ -203,15 +216,22 @@ class Study(StudyBase):
         return [*(limit.name for limit in self.limits), STABILITY]
 
     def table(self, results: StudyResults) -> dict[str, Any]:
-        """All points: ``load``, ``error`` (P, l) kg and ``case`` (P, l) of each limit, in the order of the plan."""
-        parts = [results.arrays(run.key) for run in results.runs]
+        """All points of runs that are done, as planned: ``load``, ``error`` (P, l) kg, ``case`` (P, l) of each limit.
+
+        Raises an IndexError if no run is done.
+        """
+        parts = [results.arrays(run.key) for run in results.runs if run.status == "done"]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:
-        """``chart.csv``: a row for each point."""
+        """``chart.csv``: a row for each point of the runs that are done; empty where none is."""
+        done = [run.status == "done" for run in results.runs]
+        if not any(done):
+            return {"chart.csv": ""}
+        points = [one for one, is_done in zip(self._points, np.repeat(done, self._size), strict=True) if is_done]
         table, names = self.table(results), self.names
         load, error = table["load"], table["error"]
-        least, doubt = governing(load), in_doubt(load, error)
+        least, doubt = governing(load), in_doubt(load, error, self.up_to)
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         heads = [f"extension {name} [m]" for name in self._scene.names[1:]]
@@ -234,25 +254,32 @@ class Study(StudyBase):
                 *(f"{case.name}, passed" for case in self._left),
                 *(f"{n} [kg]" for n in names),
                 *(f"{n} error [kg]" for n in names),
+                "not covered",
             ]
         )
-        for k, (row, a, b) in enumerate(self._points):
+        for k, (row, a, b) in enumerate(points):
             radius, height = table["place"][k].tolist()
             which = int(least[k])
             known = which >= 0
-            said = [load[k, which], self._lower(load[k], error[k])] if known else ["", ""]
+            lower = float(max(0.0, lowest(load[k], error[k], self.up_to).min()))
+            said = [load[k, which] if known else "", lower if known or lower < self.up_to else ""]
             said += [names[which], self._in_service[int(table["case"][k, which])].name] if known else ["none", ""]
             may = " | ".join(name for name, one in zip(names, doubt[k], strict=True) if one)
             own: list[Any] = [float(table["hoist"][k])] if self.hoist else []
             own += [" | ".join(np.array(names)[passed]) or "none" for passed in table["passed"][k]]
             cells = [*row.values(), a, b, radius, height, *said, may, *own, *load[k].tolist(), *error[k].tolist()]
+            cells.append(str(table["not_covered"][k]))
             writer.writerow([_cell(one) for one in cells])
         return {"chart.csv": text.getvalue()}
 
-    @staticmethod
-    def _lower(load: Any, error: Any) -> float:
-        """What the load is at least, by all limits and their error bars."""
-        return float(max(0.0, np.nanmin(load - np.nan_to_num(error))))
+    def not_covered(self, results: StudyResults) -> str:
+        """Parts of the error that the bars lack, in clauses."""
+        return str(self.table(results)["not_covered"][0])
+
+    @property
+    def _size(self) -> int:
+        """Number of points of a run."""
+        return len(self._angles) * len(self.slewing)
 
     @property
     def _points(self) -> list[tuple[dict[str, float], float, float]]:

@@ -45,4 +45,6 @@ def test_colours_end_where_the_machine_does(reaches: int, angles: int) -> None:
     corners = np.concatenate([patch.get_path().vertices for patch in drawn.axes[0].patches])
     far = np.linalg.norm(corners, axis=1)
     assert far.max() == pytest.approx(reach[-1], rel=1e-12)
-    assert far.min() <= reach[0]
+    assert far.min() <= reach[0] * (1.0 + 1e-12)
+    turned = np.arctan2(corners[:, 1], corners[:, 0])[far > (1.0 - 1e-9) * reach[-1]]
+    assert len(np.unique(turned.round(9))) == (angles + 1 if angles > 1 else 2)  # on the arc, between the places too

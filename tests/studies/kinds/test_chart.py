@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from finished import WORKFLOWS, finished
+from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.plugins import offered
@@ -21,7 +25,7 @@ from pmr.studies.engine.pools import local_pool
 from pmr.studies.engine.runner import Progress
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
-from pmr.studies.results import StudyResults
+from pmr.studies.results import RunRecord, StudyResults
 from pmr.system.from_scene import force_names
 
 pytestmark = pytest.mark.slow
@@ -149,9 +153,10 @@ def test_cases_are_made_of_classes_and_winds(small: StudyResults, folder: Path) 
 
 
 def test_error_bars_are_the_sum_of_their_parts(small: StudyResults, folder: Path) -> None:
-    names = ("error", "error.reduction", "error.mesh", "error.rotation")
+    names = ("error", "error.reduction", "error.mesh", "error.rotation", "error.model")
     arrays = {n: np.concatenate([small.arrays(run.key)[n] for run in small.runs]) for n in names}
     parts = [arrays[f"error.{of}"] for of in ("reduction", "mesh", "rotation")]
+    assert np.isnan(arrays["error.model"]).all()  # of beams that slide on points there are no shells
     assert np.isfinite(arrays["error"]).all() and (arrays["error"] == parts[0] + parts[1] + parts[2]).all()
     assert all((part >= 0.0).all() and (part > 0.0).any() for part in parts)
     assert "large rotations" in page(folder)
@@ -196,27 +201,48 @@ def test_cut_off_and_called_again_it_is_the_same_to_the_byte(folder: Path, tmp_p
     project, made, cut = files.load(folder / "resumed.toml"), tmp_path / "made", tmp_path / "cut"
 
     def leave(progress: Progress) -> None:
-        if progress.done > 1:  # what all four rows need, and the first of them
+        if progress.done > 2:  # what all four rows need, and the first of them
             raise KeyboardInterrupt
 
     with local_pool(1) as pool, pytest.raises(KeyboardInterrupt):
         compute(project, cut, pool, leave)
     there = {file: file.stat().st_mtime_ns for file in (cut / "tasks").glob("*.npz")}
-    assert 2 <= len(there) <= 3  # another row was on its way
+    assert 3 <= len(there) <= 4  # another row was on its way
     with local_pool(1) as pool:
         again = compute(project, cut, pool, lambda progress: None)
         save(project, again, cut)
         save(project, compute(project, made, pool, lambda progress: None), made)
-    assert again.computed == 5 - len(there) and again.is_complete
+    assert again.computed == 6 - len(there) and again.is_complete
     assert {file: file.stat().st_mtime_ns for file in there} == there
     assert (cut / "chart.csv").read_bytes() == (made / "chart.csv").read_bytes()
+
+
+def test_a_row_whose_process_was_killed_is_missing_alone(small: StudyResults, folder: Path, tmp_path: Path) -> None:
+    """The table has the points of the other rows; without any row an old table goes."""
+    study, killed = files.load(folder / "study.toml").parts[0].study, RunRecord("row2", "failed", {}, {}, {}, "died")
+    arrays = {run.key: small.arrays(run.key) for run in small.runs}
+
+    class Partly(StudyResults):
+        def arrays(self, key: str) -> Mapping[str, NDArray[Any]]:
+            return arrays[key]
+
+    partly = Partly(tmp_path, (small.runs[0], killed, small.runs[2]))
+    partly.save({}, study.tables(partly))
+    assert rows(tmp_path) == [*rows(folder)[:4], *rows(folder)[8:]]
+    nothing = Partly(tmp_path, tuple(replace(run, status="failed") for run in small.runs))
+    nothing.save({}, study.tables(nothing))
+    assert not (tmp_path / "chart.csv").exists()
 
 
 def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) -> None:
     study, loads = files.load(folder / "study.toml").parts[0].study, [row["load [kg]"] for row in rows(folder)]
     known = [float(load) for load in loads if load]
     line = study.summary_line(small)
-    assert line == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
+    carried, bars, missing = re.split(", less error bars of up to | kg; not covered: ", line)
+    assert carried == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
+    assert float(bars) > 0.0
+    assert missing.startswith("the structural model: a point slides on beam2d only")
+    assert missing in page(folder) and all(row["not covered"] == missing for row in rows(folder))
     bare = [replace(run, figures={}) for run in small.runs]
     unmet = "no limit is reached up to 5000 kg at any of 12 points"
     assert study.summary_line(replace(small, runs=tuple(bare))) == unmet

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors.text import rounded
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.load_chart import Chart, load_chart, pointed
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.governing import Parts, pages
+from pmr.studies import charting
 from pmr.studies.cases import LoadCase
 from pmr.studies.charting import governing
 from pmr.studies.limits import STABILITY
@@ -26,7 +28,7 @@ ROWS, COLUMNS = 14, 7
 UNITS = dict.fromkeys(("pad", "cylinder", "support", "luffing", "rope"), "N")
 UNITS |= {"stress": "Pa", "field": "Pa", "deflection": "m", "frequency": "Hz"}
 #: Arrays of error bars: the sum and its parts.
-PARTS = ("", ".reduction", ".mesh", ".rotation")
+PARTS = ("", *(f".{of}" for of in charting.PARTS))
 #: What stands in place of a load where no load up to the largest one reaches the limit.
 NOT_REACHED = "limit not reached"
 #: Error bars in kg from which on they are shown beside a load.
@@ -60,7 +62,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         title=study.title,
         headline=_headline(study, least),
         key_numbers=_key_numbers(study, least, error),
-        paragraphs=_paragraphs(study),
+        paragraphs=_paragraphs(study, parts),
         blocks=[
             Block("Load chart", ((picture,),)),
             Block("Limits", grids=(_limits(study, names), *_bars(study, names, parts))),
@@ -126,17 +128,18 @@ def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNu
     found.append(KeyNumber(_kg(np.nanmax(least)), "most"))
     found.append(KeyNumber(_kg(np.nanmin(least)), "least"))
     if np.isfinite(error).any():
-        largest, doubt = f"{np.nanmax(error):.2g}{SPACE}kg", str(study.figures["in_doubt"])
-        found.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, rotations"))
+        largest, doubt = _kg(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
+        found.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, model, rotations"))
         found.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
     return found
 
 
-def _paragraphs(study: FinishedStudy) -> list[str]:
+def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
     bars = (
-        "Error bars are the sum of three parts: the reduction, from a richer reduced model; the mesh, from elements "
-        "half as long, where all sections are beams; and what second order neglects where the boom bends far. The "
-        "lower bound in chart.csv is what all limits allow at least."
+        "Error bars are the sum of four parts: the reduction, from a richer reduced model; the mesh, from elements "
+        "half as long; the structural model, from shells in place of beams; and what second order neglects where "
+        "the boom bends far. The lower bound in chart.csv is what all limits allow at least, less their error bars. "
+        f"Not covered: {parts[0]['not_covered'][0]}."
         if study.asked["error_bars"]
         else "Error bars were not asked for."
     )
@@ -190,16 +193,16 @@ def _bars(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
         some = load[:, k] > 0.0
         shares = [np.concatenate([p[f"error{of}"][:, k] for p in parts])[some] / load[some, k] for of in PARTS]
         rows.append((name, *(_per_cent(np.median(one)) for one in shares if len(one)), *_most(shares[0])))
-    said = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
-    return [Grid(said, ("limit", "in all", "reduction", "mesh", "large rotations", "largest"), tuple(rows))]
+    caption = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
+    return [Grid(caption, ("limit", "in all", "reduction", "mesh", "model", "large rotations", "largest"), tuple(rows))]
 
 
 def _most(shares: Array) -> tuple[str, ...]:
-    return (_per_cent(shares.max()),) if len(shares) else (NOT_REACHED,) * (len(PARTS) + 1)
+    return (_per_cent(shares.max()),) if len(shares) else (NOT_REACHED, *["–"] * len(PARTS))
 
 
 def _per_cent(share: Any) -> str:
-    return "not known" if np.isnan(share) else f"{100.0 * share:.2g}{SPACE}%" if share >= 1e-5 else "0"
+    return "not known" if np.isnan(share) else f"{rounded(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
 
 
 def _cases(study: FinishedStudy) -> Grid:

@@ -1,0 +1,198 @@
+"""Warnings of a load chart: those that a run has, for the boom at rest at each place, without and with its load."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare import far_off, pad_forces, ropes, trust
+from pmr.compare.errors import relative_error
+from pmr.compare.summary import Part, grave
+from pmr.results import Energy, Response
+from pmr.scene import Scene
+from pmr.scene.built import force_of
+from pmr.simulation.postures import Postures
+from pmr.studies.allowed import Place
+from pmr.system.contacts import Contact
+from pmr.system.contacts import Place as ContactPlace
+from pmr.system.loaded import State
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+#: Share of a load by which less of it is looked at.
+BELOW = 1e-6
+#: Kinds of outputs and contacts, as a budget calls their errors.
+KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """A place under a load in kg at which the boom stands, and where that is in words."""
+
+    place: Place
+    load: float
+    words: str
+
+    @property
+    def state(self) -> State:
+        """Outputs and forces there."""
+        return self.place.loaded.state(self.load)
+
+
+@dataclass(frozen=True)
+class RestingResponse(Response):
+    """A response that has a place at rest for each time, numbered from 0."""
+
+    words: tuple[str, ...] = ()
+
+    def when(self, t: float, s: float | None = None) -> str:
+        """The place in words."""
+        return self.words[int(t)]
+
+
+def contacts_as_text(system: System) -> NDArray[np.str_]:
+    """What warnings have to know of a system's contacts, in JSON."""
+    known = [
+        {"name": one.name, "body": one.inner.body, "path": one.inner.path, "clearance": one.clearance, "kind": one.kind}
+        for one in system.contacts
+    ]
+    return np.array(json.dumps(known))
+
+
+def contacts_from_text(text: NDArray[np.str_]) -> list[Contact]:
+    """The contacts that `contacts_as_text` wrote, without their places and stiffnesses."""
+    return [
+        Contact(
+            one["name"],
+            ContactPlace(one["body"], one["name"], path=one["path"]),
+            clearance=one["clearance"],
+            kind=one["kind"],
+        )
+        for one in json.loads(str(text))
+    ]
+
+
+def resting(place: Place, load: float, reach: float) -> list[AtRest]:
+    """The boom at a place without a load, and just below a load in kg, as far as it stands."""
+    at, k = place.at, place.k
+    where = f"at a reach of {reach:.4g} m, raised {np.rad2deg(at.luffing[k]):.4g} degrees"
+    if at.slewing[k]:
+        where += f", slewed {np.rad2deg(at.slewing[k]):.4g} degrees"
+    found = [AtRest(place, 0.0, f"{where}, without a load")]
+    if load > 0.0:
+        found.append(AtRest(place, load * (1.0 - BELOW), f"{where}, under {load:.4g} kg"))
+    return [one for one in found if one.state.stands]
+
+
+def warnings_of_row(
+    scene: Scene,
+    contacts: Sequence[Contact],
+    places: Callable[[Postures, int], Sequence[Place]],
+    models: Mapping[str, tuple[Postures, str, float]],
+    reach: Array,
+    loads: Array,
+    cases: Array,
+    first: int,
+) -> tuple[str, ...]:
+    """Lines of a run's warnings at the places of a row, without a load and under the least of the loads (p, l) kg.
+
+    `places` has a place in all load cases, by its number, of which `first` is the least of the row; `cases` (p, l) are
+    those of the loads.  `models` are as ``others`` of `warnings`, and the chart's own one as ``own``; the boom's tip is
+    at `reach` (P,) m along it.
+    """
+    rests, numbers = list[AtRest](), list[int]()
+    for k, (of_limits, of_cases) in enumerate(zip(loads, cases, strict=True), first):
+        limit = int(of_limits.argmin())
+        place = places(models["own"][0], k)[of_cases[limit]]
+        standing = resting(place, float(of_limits[limit]), float(reach[k]))
+        rests += standing
+        numbers += [int(of_cases[limit])] * len(standing)
+    others = {
+        name: ([places(at, one.place.k)[n] for one, n in zip(rests, numbers, strict=True)], called, share)
+        for name, (at, called, share) in models.items()
+        if name != "own"
+    }
+    return warnings(scene, contacts, rests, float(reach.max()), others)
+
+
+def warnings(
+    scene: Scene,
+    contacts: Sequence[Contact],
+    rests: Sequence[AtRest],
+    reach: float,
+    others: Mapping[str, tuple[Sequence[Place], str, float]],
+) -> tuple[str, ...]:
+    """Lines of a run's warnings for places at rest, the gravest first, of a boom that reaches so far at most, in m.
+
+    `others` has, by ``model`` and ``mesh``, the same places of another model, what that is called, and the share of
+    the difference by which the chart's own is off.
+    """
+    if not rests:
+        return ()
+    response = _response(rests)
+    parts = [
+        Part(grave=pad_forces.pulled(scene, contacts, response)),
+        ropes.part(scene, response),
+        Part(grave=trust.large_motion(reach, [response])),
+    ]
+    budget = {}
+    for name, (places, called, share) in others.items():
+        beside = [AtRest(place, one.load, one.words) for place, one in zip(places, rests, strict=True)]
+        budget[name] = _off(rests, beside, share) | ({"beside": called} if name == "model" else {})
+    hints = [*pad_forces.unknown(scene, response), *pad_forces.missing(scene)]
+    return (*grave(parts), *far_off.warnings(scene, budget), *hints)
+
+
+def _response(rests: Sequence[AtRest]) -> RestingResponse:
+    """Displacements of the tip and forces of contacts, a place for each time."""
+    at, states = rests[0].place.at, [one.state for one in rests]
+    t, nothing = np.arange(len(rests), dtype=float), np.zeros(len(rests))
+    tip = _numbers(at, "tip")[0]
+    return RestingResponse(
+        t=t,
+        x=np.zeros(len(tip)),
+        displacement=np.array([state.outputs[tip] for state in states]),
+        energy=Energy(nothing, nothing, nothing),
+        slider_force=np.array([state.forces for state in states]),
+        residual_position=nothing,
+        residual_velocity=nothing,
+        seconds=0.0,
+        output_names=tuple(at.output_names[n] for n in tip),
+        force_names=tuple(map(force_of, at.force_names)),
+        words=tuple(one.words for one in rests),
+    )
+
+
+def _off(own: Sequence[AtRest], other: Sequence[AtRest], share: float) -> dict[str, Any]:
+    """By kind, the share of what own figures are apart from those of another model, as fractions of the latter."""
+    pairs = [(one.state, beside.state) for one, beside in zip(own, other, strict=True)]
+    pairs = [(mine, theirs) for mine, theirs in pairs if theirs.stands]
+    found = dict[str, float]()
+    for kind, called in KINDS.items():
+        y, reference = (
+            np.array([_values(one.place.at, pair[n], kind) for pair in pairs])
+            for n, one in enumerate((own[0], other[0]))
+        )
+        if y.size and y.shape == reference.shape and np.any(reference):
+            found[called] = share * relative_error(y, reference)
+    return found
+
+
+def _values(at: Postures, state: State, kind: str) -> list[float]:
+    """Outputs and forces of a kind, in the order of their names."""
+    outputs, forces = _numbers(at, kind)
+    named = [(at.output_names[n], state.outputs[n]) for n in outputs]
+    named += [(at.force_names[n], state.forces[n]) for n in forces]
+    return [float(value) for _, value in sorted(named)]
+
+
+def _numbers(at: Postures, kind: str) -> tuple[list[int], list[int]]:
+    """Numbers of outputs and of contacts of a kind."""
+    outputs, forces = at.output_kinds, at.force_kinds
+    return [n for n, one in enumerate(outputs) if one == kind], [n for n, one in enumerate(forces) if one == kind]

@@ -1,0 +1,49 @@
+"""A load chart's structural model beside a richer one: the same boom, made of shells, at the same places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pmr.errors import ConvergenceError, InputError, SimulationError
+from pmr.files import records
+from pmr.scene import Scene
+from pmr.scene.richer import beside
+from pmr.simulation.postures import Postures, Stands, weights_of
+from pmr.studies.engine.task import TaskResult
+
+#: Limits of what the richer model has at other places, or not at all.
+UNCOMPARED = ("stress", "field", "function", "expression")
+#: Why these are not compared.
+STRESS = "it depends on how walls bend at pads, loads and corners"
+#: What makes the error unknown, as in runs.
+UNKNOWN = (InputError, ConvergenceError, SimulationError, ValueError, ImportError)
+#: Kinds of outputs and contacts that both models have to have.
+COMPARED = ("tip", "support", "pad", "cylinder")
+
+
+def richer_model(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: `Postures` of a richer structural model, ``model.``, and what it is ``called``; or the ``reason`` for none.
+
+    It is the model that runs are compared with (`pmr.scene.richer.beside`), with 20 free modes a section.
+    """
+    from pmr.reduction.bodies import joined, reduce_bodies
+    from pmr.studies import shared
+    from pmr.system.from_scene import force_names
+
+    scene, at = Scene.model_validate(arguments["boom"]), Stands.of(arguments["at"])
+    try:
+        own, other, called = beside(scene)
+        if any(sorted(force_names(own)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
+            return _without(f"a {called} has other pads and cylinders")
+        system = joined(other, reduce_bodies(other, shared.bodies_of(other)))
+        found = Postures.of(other, system, at, weights_of(shared.full_system(own)))  # shells weigh as beams do
+    except UNKNOWN as error:
+        return _without(error.allowed if isinstance(error, InputError) else str(error))
+    return TaskResult(arrays={**records.arrays(found, "model."), "called": np.array(called)})
+
+
+def _without(reason: str) -> TaskResult:
+    return TaskResult(arrays={"reason": np.array(reason)})

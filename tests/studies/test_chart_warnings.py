@@ -1,0 +1,111 @@
+"""What a load chart says of its model and warns of, beside full order and a run of the same boom at rest."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from finished import finished
+from fuzz import toml
+from ways.kinds import RAISED, SPACE, boom, rings
+
+import pmr
+from pmr.report.studies.document import page
+from pmr.scene import load_any
+from pmr.scene.richer import beside
+from pmr.simulation.postures import Postures, Stands, weights_of, with_hook
+from pmr.studies import shared
+from pmr.studies.allowed import Place, allowed_loads
+from pmr.studies.figures import boom_arguments
+from pmr.studies.limits import Limit
+from pmr.studies.results import StudyResults
+from pmr.studies.richer_model import richer_model
+
+pytestmark = pytest.mark.slow
+
+EXTENSION, ANGLE, UP_TO = 1.2, 0.3, 2000.0
+LIMITS = [{"name": "tip", "of": "deflection", "most": 0.01}, {"name": "pads", "of": "pad", "most": 20e3}]
+STUDY = {
+    "kind": "chart",
+    "title": "Two thin boxes",
+    "scene": "scene.toml",
+    "up_to": UP_TO,
+    "extensions": [EXTENSION],
+    "luffing": [ANGLE],
+    "limits": LIMITS,
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two boxes of 2 m with thin rigid walls, on pads that hold both ways."""
+    found = tmp_path_factory.mktemp("chart")
+    scene = boom("Two boxes", "beam3d", rings(faces=SPACE), lengths=2.0, elements=10, size=0.2, along=0.4)
+    scene["sections"][-1]["masses"] = []
+    scene["sections"][-1]["loads"][0]["signal"] = {"kind": "constant", "amount": 0.0}
+    for part in scene["sections"]:
+        part["body"]["box"]["wall"] = 0.004
+    for joint in (scene["section"]["joint"],):
+        joint["extension"] = {"kind": "constant", "amount": EXTENSION}
+    frame = RAISED | {"luffing": {"kind": "constant", "amount": ANGLE}}
+    compare = {"against": [], "model_tolerance": 0.01}
+    described = scene | {"frame": frame, "compare": compare, "start": "equilibrium", "gravity": {}}
+    (found / "scene.toml").write_text(toml.written(described))
+    return found
+
+
+@pytest.fixture(scope="module")
+def chart(folder: Path) -> StudyResults:
+    return finished(folder, toml.written(STUDY))
+
+
+def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> None:
+    """Shells of full order allow what the chart's own load and the model's part of its bar say."""
+    (row,) = csv.DictReader((folder / "chart.csv").read_text().splitlines())
+    arrays = chart.arrays("row1")
+    _, other, called = beside(with_hook(load_any(folder / "scene.toml")))
+    at = Stands({"fly": np.array([EXTENSION])}, np.array([ANGLE]), np.zeros(1))
+    full = shared.full_system(other)
+    postures = Postures.of(other, full, at, weights_of(full))
+    place = Place(postures, 0, [float(part != "F") for part in postures.parts], 9.80665)
+    loads = allowed_loads([Limit.model_validate(one) for one in LIMITS], place, UP_TO)
+    assert called == "coarse shell" and "structural model" not in row["not covered"]
+    for n, limit in enumerate(LIMITS):
+        own, error = arrays["load"][0, n], arrays["error.model"][0, n]
+        assert error > 0.01 * own
+        assert min(abs(own - error - loads[n]), abs(own + error - loads[n])) < 0.03 * error
+        assert float(row[f"{limit['name']} error [kg]"]) >= error
+    assert float(row["lower bound [kg]"]) <= min(arrays["load"][0, :2] - arrays["error.model"][0, :2])
+    assert "structural model, from shells" in page(folder)
+
+
+def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, folder: Path) -> None:
+    """Of pads that pull, under the load and by how much, and of the model, in the table, the summary and the report."""
+    (record,) = chart.runs
+    load = chart.arrays("row1")["load"][0, :2].min()
+    hung = {"name": "hook", "on": "tip", "mass": float(load)}
+    outcome = pmr.run(load_any(folder / "scene.toml", [f"sections.fly.masses=[{toml.value(hung)}]"]))
+    assert outcome is not None
+    (pull,) = [one for one in outcome.result.summary["warnings"] if "hold both ways and pull" in one]
+    (said,) = [one for one in record.warnings if "hold both ways and pull" in one]
+    of = re.compile(r"pull: (.*) with up to ([\d.]+) kN")
+    (name, force), (of_run, force_of_run) = (of.search(one).groups() for one in (said, pull))
+    assert name == of_run and float(force) == pytest.approx(float(force_of_run), rel=0.01)
+    assert f"at a reach of {2.0 + EXTENSION:g} m, raised {np.rad2deg(ANGLE):.4g} degrees, under {load:.4g} kg" in said
+    assert any(one.startswith("the model is off by up to") for one in record.warnings)
+    (row,) = csv.DictReader((folder / "runs.csv").read_text().splitlines())
+    assert row["warnings"] == " | ".join(record.warnings)
+    (run,) = json.loads((folder / "summary.json").read_text())["runs"]
+    assert run["warnings"] == list(record.warnings)
+    assert all(one[:1].upper() + one[1:].partition(" =")[0] in page(folder) for one in record.warnings)
+
+
+def test_without_a_richer_model_the_reason_is_said(folder: Path) -> None:
+    scene = load_any(folder / "scene.toml", ["section.body.model=shell"])
+    at = {"extensions": {"fly": [EXTENSION]}, "luffing": [ANGLE], "slewing": [0.0]}
+    arrays = richer_model(boom_arguments(with_hook(scene)) | {"at": at}, {}).arrays
+    assert "a shell is the richest model there is" in str(arrays["reason"]) and "model.K" not in arrays
