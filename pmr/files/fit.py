@@ -26,7 +26,7 @@ from pmr.files.reasons import (
     turned_everywhere,
     turned_nodes,
 )
-from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
+from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, elastic_energies, rigid_motions
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -38,8 +38,8 @@ STEPS, NEGATIVE = 60, -1e-6
 #: Powers of ten that a diagonal entry may be below the middle one: so far below it counts nothing in double precision,
 #: squared or not.
 VANISHING = 30
-#: m/s: least and most that sound can travel at; in diamond it is 1.8e4, in the softest gels some 1.
-SLOWEST, FASTEST = 1.0, 5e4
+#: m/s: least and most that sound travels at in what bodies are made of: 500 in soft plastics, 1.8e4 in diamond.
+SLOWEST, FASTEST = 250.0, 5e4
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
@@ -223,21 +223,26 @@ def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
 
 def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Units of lengths, masses and forces that do not go together, by the speed of sound in the body."""
-    speed = sound(M, body)
-    if speed is not None and not SLOWEST < speed < FASTEST:
+    least, most = sound(M, body)
+    if most < SLOWEST or least > FASTEST:
+        speed, guess = (
+            (least, "the places of nodes in mm, or masses in t") if least > FASTEST else (most, "forces per mm")
+        )
         yield (
             "points",
             (
                 f"SI units are allowed: in this body sound would travel at {speed:.2g} m/s, in steel it does at 5000; "
-                "are the places of nodes in mm, or masses in t, or forces per mm?"
+                f"are {guess}?"
             ),
         )
 
 
-def sound(M: sp.csr_matrix, body: Resistance) -> float | None:
-    """Speed of sound in m/s, roughly: by distance and frequency of half the nodes, or of the body as it is stretched.
+def sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
+    """Least and most that the speed of sound in the body may be, in m/s, roughly; 0 and infinity where nothing tells.
 
-    The lower counts: links between few nodes are stiff, and masses that were lumped leave others with hardly any.
+    By the body as it is stretched, all of its mass counted for the least, and as if each node had the mass of the
+    middle one for the most, so that a payload does not count; by distance and frequency of half the nodes, too.  Links
+    that are stiff and nodes without much mass make no body that is too fast.
     """
     row = body.pairs[0]
     apart = (body.edges > 0.0) & (body.direction[row] < 3)
@@ -245,15 +250,20 @@ def sound(M: sp.csr_matrix, body: Resistance) -> float | None:
     nearest = body.on_pattern(inverse).max(axis=1).toarray().ravel()
     known = nearest > 0.0
     if not known.any():
-        return None
+        return 0.0, np.inf
     speeds = np.zeros(len(body.points))
-    own = 1.0 / nearest[known] * np.sqrt(body.K.diagonal()[known] / M.diagonal()[known])
-    np.maximum.at(speeds, body.node[known], own)
+    local = 1.0 / nearest[known] * np.sqrt(body.K.diagonal()[known] / M.diagonal()[known])
+    np.maximum.at(speeds, body.node[known], local)
     x = body.points - body.points.mean(axis=0)
     axis = int(np.ptp(x, axis=0).argmax())
-    stretch = np.where(body.direction == axis, x[body.node, axis], 0.0)
-    omega2 = (stretch @ (body.K @ stretch)) / (stretch @ (M @ stretch))
-    return float(min(np.median(speeds[speeds > 0.0]), np.ptp(x[:, axis]) * np.sqrt(max(omega2, 0.0) / 12.0)))
+    along = body.direction == axis
+    stretch = np.where(along, x[body.node, axis], 0.0)
+    R = rigid_motions(x[body.node], body.direction)
+    energy, inertia = float(elastic_energies(body.K, R, stretch[:, None])[0]), float(stretch @ (M @ stretch))
+    by_stretch = float(np.ptp(x[:, axis])) * np.sqrt(max(energy, 0.0) / inertia / 12.0)
+    node_mass = float(np.median((M @ along.astype(float))[along]))
+    typical = np.sqrt(max(energy, 0.0) / (node_mass * along.sum())) if node_mass > 0.0 else np.inf
+    return min(float(np.median(speeds[speeds > 0.0])), by_stretch), max(by_stretch, float(typical))
 
 
 def _left_free(body: Resistance) -> int:

@@ -41,6 +41,17 @@ def rigid_motions(at: Array, component: Indices) -> Array:
     return motions
 
 
+def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
+    """q^T K q (k,) of motions q (n, k) in N m beside what supports and springs inside K have of it.
+
+    With the rigid motions R (n, r) the ground has K R (R^T K R)^+ R^T K, and the rest leaves all of them free.
+    """
+    resisted = K @ R
+    on_ground = resisted.T @ q
+    ground = np.einsum("rk,rk->k", on_ground, np.linalg.pinv(R.T @ resisted, hermitian=True) @ on_ground)
+    return np.asarray(np.einsum("nk,nk->k", q, K @ q) - ground)
+
+
 @dataclass(frozen=True)
 class Resistance:
     """Forces and moments (n, 3) on rows of K under unit translations and under unit rotations about each row's node.
@@ -52,6 +63,13 @@ class Resistance:
     points: Array  # (N, 3) m
     node: Indices  # (n,)
     direction: Indices  # (n,)
+
+    def __post_init__(self) -> None:
+        """Take a copy of a K whose entries are unsorted: `on_pattern` shares its indices, and SciPy sorts in place."""
+        if not self.K.has_canonical_format:
+            ordered = self.K.copy()
+            ordered.sum_duplicates()
+            object.__setattr__(self, "K", ordered)
 
     @cached_property
     def pairs(self) -> tuple[Indices, Indices, Array]:

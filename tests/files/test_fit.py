@@ -90,8 +90,9 @@ WRONG: dict[str, tuple[Change, str]] = {
     "places in mm": (lambda g: replace(g, points=1e3 * g.points), "mm"),
     "places in inches": (lambda g: replace(g, points=g.points / 0.0254), "SI units|in the unit of K"),
     "one coordinate in mm": (lambda g: replace(g, points=g.points * [1, 1, 1e3]), "K has those along z 0.001 times"),
-    "mass in t": (lambda g: changed_mass(g, lambda M: 1e-3 * M), "sound would travel at .* masses in t"),
+    "mass in t": (lambda g: changed_mass(g, lambda M: 1e-3 * M), "sound would travel at .* in mm, or masses in t"),
     "mm, t and N": (lambda g: replace(g, points=1e3 * g.points, K=1e-3 * g.K, M=1e-3 * g.M), "mm"),
+    "forces per mm": (lambda g: replace(g, K=1e-3 * g.K), "forces per mm"),
     "stiffness for mass": (lambda g: changed_mass(g, lambda M: g.K), "the same matrix as the stiffness"),
     "a node too far": (
         lambda g: replace(g, points=np.vstack([g.points[:20], g.points[[20]] + [0.1, 0, 0], g.points[21:]])),
