@@ -215,10 +215,16 @@ def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
                 "of them; its rows are in another order than those of K"
             ),
         )
-    centre = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]]) / 2.0 / mass
+    centre = centre_of_mass(J)
     low, high = body.points.min(axis=0), body.points.max(axis=0)
     if np.any(np.abs(centre - (low + high) / 2.0) > 0.55 * (high - low).max()):
         yield "M", f"a mass within the body is allowed: its centre is at {place(centre)}"
+
+
+def centre_of_mass(J: Array) -> Array:
+    """Centre of mass (3,) in m of the inertia R^T M R (6, 6) of rigid motions about the origin."""
+    moments = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]])
+    return np.asarray(1.5 * moments / np.trace(J[:3, :3]))
 
 
 def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
