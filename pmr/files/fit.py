@@ -38,6 +38,8 @@ STEPS, NEGATIVE = 60, -1e-6
 #: Powers of ten that a diagonal entry may be below the middle one: so far below it counts nothing in double precision,
 #: squared or not.
 VANISHING = 30
+#: Coordinates up to which all eigenvalues of K are looked at, in half a second.
+DENSE_ALWAYS = 1000
 #: m/s: least and most that sound travels at in what bodies are made of: 500 in soft plastics, 1.8e4 in diamond.
 SLOWEST, FASTEST = 250.0, 5e4
 
@@ -52,6 +54,7 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
         _massless,
         _places,
         _axes,
+        _mechanisms,
         _centre,
         _sound,
     )
@@ -199,6 +202,28 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
         )
 
 
+def _mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Motions without stiffness that are not rigid, or with a negative one, of bodies that are small enough to tell."""
+    if body.K.shape[0] > DENSE_ALWAYS:
+        return
+    values, rounding = _scaled_eigenvalues(body), body.rounding
+    free = 6 - len(body.held())
+    if values[0] < -min(1e3 * rounding, 1e-8):
+        yield (
+            "K",
+            "a matrix without negative eigenvalues is allowed; scaled to a diagonal of ones this one has "
+            f"{values[0]:.2g}",
+        )
+    elif rounding < 1e-13 and (more := int(np.sum(values < 30.0 * rounding)) - free) > 0:
+        yield (
+            "K",
+            (
+                f"a body that only moves as a whole is allowed: {more} more motions take no force, as of parts on a "
+                "hinge, or of elements integrated with too few points (C3D8R, one layer of C3D20R)"
+            ),
+        )
+
+
 def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Where all displacements are there, the centre of mass lies within the body."""
     if len(body.held()):
@@ -274,9 +299,13 @@ def sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
 
 def _left_free(body: Resistance) -> int:
     """How many motions a dense K leaves free, of whatever kind."""
+    return int(np.sum(_scaled_eigenvalues(body) < 1e-13 * len(body.node)))
+
+
+def _scaled_eigenvalues(body: Resistance) -> Array:
+    """Eigenvalues (n,) of K with its diagonal scaled to one, ascending."""
     scale = 1.0 / np.sqrt(body.K.diagonal())
-    A = body.K.toarray() * scale * scale[:, None]
-    return int(np.sum(np.linalg.eigvalsh(A) < 1e-13 * len(A)))
+    return np.asarray(np.linalg.eigvalsh(body.K.toarray() * scale * scale[:, None]))
 
 
 def _is_dense(body: Resistance) -> bool:
