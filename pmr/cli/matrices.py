@@ -58,4 +58,12 @@ def matrices(
     ensure_file(target, files.stiffness, files.mass, files.dofs, files.nodes)
     found = read_foreign(files)
     say(out, f"{found.size} coordinates of {len(found.points)} nodes; groups: {', '.join(found.groups) or 'none'}")
+    x, y, z = (round(float(c), 9) + 0.0 for c in found.centre)
+    say(out, f"{found.mass:.4g} kg, centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m; {_held(len(found.held))}")
     say(out, str(found.save(target)))
+
+
+def _held(count: int) -> str:
+    if not count:
+        return "free to move as a rigid body"
+    return f"supports and springs in its stiffness hold {count} of 6 rigid motions"

@@ -26,7 +26,7 @@ from pmr.files.reasons import (
     turned_everywhere,
     turned_nodes,
 )
-from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
+from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, elastic_energies, rigid_motions
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -38,8 +38,10 @@ STEPS, NEGATIVE = 60, -1e-6
 #: Powers of ten that a diagonal entry may be below the middle one: so far below it counts nothing in double precision,
 #: squared or not.
 VANISHING = 30
-#: m/s: least and most that sound can travel at; in diamond it is 1.8e4, in the softest gels some 1.
-SLOWEST, FASTEST = 1.0, 5e4
+#: Coordinates up to which all eigenvalues of K are looked at, in half a second.
+DENSE_ALWAYS = 1000
+#: m/s: least and most that sound travels at in what bodies are made of: 500 in soft plastics, 1.8e4 in diamond.
+SLOWEST, FASTEST = 250.0, 5e4
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
@@ -52,6 +54,7 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
         _massless,
         _places,
         _axes,
+        _mechanisms,
         _centre,
         _sound,
     )
@@ -199,6 +202,28 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
         )
 
 
+def _mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Motions without stiffness that are not rigid, or with a negative one, of bodies that are small enough to tell."""
+    if body.K.shape[0] > DENSE_ALWAYS:
+        return
+    values, rounding = _scaled_eigenvalues(body), body.rounding
+    free = 6 - len(body.held())
+    if values[0] < -min(1e3 * rounding, 1e-8):
+        yield (
+            "K",
+            "a matrix without negative eigenvalues is allowed; scaled to a diagonal of ones this one has "
+            f"{values[0]:.2g}",
+        )
+    elif rounding < 1e-13 and (more := int(np.sum(values < 30.0 * rounding)) - free) > 0:
+        yield (
+            "K",
+            (
+                f"a body that only moves as a whole is allowed: {more} more motions take no force, as of parts on a "
+                "hinge, or of elements integrated with too few points (C3D8R, one layer of C3D20R)"
+            ),
+        )
+
+
 def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Where all displacements are there, the centre of mass lies within the body."""
     if len(body.held()):
@@ -215,29 +240,40 @@ def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
                 "of them; its rows are in another order than those of K"
             ),
         )
-    centre = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]]) / 2.0 / mass
+    centre = centre_of_mass(J)
     low, high = body.points.min(axis=0), body.points.max(axis=0)
     if np.any(np.abs(centre - (low + high) / 2.0) > 0.55 * (high - low).max()):
         yield "M", f"a mass within the body is allowed: its centre is at {place(centre)}"
 
 
+def centre_of_mass(J: Array) -> Array:
+    """Centre of mass (3,) in m of the inertia R^T M R (6, 6) of rigid motions about the origin."""
+    moments = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]])
+    return np.asarray(1.5 * moments / np.trace(J[:3, :3]))
+
+
 def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Units of lengths, masses and forces that do not go together, by the speed of sound in the body."""
-    speed = sound(M, body)
-    if speed is not None and not SLOWEST < speed < FASTEST:
+    least, most = sound(M, body)
+    if most < SLOWEST or least > FASTEST:
+        speed, guess = (
+            (least, "the places of nodes in mm, or masses in t") if least > FASTEST else (most, "forces per mm")
+        )
         yield (
             "points",
             (
                 f"SI units are allowed: in this body sound would travel at {speed:.2g} m/s, in steel it does at 5000; "
-                "are the places of nodes in mm, or masses in t, or forces per mm?"
+                f"are {guess}?"
             ),
         )
 
 
-def sound(M: sp.csr_matrix, body: Resistance) -> float | None:
-    """Speed of sound in m/s, roughly: by distance and frequency of half the nodes, or of the body as it is stretched.
+def sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
+    """Least and most that the speed of sound in the body may be, in m/s, roughly; 0 and infinity where nothing tells.
 
-    The lower counts: links between few nodes are stiff, and masses that were lumped leave others with hardly any.
+    By the body as it is stretched, all of its mass counted for the least, and as if each node had the mass of the
+    middle one for the most, so that a payload does not count; by distance and frequency of half the nodes, too.  Links
+    that are stiff and nodes without much mass make no body that is too fast.
     """
     row = body.pairs[0]
     apart = (body.edges > 0.0) & (body.direction[row] < 3)
@@ -245,22 +281,31 @@ def sound(M: sp.csr_matrix, body: Resistance) -> float | None:
     nearest = body.on_pattern(inverse).max(axis=1).toarray().ravel()
     known = nearest > 0.0
     if not known.any():
-        return None
+        return 0.0, np.inf
     speeds = np.zeros(len(body.points))
-    own = 1.0 / nearest[known] * np.sqrt(body.K.diagonal()[known] / M.diagonal()[known])
-    np.maximum.at(speeds, body.node[known], own)
+    local = 1.0 / nearest[known] * np.sqrt(body.K.diagonal()[known] / M.diagonal()[known])
+    np.maximum.at(speeds, body.node[known], local)
     x = body.points - body.points.mean(axis=0)
     axis = int(np.ptp(x, axis=0).argmax())
-    stretch = np.where(body.direction == axis, x[body.node, axis], 0.0)
-    omega2 = (stretch @ (body.K @ stretch)) / (stretch @ (M @ stretch))
-    return float(min(np.median(speeds[speeds > 0.0]), np.ptp(x[:, axis]) * np.sqrt(max(omega2, 0.0) / 12.0)))
+    along = body.direction == axis
+    stretch = np.where(along, x[body.node, axis], 0.0)
+    R = rigid_motions(x[body.node], body.direction)
+    energy, inertia = float(elastic_energies(body.K, R, stretch[:, None])[0]), float(stretch @ (M @ stretch))
+    by_stretch = float(np.ptp(x[:, axis])) * np.sqrt(max(energy, 0.0) / inertia / 12.0)
+    node_mass = float(np.median((M @ along.astype(float))[along]))
+    typical = np.sqrt(max(energy, 0.0) / (node_mass * along.sum())) if node_mass > 0.0 else np.inf
+    return min(float(np.median(speeds[speeds > 0.0])), by_stretch), max(by_stretch, float(typical))
 
 
 def _left_free(body: Resistance) -> int:
     """How many motions a dense K leaves free, of whatever kind."""
+    return int(np.sum(_scaled_eigenvalues(body) < 1e-13 * len(body.node)))
+
+
+def _scaled_eigenvalues(body: Resistance) -> Array:
+    """Eigenvalues (n,) of K with its diagonal scaled to one, ascending."""
     scale = 1.0 / np.sqrt(body.K.diagonal())
-    A = body.K.toarray() * scale * scale[:, None]
-    return int(np.sum(np.linalg.eigvalsh(A) < 1e-13 * len(A)))
+    return np.asarray(np.linalg.eigvalsh(body.K.toarray() * scale * scale[:, None]))
 
 
 def _is_dense(body: Resistance) -> bool:

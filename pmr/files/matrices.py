@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from os.path import isfile
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name, no_file
 from pmr.files import npz
-from pmr.files.fit import misfit
-from pmr.files.rigid import DIRECTIONS, Resistance
+from pmr.files.fit import centre_of_mass, misfit
+from pmr.files.rigid import DIRECTIONS, Resistance, rigid_motions
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -78,6 +79,22 @@ class GivenMatrices:
     def size(self) -> int:
         """Number of coordinates n."""
         return int(self.K.shape[0])
+
+    @cached_property
+    def _inertia(self) -> Array:
+        """R^T M R (6, 6) of the rigid motions about the origin."""
+        R = rigid_motions(self.points[self.node], self.direction)
+        return np.asarray(R.T @ (self.M @ R))
+
+    @property
+    def mass(self) -> float:
+        """Total mass in kg, of directions on the mean; what supports inside the matrices took out is missing."""
+        return float(np.trace(self._inertia[:3, :3]) / 3.0)
+
+    @property
+    def centre(self) -> Array:
+        """Centre of mass (3,) in m."""
+        return centre_of_mass(self._inertia)
 
     def save(self, path: str | Path) -> Path:
         """Write matrices, points and groups as one npz file, without pickle."""

@@ -26,7 +26,8 @@ DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Least and largest share of a row's entries by which their sum may differ from zero through rounding alone: files have
 #: nine to sixteen digits, places of nodes are known to a thousandth of a cell's size or better.
 ROUNDING, ROUNDING_OF_POINTS = (1e-13, 1e-8), (1e-11, 1e-3)
-#: Rounding is taken as so many times the share that a quarter of all rows stays below.
+#: Rounding is taken as so many times the share that a quarter of all rows stays below, or three quarters of those that
+#: no support acts on: places of some nodes may have few digits, and those of others none to lose.
 SPREAD = 100.0
 
 
@@ -41,6 +42,17 @@ def rigid_motions(at: Array, component: Indices) -> Array:
     return motions
 
 
+def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
+    """q^T K q (k,) of motions q (n, k) in N m beside what supports and springs inside K have of it.
+
+    With the rigid motions R (n, r) the ground has K R (R^T K R)^+ R^T K, and the rest leaves all of them free.
+    """
+    resisted = K @ R
+    on_ground = resisted.T @ q
+    ground = np.einsum("rk,rk->k", on_ground, np.linalg.pinv(R.T @ resisted, hermitian=True) @ on_ground)
+    return np.asarray(np.einsum("nk,nk->k", q, K @ q) - ground)
+
+
 @dataclass(frozen=True)
 class Resistance:
     """Forces and moments (n, 3) on rows of K under unit translations and under unit rotations about each row's node.
@@ -52,6 +64,13 @@ class Resistance:
     points: Array  # (N, 3) m
     node: Indices  # (n,)
     direction: Indices  # (n,)
+
+    def __post_init__(self) -> None:
+        """Take a copy of a K whose entries are unsorted: `on_pattern` shares its indices, and SciPy sorts in place."""
+        if not self.K.has_canonical_format:
+            ordered = self.K.copy()
+            ordered.sum_duplicates()
+            object.__setattr__(self, "K", ordered)
 
     @cached_property
     def pairs(self) -> tuple[Indices, Indices, Array]:
@@ -76,7 +95,7 @@ class Resistance:
     def _translations(self) -> tuple[Array, Array]:
         """F with its rounding, and what rounding each row may have (n,)."""
         T = self._motions[:, :3]
-        return _cleaned(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, np.ones(len(T), dtype=bool))
+        return _cleaned(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, 0.25)
 
     @cached_property
     def grounded(self) -> NDArray[np.bool_]:
@@ -137,13 +156,21 @@ class Resistance:
         """G with its rounding as `_translations`; beside supports, which move their neighbours' rows, as it is."""
         sums, sizes = self.sums_of_moments
         beside = (self.grounded & ~self.sprung)[self.node]
-        cleaned, noise = _cleaned(sums, sizes, ROUNDING_OF_POINTS, ~beside)
+        cleaned, noise = _cleaned(sums, sizes, ROUNDING_OF_POINTS, 0.75, ~beside)
         return np.where(beside[:, None], sums, cleaned), noise
 
     @cached_property
     def _motions(self) -> Array:
         """Rigid motions (n, 6) about the mean of all points."""
         return rigid_motions((self.points - self.points.mean(axis=0))[self.node], self.direction)
+
+    @property
+    def rounding(self) -> float:
+        """Share of a row's entries that rounding of K has, as a quarter of all rows have less; 1e-16 at least."""
+        T = self._motions[:, :3]
+        sizes = (abs(self.K) @ T).sum(axis=1)
+        shares = np.abs(self.K @ T).max(axis=1)[sizes > 0.0] / sizes[sizes > 0.0]
+        return max(1e-16, float(np.quantile(shares, 0.25)))
 
     @property
     def forces(self) -> Array:
@@ -182,13 +209,16 @@ class Resistance:
         return np.asarray(np.cross(np.eye(3)[None], x[:, None]).transpose(0, 2, 1))
 
 
-def _cleaned(sums: Array, sizes: Array, limits: tuple[float, float], free: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _cleaned(
+    sums: Array, sizes: Array, limits: tuple[float, float], part: float, free: NDArray[np.bool_] | None = None
+) -> tuple[Array, Array]:
     """Sums (n, 3) without those that are rounding, and the rounding (n,) of sums over entries of these `sizes` (n,).
 
-    Most of the `free` rows have no other sums; where it looks as if most had, rounding is the least there may be.
+    Of the `free` rows this part has no other sums; where it looks as if it had, rounding is the least there may be.
     """
     least, most = limits
     shares = np.divide(np.abs(sums).max(axis=1), sizes, out=np.zeros(len(sums)), where=sizes > 0.0)
-    share = SPREAD * float(np.quantile(shares[free], 0.25)) if free.any() else most
+    shares = shares if free is None else shares[free]
+    share = SPREAD * float(np.quantile(shares, part)) if len(shares) else most
     noise = (max(least, share) if share < most else least) * sizes
     return np.where(np.abs(sums) > noise[:, None], sums, 0.0), noise

@@ -22,7 +22,10 @@ from pmr.fullmodel.model import FullModel
 
 Array = NDArray[np.float64]
 
-_SINGULAR = "the stiffness is singular on the fixed supports although all rigid-body modes are held: {}"
+_SINGULAR = (
+    "the stiffness is singular on the fixed supports although all rigid-body modes are held: parts of the body are "
+    "loose, or its matrix has negative eigenvalues"
+)
 
 
 class StaticSolver(Protocol):
@@ -63,14 +66,14 @@ class _Dense:
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
         self._comm, self._share = stiffness.comm.tompi4py(), slice(*stiffness.getOwnershipRange())
         self._T = elimination.matrix()
-        K, failure = gather(stiffness), None
+        K, failed = gather(stiffness), False
         if K is not None:
             try:
                 self._factor = scipy.linalg.cho_factor((self._T.T @ K @ self._T).toarray(), lower=True)
-            except np.linalg.LinAlgError as error:
-                failure = str(error)
-        if failure := self._comm.bcast(failure):
-            raise ConvergenceError(_SINGULAR.format(failure))
+            except np.linalg.LinAlgError:
+                failed = True
+        if self._comm.bcast(failed):
+            raise ConvergenceError(_SINGULAR)
 
     def solve(self, g: Array) -> Array:
         shares, x = self._comm.gather(g), None
@@ -88,8 +91,8 @@ class _Mumps:
         K = elimination.condensed(stiffness)
         try:
             self._factor = factor_for_columns(K, "stiffness")
-        except NotDefiniteError as error:
-            raise ConvergenceError(_SINGULAR.format(error)) from None
+        except NotDefiniteError:
+            raise ConvergenceError(_SINGULAR) from None
         finally:
             freed(K)
 

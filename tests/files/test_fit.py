@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from bricks import bricks
-from frames3d import frame, lattice
+from frames3d import AREA, YOUNG, frame, lattice
 from scipy.spatial.transform import Rotation
 
 from pmr.errors import InputError
@@ -74,6 +74,13 @@ def changed_mass(given: GivenMatrices, change: Callable[[sp.csr_matrix], sp.csr_
     return replace(given, M=change(given.M))
 
 
+def rounded(K: sp.csr_matrix) -> sp.csr_matrix:
+    """Entries as a field of 16 letters has them."""
+    lower = sp.tril(K).tocoo()
+    half = sp.coo_matrix(([float(f"{value:.8e}") for value in lower.data], (lower.row, lower.col)), K.shape).tocsr()
+    return (half + sp.tril(half, -1).T).tocsr()
+
+
 HALF = Rotation.from_euler("z", 30, degrees=True)
 WRONG: dict[str, tuple[Change, str]] = {
     "z, y, x": (lambda g: reordered(g, (2, 1, 0)), "called x, y, z are along z, y, x"),
@@ -90,8 +97,9 @@ WRONG: dict[str, tuple[Change, str]] = {
     "places in mm": (lambda g: replace(g, points=1e3 * g.points), "mm"),
     "places in inches": (lambda g: replace(g, points=g.points / 0.0254), "SI units|in the unit of K"),
     "one coordinate in mm": (lambda g: replace(g, points=g.points * [1, 1, 1e3]), "K has those along z 0.001 times"),
-    "mass in t": (lambda g: changed_mass(g, lambda M: 1e-3 * M), "sound would travel at .* masses in t"),
+    "mass in t": (lambda g: changed_mass(g, lambda M: 1e-3 * M), "sound would travel at .* in mm, or masses in t"),
     "mm, t and N": (lambda g: replace(g, points=1e3 * g.points, K=1e-3 * g.K, M=1e-3 * g.M), "mm"),
+    "forces per mm": (lambda g: replace(g, K=1e-3 * g.K), "forces per mm"),
     "stiffness for mass": (lambda g: changed_mass(g, lambda M: g.K), "the same matrix as the stiffness"),
     "a node too far": (
         lambda g: replace(g, points=np.vstack([g.points[:20], g.points[[20]] + [0.1, 0, 0], g.points[21:]])),
@@ -128,6 +136,8 @@ HELD: dict[str, Change] = {
     ),
     "a heavy node": lambda g: replace(g, M=g.M + sp.diags(1e6 * (g.node == 9)).tocsr()),
     "six digits": lambda g: replace(g, points=np.array([[float(f"{c:.6g}") for c in x] for x in g.points + 1 / 3])),
+    "nine digits of K": lambda g: replace(g, K=rounded(g.K)),
+    "nine digits of K, clamped": lambda g: clamped(replace(g, K=rounded(g.K))),
     "nodes that nothing uses": lambda g: replace(g, points=np.vstack([g.points, g.points + [10.0, 0.0, 0.0]])),
     "in another order": lambda g: replace(
         g,
@@ -178,13 +188,39 @@ def test_parts_that_nothing_joins_are_refused() -> None:
 
 
 @pytest.mark.parametrize("body", BODIES)
-@pytest.mark.parametrize("share", [0.4, 1e-3])
+@pytest.mark.parametrize("share", [0.4, 1e-3, 1e-7])
 def test_an_indefinite_stiffness_is_refused(body: str, share: float) -> None:
     given = BODIES[body]
     cut = share * given.K.diagonal()
     cut[:30] = 0.0
     with pytest.raises(InputError, match="K: a matrix without negative eigenvalues is allowed"):
         replace(given, K=given.K - sp.diags(cut))
+
+
+def test_parts_on_a_hinge_are_refused() -> None:
+    """A lattice of which two stations have two nodes joined in place of four: it folds about the line through these."""
+    given = BODIES["lattice"]
+    K = given.K.toarray()
+    for i, j in (
+        (12, 16),
+        (13, 17),
+        (12, 17),
+        (13, 16),
+        (12, 18),
+        (14, 16),
+        (12, 19),
+        (15, 16),
+        (13, 18),
+        (14, 17),
+        (13, 19),
+        (15, 17),
+    ):
+        axis = given.points[j] - given.points[i]
+        span = float(np.linalg.norm(axis))
+        at = np.r_[3 * i : 3 * i + 3, 3 * j : 3 * j + 3]
+        K[np.ix_(at, at)] -= YOUNG * AREA / span**3 * np.kron([[1, -1], [-1, 1]], np.outer(axis, axis))
+    with pytest.raises(InputError, match="motions take no force, as of parts on a hinge"):
+        replace(given, K=sp.csr_matrix(K))
 
 
 @pytest.mark.parametrize("name", ["M", "K"])

@@ -273,6 +273,18 @@ def test_bad_files_of_abaqus_and_nastran_are_refused_in_one_line(
     assert says in str(caught.value) and len(str(caught.value).splitlines()) == 1
 
 
+def test_the_command_says_what_mass_it_has_read_and_what_holds_it(tmp_path: Path, monkeypatch, capsys) -> None:
+    """Bars of 1 kg/m; along z the first node's share, a third and a sixth twice of each bar there, is left out."""
+    files, points = as_calculix(tmp_path), given().points
+    done = called(monkeypatch, capsys, "matrices", str(files.stiffness))
+    lengths = {(i, j): float(np.linalg.norm(points[i] - points[j])) for i, j in combinations(range(4), 2)}
+    missing = sum(2.0 / 3.0 * length for (i, _), length in lengths.items() if i == 0)
+    mass = (3.0 * sum(lengths.values()) - missing) / 3.0
+    line = done.stdout.splitlines()[1]
+    assert line.startswith(f"{mass:.4g} kg, centre of mass at (")
+    assert line.endswith("; supports and springs in its stiffness hold 1 of 6 rigid motions")
+
+
 BULK = """GRID,1,,0.,0.,0.
 GRID,2,,1.,0.,0.
 GRID,30,,1.,1.,0.

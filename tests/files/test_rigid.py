@@ -91,3 +91,15 @@ def test_rotations_held_at_a_node_hold_the_body() -> None:
     K[3, 3] += 0.5
     found = Resistance(sp.csr_matrix(K), points, node, direction).held()
     assert_same_span(found, np.eye(6)[[3]])
+
+
+def test_a_matrix_with_unsorted_entries_is_left_as_it_is() -> None:
+    """SciPy sorts indices in place, also those that two matrices share."""
+    order = np.random.default_rng(1).permutation(len(BAR.node))
+    K = BAR.K[order][:, order]
+    assert not K.has_sorted_indices
+    before = K.toarray()
+    body = Resistance(K, BAR.points, BAR.node[order], BAR.direction[order])
+    assert body.on_pattern(body.edges).max(axis=1).shape == (60, 1)
+    np.testing.assert_array_equal(body.K.toarray(), before)
+    np.testing.assert_array_equal(K.toarray(), before)
