@@ -28,6 +28,13 @@ from pmr.scene.signals import Constant, Signal, SignalBase
 
 #: What inputs are called that accelerate a body with the frame, before the field: ``inertia x``, ``inertia zx``.
 INERTIA = "inertia "
+#: What such an input is.
+MINUS_THE_ACCELERATION = "minus the acceleration of the frame, weight included"
+
+
+def input_label(name: str, unit: str) -> str:
+    """Name and unit of an input, and what it is where a frame accelerates a body by it."""
+    return f"{name} in {unit}" + (f" ({MINUS_THE_ACCELERATION})" if INERTIA in name else "")
 
 
 class GroundAcceleration(Section):
