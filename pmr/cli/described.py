@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,11 +47,8 @@ def described_system(system: System) -> dict[str, str]:
     pushing = {True: "holds both ways", False: "only pushes"}
     contacts = [f"{one.name} ({pushing[one.clearance is None]})" for one in system.contacts]
     ranges = [f"{path} from {low:.4g} to {high:.4g} m" for path, (low, high) in system.ranges.items()]
-    from pmr.scene.frame import input_label
-
-    inputs = zip(system.input_names, system.input_units, strict=True)
     return rows | {
-        "inputs": ", ".join(input_label(name, unit) for name, unit in inputs),
+        **_inputs(system.input_names, system.input_units),
         "contacts": f"{len(contacts)}: {_listed(contacts)}",
         "paths": ", ".join(ranges) or "none",
         **_frequencies(system),
@@ -178,14 +176,12 @@ def described_model(model: ReducedModel) -> dict[str, str]:
     made_with, scene = ({} if not isinstance(found := model.provenance.get(key), dict) else found for key in _TABLES)
     holds = np.isnan(model.row_clearance)
     rows = [name if both else f"{name} (only pushes)" for name, both in zip(model.row_names, holds, strict=True)]
-    from pmr.scene.frame import input_label
-
     of = "" if model.section is None else f" of section {model.section.name}, without what joins it to the others"
     return {
         "reduced model": f"{model.size} coordinates{of}",
         "scene": f"{scene.get('title', 'unknown')} ({model.provenance.get('scene_hash', 'no hash')})",
         "basis": str(model.provenance.get("basis", "unknown")),
-        "inputs": ", ".join(map(input_label, model.input_names, model.input_units)),
+        **_inputs(model.input_names, model.input_units),
         "outputs": _describe_outputs(model),
         "rows": f"{', '.join(rows)}; s from {low:g} to {high:g} m",
         "rows left out": ", ".join(model.left_out) or "none",
@@ -194,6 +190,14 @@ def described_model(model: ReducedModel) -> dict[str, str]:
             f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
         ),
     }
+
+
+def _inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
+    """Inputs with their units, and what those are by which a frame accelerates a body."""
+    from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
+
+    sign = {"inertia inputs": MINUS_THE_ACCELERATION} if any(INERTIA in name for name in names) else {}
+    return {"inputs": ", ".join(f"{name} in {unit}" for name, unit in zip(names, units, strict=True)), **sign}
 
 
 def _describe_outputs(model: ReducedModel) -> str:

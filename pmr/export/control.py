@@ -174,7 +174,9 @@ def _written(space: StateSpace, off: tuple[float, float], target: Path) -> Path:
     names = {name: np.array(getattr(space, name), dtype=object) for name in named}
     with replaced(target) as part, part.open("wb") as stream:
         interpolation = dict(zip(("static_gain", "frequency"), off, strict=True))
-        scipy.io.savemat(stream, {"s": space.grid, **matrices, **names, "interpolation": interpolation})
+        scipy.io.savemat(
+            stream, {"s": space.grid, **matrices, **names, "interpolation": interpolation}, do_compression=True
+        )
     return target
 
 

@@ -32,11 +32,6 @@ INERTIA = "inertia "
 MINUS_THE_ACCELERATION = "minus the acceleration of the frame, weight included"
 
 
-def input_label(name: str, unit: str) -> str:
-    """Name and unit of an input, and what it is where a frame accelerates a body by it."""
-    return f"{name} in {unit}" + (f" ({MINUS_THE_ACCELERATION})" if INERTIA in name else "")
-
-
 class GroundAcceleration(Section):
     """Recorded acceleration of the base."""
 
