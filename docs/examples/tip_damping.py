@@ -25,7 +25,7 @@ box = {"length": 5.0, "width": 0.18, "height": 0.16, "wall": 0.004}
 still = {"kind": "constant", "amount": 0.0}
 own = {"mesh": {"elements": 4}, "reduction": {"coordinates": 6, "estimate": False}}
 scene = Scene.model_validate({
-    "title": "Tip damping",
+    "title": "Tip damping", "gravity": None,
     "frame": {"pivot": [0.0, 0.0, 0.0], "luffing": still, "slewing": still},
     "sections": [
         {"name": "base", "body": {"model": "beam3d", "box": box}, **own,

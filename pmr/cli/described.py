@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,9 +47,8 @@ def described_system(system: System) -> dict[str, str]:
     pushing = {True: "holds both ways", False: "only pushes"}
     contacts = [f"{one.name} ({pushing[one.clearance is None]})" for one in system.contacts]
     ranges = [f"{path} from {low:.4g} to {high:.4g} m" for path, (low, high) in system.ranges.items()]
-    inputs = zip(system.input_names, system.input_units, strict=True)
     return rows | {
-        "inputs": ", ".join(f"{name} in {unit}" for name, unit in inputs),
+        **_inputs(system.input_names, system.input_units),
         "contacts": f"{len(contacts)}: {_listed(contacts)}",
         "paths": ", ".join(ranges) or "none",
         **_frequencies(system),
@@ -181,7 +181,7 @@ def described_model(model: ReducedModel) -> dict[str, str]:
         "reduced model": f"{model.size} coordinates{of}",
         "scene": f"{scene.get('title', 'unknown')} ({model.provenance.get('scene_hash', 'no hash')})",
         "basis": str(model.provenance.get("basis", "unknown")),
-        "inputs": ", ".join(f"{n} in {unit}" for n, unit in zip(model.input_names, model.input_units, strict=True)),
+        **_inputs(model.input_names, model.input_units),
         "outputs": _describe_outputs(model),
         "rows": f"{', '.join(rows)}; s from {low:g} to {high:g} m",
         "rows left out": ", ".join(model.left_out) or "none",
@@ -190,6 +190,14 @@ def described_model(model: ReducedModel) -> dict[str, str]:
             f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
         ),
     }
+
+
+def _inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
+    """Inputs with their units, and what those are by which a frame accelerates a body."""
+    from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
+
+    sign = {"inertia inputs": MINUS_THE_ACCELERATION} if any(INERTIA in name for name in names) else {}
+    return {"inputs": ", ".join(f"{name} in {unit}" for name, unit in zip(names, units, strict=True)), **sign}
 
 
 def _describe_outputs(model: ReducedModel) -> str:

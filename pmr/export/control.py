@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +13,16 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.errors.environment import check_installed
 from pmr.export.formats import Options
-from pmr.export.places import held_at, placed
+from pmr.export.places import PLACES, placed
 from pmr.files.whole import replaced
 from pmr.simulation.state_space import StateSpace, state_space
 from pmr.system.assembly import Assembly
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
+logger = logging.getLogger(__name__)
+#: Share that interpolated gains and frequencies may be off by, and the most places that this takes unasked.
+CLOSE, MOST_PLACES = 0.01, 161
 #: Frequencies of a response.
 FREQUENCIES = 400
 #: Gains below this share of the largest are round-off of what symmetry keeps apart, and drawn alike.
@@ -31,6 +37,7 @@ _SCRIPT = '''\
     from {module} import PATHS, S, nearest, system
 
 S (m) are the places, on each of several PATHS; `system(k)` is the state space at S[k], `nearest(s)` that next to s.
+INTERPOLATION is by which share matrices that are interpolated halfway between two places are off, at most.
 Needs numpy, scipy and control, and the file {data} in this folder.
 """
 
@@ -43,6 +50,7 @@ from scipy.io import loadmat
 _DATA = loadmat(Path(__file__).with_name({data!r}))
 S = _DATA["s"] if _DATA["paths"].size > 1 else _DATA["s"].ravel()
 PATHS = [str(cell[0]) for cell in _DATA["paths"].ravel()]
+INTERPOLATION = {{key: float(_DATA["interpolation"][key][0, 0].item()) for key in ("static_gain", "frequency")}}
 
 
 def _names(key):
@@ -73,7 +81,7 @@ def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
 
     Raises InputError as `pmr.export.places.held_at`.
     """
-    return _written(held_at(npz_path, options), target)
+    return _written(*_interpolable(npz_path, options), target)
 
 
 def write_python_control(npz_path: Path, target: Path, options: Options) -> Path:
@@ -86,7 +94,7 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
         raise InputError("command line", "--out", str(target), "a name that Python can import, .py, is allowed")
     if data.exists() and data.samefile(npz_path):
         raise InputError("command line", "--out", str(target), f"another name is allowed: {data.name} is read")
-    _written(held_at(npz_path, options), data)
+    _written(*_interpolable(npz_path, options), data)
     with replaced(target) as part:
         part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")
     return target
@@ -115,12 +123,60 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     return target
 
 
-def _written(space: StateSpace, target: Path) -> Path:
+def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[float, float]]:
+    """State space at the places, and what it is off by when it is interpolated (`interpolation_error`).
+
+    Where none are asked for there are `PLACES`, or twice as many as often as it takes to be off by `CLOSE` at most, up
+    to `MOST_PLACES`.  More than `CLOSE` is told by a warning.  Errors as for `placed` and `state_space`.
+    """
+    system, s = placed(npz_path, options)
+    count = PLACES
+    while True:
+        space = state_space(system, s, npz_path.name)
+        off = interpolation_error(system, space, npz_path.name)
+        if max(off) <= CLOSE or options.at is not None or count >= MOST_PLACES:
+            break
+        count = 2 * count - 1
+        s = {path: np.linspace(at[0], at[-1], count) for path, at in s.items()}
+    if max(off) > CLOSE:
+        logger.warning(
+            "halfway between two of the %d places interpolated matrices have static gains off by up to %.2g %% and "
+            "frequencies off by up to %.2g %%: places that are closer together are more accurate",
+            len(space.s), *(100.0 * one for one in off),
+        )  # fmt: skip
+    return space, off
+
+
+def interpolation_error(system: System, space: StateSpace, source: str) -> tuple[float, float]:
+    """Errors of A, B, C and D interpolated linearly, halfway between neighbouring places; zero at one place.
+
+    The first is the largest of the displacements' static gains over the largest gain from the same input to the same
+    output, the second that of the natural frequencies over their own; free motions, which have neither, are left out.
+    """
+    if len(space.s) < 2 or not space.paths:
+        return 0.0, 0.0
+    halfway = state_space(system, dict(zip(space.paths, (space.s[1:] + space.s[:-1]).T / 2.0, strict=True)), source)
+    A, B, C, D = ((one[1:] + one[:-1]) / 2.0 for one in (space.A, space.B, space.C, space.D))
+    between = replace(halfway, A=A, B=B, C=C, D=D)
+    moved = [k for k, unit in enumerate(space.units) if unit == "m"]
+    found, other = (one.D - one.C @ np.linalg.pinv(one.A) @ one.B for one in (halfway, between))
+    size = np.abs(found).max(axis=0)
+    size = np.where(size > FLOOR * size.max(initial=0.0), size, np.inf)
+    of_gains = (np.abs(other - found) / size)[:, moved].max(initial=0.0)
+    bound = halfway.natural > FREE * halfway.natural.max()
+    of_frequencies = np.abs(between.natural[bound] / halfway.natural[bound] - 1.0).max(initial=0.0)
+    return float(of_gains), float(of_frequencies)
+
+
+def _written(space: StateSpace, off: tuple[float, float], target: Path) -> Path:
     matrices = {name: np.moveaxis(getattr(space, name), 0, 2) for name in "ABCD"}
     named = ("paths", "inputs", "outputs", "units", "states")
     names = {name: np.array(getattr(space, name), dtype=object) for name in named}
     with replaced(target) as part, part.open("wb") as stream:
-        scipy.io.savemat(stream, {"s": space.grid, **matrices, **names})
+        interpolation = dict(zip(("static_gain", "frequency"), off, strict=True))
+        scipy.io.savemat(
+            stream, {"s": space.grid, **matrices, **names, "interpolation": interpolation}, do_compression=True
+        )
     return target
 
 

@@ -16,6 +16,7 @@ from pmr.export.fmi.variables import Identifiers
 from pmr.export.formats import Options
 from pmr.export.places import placed
 from pmr.files.whole import replaced
+from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 from pmr.simulation.state_space import state_space
 
 Array = NDArray[np.float64]
@@ -62,7 +63,10 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     space, names = state_space(system, s, npz_path.name), Identifiers({name, *RESERVED})
     given = zip(space.inputs, system.input_units, strict=True)
     seen = zip(space.outputs, space.units, strict=True)
-    lines = [_variable("input", names(title), title, unit) for title, unit in given]
+    signs = [f", {MINUS_THE_ACCELERATION}" if INERTIA in title else "" for title in space.inputs]
+    lines = [
+        _variable("input", names(title), title + sign, unit) for (title, unit), sign in zip(given, signs, strict=True)
+    ]
     lines += [_variable("output", names(title), title, unit) for title, unit in seen]
     own = [line.split("(")[0].split()[-1] for line in lines]
     i = len(space.inputs)

@@ -31,6 +31,8 @@ from pmr.scene.signals import Constant, Signal, SignalBase
 TURN = 2.0 * np.pi
 #: What inputs are called that accelerate a body with the frame, before the field: ``inertia x``, ``inertia zx``.
 INERTIA = "inertia "
+#: What such an input is.
+MINUS_THE_ACCELERATION = "minus the acceleration of the frame, weight included"
 
 
 class GroundAcceleration(Section):

@@ -5,7 +5,8 @@ r"""A reduced system with its places held: state space on a grid of path coordin
     A = \begin{bmatrix} 0 & I \\ -(\Omega^2 + C_e^T F^{-1} C_e) & -D_m \end{bmatrix}
 
 in modal coordinates z, which are the same at every s: mass and damping do not depend on it, so matrices between two
-places may be interpolated and scheduled by s.  F = G(s) + 1/k is the flexibility of the contacts C_e that give way;
+places may be interpolated and scheduled by s, the more accurately the closer the places are together
+(`pmr.export.control.interpolation_error`).  F = G(s) + 1/k is the flexibility of the contacts C_e that give way;
 those that are rigid hold the modes, q = X z with C_r X = 0.
 """
 

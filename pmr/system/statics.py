@@ -9,6 +9,11 @@ Contacts that only push are closed where they push and open where a gap is left;
 all at once as long as that leaves fewer wrong ones, then the first one alone (docs/pads.md has the proof that this
 ends).  A body that open contacts leave free for the moment is held by its mass times a frequency far below all others;
 the last solve has none of that.
+
+Terms may make K indefinite while contacts are open that close later, and then changing sides need not end.  So where
+it does not, the energy is minimised in steps, each with a share of omega^2 M added and its force at the last q taken
+away (Rockafellar: Monotone operators and the proximal point algorithm, SIAM Journal on Control and Optimization 14,
+1976): each has one solution, and where they come to rest the system stands by itself, and stably.
 """
 
 from __future__ import annotations
@@ -33,6 +38,10 @@ Mask = NDArray[np.bool_]
 ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
 #: Solves in which all wrong contacts may change sides without leaving fewer wrong ones, and solves in all.
 CHANCES, LIMIT = 3, 1000
+#: Shares of the lowest omega^2 with which an equilibrium is approached where K is indefinite while contacts are open
+#: that close later, one after the other, steps with each, and solves in each: with a large share a step is sure to
+#: have a solution, with a small one it is long.
+SHARES, STEPS, FEW = (1.0, 1e-1, 1e-2, 1e-3, 1e-4), 20, 50
 #: Pull or overlap that is round-off, over the largest force or displacement.
 ROUND_OFF = 1e-9
 #: Equations up to which a dense factor is quicker than a sparse one.
@@ -55,47 +64,86 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
 
     An InputError is raised where contacts do not hold the bodies against these loads, or can't tell their forces apart.
     """
-    rows, clearance = assembly.at(x), assembly.system.clearance
-    pushes = ~np.isnan(clearance)
-    gap = np.where(pushes, clearance, 0.0)
-    closed = np.ones(len(gap), dtype=bool)
-    K = assembly.stiffness(() if c is None else c)
-    floor = ALMOST_FREE * _lowest(assembly, rows) * assembly.M
-    fewest, chances = len(gap) + 1, CHANCES
-    for _ in range(LIMIT):
-        almost = _solved(assembly, rows, closed, gap, f, K + floor)
-        wrong = _wrong(rows, almost, pushes, gap, f)
-        if not wrong.any():
-            break
-        if wrong.sum() < fewest:
-            fewest, chances = int(wrong.sum()), CHANCES
-        else:
-            chances -= 1
-        changing = wrong if chances >= 0 else np.arange(len(wrong)) == np.argmax(wrong)
-        closed = closed ^ changing
-    found = _solved(assembly, rows, closed, gap, f, K)
-    q, forces = found.q, found.forces
-    unchanged = np.abs(q - almost.q).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
-    stored = q @ (K @ q) + forces @ rows.F @ forces
-    stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q))
-    if not (unchanged and stiff) or _wrong(rows, found, pushes, gap, f).any():
-        allowed = (
-            "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed "
-            "(pads in the middle of faces hold no roll; pads with a clearance hold nothing until a load closes them)"
-        )
-        if assembly.terms:
-            allowed += "; with second order nothing holds a boom that is past its buckling load"
-        raise InputError("system", "contacts", None, allowed)
-    return found
+    contacts = _Contacts(assembly, x, f)
+    K, softest = assembly.stiffness(() if c is None else c), _lowest(assembly, contacts.rows)
+    push = assembly.B @ f
+    almost = contacts.solve(K + ALMOST_FREE * softest * assembly.M, push)
+    found = contacts.solve_closed(K, push, almost.closed)
+    if contacts.confirm(found, almost, K):
+        return found
+    if assembly.terms and c is not None and np.any(c):
+        almost = Equilibrium(np.zeros(assembly.size), almost.forces, contacts.all_closed)
+        for share in np.repeat(SHARES, STEPS):
+            floor = share * softest * assembly.M
+            almost = contacts.solve(K + floor, push + floor @ almost.q, almost.closed, FEW)
+            found = contacts.solve_closed(K, push, almost.closed)
+            if contacts.confirm(found, almost, K):
+                return found
+        equilibrium(assembly, x, f)  # refused for its contacts where these do not hold it without terms either
+        allowed = "axial forces below those that buckle the boom on the pads that are closed at the start are allowed"
+        raise InputError("system", "contacts", None, f"{allowed} with second order; without it these pads hold it")
+    allowed = (
+        "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed "
+        "(pads in the middle of faces hold no roll; pads with a clearance hold nothing until a load closes them)"
+    )
+    raise InputError("system", "contacts", None, allowed)
 
 
-def _solved(assembly: Assembly, rows: ContactRows, closed: Mask, gap: Array, f: Array, K: sp.csr_matrix) -> Equilibrium:
-    """With the given contacts closed; not finite where these hold nothing or depend on each other."""
-    forces = np.zeros(len(gap))
-    right = np.concatenate([assembly.B @ f, (gap - rows.H @ f)[closed]])
-    solution = saddle_point_solver(K, rows.of(closed))(right)
-    forces[closed] = solution[assembly.size :]
-    return Equilibrium(solution[: assembly.size], forces, closed)
+class _Contacts:
+    """Contacts at one place under one load, of which those that only push are closed or open."""
+
+    def __init__(self, assembly: Assembly, x: Array, f: Array) -> None:
+        self._assembly, self.rows, clearance = assembly, assembly.at(x), assembly.system.clearance
+        self._pushes = ~np.isnan(clearance)
+        self._clearance, self._motion = np.where(self._pushes, clearance, 0.0), self.rows.H @ f
+        self.all_closed = np.ones(len(clearance), dtype=bool)
+
+    def solve(self, K: sp.csr_matrix, push: Array, closed: Mask | None = None, limit: int = LIMIT) -> Equilibrium:
+        """Equilibrium of a stiffness K (n, n) that is positive definite whatever is open, under forces `push` (n,).
+
+        The contacts `closed` are so at first; after `limit` solves some may still be on the wrong side.
+        """
+        closed = self.all_closed if closed is None else closed
+        fewest, chances = len(closed) + 1, CHANCES
+        for _ in range(limit):
+            found = self.solve_closed(K, push, closed)
+            wrong = self._wrong(found)
+            if not wrong.any():
+                break
+            if wrong.sum() < fewest:
+                fewest, chances = int(wrong.sum()), CHANCES
+            else:
+                chances -= 1
+            changing = wrong if chances >= 0 else np.arange(len(wrong)) == np.argmax(wrong)
+            closed = closed ^ changing
+        return found
+
+    def solve_closed(self, K: sp.csr_matrix, push: Array, closed: Mask) -> Equilibrium:
+        """With the given contacts closed; not finite where these hold nothing or depend on each other."""
+        forces, n = np.zeros(len(closed)), self._assembly.size
+        right = np.concatenate([push, (self._clearance - self._motion)[closed]])
+        solution = saddle_point_solver(K, self.rows.of(closed))(right)
+        forces[closed] = solution[n:]
+        return Equilibrium(solution[:n], forces, closed)
+
+    def confirm(self, found: Equilibrium, almost: Equilibrium, K: sp.csr_matrix) -> bool:
+        """Whether an equilibrium stands by K alone, where `almost` is the same with a little more than K."""
+        q, closed, forces = found.q, found.closed, found.forces.copy()
+        if self._clearance[closed].any():  # as if the contacts that are closed had been so from the start
+            F = self.rows.F[np.ix_(closed, closed)]
+            forces[closed] += np.linalg.lstsq(F, self._clearance[closed], rcond=None)[0]
+        unchanged = np.abs(q - almost.q).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
+        stored = q @ (K @ q) + forces @ self.rows.F @ forces
+        stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q))
+        return bool(unchanged and stiff and not self._wrong(found).any())
+
+    def _wrong(self, found: Equilibrium) -> Mask:
+        """Contacts that pull although they only push, or would have to push although they are open."""
+        rows, q, forces = self.rows, found.q, found.forces
+        motion = rows.C @ q + self._motion - rows.F @ forces
+        size = np.abs(rows.C) @ np.abs(q) + self._clearance
+        pulls = found.closed & self._pushes & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
+        return np.asarray(pulls | ~found.closed & (motion - self._clearance > ROUND_OFF * size))
 
 
 def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array], Array]:
@@ -141,12 +189,3 @@ def _lowest(assembly: Assembly, rows: ContactRows) -> float:
     g = assembly.M.diagonal()
     q = saddle_point_solver(assembly.K, rows)(np.concatenate([g, np.zeros(len(rows.F))]))[: assembly.size]
     return abs(float(g @ q / (q @ (assembly.M @ q))))
-
-
-def _wrong(rows: ContactRows, found: Equilibrium, pushes: Mask, gap: Array, f: Array) -> Mask:
-    """Contacts that pull although they only push, or would have to push although they are open."""
-    q, forces = found.q, found.forces
-    motion = rows.C @ q + rows.H @ f - rows.F @ forces
-    size = np.abs(rows.C) @ np.abs(q) + gap
-    pulls = found.closed & pushes & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
-    return np.asarray(pulls | ~found.closed & (motion - gap > ROUND_OFF * size))

@@ -112,6 +112,16 @@ def test_at_rest_nothing_slides() -> None:
     assert found.displacement == pytest.approx(without.displacement, abs=1e-12)
 
 
+@pytest.mark.parametrize(("stiffness", "friction"), [(1e6, 0.3), (2e7, 0.01), (2e9, 0.1)])
+def test_at_rest_on_an_incline_the_cylinder_holds_the_weight_along_it(stiffness: float, friction: float) -> None:
+    """Round-off alone moves the pads: what it makes of their friction is far below what they could hold."""
+    angle, still = np.radians(25.0), {"kind": "constant", "amount": 2.0}
+    scene = sliding(still, 0.2, friction, cylinder=stiffness, gravity={"inclination": 25.0})
+    found, force = cylinder(scene)
+    assert force == pytest.approx(MASS * G * np.sin(angle), rel=1e-5)
+    assert np.abs(found.other("friction of fly")).max() < 1e-6 * friction * MASS * G
+
+
 def test_pads_stick_before_they_slide() -> None:
     """As springs in series with the cylinder; then the section swings about a force that no longer grows."""
     path = {"kind": "smooth_ramp", "times": [0.0, 4.0], "values": [2.0, 2.012]}

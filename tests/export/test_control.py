@@ -86,6 +86,35 @@ def test_matlab_and_python_control_read_the_same(saved: Path, model: ReducedMode
         assert k == int(np.argmin(np.abs(script["S"] - s)))
 
 
+def test_interpolated_matrices_are_as_far_off_as_the_file_says(
+    saved: Path, model: ReducedModel, monkeypatch, capsys, caplog
+) -> None:
+    """Static gains halfway between places, beside the equations; without --at within 1 %."""
+    found = []
+    for at in ("1.7,2.3,2.9", None):
+        target = saved.with_name(f"boom{at is None}.mat")
+        more = () if at is None else ("--at", at)
+        done = called(monkeypatch, capsys, "export", str(saved), "--to", "matlab", *more, "--out", str(target))
+        assert done.returncode == 0, done.stderr
+        data, m = scipy.io.loadmat(target), len(model.outputs)
+        s, off, size = data["s"].ravel(), [], []
+        for k in range(len(s) - 1):
+            A, B, C, D = ((data[name][:, :, k] + data[name][:, :, k + 1]) / 2.0 for name in "ABCD")
+            exact = response(model, (s[k] + s[k + 1]) / 2.0, 0.0).real[:m]
+            off.append(np.abs((D - C @ np.linalg.solve(A, B))[:m] - exact))
+            size.append(np.abs(exact))
+        units = [str(cell[0]) for cell in data["units"].ravel()][:m]
+        largest = np.max(size, axis=0)
+        largest[largest <= 1e-12 * largest.max()] = np.inf  # what does not move at all
+        worst = (np.max(off, axis=0) / largest)[[unit == "m" for unit in units]].max()
+        assert data["interpolation"]["static_gain"][0, 0].item() == pytest.approx(worst, rel=1e-6)
+        found.append((worst, len(s), "halfway between two of the" in caplog.text))
+        caplog.clear()
+    (coarse, few, warned), (fine, many, silent) = found
+    assert few == 3 and coarse > 0.01 and warned
+    assert many >= 21 and fine <= 0.01 and not silent
+
+
 @pytest.mark.slow
 def test_a_table_and_a_picture(saved: Path, model: ReducedModel, monkeypatch, capsys) -> None:
     done = called(monkeypatch, capsys, "export", str(saved), "--to", "frequency-response", "--at", "1.7,2.3")

@@ -147,7 +147,9 @@ def _items(choice: ET.Element) -> None:
 
 
 def _experiment(root: ET.Element, model: Described) -> None:
-    ET.SubElement(ET.SubElement(root, "LogCategories"), "Category", name="logStatusError")
+    categories = ET.SubElement(root, "LogCategories")
+    for name in ("logStatusWarning", "logStatusError"):
+        ET.SubElement(categories, "Category", name=name)
     times = {"startTime": "0.0", "stopTime": repr(model.end), "tolerance": "1e-8", "stepSize": repr(model.step)}
     ET.SubElement(root, "DefaultExperiment", times)
 

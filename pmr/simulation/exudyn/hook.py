@@ -22,6 +22,7 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 from exudyn.itemInterface import (
+    LoadForceVector,
     MarkerNodePosition,
     MarkerObjectODE2Coordinates,
     NodePoint,
@@ -56,9 +57,9 @@ class Hook:
 
 
 def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:
-    """A point of so many kg where three of the boom's loads act, which begins where the boom carries it unloaded.
+    """Add a point of so many kg where three of the boom's loads act; it weighs as the scene of the boom has it.
 
-    It has the velocity that the boom begins with there.
+    It begins where the boom carries it unloaded, with the velocity that the boom begins with there.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     loads : three str
         Names of inputs along x, y and z of the boom at one place, ``fly.hook x`` and so on; their signals act beside.
     mass : float
-        Of the hook itself, kg; its weight is the user's to add, as of any mass.
+        Of the hook itself, kg.  Its weight, by the gravity of the scene given to `OnBody`, acts along -Z of the mbs.
 
     Raises
     ------
@@ -108,12 +109,17 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
             jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.moved(t, np.array(q)),
         )
     )
-    return Hook(
-        node,
-        mbs.AddObject(ObjectMassPoint(name=f"{name} mass", mass=mass, nodeNumber=node)),
-        mbs.AddMarker(MarkerNodePosition(name=name, nodeNumber=node)),
-        oJoint,
+    oHook = mbs.AddObject(ObjectMassPoint(name=f"{name} mass", mass=mass, nodeNumber=node))
+    mHook = mbs.AddMarker(MarkerNodePosition(name=name, nodeNumber=node))
+    mbs.AddLoad(
+        LoadForceVector(
+            name=f"{name} weight",
+            markerNumber=mHook,
+            loadVector=[0.0, 0.0, -mass * base.weight(0.0)],
+            loadVectorUserFunction=lambda mbs, t, load: [0.0, 0.0, -mass * base.weight(t)],
+        )
     )
+    return Hook(node, oHook, mHook, oJoint)
 
 
 class _Joint:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
@@ -15,6 +17,10 @@ from pmr.simulation.moving import MovingFrame
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
+logger = logging.getLogger(__name__)
+#: Angles but that of slewing turn once at most, rad.  A motion that a step takes farther than this share of its range,
+#: or of a turn, jumps; one in a frame that goes on by so much, m or rad, without second rates has no inertia.
+WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
 #: Of a motion: its value, or that with its rate, or with its rate and its second rate.
 Motion = float | Sequence[float]
 Values = Mapping[str, float] | Mapping[str, Motion] | ArrayLike
@@ -67,11 +73,17 @@ class Driving:
         )
         beyond = [BEYOND_ENDS * (high - low) for low, high in ranges.values()]
         self._ranges = [(low, high, low - b, high + b) for (low, high), b in zip(ranges.values(), beyond, strict=True)]
-        self._missing = True
+        self._missing, self._begun, self._told = True, False, set[str]()
+        angles = () if self.frame is None else tuple(self.frame.angles)
+        self._angles = {self._numbers[2][name]: name for name in angles}
+        self._moves = [*range(first if self.frame is not None else 0), *self._angles]  # with an inertia of their own
 
     def leave(self) -> None:
         """Note where a step ended; without a frame compiled code does (`pmr.simulation.native.stepped`)."""
         begun, ended, _ = self.motions
+        if self._begun:
+            self._check_second_rates()
+        self._begun = True
         begun[:] = ended
         ended[GIVEN] = 1.0
 
@@ -85,6 +97,10 @@ class Driving:
                     allowed = f"{low:g} to {high:g} m is allowed"
                     raise InputError("stepper", f"s.{self._paths[k]}", at, allowed)
                 taken[n] = k, min(max(at, low), high), rate, second, count
+            if abs(rate) * self.motions.step > high - low:
+                fastest = f"{(high - low) / self.motions.step:g} m/s, its range in a step, is allowed at most"
+                raise InputError("stepper", f"s.{self._paths[k]}", [at, rate, second][:count], fastest)
+            self.note_path(k, at)
         if self._missing:
             if len({k for k, *_ in taken}) < len(self._paths):
                 raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(self._paths)}")
@@ -101,12 +117,37 @@ class Driving:
 
     def take_frame(self, frame: Mapping[str, Motion]) -> None:
         """How the frame moves."""
-        taken, names = _taken(frame, self._numbers[2], "frame", ""), _names(self._numbers[2])
-        for (_, *motion, count), name in zip(taken, frame, strict=True):
-            if not np.all(np.isfinite(motion)):
-                key = f"frame.{name if isinstance(name, str) else names[name]}"
-                raise InputError("stepper", key, motion[:count], "finite numbers are allowed")
+        taken = _taken(frame, self._numbers[2], "frame", "")
+        for k, value, *_ in taken:
+            name = self._angles.get(k)
+            if name not in (None, "slewing") and abs(value) > WHOLE_TURN:
+                raise InputError("stepper", f"frame.{name}", value, "at most one turn is allowed, 2 pi: it is in rad")
+            if name is not None and self._begun:
+                self._note(name, abs(value - self.motions.ended[0, k]), WHOLE_TURN, "rad")
         self._take(taken)
+
+    def note_path(self, k: int, at: float) -> None:
+        """Warn, once, of a path that a step takes so far, to `at` m, that it jumps."""
+        if not self._missing:
+            low, high, *_ = self._ranges[k]
+            self._note(self._paths[k], abs(at - self.s[k]), high - low, "m")
+
+    def _note(self, name: str, change: float, whole: float, unit: str) -> None:
+        if change > JUMP * whole and name not in self._told:
+            self._told.add(name)
+            said = "%s jumps by %g %s in a step of %g s, which excites what no boom does: give it at each step, in %s"
+            logger.warning(said, name, change, unit, self.motions.step, unit)
+
+    def _check_second_rates(self) -> None:
+        """Warn, once, of what moves in a frame without second rates."""
+        (begun, ended, h), at = self.motions, self._moves
+        off = np.abs(ended[0, at] - begun[0, at] - h * begun[1, at])
+        for n in np.flatnonzero((off > LEFT_OUT) & (begun[2, at] == 0.0) & (ended[2, at] == 0.0)):
+            name = self._angles.get(at[n]) or self._paths[at[n]]
+            if name not in self._told:
+                self._told.add(name)
+                said = "%s moves without a second rate, so the inertia of what moves is left out: both rates are needed"
+                logger.warning(said, name)
 
     def find(self) -> None:
         """Amplitudes of inputs and terms from the frame's motion at the end of the step."""
@@ -173,18 +214,22 @@ def _taken(values: Values, numbers: Mapping[str | int, int], key: str, what: str
     for name, motion in values.items():
         if name not in numbers:
             number_of(name, _names(numbers), key)  # refused
-        if isinstance(motion, float):
+        if isinstance(motion, float) and isfinite(motion):
             found.append((numbers[name], motion, 0.0, 0.0, 1))
-        elif type(motion) is tuple and len(motion) == 2 and isinstance(motion[0], float) and type(motion[1]) is float:
+        elif type(motion) is tuple and [*map(type, motion)] == [float, float] and isfinite(sum(motion)):
             found.append((numbers[name], motion[0], motion[1], 0.0, 2))
         else:
-            value, rate, second = [*(given := _motion(motion, f"{key}.{name}")), 0.0, 0.0][:3]
+            value, rate, second = [*(given := _motion(motion, f"{key}.{_name(name, numbers)}")), 0.0, 0.0][:3]
             found.append((numbers[name], value, rate, second, len(given)))
     return found
 
 
 def _names(numbers: Mapping[str | int, int]) -> list[str]:
     return [name for name in numbers if isinstance(name, str)]
+
+
+def _name(name: str | int, numbers: Mapping[str | int, int]) -> str:
+    return name if isinstance(name, str) else _names(numbers)[name]
 
 
 def _in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
@@ -194,6 +239,8 @@ def _in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: 
     if array.shape != (names,) and not (array.ndim == 0 and names == 1):
         allowed = f"{what} is allowed, in this order: {', '.join(_names(numbers)) or 'none'}; or some by their names"
         raise InputError("stepper", key, array.tolist(), allowed)
+    if not np.isfinite(array).all():
+        raise InputError("stepper", key, array.tolist(), "finite numbers are allowed")
     return array.ravel()
 
 
@@ -203,4 +250,6 @@ def _motion(value: Motion, key: str) -> list[float]:
     if given.ndim != 1 or not 1 <= len(given) <= 3:
         allowed = "a value, or that with its rate and its second rate, is allowed"
         raise InputError("stepper", key, given.tolist(), allowed)
+    if not np.isfinite(given).all():
+        raise InputError("stepper", key, value, "finite numbers are allowed")
     return list(given.tolist())

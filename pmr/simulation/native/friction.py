@@ -28,7 +28,9 @@ from numpy.typing import NDArray
 
 from pmr.simulation.native.arrays import State
 from pmr.simulation.native.compilation import addressed, compiled_and_inlined, inlined
+from pmr.simulation.native.extrapolation import BEFORE
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.rows import dot
 from pmr.simulation.native.side_arrays import Bodies, Sides
 from pmr.simulation.native.simd import LANES, aligned, load, store
 from pmr.system.friction import Friction
@@ -75,11 +77,13 @@ class Rubbing(NamedTuple):
     forces: Array  # (n,) N: f
     old_forces: Array
     given: Array  # (J,) N: that of each joint which `gap` has
+    new_given: Array  # (J,) N
     gap: Array  # (m,) m: g, less what residual flexibility makes of the moments
     new_gap: Array  # (m,)
     old_gap: Array
     old_multipliers: Array  # (m,) N
-    largest: Array  # (1,) m: gap so far
+    # (2,): the largest gap in m and the largest square of w in N^2 so far, with all pads at their limits
+    largest: Array
     began: Array  # (n,) N: `old_forces`, `old_s` and `old_drives` where a step in parts began
     began_at: Array  # (2, J)
 
@@ -118,11 +122,12 @@ def rubbing(form: SystemForm, paths: Sequence[str]) -> Rubbing | None:
         forces=np.zeros(n),
         old_forces=np.zeros(n),
         given=np.zeros(J),
+        new_given=np.zeros(J),
         gap=np.zeros(m),
         new_gap=np.zeros(m),
         old_gap=np.zeros(m),
         old_multipliers=np.zeros(m),
-        largest=np.zeros(1),
+        largest=np.zeros(2),
         began=np.zeros(n),
         began_at=np.zeros((2, J)),
     )
@@ -183,6 +188,7 @@ def rub(rubbing: Any, state: State, force: Array) -> None:
         rubbing.limits[j] = rubbing.coefficients[j] * abs(multipliers[rubbing.pads[j]])
     for k in range(len(rubbing.new_gap)):
         rubbing.new_gap[k] = 0.0
+    gap, square = 0.0, 0.0
     for i in range(len(rubbing.s)):
         c, gives = rubbing.cylinders[i], rubbing.gives[i]
         moved, softness = rubbing.s[i] - rubbing.old_s[i], 0.0
@@ -195,17 +201,22 @@ def rub(rubbing: Any, state: State, force: Array) -> None:
             rubbing.stiffness[own], rubbing.old_forces[own], rubbing.limits[own], moved, softness, rubbing.given[i],
             rubbing.forces[own],
         )  # fmt: skip
+        rubbing.new_given[i] = total
         if gives > 0.0:
             rubbing.new_gap[c] += gives * total
+            for j in range(rubbing.first[i], rubbing.first[i + 1]):
+                gap += gives * rubbing.limits[j]
     for j in range(len(rubbing.pads)):
         moment = rubbing.arms[j] * rubbing.forces[j]
         if multipliers[rubbing.pads[j]] < 0.0:
             moment = -moment
+        square += (rubbing.arms[j] * rubbing.limits[j]) ** 2 * dot(rubbing.slopes[j], rubbing.slopes[j])
         if moment != 0.0:
             for n in range(0, len(force), LANES):
                 store(force, n, load(force, n) + load(rubbing.slopes[j], n) * moment)
             for k in range(len(rubbing.new_gap)):
                 rubbing.new_gap[k] -= rubbing.answers[k, j] * moment
+    rubbing.largest[0], rubbing.largest[1] = max(rubbing.largest[0], gap), max(rubbing.largest[1], square)
 
 
 @compiled_and_inlined
@@ -255,6 +266,12 @@ def gap(rubbing: Any, k: int) -> float:
 
 
 @inlined
+def largest_square(rubbing: Any) -> float:
+    """The largest |w|^2 of friction so far, N^2, with all pads at their limits."""
+    return 0.0 if rubbing is None else float(rubbing.largest[1])
+
+
+@inlined
 def gives_way(rubbing: Any, bound: float) -> bool:
     """Whether the gaps have changed by more than a share of the largest so far."""
     if rubbing is None:
@@ -273,7 +290,36 @@ def take(rubbing: Any) -> None:
         for k in range(len(rubbing.gap)):
             rubbing.gap[k] = rubbing.new_gap[k]
         for i in range(len(rubbing.given)):
-            rubbing.given[i] = _total(rubbing, i)
+            rubbing.given[i] = rubbing.new_given[i]
+
+
+@inlined
+def note(rubbing: Any, history: Any, first: int, force: float) -> None:
+    """Write gaps, and the friction that they have, behind the first numbers of an iterate, the largest as `force`."""
+    if rubbing is None:
+        return
+    m = len(rubbing.gap)
+    if not history.counts[BEFORE]:
+        largest = rubbing.largest[0]
+        history.unit[0] = (force if force > 0.0 else 1.0) / (largest if largest > 0.0 else 1.0)
+    for k in range(m):
+        history.x[first + k] = rubbing.gap[k] * history.unit[0]
+        history.residual[first + k] = (rubbing.new_gap[k] - rubbing.gap[k]) * history.unit[0]
+    for i in range(len(rubbing.given)):
+        history.x[first + m + i] = rubbing.given[i]
+        history.residual[first + m + i] = rubbing.new_given[i] - rubbing.given[i]
+
+
+@inlined
+def follow(rubbing: Any, history: Any, first: int) -> None:
+    """Take gaps, and the friction that they have, from the next iterate."""
+    if rubbing is None:
+        return
+    m = len(rubbing.gap)
+    for k in range(m):
+        rubbing.new_gap[k] = history.x[first + k] / history.unit[0]
+    for i in range(len(rubbing.given)):
+        rubbing.new_given[i] = history.x[first + m + i]
 
 
 @inlined

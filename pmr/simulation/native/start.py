@@ -20,6 +20,8 @@ from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
+from pmr.system.contacts import Contact as SystemContact
+from pmr.system.friction import joints_of
 from pmr.system.system import System
 from pmr.system.terms import first_few
 
@@ -143,12 +145,17 @@ def reason(system: System, C: Array, failed: int) -> str:
         names = ", ".join(contact.name for contact in system.contacts if contact.clearance is not None)
         return f"which of the rows {names} are closed was not settled in {contact_rows.LIMIT} solves"
     if failed == terms.UNCONVERGED:
-        return (
-            f"the forces of the terms {first_few(system.term_names)} do not converge: beyond the buckling load, "
-            "with a step too long for what tension and spin make of the frequencies, or where pads close and open "
-            "again and again within a step"
-        )
+        return unconverged(system.term_names, system.contacts)
     return dependence(C[:failed], system.contact_names)
+
+
+def unconverged(term_names: Sequence[str], contacts: Sequence[SystemContact]) -> str:
+    """Why a step failed in which forces of terms and friction have not converged, in words."""
+    names = first_few([*term_names, *(f"friction of {joint}" for joint in joints_of(contacts))])
+    return (
+        f"the forces of {names} do not converge in {terms.LIMIT} iterations of a step; shorter steps help where terms "
+        "change the stiffness of a step by some hundred times, or pads stick and slide, close and open again and again"
+    )
 
 
 def places_of(paths: Sequence[str], s: Array) -> str:

@@ -52,7 +52,7 @@ from pmr.simulation.native.handles import call
 from pmr.simulation.native.quasi_static import forget
 from pmr.simulation.native.rows import dot, dot_held, of_body, solve
 from pmr.simulation.native.simd import LANES, load, spread, store
-from pmr.simulation.native.terms import AGAIN, LAST, expect, finish, gap, push, revise, varies
+from pmr.simulation.native.terms import AGAIN, LAST, expect, finish, gap, push, restart, revise, varies
 
 Array = NDArray[np.float64]
 
@@ -119,6 +119,7 @@ def _find_in_contact(
         if failed or not let_go(contact, scheme, state):
             remember(contact, scheme, state.multipliers)
             return failed, state.multipliers[0]
+        restart(terms)
         forget(quasi_static, scheme, state.modes)
         if len(divided.damped) > 0:
             _couple(state.reach, divided, scheme, state.modes)

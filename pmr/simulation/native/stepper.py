@@ -33,7 +33,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import bound_step as bound_step
 from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import Drive, V, Z
-from pmr.simulation.native.driving import Driving, Motion, Values, number_of
+from pmr.simulation.native.driving import JUMP, Driving, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.handles import Handle, entry_of, handle
 from pmr.simulation.native.march import March
@@ -114,7 +114,7 @@ class Stepper:
         frame: Mapping[str, Motion] | None = None,
         parts: int = 1,
     ) -> None:
-        if not step > 0.0:
+        if not 0.0 < step < np.inf:
             raise InputError("stepper", "step", step, "more than 0 s is allowed")
         if not (isinstance(parts, int) and 0 <= parts <= MOST_PARTS):
             raise InputError("stepper", "parts", parts, f"0 to {MOST_PARTS} are allowed")
@@ -159,6 +159,7 @@ class Stepper:
             body_alone = Alone(loop.tables, loop.divided, loop.scheme, observed, self._state)
             #: What `step_on_tables` takes before s (float), the loads f (i,) and the outputs y (o,).
             self.arguments = (handle(body_alone),)
+            self._jump = JUMP * (on_tables.domain[1] - on_tables.domain[0])
             self._entry, self._place = bound_step.entry(self._state.contact is not None), memoryview(self._s)  # type: ignore[arg-type]
             self._bound = handle(bound_step.Bound(body_alone, self._f, self._y))
         else:
@@ -199,11 +200,13 @@ class Stepper:
         Raises
         ------
         InputError
-            If a path leaves its range, the system has no such name, or there is not one load for each input.
+            If a path leaves its range or would cross all of it in a step, an angle other than that of slewing is more
+            than a turn, a number is not finite, the system has no such name, or there is not one load for each input.
+            What jumps, or moves in a frame without second rates, is told once by a warning of `logging`.
         SimulationError
             If contacts depend on each other.
         """
-        if type(F) is float and self._single is not None:
+        if type(F) is float and F - F == 0.0 and self._single is not None:  # else it is not finite
             self._single[0] = F
         elif F is not None:
             self._driving.take_loads(F)
@@ -212,12 +215,16 @@ class Stepper:
         if self._place is None:
             failed = self._on_places(s)
         else:
-            failed = self._entry(self._bound, s) if isinstance(s, float) else bound_step.OFF_THE_PATH
+            failed = bound_step.OFF_THE_PATH
+            if isinstance(s, float):
+                failed = self._entry(self._bound, s)
+                if failed != bound_step.OFF_THE_PATH:
+                    if abs(s - self._place[0]) > self._jump:
+                        self._driving.note_path(0, s)
+                    self._place[0] = s
             if failed == bound_step.OFF_THE_PATH:
                 self._driving.take_path(s)
                 failed = self._entry(self._bound, self._place[0])
-            else:
-                self._place[0] = s
         if failed:
             raise self._march.failed(failed, f"{self._where}{places_of(tuple(self._ranges), self._s)}")
         self._steps += 1

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.simulation.native import friction
+from pmr.simulation.native.extrapolation import History, history
 from pmr.simulation.native.form import SystemForm, starts
 from pmr.simulation.native.simd import LANES, aligned
 
@@ -49,6 +50,7 @@ class Terms(NamedTuple):
     numbers: Array  # (7,)
     calls: Indices  # (5,): addresses by BEGIN, EXPECT, REVISE, ACCOUNT and TURN (`pmr.simulation.native.linking`)
     rubbing: Any  # `Rubbing`; None of a body on its tables
+    history: History
 
 
 class Signals(NamedTuple):
@@ -174,6 +176,7 @@ def terms(form: SystemForm, matrices: Sequence[Matrices], paths: Sequence[str]) 
         numbers=np.zeros(7),
         calls=np.zeros(5, np.int64),
         rubbing=rubbing,
+        history=history(r + (0 if rubbing is None else len(rubbing.gap)), 0 if rubbing is None else len(rubbing.s)),
     )
 
 

@@ -12,8 +12,8 @@ ratio of
 .. math:: dq\, x^T G x + dv\, x^T V x \quad \text{to} \quad x^T (1 + dv D + dq K) x, \qquad dq \approx h^2 / 4
 
 over motions x that the contacts allow: less than the share of the buckling load with any step, and some 1e-4 where a
-period takes some hundred steps.  So one to three times are the rule.  It does not converge, and is refused, beyond the
-buckling load or where a tension raises frequencies that the step does not resolve.
+period takes some hundred steps.  So one to three times are the rule.  Where the ratio is not small, as under a tension
+that makes most of the stiffness, w is extrapolated (`pmr.simulation.native.extrapolation`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native import friction
+from pmr.simulation.native import extrapolation, friction
 from pmr.simulation.native.arrays import (
     DAMPING,
     OTHERS,
@@ -103,6 +103,7 @@ def expected(terms: Terms, divided: Divided, state: State, f: Array, c: Array) -
     """The same where there are any; 0."""
     _combine(terms, c)
     terms.numbers[TIMES] = 0.0
+    extrapolation.restart(terms.history)
     for n in range(0, len(terms.force), LANES):
         ends = load(terms.old_force[0], n) * 4.0 - load(terms.old_force[3], n)  # of a cubic
         store(terms.force, n, ends + (load(terms.old_force[2], n) * 4.0 - load(terms.old_force[1], n) * 6.0))
@@ -165,7 +166,7 @@ def revised(terms: Terms, divided: Divided, scheme: Scheme, state: State) -> int
         change += (terms.new_force[n] - terms.force[n]) ** 2
         size += terms.new_force[n] ** 2
     numbers = terms.numbers
-    largest = max(numbers[LARGEST], size)
+    largest = max(numbers[LARGEST], size, friction.largest_square(terms.rubbing))
     numbers[TIMES] += 1.0
     if numbers[TIMES] == 1.0:
         numbers[FIRST] = size
@@ -174,7 +175,7 @@ def revised(terms: Terms, divided: Divided, scheme: Scheme, state: State) -> int
         return UNCONVERGED
     bound = ACCEPTED if last else CONVERGED
     giving = friction.gives_way(terms.rubbing, bound)
-    if numbers[TIMES] > 1.0 and numbers[CHANGE] > 0.0:
+    if numbers[TIMES] == 2.0 and numbers[CHANGE] > 0.0:
         numbers[SHRINKS] = max(numbers[SHRINKS] / 2.0, change / numbers[CHANGE])
         numbers[TRUSTED] = 0.0
     numbers[CHANGE] = change
@@ -183,6 +184,7 @@ def revised(terms: Terms, divided: Divided, scheme: Scheme, state: State) -> int
         return SETTLED
     if last:
         return UNCONVERGED
+    _extrapolate(terms, largest)
     _take(state.reach, terms, divided, scheme, state.modes)
     numbers[TRUSTED] += 1.0
     known = not giving and 0.0 < numbers[SHRINKS] and numbers[TRUSTED] < MOST_TRUSTED
@@ -307,6 +309,27 @@ def _reach_some(
         a = a - (held if coupled else held * load(modes[UNIT], n))
         store(modes[Z], n, z + a * scheme.z_gain)
         store(modes[V], n, v + a * scheme.v_gain)
+
+
+@inlined
+def _extrapolate(terms: Terms, largest: float) -> None:
+    """Replace the new w and what friction does to gaps by the next iterates."""
+    history, r = terms.history, len(terms.force)
+    for n in range(r):
+        history.x[n], history.residual[n] = terms.force[n], terms.new_force[n] - terms.force[n]
+    friction.note(terms.rubbing, history, r, np.sqrt(largest))
+    extrapolation.extrapolate(history)
+    for n in range(r):
+        terms.new_force[n] = history.x[n]
+    friction.follow(terms.rubbing, history, r)
+
+
+@inlined
+def restart(terms: Any) -> None:
+    """Begin the iteration anew, where rows that have let go change what a step leads to."""
+    if terms is not None:
+        if len(terms.force) > 0:
+            extrapolation.restart(terms.history)
 
 
 @inlined

@@ -111,7 +111,7 @@ class Integrator:
                 grip = self._terms.slid(state.grip, grip, c, multipliers, self.constraint.matrix)
                 given, rubbed = rubbed, self._terms.rubbed(self.constraint.rows, multipliers, grip)
                 w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + rubbed.force
-                if not (self._terms.settled(old, w, times) and self._terms.at_rest(given, rubbed)):
+                if not (self._terms.settled(old, w, times, rubbed) and self._terms.at_rest(given, rubbed)):
                     continue
             released = None if pushing is None else pushing.released()
             if pushing is None or released is None:

@@ -20,10 +20,10 @@ from pmr.fem.compat import MPI
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
 from pmr.simulation.grip import Grip, slid
+from pmr.simulation.native.start import unconverged
 from pmr.simulation.native.terms import ACCEPTED, CONVERGED, DIVERGED, LIMIT
 from pmr.simulation.petsc.rows import PathRows
 from pmr.system.friction import Friction
-from pmr.system.terms import first_few
 
 Array = NDArray[np.float64]
 Product = Callable[[Array], Array]
@@ -35,6 +35,7 @@ class Rubbed:
 
     force: Array | float
     gap: Array
+    at_limits: float = 0.0  # square of the force with all pads at their limits, this rank's share
 
 
 class Terms:
@@ -42,6 +43,7 @@ class Terms:
 
     def __init__(self, system: FullSystem) -> None:
         self._comm, self._names = system.comm, system.term_names
+        self._unconverged = unconverged(system.term_names, system.contacts)
         self._parts = list[tuple[int, Any, Product | None, Product | None]]()
         names = list(system.bodies)
         for number, term in enumerate(system.terms):
@@ -67,8 +69,11 @@ class Terms:
         """What friction does where the rows stand, under multipliers (m,)."""
         if self._friction is None:
             return Rubbed(0.0, np.zeros(len(multipliers)))
-        moments = self._friction.moments(grip.forces, multipliers)
-        return Rubbed(rows.transposed_slopes(moments), self._friction.gaps(grip.forces))
+        known, limits = self._friction, self._friction.coefficients * np.abs(multipliers[self._friction.pads])
+        moments, most = known.moments(grip.forces, multipliers), np.abs(known.moments(limits, multipliers))
+        self._widest = max(self._widest, float(known.gaps(limits).max(initial=0.0)))
+        at_limits = float(np.sum(rows.transposed_slopes(most) ** 2))
+        return Rubbed(rows.transposed_slopes(moments), known.gaps(grip.forces), at_limits)
 
     def slid(self, old: Grip, given: Grip, c: Array, multipliers: Array, matrix: Array) -> Grip:
         """What pads hold after a step, found under what is `given`, to the joints' places behind the amplitudes c."""
@@ -81,19 +86,18 @@ class Terms:
         self._widest = max(self._widest, float(np.abs(new.gap).max(initial=0.0)))
         return bool(np.abs(new.gap - old.gap).max(initial=0.0) <= CONVERGED * self._widest)
 
-    def settled(self, old: Array, new: Array, times: int) -> bool:
+    def settled(self, old: Array, new: Array, times: int, rubbed: Rubbed) -> bool:
         """Whether the forces no longer change; a SimulationError is raised where they diverge or never settle."""
-        sums = self._comm.allreduce(np.array([np.sum((new - old) ** 2), np.sum(new**2)]), MPI.SUM)
-        change, size = (float(np.sqrt(one)) for one in sums)
-        largest = max(self._largest, size)
+        sums = self._comm.allreduce(np.array([np.sum((new - old) ** 2), np.sum(new**2), rubbed.at_limits]), MPI.SUM)
+        change, size, at_limits = (float(np.sqrt(one)) for one in sums)
+        largest = max(self._largest, size, at_limits)
         if not change > (ACCEPTED if times >= LIMIT else CONVERGED) * largest:
             self._largest = largest
             return True
         if times == 1:
             self._first = size
         if times >= LIMIT or change > DIVERGED * max(self._largest, self._first) > 0.0:
-            names = first_few([*self._names, *(() if self._friction is None else ("friction",))])
-            raise SimulationError(f"the forces of the terms {names} do not converge")
+            raise SimulationError(self._unconverged)
         return False
 
 

@@ -327,15 +327,31 @@ def test_ten_instances_go_their_own_ways(made: Made) -> None:
 
 def test_bad_values_are_refused(made: Made) -> None:
     instance = made.started()
-    instance.set(["luffing"], [np.nan])
-    with pytest.raises(CallError, match="not finite"):
-        instance.step(0.0, STEP)
+    with pytest.raises(CallError, match="a finite number is allowed"):
+        instance.set(["luffing"], [np.nan])
+    with pytest.raises(CallError, match="an angle of at most one turn is allowed, in rad"):
+        instance.set(["luffing"], [45.0])
     instance = made.started()
     instance.set(["s_fly"], [99.0])
     with pytest.raises(CallError, match=r"s_fly = 99 m lies off the path"):
         instance.step(0.0, STEP)
     with pytest.raises(CallError, match="read only"):
         instance.set(["tip_in_space_X"], [1.0])
+
+
+def test_a_motion_without_second_rates_is_told_once(made: Made) -> None:
+    """As the run has it nothing is said; with values and first rates alone the inertia of what moves is missing."""
+    names, table = made.table("in")
+    second = [name for name in names[1:] if name.endswith(("_rate_2", "_rate_3"))]
+    for left_out in (False, True):
+        instance = made.started()
+        for row in table[: len(table) // 2]:
+            instance.set(names[1:], row[1:])
+            if left_out:
+                instance.set(second, np.zeros(len(second)))
+            instance.step(row[0], STEP)
+        said = [one for one in instance.said if "the inertia of what moves is left out" in one]
+        assert bool(said) == left_out and len(said) == len(set(said))
 
 
 def test_what_goes_in_has_its_unit(made: Made) -> None:

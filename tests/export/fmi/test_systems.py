@@ -266,6 +266,44 @@ def test_a_state_returns_bit_for_bit(made: Made) -> None:
     np.testing.assert_array_equal(run(other, 5), after)
 
 
+def test_a_damaged_state_is_refused(made: Made) -> None:
+    """Bits that have turned anywhere, bytes that are missing or too many; what is whole is taken."""
+    instance, rng = Instance(made.library), np.random.default_rng(5)
+    instance.initialise()
+    instance.step(0.0, STEP)
+    content = instance.serialised(instance.saved())
+    for _ in range(100):
+        damaged = bytearray(content)
+        for at in rng.integers(0, len(content), rng.integers(1, 9)):
+            damaged[at] ^= int(rng.integers(1, 256))
+        if bytes(damaged) != content:
+            with pytest.raises(CallError, match="no state of this model, or a damaged one"):
+                instance.deserialised(bytes(damaged))
+    for size in (0, 1, 63, 64, len(content) - 1, len(content) + 1):
+        with pytest.raises(CallError, match="no state of this model, or a damaged one"):
+            instance.deserialised((content + b"0")[:size])
+    instance.restore(instance.deserialised(content))
+
+
+def test_what_is_no_number_is_refused_and_a_jump_is_told(made: Made) -> None:
+    instance, (values, rates) = Instance(made.library), made.inputs()
+    instance.initialise()
+    before = instance.get([*values, *rates])
+    for name in (*values, *rates):
+        for number in (np.nan, np.inf, -np.inf):
+            with pytest.raises(CallError, match="a finite number is allowed"):
+                instance.set([name], [number])
+    np.testing.assert_array_equal(instance.get([*values, *rates]), before)
+    instance.step(0.0, STEP)
+    assert instance.said == ["", *[one for one in instance.said if "finite" in one]]
+    path, (low, high) = next(iter(made.system.ranges.items()))
+    at = instance.get(values[:1])[0]
+    instance.set(values[:1], [high - 0.1 * (high - low) if at < (low + high) / 2.0 else low + 0.1 * (high - low)])
+    instance.step(STEP, STEP)
+    instance.step(2.0 * STEP, STEP)
+    assert sum("jumps" in one for one in instance.said) == 1 and path in made.system.paths
+
+
 def test_rates_of_inputs_may_be_given_as_derivatives(made: Made) -> None:
     """As FMI 2.0 has it, beside variables of their own."""
     if made.library.version != "2":

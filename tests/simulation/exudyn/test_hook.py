@@ -29,10 +29,10 @@ HOOK, LENGTH, GRAVITY = 5.0, 0.1, 9.81
 
 
 class Hooked(Turret):
-    """A boom on a turret that is held, without weight, with a hook."""
+    """A boom on a turret that is held, without weight unless it has one here, with a hook."""
 
-    def __init__(self, scene: Scene, mass: float) -> None:
-        super().__init__(scene.model_copy(update={"gravity": None}))
+    def __init__(self, scene: Scene, mass: float, weighs: bool = False) -> None:
+        super().__init__(scene if weighs else scene.model_copy(update={"gravity": None}))
         ground = self.mbs.CreateGround()
         self.mbs.CreateGenericJoint(itemNumbers=[ground, self.body], position=[0.0, 0.0, 0.0])
         self.add()
@@ -62,6 +62,22 @@ def test_a_mass_on_the_hook_is_one_of_the_scene() -> None:
     moved, largest = place[:, 1] - place[0, 1], np.abs(expected[:, y]).max()
     assert np.abs(moved - expected[:, y]).max() < 1e-6 * largest
     assert np.abs(bare - expected)[:, y].max() > 0.03 * largest
+
+
+def test_a_hook_weighs_as_the_scene_has_it() -> None:
+    """Newton's law of the hook: what it pulls the boom with is its weight, and its mass times how it accelerates."""
+    still = "sections.fly.joint.extension={kind='constant', amount=0.6}"
+    scene = free_boom.scene("time.end=0.05", LEVEL, still, "gravity.rise=0.0")
+    turret, kinds = Hooked(scene, 200.0, weighs=True), exu.OutputVariableType
+    of_node, of_joint = {"nodeNumber": turret.hook.nHook}, {"objectNumber": turret.hook.oJoint}
+    moved = SensorNode(**of_node, outputVariableType=kinds.Acceleration, storeInternal=True)
+    pulled = SensorObject(**of_joint, outputVariableType=kinds.Force, storeInternal=True)
+    sensors = [turret.mbs.AddSensor(one) for one in (moved, pulled)]
+    turret.solve(tolerance=1e-8)
+    a, f = (turret.mbs.GetSensorStoredData(sensor)[1:, 3] for sensor in sensors)
+    assert scene.gravity is not None and scene.gravity.acceleration == pytest.approx(9.80665)
+    np.testing.assert_allclose(f, -200.0 * (9.80665 + a), atol=1e-4 * 200.0 * 9.80665)
+    assert np.ptp(f) > 0.05 * 200.0 * 9.80665
 
 
 def test_a_payload_on_a_rope_swings_as_a_pendulum() -> None:

@@ -34,7 +34,7 @@ def still(system: System, coupled: bool = False) -> System:
     return replace(system, terms=axial(system)[: 2 * len(found) - 1])
 
 
-@pytest.mark.parametrize("rho_inf", [0.8, 1.0])
+@pytest.mark.parametrize(("rho_inf", "tension"), [(0.8, 0.0), (1.0, 0.0), (0.8, 500.0)])
 @pytest.mark.parametrize(
     "made",
     [
@@ -45,10 +45,13 @@ def still(system: System, coupled: bool = False) -> System:
         pytest.param(lambda: still(reduced(Nested(2, elements=10, clearance=1e-4), 3), True), id="coupled-pushing"),
     ],
 )
-def test_they_are_in_balance_at_the_end_of_each_step(made: Callable[[], System], rho_inf: float) -> None:
+def test_they_are_in_balance_at_the_end_of_each_step(
+    made: Callable[[], System], rho_inf: float, tension: float
+) -> None:
     """D (z - z') / h + (K + sum c G) z + C^T lambda = B f, with rates that are differences."""
     system, h = made(), 1e-3
-    c = {name: Sine(amplitude=0.5, frequency=2.0 + k) for k, name in enumerate(system.term_names)}
+    names = enumerate(system.term_names)
+    c = {name: Sine(amplitude=0.5, frequency=2.0 + k, offset=tension) for k, name in names}
     driven = excitation(system, TimeStepping(0.2, h, rho_inf, parts=1), c)
     found, assembly = systems.simulate(system, driven), Assembly(system)
     q, v = (np.hstack([getattr(one, part) for one in found.bodies.values()]) for part in "qv")

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from pmr.simulation.native.start import EPS, multipliers_of
+from pmr.simulation.native.start import EPS, multipliers_of, unconverged
+from pmr.system.contacts import Contact, Place
 
 #: Contacts that give way, and rigid ones.
 SOFT, RIGID = np.array([0, 1, 3, 4]), np.array([2, 5])
@@ -43,3 +44,15 @@ def given(size: float) -> tuple[np.ndarray, np.ndarray]:
     X = rng.normal(size=(4, 4))
     F[np.ix_(SOFT, SOFT)], forces[SOFT] = size * (X @ X.T), 1e4 * rng.normal(size=4)
     return F, forces
+
+
+def test_forces_that_do_not_converge_are_named() -> None:
+    """Those of terms, and friction by the sections that slide; nothing is said of buckling."""
+    pads = [Contact(f"pad {k}", Place("fly", "w", 0.0), Place("base", "w", 1.0), friction=0.3) for k in range(2)]
+    for terms, contacts, names in (
+        (("axial", "spin"), (), "axial, spin"),
+        ((), pads, "friction of fly"),
+        (("axial",), pads, "axial, friction of fly"),
+    ):
+        said = unconverged(terms, contacts)
+        assert said.startswith(f"the forces of {names} do not converge") and "buckl" not in said

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import gc
 import tracemalloc
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import one_body
@@ -15,6 +17,7 @@ from oracle import Case, full_body, paper_basis, project
 from pmr.errors import BEYOND_ENDS, InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.simulation import TimeStepping
+from pmr.simulation.native.driving import Values
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.start import InitialState
 
@@ -114,9 +117,39 @@ def test_what_cannot_be_stepped_is_refused(small: ReducedModel) -> None:
         stepper.step(-0.1, 0.0)
     with pytest.raises(SimulationError, match=r"step 1, t = 0\.001 s, slider at 0 m: the row slider 0 vanishes"):
         stepper.step(0.0, 0.0)
-    stepper.step(0.2, np.nan)
-    with pytest.raises(SimulationError, match="not finite"):
-        stepper.check_finite()
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_refused_and_nothing_moves(small: ReducedModel, number: float) -> None:
+    stepper = Stepper(small, step=1e-3, s=2.0)
+    before = stepper.step(2.0, 50.0).copy()
+    for F in (number, np.array([number]), {0: number}, {0: (1.0, number)}):
+        with pytest.raises(InputError, match=r"F.* = .*: finite numbers are allowed"):
+            stepper.step(2.0, F)
+    for s in (number, {0: number}, {0: (2.0, number)}):
+        with pytest.raises(InputError, match="s.* = .* allowed"):
+            stepper.step(s, 50.0)
+    with pytest.raises(InputError, match="step = "):
+        Stepper(small, step=abs(number), s=2.0)
+    other = Stepper(small, step=1e-3, s=2.0)
+    np.testing.assert_array_equal(other.step(2.0, 50.0), before)
+    np.testing.assert_array_equal(stepper.step(2.0, 50.0), other.step(2.0, 50.0))
+    stepper.check_finite()
+
+
+@pytest.mark.parametrize("given", [lambda s: s, lambda s: {0: s}, lambda s: {0: (s, 0.0)}])
+def test_a_jump_is_told_once(small: ReducedModel, given: Callable[[float], Values], caplog: Any) -> None:
+    """A tenth of the range in a step; and more than all of it in one is refused as a rate."""
+    stepper = Stepper(small, step=1e-3, s=2.0)
+    for s in (2.001, 2.4, 2.5):
+        stepper.step(given(s), 0.0)
+    assert not caplog.records
+    for s in (4.5, 2.0):
+        stepper.step(given(s), 0.0)
+    (record,) = caplog.records
+    assert record.getMessage().startswith("slider jumps by 2 m in a step of 0.001 s")
+    with pytest.raises(InputError, match=r"s.slider = \[2.0, 6000.0\]: 5000 m/s, its range in a step"):
+        stepper.step({0: (2.0, 6000.0)}, 0.0)
 
 
 def with_weight(small: ReducedModel, rise: float) -> ReducedModel:

@@ -96,7 +96,10 @@ def test_what_is_left_out_stays(system: System) -> None:
             {"frame": {"luffing": (0.3, 0.1, 0.0, 0.0)}},
             r"frame.luffing = \[0.3, 0.1, 0.0, 0.0\]: a value, or that with",
         ),
-        ({"frame": {"luffing": float("nan")}}, r"frame.luffing = \[nan\]: finite numbers are allowed"),
+        ({"frame": {"luffing": float("nan")}}, "frame.luffing = nan: finite numbers are allowed"),
+        ({"frame": {"luffing": (0.3, float("inf"))}}, r"frame.luffing = .*inf.*: finite numbers are allowed"),
+        ({"frame": {"luffing": 45.0}}, "frame.luffing = 45.0: at most one turn is allowed, 2 pi: it is in rad"),
+        ({"frame": {"base.rx": -7.0}}, "frame.base.rx = -7.0: at most one turn is allowed"),
         ({"s": {"middle": 1.0, "fly": (99.0, 0.0)}}, "s.fly = 99.0: .* m is allowed"),
         ({"F": {"fly.inertia x": 1.0}}, "F = 'fly.inertia x': .*gravity are allowed"),
     ],
@@ -105,3 +108,28 @@ def test_bad_motions_are_refused(system: System, change: dict[str, Any], says: s
     arguments: dict[str, Any] = {"s": {"middle": 1.0, "fly": 1.2}} | change
     with pytest.raises(InputError, match=says):
         Stepper(system, STEP, **arguments)
+
+
+@pytest.mark.slow
+def test_a_motion_without_second_rates_is_told_once(system: System, frame: MovingFrame, caplog: Any) -> None:
+    """As the run has it nothing is said; and a boom that slews goes on beyond a turn."""
+    excitation = Excitation.of(pmr.load_scene("crane", [*FAST]))
+    for left_out in (False, True):
+        stepper = Stepper(system, STEP, **given(frame, excitation, 0.0))
+        for k in range(1, 20):
+            one = given(frame, excitation, k * STEP)
+            if left_out:
+                one["s"] = {name: motion[0] for name, motion in one["s"].items()}
+            stepper.step(**one)
+        said = [one.getMessage() for one in caplog.records]
+        if not left_out:
+            assert not said
+            stepper.step(one["s"], frame={"slewing": 13.0})
+            assert [line.split()[0] for line in (r.getMessage() for r in caplog.records)] == ["slewing"]
+            caplog.clear()
+    end, without = (
+        19 * STEP,
+        "moves without a second rate, so the inertia of what moves is left out: both rates are needed",
+    )
+    moving = [name for name in frame.paths if excitation.paths[name].value(end) != excitation.paths[name].value(0.0)]
+    assert moving and sorted(said) == sorted(f"{name} {without}" for name in moving)

@@ -91,5 +91,5 @@ def test_terms_beyond_buckling_do_not_converge_in_silence() -> None:
     system, spread = varying(Nested(2, elements=4))
     terms = {name: Constant(amount=-1e4) for name in system.term_names}
     given = replace(driven(system), terms=terms)
-    with pytest.raises(SimulationError, match="terms .* do not converge|not finite|grows"):
+    with pytest.raises(SimulationError, match="forces of .* do not converge|not finite|grows"):
         observe(spread, given, EVERYTHING)

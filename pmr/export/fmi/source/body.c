@@ -347,10 +347,10 @@ static int find_step(Body *body, double pulled[ROWS][MODES], const double *z0, c
         }
         again = revise_terms(body, z, v, times, pushed);
         if (again < 0)
-            return fail(body, "second order does not converge: beyond the buckling load, or with a step too long for what "
-                              "tension and spin make of the frequencies");
+            return fail(body, "the forces of second order do not converge: shorter steps help where tension, pressure or spin "
+                              "change the stiffness of a step as much as it is");
         rubs = revise_friction(body, times);
-        if (rubs < 0) return fail(body, "friction does not converge: pads close and open again and again within a step");
+        if (rubs < 0) return fail(body, "friction does not converge: pads stick and slide, close and open again and again within a step");
         if (!again && !rubs) return 0;
     }
 }

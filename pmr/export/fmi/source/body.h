@@ -136,7 +136,10 @@ typedef struct {
     int moving;  /* velocities do */
     double multipliers[ROWS], rates[ROWS];
     double friction[PADS + 1]; /* within a step */
-    char message[400];
+    double off[DRIVERS];    /* how far inputs were set from where they had gone on to since the last step */
+    double second[DRIVERS]; /* second and third rates that they had in the last step */
+    int warned[DRIVERS];
+    char message[400], warning[400];
 } Body;
 
 /* All return 0, or 1 with the reason in `message`. */

@@ -1,6 +1,8 @@
 #include "drive.h"
+#include "rows.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 void drive_on(double *variables, const double *given, double time)
@@ -12,6 +14,37 @@ void drive_on(double *variables, const double *given, double time)
         now[0] = u + time * (u1 + time / 2.0 * (u2 + time / 3.0 * u3));
         now[DRIVERS] = u1 + time * (u2 + time / 2.0 * u3);
         now[2 * DRIVERS] = u2 + time * u3;
+    }
+}
+
+/* The range of a path, or a turn of an angle; 0 of an input that is no motion. */
+static double range_of(int driver)
+{
+#if FRAME
+    int k;
+    for (k = 0; k < ANGLES; k++)
+        if (driver == angle_drivers[k]) return WHOLE_TURN;
+#endif
+    return driver < PATHS ? path_ends[driver][1] - path_ends[driver][0] : 0.0;
+}
+
+void check_inputs(Body *body)
+{
+    const double *u = body->memory.variables + DRIVEN;
+    int n;
+    for (n = 0; n < DRIVERS; n++) {
+        double second = fabs(u[2 * DRIVERS + n]) + fabs(u[3 * DRIVERS + n]), range = range_of(n), off = body->off[n];
+        const char *what = NULL;
+        if (range > 0.0 && off > JUMP * range)
+            what = "it jumps, which excites what no boom does: set it at the end of each step, in m or rad";
+        else if (FRAME && range > 0.0 && off > LEFT_OUT && second == 0.0 && body->second[n] == 0.0)
+            what = "it moves without a second rate, so the inertia of what moves is left out: set its rates of order one and two";
+        if (what && !body->warned[n]) {
+            snprintf(body->warning, sizeof body->warning, "value reference %d: %s", DRIVEN + n, what);
+            body->warned[n] = 1;
+        }
+        body->second[n] = second;
+        body->off[n] = 0.0;
     }
 }
 

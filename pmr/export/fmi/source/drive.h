@@ -42,6 +42,15 @@ extern const int entries[][2];
 extern const double entry_values[];
 #endif
 
+/* Angles but that of slewing turn once at most, rad; inputs that a step leaves farther than this share of their range, or of
+   a turn, jump; and a motion in a frame that goes on by so much, m or rad, without second rates has no inertia. */
+#define WHOLE_TURN 6.283185307179586
+#define JUMP 0.1
+#define LEFT_OUT 1e-6
+
+/* Warn of such inputs before a step, once each. */
+void check_inputs(Body *body);
+
 /* VALUES: loads and terms; RATES: how loads and the tip change in time and along a seed too. */
 enum { VALUES = 1, RATES };
 

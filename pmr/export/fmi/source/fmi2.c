@@ -35,6 +35,10 @@ static fmi2Status status_of(Instance *instance, int failed)
     if (failed && instance->callbacks.logger)
         instance->callbacks.logger(instance->callbacks.environment, instance->name, fmi2Error, "logStatusError",
                                    instance->body.message);
+    if (!failed && instance->body.warning[0] && instance->callbacks.logger)
+        instance->callbacks.logger(instance->callbacks.environment, instance->name, fmi2Warning, "logStatusWarning",
+                                   instance->body.warning);
+    instance->body.warning[0] = 0;
     return failed ? fmi2Error : fmi2OK;
 }
 
@@ -49,7 +53,7 @@ EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 EXPORT fmi2Status fmi2SetDebugLogging(void *c, int on, size_t count, const char *const categories[])
 {
-    (void)c, (void)on, (void)count, (void)categories; /* errors are logged, and there is nothing else to log */
+    (void)c, (void)on, (void)count, (void)categories; /* errors and warnings are logged, and there is nothing else to log */
     return fmi2OK;
 }
 

@@ -20,6 +20,9 @@ static fmi3Status status_of(Instance *instance, int failed)
 {
     if (failed && instance->logger)
         instance->logger(instance->environment, fmi3Error, "logStatusError", instance->body.message);
+    if (!failed && instance->body.warning[0] && instance->logger)
+        instance->logger(instance->environment, fmi3Warning, "logStatusWarning", instance->body.warning);
+    instance->body.warning[0] = 0;
     return failed ? fmi3Error : fmi3OK;
 }
 
@@ -47,7 +50,7 @@ EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT fmi3Status fmi3SetDebugLogging(void *c, bool on, size_t count, const char *const categories[])
 {
-    (void)c, (void)on, (void)count, (void)categories; /* errors are logged, and there is nothing else to log */
+    (void)c, (void)on, (void)count, (void)categories; /* errors and warnings are logged, and there is nothing else to log */
     return fmi3OK;
 }
 

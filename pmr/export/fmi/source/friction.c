@@ -86,7 +86,7 @@ int revise_friction(Body *body, int times)
     for (j = 0; j < PADS; j++) {
         double moment = pad_arms[j] * found[j];
         change = fmax(change, fabs(found[j] - body->friction[j]));
-        size = fmax(size, fabs(found[j]));
+        size = fmax(size, limits[j]); /* where nothing slides friction may be round-off */
         body->friction[j] = found[j];
         body->multipliers[CONTACTS + j] = body->multipliers[pad_contacts[j]] < 0.0 ? moment : -moment;
     }

@@ -134,6 +134,7 @@ int body_advance(Body *body, double duration)
     if (!(duration >= 0.0)) return fail(body, "a communication step of 0 s or more is allowed");
     if (duration == 0.0) return 0;
     if (!(count < 1e9)) return fail(body, "a communication step of less than 1e9 internal steps is allowed");
+    check_inputs(body);
     step = duration / count;
     if (fabs(step - u[INTERNAL_STEP]) <= 1e-9 * u[INTERNAL_STEP]) step = u[INTERNAL_STEP]; /* round-off of the times */
     memcpy(given, u + DRIVEN, sizeof given);

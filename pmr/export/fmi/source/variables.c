@@ -1,10 +1,23 @@
 #include "variables.h"
+#include "drive.h"
 
+#include <math.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { TAG = 64 }; /* bytes of the tag before a serialised state */
+enum { TAG = 64, SUM = 8 }; /* bytes before a serialised state: a tag, at the end of which a checksum stands */
+
+/* FNV-1a of the tag and the state, which any damage within eight bytes changes for certain, and other damage but for 2^-64. */
+static uint64_t checksum(const unsigned char *bytes)
+{
+    uint64_t sum = UINT64_C(14695981039346656037);
+    size_t n;
+    for (n = 0; n < TAG + sizeof(Memory); n++)
+        if (n < TAG - SUM || n >= TAG) sum = (sum ^ bytes[n]) * UINT64_C(1099511628211);
+    return sum;
+}
 
 static int refuse(Body *body, const char *what, unsigned reference)
 {
@@ -32,8 +45,25 @@ int get_variables(Body *body, const unsigned *references, size_t count, double *
     return 0;
 }
 
+/* Why a variable can't have a value, or NULL. */
+static const char *impossible(unsigned reference, double value)
+{
+    if (!isfinite(value)) return "a finite number is allowed";
+#if FRAME
+    {
+        int k;
+        for (k = 0; k < ANGLES; k++) /* slewing goes on and on */
+            if (k != 1 && angle_drivers[k] >= 0 && reference == (unsigned)(DRIVEN + angle_drivers[k]) && fabs(value) > WHOLE_TURN)
+                return "an angle of at most one turn is allowed, in rad";
+    }
+#endif
+    (void)reference;
+    return NULL;
+}
+
 int set_variables(Body *body, const unsigned *references, size_t count, const double *values)
 {
+    const char *why;
     size_t n;
     for (n = 0; n < count; n++) {
         unsigned reference = references[n];
@@ -42,6 +72,11 @@ int set_variables(Body *body, const unsigned *references, size_t count, const do
         if (reference == TIME || reference >= DERIVATIVES) return refuse(body, "it can be read only", reference);
         if ((is_parameter || is_state) && body->memory.started)
             return refuse(body, "parameters and states are fixed once the start is made", reference);
+        if ((why = impossible(reference, values[n]))) return refuse(body, why, reference);
+        if (reference >= DRIVEN && reference < DRIVEN + DRIVERS) {
+            double *off = body->off + (reference - DRIVEN);
+            *off = fmax(*off, fabs(values[n] - body->memory.variables[reference]));
+        }
         if (is_state)
             body->memory.given[reference - STATES] = values[n];
         else
@@ -104,6 +139,7 @@ int finish_initialisation(Body *body)
 {
     if (body_start(body)) return 1;
     body->memory.started = 1;
+    memset(body->off, 0, sizeof body->off);
     return 0;
 }
 
@@ -118,6 +154,7 @@ void restore(Body *body, const Memory *memory)
 {
     body->memory = *memory;
     body->place.known = 0;
+    memset(body->off, 0, sizeof body->off);
     body_changed(body);
 }
 
@@ -126,10 +163,13 @@ size_t serialized_size(void) { return TAG + sizeof(Memory); }
 int serialize(Body *body, const Memory *memory, void *bytes, size_t size)
 {
     char *target = bytes;
+    uint64_t sum;
     if (!memory || size < serialized_size()) return refuse(body, "bytes are too few for a state", (unsigned)size);
     memset(target, 0, TAG);
-    snprintf(target, TAG, "%s", model_token);
+    snprintf(target, TAG - SUM, "%s", model_token);
     memcpy(target + TAG, memory, sizeof *memory);
+    sum = checksum(bytes);
+    memcpy(target + TAG - SUM, &sum, SUM);
     return 0;
 }
 
@@ -137,8 +177,10 @@ Memory *deserialized(Body *body, const void *bytes, size_t size)
 {
     const char *source = bytes;
     Memory *memory;
-    if (size != serialized_size() || strncmp(source, model_token, TAG - 1) != 0) {
-        refuse(body, "bytes are no state of this model", (unsigned)size);
+    uint64_t sum = 0;
+    if (bytes && size == serialized_size()) memcpy(&sum, source + TAG - SUM, SUM);
+    if (!bytes || size != serialized_size() || strncmp(source, model_token, TAG - SUM - 1) != 0 || sum != checksum(bytes)) {
+        snprintf(body->message, sizeof body->message, "the bytes are no state of this model, or a damaged one");
         return NULL;
     }
     memory = malloc(sizeof *memory);
