@@ -65,7 +65,7 @@ static int advance_signals(pmr_state *st, const pmr_signals *signals, int64_t co
 {
     pmr_course course = {.signals = signals, .h = st->settings.step};
     *taken = 0;
-    if (signals->drivers != st->system->drivers) return PMR_REFUSED;
+    if (signals->drivers != (st->system->motions ? st->system->motions : st->system->drivers)) return PMR_REFUSED;
     return make_steps(st, &course, NULL, count, every, parts, record, taken);
 }
 
@@ -93,4 +93,36 @@ static int step_to(pmr_state *st, const double *u, const double *rates)
     failed = make_step(st, -1, &course);
     if (!failed && !is_finite(st)) failed = PMR_NOT_FINITE;
     return failed;
+}
+
+/* Motions (4, n) from rows (3, n) and how many of them count. */
+static void take_motions(const pmr_system *y, const double *motions, const int32_t *rows, double *to)
+{
+    int k;
+    copy(to, motions, 3 * y->motions);
+    for (k = 0; k < y->motions; k++) to[3 * y->motions + k] = rows ? rows[k] : 3;
+}
+
+static int start_in_frame(pmr_state *st, int kind, const double *motions, const int32_t *rows, const double *z, const double *v)
+{
+    const pmr_system *y = st->system;
+    int failed = pmr_frame_drivers(y, motions, st->u_next, st->quantities);
+    if (failed) return failed;
+    failed = start(st, kind, st->u_next, z, v);
+    if (!failed) take_motions(y, motions, rows, st->motions);
+    return failed;
+}
+
+static int step_in_frame(pmr_state *st, const double *motions, const int32_t *rows)
+{
+    const pmr_system *y = st->system;
+    pmr_course course = {.h = st->settings.step, .motions = st->motions_next};
+    int failed;
+    if (!y->motions) return PMR_REFUSED;
+    take_motions(y, motions, rows, st->motions_next);
+    course.step = st->progress.step;
+    failed = make_step(st, -1, &course);
+    if (failed) return failed;
+    copy(st->motions, st->motions_next, 4 * y->motions);
+    return is_finite(st) ? PMR_DONE : PMR_NOT_FINITE;
 }

@@ -96,7 +96,52 @@ typedef struct {
     int64_t step;
     double h;
     const double *begun, *ended, *rates;
+    const double *motions; /* (4, n) at the end, where a frame is driven from outside */
 } pmr_course;
+
+/* Motions (3, n) of a frame at a time t after the step began: straight lines, cubics by rates at both ends, or by second
+   rates, as far as these count. */
+static void lead_motions(const pmr_state *st, const double *ended, double t, double *now)
+{
+    const int n = st->system->motions;
+    const double h = st->settings.step, *begun = st->motions;
+    int k;
+    for (k = 0; k < n; k++) {
+        const double count = begun[3 * n + k] < ended[3 * n + k] ? begun[3 * n + k] : ended[3 * n + k], mean = (ended[k] - begun[k]) / h;
+        double rate = mean, second = 0.0, third = 0.0;
+        if (count >= 3.0) {
+            second = begun[2 * n + k];
+            third = (ended[2 * n + k] - second) / h;
+            rate = mean - h / 2.0 * second - h * h / 6.0 * third;
+        } else if (count >= 2.0) {
+            rate = begun[n + k];
+            second = (6.0 * mean - 4.0 * rate - 2.0 * ended[n + k]) / h;
+            third = 6.0 * (rate + ended[n + k] - 2.0 * mean) / (h * h);
+        }
+        now[k] = begun[k] + t * (rate + t / 2.0 * (second + t / 3.0 * third));
+        now[n + k] = rate + t * (second + t / 2.0 * third);
+        now[2 * n + k] = second + t * third;
+    }
+}
+
+/* Motions of a frame at t by signals: kinks of paths are spread over a step. */
+static void follow_motions(const pmr_state *st, const pmr_signals *signals, double t, double *now)
+{
+    const pmr_system *y = st->system;
+    int k;
+    pmr_signals_at(signals, t, now, now + y->motions);
+    for (k = 0; k < y->paths; k++) now[2 * y->motions + y->frame_paths[k]] = pmr_signals_spread(signals, y->frame_paths[k], t, st->settings.step);
+}
+
+/* Drivers of a system whose frame moves, at a part of a step. */
+static void follow_frame(pmr_state *st, const pmr_course *course, int part, int parts, double *u)
+{
+    const double *now = st->motions_now;
+    if (course->signals) follow_motions(st, course->signals, (double)(course->step * parts + part) * (course->h / parts), st->motions_now);
+    else if (part == 0 || part == parts) now = part ? course->motions : st->motions;
+    else lead_motions(st, course->motions, course->h * part / parts, st->motions_now);
+    pmr_frame_drivers(st->system, now, u, st->quantities);
+}
 
 static void follow_course(const pmr_course *course, int drivers, int part, int parts, double *u)
 {
@@ -125,8 +170,10 @@ static void follow_course(const pmr_course *course, int drivers, int part, int p
 
 static const double *course_at(pmr_state *st, const pmr_course *course, int part, int parts)
 {
-    if (course->samples) return course->samples + (size_t)part * (course->per / parts) * st->system->drivers;
-    follow_course(course, st->system->drivers, part, parts, st->u_next);
+    if (course->samples) /* a division takes as long as ten products */
+        return course->samples + (size_t)part * (parts == 1 ? course->per : course->per / parts) * st->system->drivers;
+    if (course->motions || (course->signals && st->system->motions)) follow_frame(st, course, part, parts, st->u_next);
+    else follow_course(course, st->system->drivers, part, parts, st->u_next);
     return st->u_next;
 }
 
@@ -193,7 +240,7 @@ static int make_step(pmr_state *st, int given_level, const pmr_course *course)
     else if (st->progress.active >= 0) st->progress.came = st->progress.active;
     if (y->pushing || y->registers || y->pads) memcpy(st->began, st->mark, st->saved * sizeof(double));
     for (;;) {
-        if (course->samples && course->per % st->settings.parts[level]) {
+        if (course->samples && st->settings.parts[level] > 1 && course->per % st->settings.parts[level]) {
             st->progress.level = level;
             return COARSE;
         }
