@@ -1,4 +1,4 @@
-"""Plugin of pytest (``-p sanitized``) that tests the kernel as `make test-sanitized` has built it, not the package's."""
+"""Plugin of pytest (``-p sanitized``): the kernel is tested as `make test-sanitized` built it, not the package's."""
 
 from __future__ import annotations
 

@@ -181,6 +181,9 @@ class State:
         self.multipliers, self.impulses = (self._array(part, m) for part in (view.multipliers, view.impulses))
         self.energy, self.friction = self._array(view.energy, 2), self._array(view.friction, kernel.pads)
         self.drivers = self._array(view.drivers, kernel.drivers)
+        # what a step is led to: filled in place, as finding an array's address takes longer than a step
+        self._u, self._motions = np.zeros(kernel.drivers), np.zeros((3, kernel.motions))
+        self._u_pointer, self._motions_pointer = _pointer(self._u), _pointer(self._motions)
 
     def _array(self, pointer: Any, count: int) -> Array:
         """Numbers of the state, as an array that is read only and follows it."""
@@ -232,9 +235,10 @@ class State:
 
     def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
         """Take one step to drivers u (N,), with their rates (2, N) at its beginning and end where they are known."""
-        drivers = self._checked("u", u, self.kernel.drivers)
-        led = None if rates is None else self._checked("rates", np.ravel(rates), 2 * self.kernel.drivers)
-        self._check(lib.pmr_step(self._state, _pointer(drivers), _pointer(led)), f"step {self.step_number + 1}")
+        self._fill(self._u, "u", u)
+        led = ffi.NULL if rates is None else _pointer(self._checked("rates", np.ravel(rates), 2 * self.kernel.drivers))
+        if failed := lib.pmr_step(self._state, self._u_pointer, led):
+            self._check(failed, f"step {self.step_number + 1}")
 
     def start_in_frame(
         self,
@@ -244,7 +248,7 @@ class State:
         z: ArrayLike = (),
         v: ArrayLike = (),
     ) -> None:
-        """Begin at t = 0 with motions (3, n) of the frame, of each of which 1, 2 or 3 `rows` (n,) count, by default 3."""
+        """Begin at t = 0 with motions (3, n) of the frame, of each of which 1, 2 or all 3 `rows` (n,) count."""
         given, count = kind == "given", self.kernel.motions
         at = self._checked("motions", np.ravel(motions), 3 * count)
         z, v = (self._checked(n, x, self.kernel.modes) if given else np.zeros(1) for n, x in (("z", z), ("v", v)))
@@ -253,10 +257,10 @@ class State:
 
     def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
         """Take one step to motions (3, n) of the frame at its end, likewise."""
-        count = self.kernel.motions
-        at = self._checked("motions", np.ravel(motions), 3 * count)
-        failed = lib.pmr_step_in_frame(self._state, _pointer(at), _rows(rows, count))
-        self._check(failed, f"step {self.step_number + 1}")
+        self._fill(self._motions, "motions", motions)
+        counted = ffi.NULL if rows is None else _rows(rows, self.kernel.motions)
+        if failed := lib.pmr_step_in_frame(self._state, self._motions_pointer, counted):
+            self._check(failed, f"step {self.step_number + 1}")
 
     def advance(
         self,
@@ -328,6 +332,13 @@ class State:
             raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
         self._check(failed, "a restored state")
 
+    def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
+        """Fill an array in place; the kernel refuses what is not finite."""
+        array = np.asarray(values, float)
+        if array.shape != room.shape:
+            raise InputError("state", name, array.shape, f"{room.shape} is allowed")
+        room[:] = array
+
     def _checked(self, name: str, values: ArrayLike, count: int) -> Array:
         array = np.ascontiguousarray(values, float)
         if array.shape != (count,):
@@ -343,7 +354,7 @@ class State:
         names = self.kernel.names("contacts")
         contact = names[trouble] if 0 <= trouble < len(names) else "one of the contacts"
         reasons = {
-            lib.PMR_REFUSED: "a number of parts that the settings have not",
+            lib.PMR_REFUSED: "drivers that are not finite, of another system, or parts that the settings have not",
             lib.PMR_DEPENDENT: f"{contact} depends on those before it, or nothing holds the bodies",
             lib.PMR_UNSETTLED: "which contacts are closed was not settled in 1000 solves",
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",

@@ -12,7 +12,7 @@ import pytest
 from kernels import kernel_of
 from nested import Nested, reduced
 
-from pmr.errors import InputError
+from pmr.errors import InputError, SimulationError
 from pmr.kernel.block_file import LINE, pack, seal, unpack
 from pmr.kernel.data import SystemData, system_data
 from pmr.kernel.kernel import Kernel, Record, Settings, State, checksum
@@ -194,6 +194,9 @@ def test_settings_that_make_no_step_are_refused(settings: Settings) -> None:
 
 def test_drivers_of_a_wrong_size_are_refused() -> None:
     state = begun(kernel())
-    for u in (np.zeros(2), np.full(kernel().drivers, np.nan)):
-        with pytest.raises(InputError, match="u"):
-            state.step(u)
+    before = state.save()
+    with pytest.raises(InputError, match="u"):
+        state.step(np.zeros(2))
+    with pytest.raises(SimulationError, match="finite"):
+        state.step(np.full(kernel().drivers, np.nan))
+    assert state.save() == before

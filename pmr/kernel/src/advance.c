@@ -12,7 +12,7 @@ static void record_step(pmr_state *st, const pmr_record *record, int64_t row)
     record_row(record->v, row, y->modes, st->v);
     record_row(record->multipliers, row, y->contacts, st->lambda);
     record_row(record->impulses, row, y->contacts, st->impulse);
-    record_row(record->peaks, row, y->contacts, st->peak);
+    record_row(record->peaks, row, y->contacts, st->progress.parts > 1 ? st->peak : st->lambda);
     record_row(record->energy, row, 2, st->energy);
     record_row(record->friction, row, y->pads, st->friction);
     record_row(record->drivers, row, y->drivers, st->u);
@@ -29,13 +29,15 @@ static int level_of(const pmr_state *st, int32_t count)
     return -1;
 }
 
-static int is_finite(const pmr_state *st)
+static int all_finite(const double *values, int count)
 {
     double sum = 0.0; /* zero times what is not finite is no number */
     int n;
-    for (n = 0; n < st->system->modes; n++) sum += 0.0 * st->z[n] + 0.0 * st->v[n];
+    for (n = 0; n < count; n++) sum += 0.0 * values[n];
     return sum == 0.0;
 }
+
+static int is_finite(const pmr_state *st) { return all_finite(st->z, st->system->modes) && all_finite(st->v, st->system->modes); }
 
 static int make_steps(pmr_state *st, pmr_course *course, const double *samples, int64_t count, int64_t every, const int32_t *parts,
                       const pmr_record *record, int64_t *taken)
@@ -87,6 +89,7 @@ static int step_to(pmr_state *st, const double *u, const double *rates)
 {
     pmr_course course = {.h = st->settings.step, .ended = u, .rates = rates};
     int failed;
+    if (!all_finite(u, st->system->drivers)) return PMR_REFUSED;
     copy(st->u_begun, st->u, st->system->drivers);
     course.begun = st->u_begun;
     course.step = st->progress.step;
@@ -118,7 +121,7 @@ static int step_in_frame(pmr_state *st, const double *motions, const int32_t *ro
     const pmr_system *y = st->system;
     pmr_course course = {.h = st->settings.step, .motions = st->motions_next};
     int failed;
-    if (!y->motions) return PMR_REFUSED;
+    if (!y->motions || !all_finite(motions, 3 * y->motions)) return PMR_REFUSED;
     take_motions(y, motions, rows, st->motions_next);
     course.step = st->progress.step;
     failed = make_step(st, -1, &course);

@@ -198,7 +198,8 @@ static int make_parts(pmr_state *st, int level, int judged, const pmr_course *co
             }
         failed = make_part(st, c, u);
         if (failed) return failed;
-        for (k = 0; k < y->contacts; k++) st->peak[k] = part == 1 ? st->lambda[k] : larger(st->peak[k], st->lambda[k]);
+        if (count > 1)
+            for (k = 0; k < y->contacts; k++) st->peak[k] = part == 1 ? st->lambda[k] : larger(st->peak[k], st->lambda[k]);
         if (judged) *off = larger(*off, missed(st, c, u + y->paths));
         if (part == count) copy(st->u, u, y->drivers);
     }
@@ -227,6 +228,17 @@ static int stop(pmr_state *st, int failed)
 /* Returned where a step needs more parts than its course has samples of; the level is the one it needs. */
 enum { COARSE = -1 };
 
+/* A step that is one part, of a system in which nothing is iterated or taken back: small bodies feel each branch. */
+static int make_whole_step(pmr_state *st, const pmr_course *course)
+{
+    const double *u = course_at(st, course, 1, 1);
+    const int failed = make_part(st, st->scheme, u);
+    if (failed) return stop(st, failed);
+    copy(st->u, u, st->system->drivers);
+    st->progress.step++;
+    return PMR_DONE;
+}
+
 /* One step; `level` less than 0: as the forces ask for. */
 static int make_step(pmr_state *st, int given_level, const pmr_course *course)
 {
@@ -234,6 +246,7 @@ static int make_step(pmr_state *st, int given_level, const pmr_course *course)
     const int last = st->settings.levels - 1, judged = given_level < 0 && last > 0 && st->settings.contact_omega > 0.0;
     int level = given_level >= 0 ? given_level : st->progress.level, failed = PMR_DONE;
     double off = 0.0;
+    if (last == 0 && !(y->pushing || y->registers || y->pads) && st->settings.parts[0] == 1 && st->progress.active == 0) return make_whole_step(st, course);
     if (y->pushing)
         for (int n = 0; n < y->mp; n += VL) V(st->impulse + n) = (vec){0.0};
     if (!judged) st->progress.came = -1;

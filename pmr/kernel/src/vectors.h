@@ -24,6 +24,9 @@ typedef double loose_vec;
 #endif
 #define VL PMR_VL
 
+/* Few numbers that have just been stored one by one are read one by one: a register of them would wait for the stores. */
+#define MANY_INPUTS 8
+
 /* fmax of the C library keeps to rules for what is no number, and is a call. */
 INLINE double larger(double a, double b) { return a > b ? a : b; }
 
