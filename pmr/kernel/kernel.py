@@ -93,14 +93,18 @@ class Kernel:
         """Bytes that it was made from."""
         return self._block.tobytes()
 
-    def frame_drivers(self, motions: ArrayLike) -> Array:
-        """Drivers u (N,) that motions (3, n) of the frame make; an InputError is raised without a frame."""
+    def frame_drivers(self, motions: ArrayLike) -> tuple[Array, Array]:
+        """Drivers u (N,) that motions (3, n) of the frame make, and their derivatives (N, 3, n).
+
+        An InputError is raised for a system without a frame.
+        """
         at = np.ascontiguousarray(motions, float)
         if not self.motions or at.shape != (3, self.motions):
             raise InputError("kernel", "motions", at.shape, f"{(3, self.motions)} of a system with a frame is allowed")
         u, work = np.zeros(self.drivers), np.zeros(lib.pmr_frame_work(self._system))
-        lib.pmr_frame(self._system, _pointer(at), _pointer(u), _pointer(work))
-        return u
+        derivatives = np.zeros((self.drivers, 3, self.motions))
+        lib.pmr_frame(self._system, *map(_pointer, (at, u, derivatives, work)))
+        return u, derivatives
 
     def names(self, kind: Literal["drivers", "motions", "outputs", "contacts", "forces"]) -> tuple[str, ...]:
         """Names in their order."""

@@ -175,8 +175,10 @@ typedef struct {
     void (*state_save)(const pmr_state *, void *);
 } pmr_functions;
 
-/* u (N,) from motions (3, n), with room for all quantities. */
-int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u, double *quantities);
+/* u (N,) from motions (3, n), how it changes along a seed of them, and all its derivatives (N, 3 n); with `pmr_frame_work` doubles. */
+int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u, double *work);
+void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, double *u, double *along, double *work);
+int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
 /* How fast the rate of a driver grows within h around t. */
 double pmr_signals_spread(const pmr_signals *signals, int32_t driver, double t, double h);
 

@@ -139,9 +139,10 @@ int pmr_start_from(pmr_state *state, const double *u, const double *z, const dou
    `motions` (3, n): paths in m; loads in N as a user names them, gravity in m/s^2 among them; angles of the frame and of its base in
    rad; accelerations of its base in m/s^2.  Of loads and accelerations the value alone counts.
 
-   Drivers u (N,) of motions, with `work` of `pmr_frame_work` doubles; PMR_REFUSED without a frame. */
+   Drivers u (N,) of motions and, unless NULL, their derivatives (N, 3 n) by them, by which derivatives of a step by drivers become
+   such by motions; with `work` of `pmr_frame_work` doubles.  PMR_REFUSED without a frame. */
 size_t pmr_frame_work(const pmr_system *system);
-int pmr_frame(const pmr_system *system, const double *motions, double *u, double *work);
+int pmr_frame(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
 /* As `pmr_start` and `pmr_step`.  `rows` (n,) or NULL: of each motion 1, 2 or 3 rows count; parts of a step follow lines, cubics
    by rates, or cubics by second rates between what counts at both ends.  `pmr_advance` of such a system takes signals of
    its motions. */
