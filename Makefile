@@ -214,6 +214,14 @@ test-mpi-%: setup
 test-fast: setup ## the suite without the slow tests
 	$(call pytest,.venv,$(KERNEL),-m "not slow")
 
+.PHONY: test-sanitized
+test-sanitized: setup ## the kernel's quick tests with its C under AddressSanitizer and UndefinedBehaviorSanitizer
+	@CFLAGS="-g -O1 -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=undefined" \
+	    .venv/bin/python setup.py -q build_ext --force --build-lib build/sanitized --build-temp build/sanitized-objects
+	@LD_PRELOAD="$$(cc -print-file-name=libasan.so) $$(cc -print-file-name=libubsan.so)" \
+	    ASAN_OPTIONS=detect_leaks=0:abort_on_error=1 PATH="$(CURDIR)/.venv/bin:/usr/bin:$$PATH" \
+	    python -m pytest -q -m "not slow" -p sanitized -p no:cacheprovider tests/kernel </dev/null
+
 .PHONY: test-peers
 test-peers: setup ## compare with CalculiX (apt-get install calculix-ccx)
 	$(call pytest,.venv,$(KERNEL),-m peers)

@@ -21,6 +21,7 @@ from benchmarks import (
     compiling,
     fmu,
     growth,
+    kernel,
     latency,
     limit,
     messages,
@@ -45,6 +46,7 @@ def sections(long: bool, earlier: Path | None = None) -> Mapping[str, Callable[[
     return {
         "limit": limit.measure,
         "latency": lambda: latency.measure(STEPS),
+        "kernel": kernel.measure,
         "growth": lambda: growth.measure(long),
         "fmu": lambda: fmu.measure(repeats),
         "compiling": compiling.measure,

@@ -11,7 +11,11 @@ from terms import axial
 
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.rows import filled
+from pmr.kernel.signals import Signals
+from pmr.scene.names import input_of
+from pmr.simulation.frame import base_accelerations
 from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.moving import AXES, GRAVITY, OF_BASE, OF_FRAME, MovingFrame
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 from pmr.system.terms import Term
@@ -58,3 +62,18 @@ def rubbing(system: System, stiffness: float) -> System:
     """With pads that rub, off the axis."""
     rough = [replace(one, friction=0.3, arm=0.18, shear_stiffness=stiffness) for one in system.contacts]
     return replace(system, contacts=tuple(rough))
+
+
+def frame_signals(frame: MovingFrame) -> Signals:
+    """Signals of the motions of a scene's frame, in their order."""
+    scene = frame.scene
+    assert scene.frame is not None
+    angles = dict(zip((*OF_FRAME, *OF_BASE), (*scene.frame.angles, *scene.frame.rocking), strict=False))
+    loads = {
+        input_of(name, load.name): load.signal
+        for name, section in zip(scene.names, scene.sections, strict=True)
+        for load in section.loads
+    }
+    loads |= {} if scene.gravity is None else {GRAVITY: scene.gravity.signal}
+    every = dict(scene.paths) | loads | angles | dict(zip(AXES, base_accelerations(scene), strict=False))
+    return Signals([every[name] for name in frame.drivers])

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
+from pmr.kernel.frame import Frame, frame_arrays
 from pmr.kernel.rows import LANES, Arrangement, arrange, filled
 from pmr.reduced.model import ReducedModel
 from pmr.system.rings import Combined, combined
@@ -46,13 +47,15 @@ class SystemData:
     modes: dict[str, slice]  # of each body, filled up
 
 
-def system_data(system: System, forms: Mapping[str, Modal]) -> SystemData:
-    """Write a system whose bodies have these modal forms as arrays."""
+def system_data(system: System, forms: Mapping[str, Modal], frame: Frame | None = None) -> SystemData:
+    """Write a system whose bodies have these modal forms, and a frame that moves, as arrays."""
     reduced = _in_modes(system, forms)
     modal, rows = reduced.system, arrange(reduced.system)
     used = np.concatenate([part.modes.start + np.arange(part.body.size) for part in rows.parts])
-    arrays = _sizes(system, modal, rows) | _bodies(rows) | _contacts(modal, rows)
-    arrays |= _blocks(rows) | _terms(modal, rows) | _friction(rows)
+    arrays = (
+        _sizes(system, modal, rows, 0 if frame is None else len(frame.drivers)) | _bodies(rows) | _contacts(modal, rows)
+    )
+    arrays |= _blocks(rows) | _terms(modal, rows) | _friction(rows) | frame_arrays(frame, rows.paths)
     shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
     arrays |= {
         "shares": _wide(shares, len(rows.F)),
@@ -75,7 +78,7 @@ def _in_modes(system: System, forms: Mapping[str, Modal]) -> Combined:
     return combined(System(bodies, system.contacts, terms=terms))
 
 
-def _sizes(system: System, modal: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+def _sizes(system: System, modal: System, rows: Arrangement, motions: int) -> dict[str, NDArray[Any] | str]:
     """The number of everything, in the order in which `read_arrays` of src/system.c takes it."""
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
@@ -95,6 +98,7 @@ def _sizes(system: System, modal: System, rows: Arrangement) -> dict[str, NDArra
         int(bool(whole) and not modal.compliance.paths and rows.friction is None),
         int(not all(_is_diagonal(part.body.D) for part in rows.parts)),
         len(modal.compliance.paths),
+        motions,
     ]
     return {"sizes": np.array(sizes)}
 

@@ -14,6 +14,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.block_file import LINE, pack, seal
 from pmr.kernel.data import Modal, system_data
+from pmr.kernel.frame import Frame
 from pmr.kernel.signals import Signals
 from pmr.system.system import System
 
@@ -37,7 +38,7 @@ class Kernel:
 
     Attributes
     ----------
-    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, pushing : int
+    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing : int
         Sizes as in `pmr_sizes`.
     used_modes : (r,) array, or None of a system from a file
         Where modes stand among all of them, without what fills bodies up to whole registers.
@@ -52,6 +53,7 @@ class Kernel:
     terms: int
     pads: int
     drivers: int
+    motions: int
     pushing: int
 
     def __init__(self, block: bytes | bytearray, used_modes: NDArray[np.int64] | None = None) -> None:
@@ -67,9 +69,12 @@ class Kernel:
             setattr(self, name, getattr(sizes, name))
 
     @classmethod
-    def of(cls, system: System, forms: Mapping[str, Modal]) -> Kernel:
-        """Make one of a system whose bodies have these modal forms (`pmr.simulation.modal.modal_form`)."""
-        data = system_data(system, forms)
+    def of(cls, system: System, forms: Mapping[str, Modal], frame: Frame | None = None) -> Kernel:
+        """Make one of a system whose bodies have these modal forms (`pmr.simulation.modal.modal_form`).
+
+        With a frame that moves (`pmr.simulation.moving.MovingFrame`) its motions drive it.
+        """
+        data = system_data(system, forms, frame)
         block = pack(data.arrays)
         seal(block, checksum(block[LINE:]))
         return cls(block, data.used_modes)
@@ -88,7 +93,20 @@ class Kernel:
         """Bytes that it was made from."""
         return self._block.tobytes()
 
-    def names(self, kind: Literal["drivers", "outputs", "contacts", "forces"]) -> tuple[str, ...]:
+    def frame_drivers(self, motions: ArrayLike) -> tuple[Array, Array]:
+        """Drivers u (N,) that motions (3, n) of the frame make, and their derivatives (N, 3, n).
+
+        An InputError is raised for a system without a frame.
+        """
+        at = np.ascontiguousarray(motions, float)
+        if not self.motions or at.shape != (3, self.motions):
+            raise InputError("kernel", "motions", at.shape, f"{(3, self.motions)} of a system with a frame is allowed")
+        u, work = np.zeros(self.drivers), np.zeros(lib.pmr_frame_work(self._system))
+        derivatives = np.zeros((self.drivers, 3, self.motions))
+        lib.pmr_frame(self._system, *map(_pointer, (at, u, derivatives, work)))
+        return u, derivatives
+
+    def names(self, kind: Literal["drivers", "motions", "outputs", "contacts", "forces"]) -> tuple[str, ...]:
         """Names in their order."""
         count = ffi.new("size_t *")
         text = lib.pmr_system_names(self._system, kind.encode(), count)
@@ -167,6 +185,9 @@ class State:
         self.multipliers, self.impulses = (self._array(part, m) for part in (view.multipliers, view.impulses))
         self.energy, self.friction = self._array(view.energy, 2), self._array(view.friction, kernel.pads)
         self.drivers = self._array(view.drivers, kernel.drivers)
+        # what a step is led to: filled in place, as finding an array's address takes longer than a step
+        self._u, self._motions = np.zeros(kernel.drivers), np.zeros((3, kernel.motions))
+        self._u_pointer, self._motions_pointer = _pointer(self._u), _pointer(self._motions)
 
     def _array(self, pointer: Any, count: int) -> Array:
         """Numbers of the state, as an array that is read only and follows it."""
@@ -218,9 +239,32 @@ class State:
 
     def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
         """Take one step to drivers u (N,), with their rates (2, N) at its beginning and end where they are known."""
-        drivers = self._checked("u", u, self.kernel.drivers)
-        led = None if rates is None else self._checked("rates", np.ravel(rates), 2 * self.kernel.drivers)
-        self._check(lib.pmr_step(self._state, _pointer(drivers), _pointer(led)), f"step {self.step_number + 1}")
+        self._fill(self._u, "u", u)
+        led = ffi.NULL if rates is None else _pointer(self._checked("rates", np.ravel(rates), 2 * self.kernel.drivers))
+        if failed := lib.pmr_step(self._state, self._u_pointer, led):
+            self._check(failed, f"step {self.step_number + 1}")
+
+    def start_in_frame(
+        self,
+        kind: Literal["rest", "given", "equilibrium"],
+        motions: ArrayLike,
+        rows: Integers | None = None,
+        z: ArrayLike = (),
+        v: ArrayLike = (),
+    ) -> None:
+        """Begin at t = 0 with motions (3, n) of the frame, of each of which 1, 2 or all 3 `rows` (n,) count."""
+        given, count = kind == "given", self.kernel.motions
+        at = self._checked("motions", np.ravel(motions), 3 * count)
+        z, v = (self._checked(n, x, self.kernel.modes) if given else np.zeros(1) for n, x in (("z", z), ("v", v)))
+        pointers = _pointer(at), _rows(rows, count), _pointer(z), _pointer(v)
+        self._check(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
+
+    def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
+        """Take one step to motions (3, n) of the frame at its end, likewise."""
+        self._fill(self._motions, "motions", motions)
+        counted = ffi.NULL if rows is None else _rows(rows, self.kernel.motions)
+        if failed := lib.pmr_step_in_frame(self._state, self._motions_pointer, counted):
+            self._check(failed, f"step {self.step_number + 1}")
 
     def advance(
         self,
@@ -292,6 +336,13 @@ class State:
             raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
         self._check(failed, "a restored state")
 
+    def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
+        """Fill an array in place; the kernel refuses what is not finite."""
+        array = np.asarray(values, float)
+        if array.shape != room.shape:
+            raise InputError("state", name, array.shape, f"{room.shape} is allowed")
+        room[:] = array
+
     def _checked(self, name: str, values: ArrayLike, count: int) -> Array:
         array = np.ascontiguousarray(values, float)
         if array.shape != (count,):
@@ -307,7 +358,7 @@ class State:
         names = self.kernel.names("contacts")
         contact = names[trouble] if 0 <= trouble < len(names) else "one of the contacts"
         reasons = {
-            lib.PMR_REFUSED: "a number of parts that the settings have not",
+            lib.PMR_REFUSED: "drivers that are not finite, of another system, or parts that the settings have not",
             lib.PMR_DEPENDENT: f"{contact} depends on those before it, or nothing holds the bodies",
             lib.PMR_UNSETTLED: "which contacts are closed was not settled in 1000 solves",
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
@@ -371,6 +422,15 @@ def _schedule(parts: Integers | None, steps: int) -> Any:
     if parts.dtype != np.int32 or parts.shape != (steps,) or not parts.flags.c_contiguous:
         raise InputError("state", "parts", parts.shape, f"{(steps,)} integers of 32 bits are allowed")
     return ffi.cast("int32_t *", parts.ctypes.data)
+
+
+def _rows(rows: Integers | None, count: int) -> Any:
+    """How many rows of each motion count."""
+    if rows is None:
+        return ffi.NULL
+    if rows.dtype != np.int32 or rows.shape != (count,) or not rows.flags.c_contiguous:
+        raise InputError("state", "rows", rows.shape, f"{(count,)} integers of 32 bits are allowed")
+    return ffi.cast("int32_t *", rows.ctypes.data)
 
 
 def _pointer(array: Array | None) -> Any:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal, Self
 
@@ -30,7 +31,7 @@ from pmr.scene.members import Member, member_at
 from pmr.scene.names import input_of
 from pmr.scene.section import Direction
 from pmr.scene.signals import Constant, SignalBase
-from pmr.scene.signals.base import Floats
+from pmr.scene.signals.base import Floats, Strand
 from pmr.simulation.acceleration import Acceleration
 from pmr.simulation.products import Product, Products, Quantity, evaluated, of_field, of_rotation
 from pmr.simulation.turning import Turning
@@ -139,6 +140,11 @@ class Shaken(OfFrame):
 
     def value(self, t: ArrayLike) -> Array:
         return np.asarray(self.displacement.second_rate(t) + self.given.value(t))
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        moved = (replace(strand, spread=-1.0) for strand in self.displacement.strands)
+        return (*moved, *self.given.strands)
 
 
 class Motion(OfAngles):

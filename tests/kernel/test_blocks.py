@@ -12,7 +12,7 @@ import pytest
 from kernels import kernel_of
 from nested import Nested, reduced
 
-from pmr.errors import InputError
+from pmr.errors import InputError, SimulationError
 from pmr.kernel.block_file import LINE, pack, seal, unpack
 from pmr.kernel.data import SystemData, system_data
 from pmr.kernel.kernel import Kernel, Record, Settings, State, checksum
@@ -194,6 +194,53 @@ def test_settings_that_make_no_step_are_refused(settings: Settings) -> None:
 
 def test_drivers_of_a_wrong_size_are_refused() -> None:
     state = begun(kernel())
-    for u in (np.zeros(2), np.full(kernel().drivers, np.nan)):
-        with pytest.raises(InputError, match="u"):
-            state.step(u)
+    before = state.save()
+    with pytest.raises(InputError, match="u"):
+        state.step(np.zeros(2))
+    with pytest.raises(SimulationError, match="finite"):
+        state.step(np.full(kernel().drivers, np.nan))
+    assert state.save() == before
+
+
+def test_what_the_forces_asked_for_can_be_made_again_by_a_schedule() -> None:
+    """Steps that begin anew are those in other parts than the one before, so the numbers of parts say all."""
+    asked, again = advanced(begun(kernel()), STEPS), Record(kernel(), STEPS)
+    state = State(kernel(), Settings(1e-3, 0.8, parts=SETTINGS.parts))
+    state.start("equilibrium", signals(kernel()).at(0.0)[0])
+    state.advance(signals(kernel()), STEPS, again, parts=asked.parts)
+    assert equal(asked, again)
+    with pytest.raises(SimulationError, match="parts"):
+        state.advance(signals(kernel()), 1, again, parts=np.full(1, 3, np.int32))
+
+
+def test_samples_and_signals_are_the_same_and_samples_say_when_they_are_too_few() -> None:
+    expected, state = advanced(begun(kernel()), STEPS), begun(kernel())
+    found, at, per = Record(kernel(), STEPS), 0, 1
+    while at < STEPS:
+        t = np.arange(at * per, STEPS * per + 1) * (1e-3 / per)
+        taken, needed = state.advance_sampled(
+            np.array([signals(kernel()).at(x)[0] for x in t.tolist()]), per, found, at
+        )
+        assert taken == STEPS - at or needed > per
+        at, per = at + taken, needed
+    np.testing.assert_array_equal(found.parts, expected.parts)
+    for name in ("z", "multipliers", "outputs"):
+        np.testing.assert_allclose(found[name], expected[name], atol=1e-10 * np.abs(expected[name]).max())
+
+
+def test_parts_of_a_step_follow_rates_at_both_ends() -> None:
+    """Hermite's cubics with rates, straight lines without, beside four steps to what stands between."""
+    for led in (True, False):
+        whole, fine = State(kernel(), Settings(1e-3, 0.8, parts=(4,))), State(kernel(), Settings(2.5e-4, 0.8))
+        begun_at = np.array([2.0, *np.full(kernel().inputs, 9.81)])
+        ended = begun_at + np.array([1e-3, *np.full(kernel().inputs, 3.0)])
+        rates = np.array([np.full(kernel().drivers, 0.5), np.full(kernel().drivers, 4.0)])
+        for state in (whole, fine):
+            state.start("equilibrium", begun_at)
+        whole.step(ended, rates if led else None)
+        for k in range(1, 5):
+            x = k / 4.0
+            cubic = (3.0 * x**2 - 2.0 * x**3, (x - 2.0 * x**2 + x**3) * 1e-3, (x**3 - x**2) * 1e-3)
+            along = cubic[0] * (ended - begun_at) + cubic[1] * rates[0] + cubic[2] * rates[1]
+            fine.step(begun_at + (along if led else x * (ended - begun_at)))
+        np.testing.assert_allclose(whole.z, fine.z, atol=1e-12 * np.abs(fine.z).max())

@@ -12,7 +12,7 @@ static void record_step(pmr_state *st, const pmr_record *record, int64_t row)
     record_row(record->v, row, y->modes, st->v);
     record_row(record->multipliers, row, y->contacts, st->lambda);
     record_row(record->impulses, row, y->contacts, st->impulse);
-    record_row(record->peaks, row, y->contacts, st->peak);
+    record_row(record->peaks, row, y->contacts, st->progress.parts > 1 ? st->peak : st->lambda);
     record_row(record->energy, row, 2, st->energy);
     record_row(record->friction, row, y->pads, st->friction);
     record_row(record->drivers, row, y->drivers, st->u);
@@ -29,13 +29,15 @@ static int level_of(const pmr_state *st, int32_t count)
     return -1;
 }
 
-static int is_finite(const pmr_state *st)
+static int all_finite(const double *values, int count)
 {
     double sum = 0.0; /* zero times what is not finite is no number */
     int n;
-    for (n = 0; n < st->system->modes; n++) sum += 0.0 * st->z[n] + 0.0 * st->v[n];
+    for (n = 0; n < count; n++) sum += 0.0 * values[n];
     return sum == 0.0;
 }
+
+static int is_finite(const pmr_state *st) { return all_finite(st->z, st->system->modes) && all_finite(st->v, st->system->modes); }
 
 static int make_steps(pmr_state *st, pmr_course *course, const double *samples, int64_t count, int64_t every, const int32_t *parts,
                       const pmr_record *record, int64_t *taken)
@@ -65,7 +67,7 @@ static int advance_signals(pmr_state *st, const pmr_signals *signals, int64_t co
 {
     pmr_course course = {.signals = signals, .h = st->settings.step};
     *taken = 0;
-    if (signals->drivers != st->system->drivers) return PMR_REFUSED;
+    if (signals->drivers != (st->system->motions ? st->system->motions : st->system->drivers)) return PMR_REFUSED;
     return make_steps(st, &course, NULL, count, every, parts, record, taken);
 }
 
@@ -87,10 +89,43 @@ static int step_to(pmr_state *st, const double *u, const double *rates)
 {
     pmr_course course = {.h = st->settings.step, .ended = u, .rates = rates};
     int failed;
+    if (!all_finite(u, st->system->drivers)) return PMR_REFUSED;
     copy(st->u_begun, st->u, st->system->drivers);
     course.begun = st->u_begun;
     course.step = st->progress.step;
     failed = make_step(st, -1, &course);
     if (!failed && !is_finite(st)) failed = PMR_NOT_FINITE;
     return failed;
+}
+
+/* Motions (4, n) from rows (3, n) and how many of them count. */
+static void take_motions(const pmr_system *y, const double *motions, const int32_t *rows, double *to)
+{
+    int k;
+    copy(to, motions, 3 * y->motions);
+    for (k = 0; k < y->motions; k++) to[3 * y->motions + k] = rows ? rows[k] : 3;
+}
+
+static int start_in_frame(pmr_state *st, int kind, const double *motions, const int32_t *rows, const double *z, const double *v)
+{
+    const pmr_system *y = st->system;
+    int failed = pmr_frame_drivers(y, motions, st->u_next, st->quantities);
+    if (failed) return failed;
+    failed = start(st, kind, st->u_next, z, v);
+    if (!failed) take_motions(y, motions, rows, st->motions);
+    return failed;
+}
+
+static int step_in_frame(pmr_state *st, const double *motions, const int32_t *rows)
+{
+    const pmr_system *y = st->system;
+    pmr_course course = {.h = st->settings.step, .motions = st->motions_next};
+    int failed;
+    if (!y->motions || !all_finite(motions, 3 * y->motions)) return PMR_REFUSED;
+    take_motions(y, motions, rows, st->motions_next);
+    course.step = st->progress.step;
+    failed = make_step(st, -1, &course);
+    if (failed) return failed;
+    copy(st->motions, st->motions_next, 4 * y->motions);
+    return is_finite(st) ? PMR_DONE : PMR_NOT_FINITE;
 }

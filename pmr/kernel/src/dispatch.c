@@ -78,6 +78,28 @@ int pmr_start_from(pmr_state *state, const double *u, const double *z, const dou
 
 int pmr_step(pmr_state *state, const double *u, const double *rates) { return chosen()->step(state, u, rates); }
 
+int pmr_frame(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work)
+{
+    return jacobian ? pmr_frame_derivatives(system, motions, u, jacobian, work)
+                    : pmr_frame_drivers(system, motions, u, work);
+}
+
+size_t pmr_frame_work(const pmr_system *system)
+{
+    return 2 * (size_t)system->quantities + 3 * (size_t)system->motions + (size_t)system->drivers + 1;
+}
+
+int pmr_start_in_frame(pmr_state *state, int kind, const double *motions, const int32_t *rows, const double *z,
+                       const double *v)
+{
+    return chosen()->start_in_frame(state, kind, motions, rows, z, v);
+}
+
+int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *rows)
+{
+    return chosen()->step_in_frame(state, motions, rows);
+}
+
 int pmr_advance(pmr_state *state, const pmr_signals *signals, int64_t count, int64_t every, const int32_t *parts,
                 const pmr_record *record, int64_t *taken)
 {

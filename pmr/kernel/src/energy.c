@@ -25,7 +25,9 @@ static void find_load_energy(pmr_state *st)
     int k, l;
     for (l = 0; l < y->inputs; l++) {
         double of_load = 0.0;
-        for (k = 0; k < y->inputs; k++) of_load += y->load_energy[l * y->ip + k] * st->loads[k];
+        if (y->ip > MANY_INPUTS) of_load = dot(y->load_energy + l * y->ip, st->loads, 0, y->ip);
+        else
+            for (k = 0; k < y->inputs; k++) of_load += y->load_energy[l * y->ip + k] * st->loads[k];
         sum += st->loads[l] * of_load;
     }
     st->load_energy = sum;
@@ -35,11 +37,10 @@ static void find_load_energy(pmr_state *st)
 static void keep_end(pmr_state *st)
 {
     const pmr_system *y = st->system;
+    double *push = st->push;
     int n;
-    for (n = 0; n < y->modes; n += VL) {
-        V(st->old_z + n) = CV(st->z + n);
-        V(st->old_push + n) = CV(st->push + n);
-    }
+    for (n = 0; n < y->modes; n += VL) V(st->old_z + n) = CV(st->z + n);
+    st->push = st->old_push, st->old_push = push; /* the next step has loads of its own */
     for (n = 0; n < y->inputs; n++) st->old_loads[n] = st->loads[n];
     for (n = 0; n < y->contacts; n++) st->old_lambda[n] = st->lambda[n];
     st->old_load_energy = st->load_energy;
@@ -96,6 +97,20 @@ INLINE vec moved_rows(pmr_state *st, const pmr_scheme *c)
     return moved;
 }
 
+/* (H + old H) (f + old f) of a contact: four times what loads move it by themselves, in the mean. */
+INLINE double pushed_mean(const pmr_system *y, const double *H, const double *old_H, const double *f, const double *old_f)
+{
+    double sum = 0.0;
+    vec sums = {0.0};
+    int l;
+    if (y->ip > MANY_INPUTS) {
+        for (l = 0; l < y->ip; l += VL) sums += (CV(H + l) + CV(old_H + l)) * (CV(f + l) + CV(old_f + l));
+        return sum_of(sums);
+    }
+    for (l = 0; l < y->inputs; l++) sum += (H[l] + old_H[l]) * (f[l] + old_f[l]);
+    return sum;
+}
+
 static void account(pmr_state *st, const pmr_scheme *c)
 {
     const pmr_system *y = st->system;
@@ -110,7 +125,7 @@ static void account(pmr_state *st, const pmr_scheme *c)
         const double *H = st->H + k * y->ip, *old_H = (st->moved ? st->old_H : st->H) + k * y->ip;
         if (now == 0.0 && old == 0.0) continue;
         stored += now * (st->excess[k] - 2.0 * st->pushed[k]);
-        for (l = 0; l < y->inputs; l++) work -= (H[l] + old_H[l]) * (st->loads[l] + st->old_loads[l]) * (0.5 * change);
+        work -= 0.5 * change * pushed_mean(y, H, old_H, st->loads, st->old_loads);
         if (!st->moved) continue;
         for (l = 0; l < k; l++) quadratic += (st->A[k * y->mp + l] - st->old_A[k * y->mp + l]) * (mean * (st->lambda[l] + st->old_lambda[l]));
         quadratic += (st->A[k * y->mp + k] - st->old_A[k * y->mp + k]) * mean * mean;

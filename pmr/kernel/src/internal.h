@@ -72,7 +72,18 @@ struct pmr_system {
     /* friction */
     const int32_t *joint_paths, *joint_cylinders, *first_pad, *pad_contacts;
     const double *joint_gives, *pad_coefficients, *pad_stiffness, *pad_arms;
+    /* a frame that moves (frame.c); without one there are no motions */
+    int32_t motions, quantities, product_count;
+    const int32_t *frame_angles;          /* (5): motions that are luffing, slewing, roll, pitch and yaw; less than 0: none */
+    const int32_t *frame_paths;           /* (P): motions that are the paths */
+    const int32_t *quantity_list;         /* (quantities, 3): kind and two numbers */
+    const int32_t *products;              /* (products, 3): quantities of each */
+    const int32_t *first_product;         /* (i + K + 1) */
+    const double *factors;                /* (products) */
 };
+
+/* Kinds of quantities, by two numbers: axes; the motion; number of paths and order of the rate; the path from 1 on. */
+enum { PMR_ONE, PMR_TURNED, PMR_VELOCITY, PMR_TURNING, PMR_GRADIENT, PMR_MOTION, PMR_REACH, PMR_OVER };
 
 /* Generalized-alpha with one length of step. */
 typedef struct {
@@ -117,7 +128,7 @@ struct pmr_state {
     double *w, *old_w, *extra;           /* (r'), (4, r'), (r'): forces of terms, of the steps before; with moments of friction */
     double *accelerated;                 /* (r') */
     double *friction, *gap;              /* (pads), (mp) */
-    double *u;                           /* (N): drivers where it stands */
+    double *u, *motions;                 /* (N), (4, n): drivers and motions where it stands; how many rows of those count */
     size_t saved; /* doubles */
     /* workspace */
     double *began, *peak;
@@ -135,6 +146,7 @@ struct pmr_state {
     double *w_new, *w_divided, *z_before; /* (r') */
     double *limits, *new_friction, *pair_sums;
     double *u_next, *u_begun;             /* (N) */
+    double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
     double *y;                            /* (op) */
     pmr_scheme *scheme;                   /* (levels) */
     int32_t placed, factored, moved, trouble;
@@ -150,6 +162,8 @@ typedef struct {
     int (*start_from)(pmr_state *, const double *, const double *, const double *, const double *, const double *,
                       const int32_t *);
     int (*step)(pmr_state *, const double *, const double *);
+    int (*start_in_frame)(pmr_state *, int, const double *, const int32_t *, const double *, const double *);
+    int (*step_in_frame)(pmr_state *, const double *, const int32_t *);
     int (*advance)(pmr_state *, const pmr_signals *, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *);
     int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *,
                            int *);
@@ -160,6 +174,13 @@ typedef struct {
     size_t (*state_bytes)(const pmr_state *);
     void (*state_save)(const pmr_state *, void *);
 } pmr_functions;
+
+/* u (N,) from motions (3, n), how it changes along a seed of them, and all its derivatives (N, 3 n); with `pmr_frame_work` doubles. */
+int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u, double *work);
+void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, double *u, double *along, double *work);
+int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
+/* How fast the rate of a driver grows within h around t. */
+double pmr_signals_spread(const pmr_signals *signals, int32_t driver, double t, double h);
 
 extern const pmr_functions pmr_functions_avx2, pmr_functions_baseline;
 

@@ -63,6 +63,7 @@ typedef struct {
     int32_t terms;     /* K: terms that vary in time */
     int32_t pads;      /* n: pads that rub */
     int32_t drivers;   /* N: what drives the system from outside, `u`: paths, then loads, then what else it asks for */
+    int32_t motions;   /* n: what a frame that moves is driven by; 0 without one */
     int32_t pushing;   /* contacts that only push */
 } pmr_sizes;
 
@@ -132,6 +133,22 @@ int pmr_start(pmr_state *state, int kind, const double *u, const double *z, cons
 int pmr_start_from(pmr_state *state, const double *u, const double *z, const double *v, const double *a,
                    const double *multipliers, const int32_t *closed);
 
+/* ---- a frame that moves ---- */
+
+/* Where a system has a frame, its loads and amplitudes of terms follow from n motions with their rates and second rates,
+   `motions` (3, n): paths in m; loads in N as a user names them, gravity in m/s^2 among them; angles of the frame and of its base in
+   rad; accelerations of its base in m/s^2.  Of loads and accelerations the value alone counts.
+
+   Drivers u (N,) of motions and, unless NULL, their derivatives (N, 3 n) by them, by which derivatives of a step by drivers become
+   such by motions; with `work` of `pmr_frame_work` doubles.  PMR_REFUSED without a frame. */
+size_t pmr_frame_work(const pmr_system *system);
+int pmr_frame(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
+/* As `pmr_start` and `pmr_step`.  `rows` (n,) or NULL: of each motion 1, 2 or 3 rows count; parts of a step follow lines, cubics
+   by rates, or cubics by second rates between what counts at both ends.  `pmr_advance` of such a system takes signals of
+   its motions. */
+int pmr_start_in_frame(pmr_state *state, int kind, const double *motions, const int32_t *rows, const double *z, const double *v);
+int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *rows);
+
 /* ---- signals ---- */
 
 /* Drivers over time as sums of pieces; piece j of driver n counts on breaks[j] <= t < breaks[j + 1], with x = t - breaks[j],
@@ -140,7 +157,7 @@ int pmr_start_from(pmr_state *state, const double *u, const double *z, const dou
 
    The first piece of a strand goes on before its first break, the last one behind its last.  A strand with spread h > 0 counts by
    how fast its rate grows within h, (u'(t + h/2) - u'(t - h/2)) / h, which has no kinks of u in it, and from t = 0 on only; its
-   second rate is left out. */
+   second rate is left out.  A strand with spread less than 0 counts by its second rate, and has no rates. */
 typedef struct {
     int32_t drivers;              /* N */
     int32_t powers;               /* of p, 1 or more */

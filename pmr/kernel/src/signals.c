@@ -52,6 +52,14 @@ static double spread_at(const pmr_signals *signals, int32_t strand, double t, do
     return (last[0] - first[0]) / (t + half - before);
 }
 
+double pmr_signals_spread(const pmr_signals *signals, int32_t driver, double t, double h)
+{
+    double sum = 0.0;
+    int32_t strand;
+    for (strand = signals->first_strand[driver]; strand < signals->first_strand[driver + 1]; strand++) sum += spread_at(signals, strand, t, h);
+    return sum;
+}
+
 void pmr_signals_at(const pmr_signals *signals, double t, double *u, double *rates)
 {
     const int32_t count = signals->drivers;
@@ -66,6 +74,10 @@ void pmr_signals_at(const pmr_signals *signals, double t, double *u, double *rat
                 if (rates)
                     own[0] = (spread_at(signals, strand, t + half, h) - spread_at(signals, strand, before, h)) / (t + half - before);
                 own[1] = 0.0;
+            } else if (h < 0.0) {
+                strand_at(signals, strand, t, own);
+                value += own[1];
+                own[0] = own[1] = 0.0;
             } else {
                 value += strand_at(signals, strand, t, rates ? own : NULL);
             }

@@ -83,7 +83,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(w, n); NUMBERS(old_w, 4 * n); NUMBERS(extra, n);
     NUMBERS(accelerated, n);
     NUMBERS(friction, y->pads); NUMBERS(gap, mp);
-    NUMBERS(u, y->drivers);
+    NUMBERS(u, y->drivers); NUMBERS(motions, 4 * y->motions);
     st->saved = (r->at - first) / sizeof(double);
     NUMBERS(began, st->saved);
     NUMBERS(peak, mp);
@@ -101,6 +101,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(w_new, n); NUMBERS(w_divided, n); NUMBERS(z_before, n);
     NUMBERS(limits, y->pads); NUMBERS(new_friction, y->pads); NUMBERS(pair_sums, pair_width(y));
     NUMBERS(u_next, y->drivers); NUMBERS(u_begun, y->drivers);
+    NUMBERS(motions_next, 4 * y->motions); NUMBERS(motions_now, 3 * y->motions); NUMBERS(quantities, 2 * y->quantities);
     NUMBERS(y, y->op);
     NUMBERS(held, 2 * (n + mp));
     NUMBERS(slopes, y->paths * m * (n + y->ip + mp)); NUMBERS(seeds, 13 * n + y->drivers);

@@ -16,9 +16,11 @@ INLINE void load_bodies(pmr_state *st, const double *f)
         for (l = 0; l < y->inputs; l++) sum += CV(y->B + l * y->modes + n) * f[l];
         V(st->push + n) = sum;
     }
-    for (k = 0; k < y->contacts; k++) { /* scalars: where they are read as registers later that would wait for the stores */
+    for (k = 0; k < y->contacts; k++) {
         double sum = 0.0;
-        for (l = 0; l < y->inputs; l++) sum += st->H[k * y->ip + l] * f[l];
+        if (y->ip > MANY_INPUTS) sum = dot(st->H + k * y->ip, st->loads, 0, y->ip);
+        else
+            for (l = 0; l < y->inputs; l++) sum += st->H[k * y->ip + l] * f[l];
         st->pushed[k] = sum;
     }
 }

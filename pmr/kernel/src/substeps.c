@@ -96,7 +96,52 @@ typedef struct {
     int64_t step;
     double h;
     const double *begun, *ended, *rates;
+    const double *motions; /* (4, n) at the end, where a frame is driven from outside */
 } pmr_course;
+
+/* Motions (3, n) of a frame at a time t after the step began: straight lines, cubics by rates at both ends, or by second
+   rates, as far as these count. */
+static void lead_motions(const pmr_state *st, const double *ended, double t, double *now)
+{
+    const int n = st->system->motions;
+    const double h = st->settings.step, *begun = st->motions;
+    int k;
+    for (k = 0; k < n; k++) {
+        const double count = begun[3 * n + k] < ended[3 * n + k] ? begun[3 * n + k] : ended[3 * n + k], mean = (ended[k] - begun[k]) / h;
+        double rate = mean, second = 0.0, third = 0.0;
+        if (count >= 3.0) {
+            second = begun[2 * n + k];
+            third = (ended[2 * n + k] - second) / h;
+            rate = mean - h / 2.0 * second - h * h / 6.0 * third;
+        } else if (count >= 2.0) {
+            rate = begun[n + k];
+            second = (6.0 * mean - 4.0 * rate - 2.0 * ended[n + k]) / h;
+            third = 6.0 * (rate + ended[n + k] - 2.0 * mean) / (h * h);
+        }
+        now[k] = begun[k] + t * (rate + t / 2.0 * (second + t / 3.0 * third));
+        now[n + k] = rate + t * (second + t / 2.0 * third);
+        now[2 * n + k] = second + t * third;
+    }
+}
+
+/* Motions of a frame at t by signals: kinks of paths are spread over a step. */
+static void follow_motions(const pmr_state *st, const pmr_signals *signals, double t, double *now)
+{
+    const pmr_system *y = st->system;
+    int k;
+    pmr_signals_at(signals, t, now, now + y->motions);
+    for (k = 0; k < y->paths; k++) now[2 * y->motions + y->frame_paths[k]] = pmr_signals_spread(signals, y->frame_paths[k], t, st->settings.step);
+}
+
+/* Drivers of a system whose frame moves, at a part of a step. */
+static void follow_frame(pmr_state *st, const pmr_course *course, int part, int parts, double *u)
+{
+    const double *now = st->motions_now;
+    if (course->signals) follow_motions(st, course->signals, (double)(course->step * parts + part) * (course->h / parts), st->motions_now);
+    else if (part == 0 || part == parts) now = part ? course->motions : st->motions;
+    else lead_motions(st, course->motions, course->h * part / parts, st->motions_now);
+    pmr_frame_drivers(st->system, now, u, st->quantities);
+}
 
 static void follow_course(const pmr_course *course, int drivers, int part, int parts, double *u)
 {
@@ -125,8 +170,10 @@ static void follow_course(const pmr_course *course, int drivers, int part, int p
 
 static const double *course_at(pmr_state *st, const pmr_course *course, int part, int parts)
 {
-    if (course->samples) return course->samples + (size_t)part * (course->per / parts) * st->system->drivers;
-    follow_course(course, st->system->drivers, part, parts, st->u_next);
+    if (course->samples) /* a division takes as long as ten products */
+        return course->samples + (size_t)part * (parts == 1 ? course->per : course->per / parts) * st->system->drivers;
+    if (course->motions || (course->signals && st->system->motions)) follow_frame(st, course, part, parts, st->u_next);
+    else follow_course(course, st->system->drivers, part, parts, st->u_next);
     return st->u_next;
 }
 
@@ -151,7 +198,8 @@ static int make_parts(pmr_state *st, int level, int judged, const pmr_course *co
             }
         failed = make_part(st, c, u);
         if (failed) return failed;
-        for (k = 0; k < y->contacts; k++) st->peak[k] = part == 1 ? st->lambda[k] : larger(st->peak[k], st->lambda[k]);
+        if (count > 1)
+            for (k = 0; k < y->contacts; k++) st->peak[k] = part == 1 ? st->lambda[k] : larger(st->peak[k], st->lambda[k]);
         if (judged) *off = larger(*off, missed(st, c, u + y->paths));
         if (part == count) copy(st->u, u, y->drivers);
     }
@@ -180,6 +228,17 @@ static int stop(pmr_state *st, int failed)
 /* Returned where a step needs more parts than its course has samples of; the level is the one it needs. */
 enum { COARSE = -1 };
 
+/* A step that is one part, of a system in which nothing is iterated or taken back: small bodies feel each branch. */
+static int make_whole_step(pmr_state *st, const pmr_course *course)
+{
+    const double *u = course_at(st, course, 1, 1);
+    const int failed = make_part(st, st->scheme, u);
+    if (failed) return stop(st, failed);
+    copy(st->u, u, st->system->drivers);
+    st->progress.step++;
+    return PMR_DONE;
+}
+
 /* One step; `level` less than 0: as the forces ask for. */
 static int make_step(pmr_state *st, int given_level, const pmr_course *course)
 {
@@ -187,13 +246,14 @@ static int make_step(pmr_state *st, int given_level, const pmr_course *course)
     const int last = st->settings.levels - 1, judged = given_level < 0 && last > 0 && st->settings.contact_omega > 0.0;
     int level = given_level >= 0 ? given_level : st->progress.level, failed = PMR_DONE;
     double off = 0.0;
+    if (last == 0 && !(y->pushing || y->registers || y->pads) && st->settings.parts[0] == 1 && st->progress.active == 0) return make_whole_step(st, course);
     if (y->pushing)
         for (int n = 0; n < y->mp; n += VL) V(st->impulse + n) = (vec){0.0};
     if (!judged) st->progress.came = -1;
     else if (st->progress.active >= 0) st->progress.came = st->progress.active;
     if (y->pushing || y->registers || y->pads) memcpy(st->began, st->mark, st->saved * sizeof(double));
     for (;;) {
-        if (course->samples && course->per % st->settings.parts[level]) {
+        if (course->samples && st->settings.parts[level] > 1 && course->per % st->settings.parts[level]) {
             st->progress.level = level;
             return COARSE;
         }

@@ -207,12 +207,30 @@ static int check_pair(pmr_system *y, const pmr_pair *pair, char *why)
     return 0;
 }
 
+/* Whether the quantities of a frame are made of what there is. */
+static int check_frame(const pmr_system *y, char *why)
+{
+    int32_t k;
+    if (!y->motions) return 0;
+    if (!within(y->frame_angles, 5, -1, y->motions) || !within(y->frame_paths, y->paths, 0, y->motions) ||
+        !within(y->products, 3 * (int64_t)y->product_count, 0, y->quantities) || !ascends(y->first_product, y->inputs + y->terms + 1, y->product_count))
+        return pmr_say(why, "damaged: products of a frame"), 1;
+    for (k = 0; k < y->quantities; k++) {
+        const int32_t kind = y->quantity_list[3 * k], *of = y->quantity_list + 3 * k + 1;
+        const int axes = kind == PMR_TURNED || kind == PMR_VELOCITY || kind == PMR_TURNING || kind == PMR_GRADIENT;
+        if (kind < PMR_ONE || kind > PMR_OVER || of[0] < 0 || of[1] < 0 || (axes && (of[0] > 2 || of[1] > 2)) || (kind == PMR_MOTION && of[0] >= y->motions) ||
+            (kind == PMR_REACH && (of[0] > y->motions || of[1] > 2)) || (kind == PMR_OVER && (of[0] < 1 || of[0] > y->motions)))
+            return pmr_say(why, "damaged: quantities of a frame"), 1;
+    }
+    return 0;
+}
+
 static int read_arrays(pmr_system *y, char *why)
 {
     static const char *const names[] = {"modes", "rows", "contacts", "forces", "inputs", "outputs", "paths", "terms", "pads", "joints",
-                                        "drivers", "whole", "coupled", "ropes"};
+                                        "drivers", "whole", "coupled", "ropes", "motions"};
     int32_t *const to[] = {&y->modes, &y->rows, &y->contacts, &y->forces, &y->inputs, &y->outputs, &y->paths, &y->terms, &y->pads, &y->joints,
-                           &y->drivers, &y->whole, &y->coupled, &y->ropes};
+                           &y->drivers, &y->whole, &y->coupled, &y->ropes, &y->motions};
     enum { SIZES = sizeof names / sizeof *names };
     const int32_t *sizes = take(y, "sizes", INTEGERS, SIZES, why);
     const int64_t most = 1 << 20;
@@ -277,6 +295,14 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(pad_coefficients, NUMBERS, y->pads);
     TAKE(pad_stiffness, NUMBERS, y->pads);
     TAKE(pad_arms, NUMBERS, y->pads);
+    y->quantities = (int32_t)(count_of(y, "quantity_list") / 3);
+    y->product_count = (int32_t)count_of(y, "factors");
+    TAKE(frame_angles, INTEGERS, y->motions ? 5 : 0);
+    TAKE(frame_paths, INTEGERS, y->motions ? y->paths : 0);
+    TAKE(quantity_list, INTEGERS, 3 * (int64_t)y->quantities);
+    TAKE(products, INTEGERS, 3 * (int64_t)y->product_count);
+    TAKE(factors, NUMBERS, y->product_count);
+    TAKE(first_product, INTEGERS, y->motions ? y->inputs + y->terms + 1 : 0);
     if (!(y->block_list = take(y, "blocks", INTEGERS, (int64_t)y->blocks * PMR_BLOCK_NUMBERS, why))) return 1;
     if (!(y->pair_list = take(y, "pairs", INTEGERS, (int64_t)y->pairs * PMR_PAIR_NUMBERS, why))) return 1;
     (void)o;
@@ -307,6 +333,7 @@ static int check_arrays(pmr_system *y, char *why)
         const int32_t *row = y->of_rows + 3 * k;
         if (row[0] < 0 || row[0] > row[1] || row[1] > row[2] || row[2] > y->registers) return pmr_say(why, "damaged: rows of terms"), 1;
     }
+    if (check_frame(y, why)) return 1;
     for (k = 0; k < y->blocks; k++)
         if (check_block(y, y->block_list + k, why)) return 1;
     for (k = 0; k < y->pairs; k++)
@@ -342,7 +369,7 @@ void pmr_system_close(pmr_system *system) { free(system); }
 void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
 {
     const pmr_sizes found = {.modes = y->modes, .contacts = y->contacts, .forces = y->forces, .inputs = y->inputs, .outputs = y->outputs,
-                             .paths = y->paths, .terms = y->terms, .pads = y->pads, .drivers = y->drivers, .pushing = y->pushing};
+                             .paths = y->paths, .terms = y->terms, .pads = y->pads, .drivers = y->drivers, .motions = y->motions, .pushing = y->pushing};
     *sizes = found;
 }
 

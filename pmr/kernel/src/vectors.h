@@ -1,11 +1,13 @@
-/* Registers of PMR_VL doubles by GCC's and Clang's vector extensions, or plain doubles with PMR_VL = 1. */
+/* Registers of PMR_VL doubles by GCC's and Clang's vector extensions, or plain doubles with PMR_VL = 1.
+
+   They may alias doubles, of which they are made, and nothing else: so pointers of a state stay in registers. */
 #ifndef PMR_VECTORS_H
 #define PMR_VECTORS_H
 
 #if PMR_VL > 1
-typedef double vec __attribute__((vector_size(8 * PMR_VL), may_alias));
+typedef double vec __attribute__((vector_size(8 * PMR_VL)));
 /* of memory of others, which NumPy aligns to 16 bytes */
-typedef double loose_vec __attribute__((vector_size(8 * PMR_VL), may_alias, aligned(8)));
+typedef double loose_vec __attribute__((vector_size(8 * PMR_VL), aligned(8)));
 #else
 typedef double vec;
 typedef double loose_vec;
@@ -21,6 +23,9 @@ typedef double loose_vec;
 #define APART static
 #endif
 #define VL PMR_VL
+
+/* Few numbers that have just been stored one by one are read one by one: a register of them would wait for the stores. */
+#define MANY_INPUTS 8
 
 /* fmax of the C library keeps to rules for what is no number, and is a call. */
 INLINE double larger(double a, double b) { return a > b ? a : b; }

@@ -25,7 +25,8 @@ KINK = 1e-6
 class Strand:
     """Pieces p(x) + a sin(q(x)) of the time x since each began; the first goes on before it, the last one for ever.
 
-    With a `spread` h it counts by how fast its rate grows within h, and is none before t = 0.
+    With a `spread` h > 0 it counts by how fast its rate grows within h, and is none before t = 0; with one less than 0
+    by its second rate.
     """
 
     breaks: Array  # (k,) s: where each piece begins

@@ -1,0 +1,200 @@
+/* A frame that moves: loads and amplitudes of terms as sums of products of few quantities, and these from how the frame is driven.
+
+       u_k = sum over its products of  factor x_a x_b x_c
+
+   A quantity x is 1, an entry of the rotation R from axes of the boom into those of the ground, a component of the angular
+   velocity omega or acceleration alpha in axes of the boom, an entry of the acceleration field's gradient alpha x . + omega x (omega x .),
+   a motion itself, where the tail of a section is (the sum of the first paths) or its rate, or one over an extension.  R, omega and
+   alpha follow from luffing and slewing and, where the base rocks, from its roll, pitch and yaw.  Numbers carry a derivative
+   along a seed of the motions with them. */
+#include "internal.h"
+
+#include <math.h>
+#include <string.h>
+
+/* A number, and how it changes along a seed. */
+typedef struct {
+    double at, along;
+} number;
+
+static number constant(double at) { return (number){at, 0.0}; }
+static number plus(number a, number b) { return (number){a.at + b.at, a.along + b.along}; }
+static number minus(number a, number b) { return (number){a.at - b.at, a.along - b.along}; }
+static number times(number a, number b) { return (number){a.at * b.at, a.along * b.at + a.at * b.along}; }
+static number negative(number a) { return (number){-a.at, -a.along}; }
+static number sine(number a) { return (number){sin(a.at), cos(a.at) * a.along}; }
+static number cosine(number a) { return (number){cos(a.at), -sin(a.at) * a.along}; }
+static number inverse(number a) { return (number){1.0 / a.at, -a.along / (a.at * a.at)}; }
+static number product(number a, number b, number c) { return times(times(a, b), c); }
+
+/* An angle with its rate and second rate. */
+typedef struct {
+    number at, rate, second;
+} angle;
+
+/* R, omega and alpha of one frame in another. */
+typedef struct {
+    number R[3][3], velocity[3], acceleration[3];
+} turning;
+
+/* Motions (3, n), and a seed of them or NULL. */
+typedef struct {
+    const pmr_system *system;
+    const double *at, *seed;
+} course;
+
+static number motion(const course *c, int n, int order)
+{
+    const int at = order * c->system->motions + n;
+    return (number){c->at[at], c->seed ? c->seed[at] : 0.0};
+}
+
+static angle angle_of(const course *c, int which)
+{
+    const int32_t n = c->system->frame_angles[which];
+    if (n < 0) return (angle){constant(0.0), constant(0.0), constant(0.0)};
+    return (angle){motion(c, n, 0), motion(c, n, 1), motion(c, n, 2)};
+}
+
+/* Raised by phi, then slewed by psi: R = R_Z(psi) R_Y(-phi). */
+static turning raise_and_slew(angle phi, angle psi)
+{
+    const number s = sine(phi.at), c = cosine(phi.at), sz = sine(psi.at), cz = cosine(psi.at), both = times(psi.rate, phi.rate);
+    const turning found = {.R = {{times(cz, c), negative(sz), negative(times(cz, s))},
+                                 {times(sz, c), cz, negative(times(sz, s))},
+                                 {s, constant(0.0), c}},
+                           .velocity = {times(psi.rate, s), negative(phi.rate), times(psi.rate, c)},
+                           .acceleration = {plus(times(psi.second, s), times(both, c)), negative(phi.second),
+                                            minus(times(psi.second, c), times(both, s))}};
+    return found;
+}
+
+static void multiply(number A[3][3], number B[3][3], number C[3][3])
+{
+    int i, j, k;
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++) {
+            C[i][j] = constant(0.0);
+            for (k = 0; k < 3; k++) C[i][j] = plus(C[i][j], times(A[i][k], B[k][j]));
+        }
+}
+
+/* A base that rolls by a, pitches by b and yaws by c, R_Z(c) R_Y(b) R_X(a), in its own axes. */
+static turning rock(angle a, angle b, angle c)
+{
+    const number sa = sine(a.at), ca = cosine(a.at), sb = sine(b.at), cb = cosine(b.at), zero = constant(0.0);
+    const number ab = times(a.rate, b.rate), bc = times(b.rate, c.rate), ac = times(a.rate, c.rate);
+    turning turned = raise_and_slew((angle){negative(b.at), negative(b.rate), negative(b.second)}, c), base;
+    number roll[3][3] = {{constant(1.0), zero, zero}, {zero, ca, negative(sa)}, {zero, sa, ca}};
+    multiply(turned.R, roll, base.R);
+    base.velocity[0] = minus(a.rate, times(c.rate, sb));
+    base.velocity[1] = plus(times(b.rate, ca), product(c.rate, sa, cb));
+    base.velocity[2] = minus(product(c.rate, ca, cb), times(b.rate, sa));
+    base.acceleration[0] = minus(minus(a.second, times(c.second, sb)), times(bc, cb));
+    base.acceleration[1] = minus(plus(minus(times(b.second, ca), times(ab, sa)), plus(product(c.second, sa, cb), product(ac, ca, cb))),
+                                 product(bc, sa, sb));
+    base.acceleration[2] = minus(minus(product(c.second, ca, cb), product(ac, sa, cb)),
+                                 plus(product(bc, ca, sb), plus(times(b.second, sa), times(ab, ca))));
+    return base;
+}
+
+static turning turn(const course *c)
+{
+    const int32_t *angles = c->system->frame_angles;
+    turning boom = raise_and_slew(angle_of(c, 0), angle_of(c, 1)), found = boom, base;
+    number velocity[3], acceleration[3];
+    int j, k;
+    if (angles[2] < 0 && angles[3] < 0 && angles[4] < 0) return boom;
+    base = rock(angle_of(c, 2), angle_of(c, 3), angle_of(c, 4));
+    for (k = 0; k < 3; k++) {
+        velocity[k] = acceleration[k] = constant(0.0);
+        for (j = 0; j < 3; j++) {
+            velocity[k] = plus(velocity[k], times(boom.R[j][k], base.velocity[j]));
+            acceleration[k] = plus(acceleration[k], times(boom.R[j][k], base.acceleration[j]));
+        }
+    }
+    for (k = 0; k < 3; k++) {
+        const int a = (k + 1) % 3, b = (k + 2) % 3;
+        const number crossed = minus(times(velocity[a], boom.velocity[b]), times(velocity[b], boom.velocity[a]));
+        found.velocity[k] = plus(velocity[k], boom.velocity[k]);
+        found.acceleration[k] = plus(plus(acceleration[k], crossed), boom.acceleration[k]);
+    }
+    multiply(base.R, boom.R, found.R);
+    return found;
+}
+
+/* Entry i, j of alpha x . + omega x (omega x .). */
+static number gradient(const turning *turned, int i, int j)
+{
+    static const double sign[3][3] = {{0.0, -1.0, 1.0}, {1.0, 0.0, -1.0}, {-1.0, 1.0, 0.0}};
+    const number *w = turned->velocity;
+    number entry = times(w[i], w[j]);
+    int k;
+    if (i != j) return plus(entry, times(constant(sign[i][j]), turned->acceleration[3 - i - j]));
+    for (k = 0; k < 3; k++) entry = minus(entry, times(w[k], w[k]));
+    return entry;
+}
+
+static number quantity(const course *c, const turning *turned, const int32_t *of)
+{
+    number sum = constant(0.0);
+    int k;
+    switch (of[0]) {
+    case PMR_TURNED: return turned->R[of[1]][of[2]];
+    case PMR_VELOCITY: return turned->velocity[of[1]];
+    case PMR_TURNING: return turned->acceleration[of[1]];
+    case PMR_GRADIENT: return gradient(turned, of[1], of[2]);
+    case PMR_MOTION: return motion(c, of[1], 0);
+    case PMR_REACH:
+        for (k = 0; k < of[1]; k++) sum = plus(sum, motion(c, k, of[2]));
+        return sum;
+    case PMR_OVER: return inverse(motion(c, of[1] - 1, 0));
+    default: return constant(1.0);
+    }
+}
+
+void pmr_frame_along(const pmr_system *y, const double *motions, const double *seed, double *u, double *along, double *work)
+{
+    const course c = {y, motions, seed};
+    const turning turned = turn(&c);
+    number *quantities = (number *)work;
+    int32_t k, n;
+    for (k = 0; k < y->quantities; k++) quantities[k] = quantity(&c, &turned, y->quantity_list + 3 * k);
+    for (k = 0; k < y->paths + y->inputs + y->terms; k++) {
+        number sum = constant(0.0);
+        if (k < y->paths) {
+            sum = motion(&c, y->frame_paths[k], 0);
+        } else {
+            for (n = y->first_product[k - y->paths]; n < y->first_product[k - y->paths + 1]; n++) {
+                const int32_t *of = y->products + 3 * n;
+                const number one = product(quantities[of[0]], quantities[of[1]], quantities[of[2]]);
+                sum = plus(sum, times(constant(y->factors[n]), one));
+            }
+        }
+        u[k] = sum.at;
+        if (along) along[k] = sum.along;
+    }
+}
+
+int pmr_frame_drivers(const pmr_system *y, const double *motions, double *u, double *work)
+{
+    if (!y->motions) return PMR_REFUSED;
+    pmr_frame_along(y, motions, NULL, u, NULL, work);
+    return PMR_DONE;
+}
+
+int pmr_frame_derivatives(const pmr_system *y, const double *motions, double *u, double *jacobian, double *work)
+{
+    const int32_t columns = 3 * y->motions;
+    double *seed = work + 2 * y->quantities, *along = seed + columns;
+    int32_t column, k;
+    if (!y->motions) return PMR_REFUSED;
+    memset(seed, 0, (size_t)columns * sizeof(double));
+    for (column = 0; column < columns; column++) {
+        seed[column] = 1.0;
+        pmr_frame_along(y, motions, seed, u, along, work);
+        seed[column] = 0.0;
+        for (k = 0; k < y->drivers; k++) jacobian[(size_t)k * columns + column] = along[k];
+    }
+    return PMR_DONE;
+}
