@@ -27,7 +27,7 @@ from pmr.scene import Scene
 from pmr.simulation import Excitation, SystemSimulator, exudyn
 from pmr.simulation.native import systems
 from pmr.studies import figures
-from pmr.studies.booms import Case, built_of, family_of, full_of, models_of
+from pmr.studies.booms import Case, built_of, full_of, models_of, sizes_of
 from pmr.studies.engine.task import Scalar, Task, TaskFunction, TaskResult, key_of
 from pmr.studies.figures import boom_arguments
 from pmr.system.from_scene import system_of
@@ -75,13 +75,13 @@ def by_size(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     None where there is no model.  Seconds: ``simulate.<r>``, of the solver alone, and ``full``.
     """
     case, record = Case.of(Scene.model_validate(arguments["boom"])), dict[str, Scalar]()
-    seconds, family = {"full": case.run.seconds}, family_of(case.boom, case.built)
+    seconds, trials = {"full": case.run.seconds}, sizes_of(case.boom, case.built)
     for r in arguments["coordinates"]:
         names = (f"beam.{r}", f"force.{r}", f"estimate.{r}")
         record |= dict.fromkeys(names)
-        if r > family.most:
+        if r > trials.elastic(trials.most):
             continue
-        modal, system = models_of(case.boom, family, r, arguments["basis"])
+        modal, system = models_of(case.boom, trials, r, arguments["basis"])
         try:
             runs = [run_from_start(system, case.excitation) for _ in range(REPEATS)]
         except (SimulationError, InputError):
@@ -107,14 +107,14 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
     """Task: ``total.<r>.<factor>``, ``reduction.<r>``; seconds ``offline``, ``step.<r>``, ``full``: as of one body."""
     case, truth = Case.of(Scene.model_validate(arguments["boom"])), needs["truth"]
     begin = time.process_time()
-    family = family_of(case.boom, case.built)
+    trials = sizes_of(case.boom, case.built)
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / case.boom.time.steps}
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
     record |= {"scene step": case.boom.time.step, "steps": case.boom.time.steps}
-    for r in [one for one in arguments["coordinates"] if one <= family.most]:
+    for r in [one for one in arguments["coordinates"] if one <= trials.elastic(trials.most)]:
         names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]
         record |= dict.fromkeys((*names, f"reduction.{r}"))
-        _, system = models_of(case.boom, family, r, arguments["basis"])
+        _, system = models_of(case.boom, trials, r, arguments["basis"])
         for factor, name in zip(arguments["steps"], names, strict=True):
             try:
                 y = case.at(system, factor, round(arguments["steps"][0] / factor))
@@ -139,12 +139,10 @@ def timed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Task
     built, simulate = built_of(boom), _SIMULATORS[arguments["simulator"]]
     system = full_of(boom, built)
     if modes := arguments["modes"]:
-        family = family_of(boom, built)
-        if modes > family.most:
-            raise InputError(
-                "study", "coordinates", modes, f"up to {family.most} elastic modes of a section are allowed"
-            )
-        system = models_of(boom, family, modes, "flexibility")[1]
+        trials = sizes_of(boom, built)
+        if modes > (most := trials.elastic(trials.most)):
+            raise InputError("study", "coordinates", modes, f"up to {most} elastic modes of a section are allowed")
+        system = models_of(boom, trials, modes, "flexibility")[1]
     excitation = Excitation.of(boom)
     if arguments["simulator"] != "march":  # which chooses the parts of a step where pads push
         excitation = in_parts(system, excitation)
