@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pmr.compare import estimate as estimates
 from pmr.compare import runs
 from pmr.compare import step_error as steps
-from pmr.compare.accuracy.family import Family
+from pmr.compare.accuracy.trials import Trials
 from pmr.compare.outputs import Outputs
 from pmr.reduced.model import ReducedModel
 from pmr.scene.names import ALONE
@@ -28,5 +30,5 @@ def outputs(body: SlidingBody, excitation: Excitation, every: int = 1) -> Output
     return runs.outputs(system, runs.run_from_start(system, excitation), excitation, every)
 
 
-def family(model: ReducedModel, excitation: Excitation, rates: bool = False) -> Family:
-    return Family({ALONE: model}, lambda models: System.of(models[ALONE]), excitation, rates)
+def trials(model: ReducedModel, excitation: Excitation, kinds: Sequence[str] = ("beam", "tip")) -> Trials:
+    return Trials({ALONE: model}, lambda models: System.of(models[ALONE]), excitation, kinds)

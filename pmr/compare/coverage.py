@@ -54,10 +54,10 @@ UNSETTLED = {
 BEYOND = 0.05
 
 
-def highest_known(model: ReducedModel, stepping: TimeStepping) -> float:
-    """Frequency in Hz of the highest enrichment mode, as steps of this length have it."""
+def highest_known(model: ReducedModel, stepping: TimeStepping, count: int | None = None) -> float:
+    """Frequency in Hz of the highest of all enrichment modes, or the first `count`, as steps of this length have it."""
     assert model.enrichment is not None
-    omega = float(np.sqrt(model.enrichment.stiffness[-1]))
+    omega = float(np.sqrt(model.enrichment.stiffness[:count][-1]))
     return float(np.arctan(omega * stepping.step / 2.0) / (np.pi * stepping.step))
 
 
@@ -74,12 +74,16 @@ def jumps_damped(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]],
     return any(abs(float(signal.value(t) - signal.value(np.nextafter(t, 0.0)))) > 1e-6 for signal, t in at)
 
 
-def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """What the estimate of a model with enrichment modes leaves out, a clause each; signals with their names.
+def not_covered(
+    model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping, count: int | None = None
+) -> list[str]:
+    """What the estimate with all enrichment modes, or the first `count`, leaves out, a clause each.
+
+    Signals come with their names.
 
     `IMPACTS`, `RINGING`, `JUMPS` and `UNSETTLED` join it where an estimate lacks a kind of output.
     """
-    top = highest_known(model, stepping)
+    top = highest_known(model, stepping, count)
     beyond = [what for name, signal in signals for what in _beyond(name, signal, stepping, top)]
     coupled = ["the damping of modes beyond the enrichment modes, which is not Rayleigh's"] * (not _classical(model))
     return [*beyond, *coupled, NEVER]

@@ -16,7 +16,7 @@ be near the second one then.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -66,6 +66,7 @@ class Estimate:
     tips: tuple[int, ...]  # numbers of the displacements that are the tip's
     seconds: float  # wall time of the estimate, all runs included
     by: str
+    enrichment: int | None = None  # modes of each body that the second run has more; None: all that models keep
     chi: float | None = None  # share of the first truncated mode's motion that is not quasi-static
     bodies: Mapping[str, float] = field(default_factory=dict)  # along each of several bodies
     unknown: Mapping[str, str] = field(default_factory=dict)  # kinds without an estimate, and why, in words
@@ -140,6 +141,7 @@ class _Difference:
 
     missing: Outputs
     better: _Simulated
+    enrichment: int  # modes of each body that it has more, at most
     named: Mapping[str, float] = field(default_factory=dict)  # errors of what is no kind, by name, without margin
     unsettled: Collection[str] = ()
     scatter: str = ""
@@ -188,6 +190,7 @@ def estimate(
         tips=own.tips,
         seconds=time.perf_counter() - begin,
         by="attachment",
+        enrichment=difference.enrichment,
         chi=indicator,
         bodies=_along(system, own.displacement, error),
         unknown=unknown,
@@ -210,21 +213,33 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
         excitation = in_parts(first.system, excitation, first.run)
     loads = loads_carried(first.system, first.run)
 
-    def richer(of: Callable[[ReducedModel], ReducedModel], left_out: float = LEFT_OUT) -> _Simulated:
-        bodies = {name: with_attachment_modes(of(model), loads[name], left_out) for name, model in models.items()}
-        try:
-            return _Simulated.of(first.system.with_bodies(bodies), excitation)
-        except GrowthError:
-            if left_out == MORE_LEFT_OUT:
-                raise
-            return richer(of, MORE_LEFT_OUT)
+    count = max(0 if model.enrichment is None else model.enrichment.count for model in models.values())
+    left_out = LEFT_OUT
 
-    better, pushing = richer(extended), ~np.isnan(first.system.clearance)
+    def richer(count: int) -> _Simulated:
+        """With up to `count` enrichment modes of each body."""
+        bodies = {
+            name: with_attachment_modes(_with_enrichment(model, count), loads[name], left_out)
+            for name, model in models.items()
+        }
+        return _Simulated.of(first.system.with_bodies(bodies), excitation)
+
+    while True:
+        try:
+            better = richer(count)
+            break
+        except GrowthError:
+            if left_out == MORE_LEFT_OUT and count <= 1:
+                raise
+            if left_out == MORE_LEFT_OUT:  # a step without numerical damping is too long for so many modes
+                count //= 2
+            left_out = MORE_LEFT_OUT
+    pushing = ~np.isnan(first.system.clearance)
     missing = better.outputs.minus(first.outputs)
     named = _named(first.response, better.response, excitation)
     if not lifting(first.run.forces[:, pushing]):
-        return _Difference(missing, better, named=named)
-    other = richer(lambda model: model)
+        return _Difference(missing, better, count, named)
+    other = richer(0)
     kinds = tuple(dict.fromkeys((*KINDS, *first.outputs.kinds)))
     own, apart = (differences(one.outputs, better.outputs, floors, kinds) for one in (first, other))
     unknown = [kind for kind in kinds if not settled(own[kind], apart[kind])]
@@ -237,7 +252,13 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
         if not settled(own[kind], stricter * apart[kind]):
             raise UnsettledError(own[kind], apart[kind], peaks)
     said = scatter(peaks) if "pad_force" in unknown else ""
-    return _Difference(missing, better, named=named, unsettled=unknown, scatter=said)
+    return _Difference(missing, better, count, named, unknown, said)
+
+
+def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
+    """The model with up to `count` of its enrichment modes as coordinates."""
+    most = 0 if model.enrichment is None else model.enrichment.count
+    return extended(model, min(count, most)) if min(count, most) else model
 
 
 def _named(own: Response, better: Response, excitation: Excitation) -> dict[str, float]:

@@ -96,7 +96,7 @@ def reduction_error(
         said = warnings(models, excitation.stepping, None) + scattered
         return ReductionError(Part({"estimate": figures} if asked else {}, said))
     held = any(body.reactions is not None for body in system.bodies.values())
-    left_out = [*_left_out(telling, system, excitation), *[coverage.REACTIONS] * held]
+    left_out = [*_left_out(telling, system, excitation, found.enrichment), *[coverage.REACTIONS] * held]
     left_out += [*[coverage.MACHINE] * moves_by_itself(scene), *found.unknown.values()]
     said = warnings(models, excitation.stepping, found) + coverage.warnings(left_out)
     said += [found.scatter] if found.scatter else []
@@ -104,11 +104,13 @@ def reduction_error(
     return ReductionError(part, envelope(estimate.MARGIN * found.error[:, list(found.tips)]), found.bodies)
 
 
-def _left_out(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> list[str]:
-    """What an estimate leaves out, a clause each."""
+def _left_out(
+    models: Mapping[str, ReducedModel], system: System, excitation: Excitation, count: int | None
+) -> list[str]:
+    """What an estimate with up to `count` enrichment modes leaves out, a clause each."""
     stressed = [coverage.SECOND_ORDER] * (bool(system.terms) and not all(map(knows_matrices, models.values())))
     if ALONE in models:
-        return [*stressed, *coverage.not_covered(models[ALONE], excitation.signals, excitation.stepping)]
+        return [*stressed, *coverage.not_covered(models[ALONE], excitation.signals, excitation.stepping, count)]
     damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())
     return [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped, *stressed]
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.booms import tip_columns
-from pmr.compare.errors import relative_error, round_off, settled
-from pmr.compare.runs import recorded, run_from_start
+from pmr.compare.errors import round_off, settled
+from pmr.compare.outputs import Outputs
+from pmr.compare.runs import between_kinks, observed, outputs, recorded, run_from_start, without_rates
 from pmr.compare.spectrum import band
 from pmr.errors import SimulationError
 from pmr.simulation import contact_step
@@ -23,6 +26,7 @@ from pmr.system.body import length_outputs
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
+Compared = TypeVar("Compared")
 
 #: Ratio of two differences in a row above which a motion is not resolved yet.
 ROUGH = 0.6
@@ -78,6 +82,7 @@ class Stepped:
         chosen = self.pushing and not self.given.parts and recorded(system, self.given)
         #: The given run, where it chose parts.
         self.run = self.simulate(self.given) if chosen else None
+        self._known = self._known or self.run
         self._parts = self.given.parts
         if self.pushing and self.run is None:
             self._parts = contact_step.parts(contact_frequency(system, excitation), self.given)
@@ -102,18 +107,41 @@ class Stepped:
         chosen = self.moved if which is None else self.moved[which]
         return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
 
-    def observed(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
-        """All or some, (T, o) m, at each `every`-th step of a run of which no more is recorded; errors likewise."""
+    def observed(self, stepping: TimeStepping, which: list[int] | None = None) -> Array:
+        """All or some, (T, o) m, of a run of which no more is recorded; errors likewise."""
         chosen = self.moved if which is None else self.moved[which]
-        excitation = self.excitation.on_grid(stepping)
-        return systems.observe(self._form, excitation, chosen.tolist(), every).y
+        return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
+
+    def outputs(
+        self, stepping: TimeStepping, every: int, rates: bool = False
+    ) -> tuple[Outputs, SystemTrajectory | None]:
+        """Outputs at each `every`-th step of a run, with velocities where `rates` are wanted, and the run if recorded.
+
+        Displacements that are round-off are zero, and so are forces beside kinks of extensions.  Errors likewise.
+        """
+        excitation, run = self.excitation.on_grid(stepping), None
+        if rates or recorded(self.system, stepping):
+            run = self.simulate(stepping)
+            if rates:
+                found = outputs(self.system, run, excitation, every)
+            else:
+                found = without_rates(self.system, run.at(slice(None, None, every)))
+        else:
+            seen = systems.observe(self._form, excitation, every=every)
+            found = observed(self.system, seen.y, seen.multipliers)
+        found = between_kinks(self.system, found, excitation, excitation.times[::every], self.given.step)
+        moves, _ = settled(found.displacement, found.displacement, self.round_off)
+        return replace(found, displacement=moves), run
 
 
 class Runs:
-    """What is `stepped`, with the given step, half of it, and so on, as little damped by the scheme as it says."""
+    """What is `stepped`, with the given step, half of it, and so on, as little damped by the scheme as it says.
 
-    def __init__(self, stepped: Stepped) -> None:
-        self._stepped, stepping = stepped, stepped.given
+    Velocities are outputs where `rates` are wanted.
+    """
+
+    def __init__(self, stepped: Stepped, rates: bool = False) -> None:
+        self._stepped, self._rates, stepping = stepped, rates, stepped.given
         self._stride = -(-stepping.steps // COMPARED)
         self._budget = BUDGET_OF_IMPACTS if stepped.pushing else BUDGET
         self._last: SystemTrajectory | None = None
@@ -141,29 +169,28 @@ class Runs:
         steps = 2 * self._work
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
 
-    def given(self, first: Array) -> Array:
-        """Displacements (T, o) in m with the given step and rho_inf, beside the `first` run; raises as `next`."""
-        given, run, stepping = self._stepped.given, self._stepped.run, self.stepping
-        if run is not None:
-            return self._moving(self._stepped.displacements(run.at(slice(None, None, self._stride))))
-        if (stepping.rho_inf, stepping.parts) == (given.rho_inf, given.parts):
+    def given(self, first: Outputs) -> Outputs:
+        """Outputs with the given step and rho_inf, beside those of the `first` run; raises as `next`."""
+        given, stepping = self._stepped.given, self.stepping
+        if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (given.rho_inf, given.parts):
             return first
-        self.taken += self._work
-        return self._moving(self._made(given, self._stride)[0])
+        if self._stepped.run is None:
+            self.taken += self._work
+        return self._stepped.outputs(given, self._stride, self._rates)[0]
 
-    def next(self) -> Array:
-        """Displacements (T, o) in m of the next run, where runs are compared.
+    def next(self) -> Outputs:
+        """Outputs of the next run, where runs are compared.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
         self.halved += 1
         try:
-            y, self._last = self._made(self.stepping, self._stride * 2**self.halved)
+            found, self._last = self._stepped.outputs(self.stepping, self._stride * 2**self.halved, self._rates)
         except SimulationError:
             self.halved -= 1
             raise
         self.taken += self._work
-        return self._moving(y)
+        return found
 
     def band(self) -> float:
         """Frequency in Hz above which 1 % of the tip's motion lies, by its RMS, in the last run; 0 if nothing moves.
@@ -172,39 +199,41 @@ class Runs:
         """
         of, stepping = self._stepped, self.stepping
         if self._last is None:
-            y = self._moving(of.observed(stepping, 1, of.tips))
+            y = self._moving(of.observed(stepping, of.tips))
             if not np.any(y):
-                y = self._moving(of.observed(stepping, 1))
+                y = self._moving(of.observed(stepping))
             return band(y, stepping.step)
         y = self._moving(of.displacements(self._last, of.tips))
         return band(y if np.any(y) else self._moving(of.displacements(self._last)), stepping.step)
-
-    def _made(self, stepping: TimeStepping, every: int) -> tuple[Array, SystemTrajectory | None]:
-        """Displacements at each `every`-th step of a run, and the run where all of it is recorded."""
-        if not recorded(self._stepped.system, stepping):
-            return self._stepped.observed(stepping, every), None
-        run = self._stepped.simulate(stepping)
-        return self._stepped.displacements(run.at(slice(None, None, every))), run
 
     def _moving(self, y: Array) -> Array:
         """With zeros in the columns that don't exceed round-off."""
         return settled(y, y, self._stepped.round_off)[0]
 
 
-class Ladder:
-    """Outputs of the runs, from the first step to the smallest one, and how fast they approach each other.
+class Ladder(Generic[Compared]):
+    """What the runs say, from the first step to the smallest one, and how fast they approach each other.
 
-    Their error is that of the `given` outputs, by default those of the first run itself.
+    `apart` is the measure of a difference to a finer run, a fraction.  The error is that of the `given` run, by default
+    of the first.
     """
 
-    def __init__(self, first: Array, given: Array | None = None) -> None:
+    def __init__(
+        self, apart: Callable[[Compared, Compared], float], first: Compared, given: Compared | None = None
+    ) -> None:
+        self._apart = apart
         self.first, self.last = first if given is None else given, first
         self.differences: list[float] = []
 
-    def add(self, y: Array) -> None:
-        """The outputs (T, o) of one more run."""
-        self.differences.append(relative_error(self.last, y))
-        self.last = y
+    def add(self, finer: Compared) -> None:
+        """What one more run says."""
+        self.differences.append(self._apart(self.last, finer))
+        self.last = finer
+
+    @property
+    def whole(self) -> float:
+        """Difference of the first run to the last."""
+        return self._apart(self.first, self.last)
 
     @property
     def rest(self) -> float:
@@ -220,15 +249,18 @@ class Ladder:
     @property
     def settled(self) -> bool:
         """Whether the rest is small against the error of the first run, or several differences in a row are small."""
-        own = relative_error(self.first, self.last)
+        own = self.whole
         small = len(self.differences) > 1 and own + sum(self.differences[-2:]) <= NEGLIGIBLE
         return self.rest <= SETTLED * own or small
 
-    def error(self, columns: slice | list[int]) -> float:
-        """Error of the first run in some of the outputs; the rest is shared out as the difference is."""
-        whole = relative_error(self.first, self.last)
-        part = relative_error(self.first[:, columns], self.last[:, columns])
-        return part * (1.0 + self.rest / whole) if np.isfinite(self.rest) and whole > 0.0 else part
+    def error(self, part: float | None = None) -> float:
+        """Error of the first run, or of a part of what it says that is so far from the last run; both share the rest.
+
+        Where differences don't fall, the difference to the last run, which is the least that the error may be.
+        """
+        whole, rest = self.whole, self.rest
+        part = whole if part is None else part
+        return part * (1.0 + rest / whole) if np.isfinite(rest) and whole > 0.0 else part
 
     def halvings(self, limit: float) -> int | None:
         """How often the step has to be halved for an error below `limit`; None where these runs don't show it."""
@@ -236,6 +268,6 @@ class Ladder:
             return None
         rest = self.rest if np.isfinite(self.rest) else self.differences[-1]
         errors = np.append(np.cumsum(self.differences[::-1])[::-1], 0.0) + rest
-        errors *= max(1.0, relative_error(self.first, self.last) / errors[0]) if errors[0] > 0.0 else 1.0
+        errors *= max(1.0, self.whole / errors[0]) if errors[0] > 0.0 else 1.0
         below = np.flatnonzero(errors <= limit)
         return int(below[0]) if len(below) else None

@@ -81,24 +81,15 @@ def without_rates(system: System, run: SystemTrajectory) -> Outputs:
     return observed(system, y, run.forces)
 
 
-def at_intervals(form: SystemForm, excitation: Excitation, every: int, rates: bool) -> Outputs:
-    """Of a run, at each `every`-th step, forces of sections not beside kinks; with velocities where `rates` are wanted.
+def between_kinks(system: System, found: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
+    """Outputs at some times (T,) s whose forces are zero within `BESIDE_KINK` steps, in s, of a kink of an extension.
 
-    On tables steps cost less than the balance of their
-    energy, so where outputs alone are wanted of them it is not checked.
+    There they have no size: the shorter the steps, the larger they are.  A body alone keeps all.
     """
-    given, system = excitation.stepping, form.system
-    seen = excitation.with_stepping(TimeStepping(given.end, every * given.step, given.rho_inf))
-    if system.on_one_path and not rates:
-        watched = systems.observe(form, excitation, every=every)
-        return observed(system, watched.y, watched.multipliers)
     if system.on_one_path:
-        return outputs(system, run_from_start(form, excitation, every), seen)
-    run = run_from_start(form, excitation, 1 if rates else every)
-    found = outputs(system, run, excitation, every) if rates else without_rates(system, run)
-    kinks = [kink for path in excitation.paths.values() for kink in path.kinks(given.end)]
-    beside = BESIDE_KINK * seen.stepping.step
-    away = np.all([np.ones(len(found.force), bool), *(np.abs(seen.times - t) > beside for t in kinks)], axis=0)
+        return found
+    kinks = [kink for path in excitation.paths.values() for kink in path.kinks(excitation.stepping.end)]
+    away = np.all([np.ones(len(times), bool), *(np.abs(times - t) > BESIDE_KINK * step for t in kinks)], axis=0)
     return replace(found, force=np.where(away[:, None], found.force, 0.0))
 
 

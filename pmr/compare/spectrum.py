@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
 from pmr.compare.errors import relative_error
 from pmr.results import Response
@@ -13,12 +14,12 @@ Array = NDArray[np.float64]
 
 def band(y: Array, step: float) -> float:
     """Frequency in Hz above which 1 % of signals (T, o) lies, by its RMS, at steps of so many s; 0 if all are zero."""
-    window = np.hanning(len(y))[:, None]
-    power = np.sum(np.abs(np.fft.rfft((y - y.mean(axis=0)) * window, axis=0)) ** 2, axis=1)
+    window, count = np.hanning(len(y))[:, None], next_fast_len(len(y), real=True)
+    power = np.sum(np.abs(np.fft.rfft((y - y.mean(axis=0)) * window, n=count, axis=0)) ** 2, axis=1)
     above = np.cumsum(power[::-1])[::-1]  # from each frequency on
     if above[0] <= 0.0:
         return 0.0
-    return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (len(y) * step))
+    return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (count * step))
 
 
 def band_of(response: Response) -> float:

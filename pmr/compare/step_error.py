@@ -18,13 +18,16 @@ is said in words here, too.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.errors import relative_error
 from pmr.compare.halved_steps import Ladder, Runs, Stepped
+from pmr.compare.outputs import Floors, Outputs, differences
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
 from pmr.scene.signals import SignalBase
@@ -51,37 +54,53 @@ class StepError:
     enough: float | None  # s: largest of the steps taken with an error below `LIMIT`
     band: float  # Hz, above which 1 % of the tip's motion lies, as the finest run has it
     seconds: float  # wall time of all runs
+    others: Mapping[str, float] = field(default_factory=dict)  # of further kinds of outputs
+    unsettled: tuple[str, ...] = ()  # those of the further kinds in which the runs do not approach each other
+
+    def of(self, kind: str) -> float:
+        """Error of a kind of outputs, a fraction; infinite where it was not wanted."""
+        return {"beam": self.beam, "tip": self.tip, **self.others}.get(kind, np.inf)
 
 
-def step_error(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> StepError:
+def step_error(
+    system: System, excitation: Excitation, run: SystemTrajectory | None = None, kinds: Sequence[str] = ()
+) -> StepError:
     """Error of the time step, from the start of the excitation.
 
     `march` makes the runs; Exudyn's solver has the same scheme and start.  That with the given step may be known,
-    a `run` that chose its parts.  Raises InputError as for
-    `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
+    a `run` that chose its parts.  The error of displacements is always found, that of further `kinds` of outputs
+    (`pmr.compare.outputs`) on request.  Raises InputError as for `pmr.simulation.Simulator`; SimulationError if one of
+    the first two runs fails, or the second would be too long.
     """
-    begin = time.perf_counter()
+    begin, kinds = time.perf_counter(), [kind for kind in kinds if kind not in ("beam", "tip")]
     stepped = Stepped(system, excitation, run)
-    runs = Runs(stepped)
-    y = runs.next()
+    runs = Runs(stepped, "velocity" in kinds)
+    found = runs.next()
     if not runs.affordable:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
-    given = runs.given(y)
-    moving, mean = Ladder(y, given), Ladder(_rms(y), _rms(given))
-    while runs.affordable and not (moving.halvings(LIMIT) is not None and runs.resolved):
+    given = runs.given(found)
+    y, first = found.displacement, given.displacement
+    moving, mean = Ladder(relative_error, y, first), Ladder(relative_error, _rms(y), _rms(first))
+    floors = Floors.of(system, excitation, given.force)
+    others = {kind: Ladder(partial(_apart, kind, floors), found, given) for kind in kinds}
+    while runs.affordable and not (
+        moving.halvings(LIMIT) is not None and runs.resolved and all(one.settled for one in others.values())
+    ):
         try:
-            y = runs.next()
+            found = runs.next()
         except SimulationError:
             if not moving.differences:
                 raise
             break
-        moving.add(y)
-        mean.add(_rms(y))
+        moving.add(found.displacement)
+        mean.add(_rms(found.displacement))
+        for one in others.values():
+            one.add(found)
     ladder = mean if stepped.pushing and not moving.settled else moving
     halvings = ladder.halvings(LIMIT) if runs.resolved else None
     return StepError(
-        beam=ladder.error(slice(None)),
-        tip=ladder.error(stepped.tips),
+        beam=ladder.error(),
+        tip=ladder.error(relative_error(ladder.first[:, stepped.tips], ladder.last[:, stepped.tips])),
         largest=float(np.abs(ladder.first - ladder.last).max()) if ladder is moving else None,
         finest=runs.stepping.step,
         settled=ladder.settled and runs.resolved,
@@ -89,7 +108,14 @@ def step_error(system: System, excitation: Excitation, run: SystemTrajectory | N
         enough=None if halvings is None else stepped.given.step / 2**halvings,
         band=runs.band(),
         seconds=time.perf_counter() - begin,
+        others={kind: one.error() for kind, one in others.items()},
+        unsettled=tuple(kind for kind, one in others.items() if not one.settled),
     )
+
+
+def _apart(kind: str, floors: Floors, one: Outputs, finer: Outputs) -> float:
+    """Difference of two runs in a kind of outputs, as a fraction of the finer run's."""
+    return differences(one, finer, floors, [kind])[kind]
 
 
 def _rms(y: Array) -> Array:
@@ -98,12 +124,13 @@ def _rms(y: Array) -> Array:
 
 
 def summary(found: StepError | None, reason: str | None = None) -> dict[str, float | str | bool | None]:
-    """What summary.json holds under ``step``: the fields of `StepError`, ``limit`` and ``reason``.
+    """What summary.json holds under ``step``: the fields of `StepError`, further kinds, ``limit`` and ``reason``.
 
     Without a figure all are None, and ``reason`` says why.
     """
-    figures = dict.fromkeys(StepError.__annotations__) if found is None else dict(vars(found))
-    return figures | {"limit": LIMIT, "reason": reason}
+    names = [name for name in StepError.__annotations__ if name not in ("others", "unsettled")]
+    figures = dict.fromkeys(names) if found is None else {name: getattr(found, name) for name in names}
+    return figures | dict(found.others if found else {}) | {"limit": LIMIT, "reason": reason}
 
 
 def warnings(

@@ -94,7 +94,7 @@ class Bodies:
         self.built, self.clock, self.caches, self.aside, self.shared = built, clock, caches, aside, shared
         self._comm = next(iter(built.values())).model.comm
         if shared is None:
-            self.bodies = reduce_bodies(scene, built, caches, clock)
+            self.bodies = reduce_bodies(order.prepared(scene), built, caches, clock)
         else:
             self.bodies = {ALONE: reduce_with(scene, built[ALONE].model, shared.snapshots, clock)}
         models = {name: one.model for name, one in self.bodies.items()}
@@ -150,7 +150,7 @@ class Bodies:
 
         references = None if self.full.does_without_petsc else moving()
         moved = None if made is None else SimulatedSystem.of(self.system, self.excitation, made)
-        known = None if self.choice is None else self.choice.found.step_error
+        known = None if self.choice is None else self.choice.trial.step_error
         step = None
         if moved is not None:
             step = self.aside.done(step_part, self.scene, moved, natural.models["reduced"], known)
@@ -217,21 +217,22 @@ class Bodies:
         if scene.ordered is None:
             return None
         models = {name: one.modal for name, one in self.bodies.items()}
+        why: str | None = "the scene leaves it out"
         with self.clock.stage("search"):
-            choice: order.Choice = self._comm.bcast(
-                on_first(self._comm, lambda: order.choose(scene, models, self.aside))
-            )
-        if not scene.ordered.mesh:
-            return choice
-        with self.clock.stage("other mesh"):
-            try:
-                other = order.on_other_mesh(choice, scene)
-                beside = order.BesideOtherMesh.begin(choice, scene, models, self.aside)
-                on_other = self._on_other(other.scene)
-            except (InputError, ConvergenceError) as error:  # too coarse to be reduced: no reason not to run
-                return replace(choice, mesh_reason=error.allowed if isinstance(error, InputError) else str(error))
-            found: order.Choice = self._comm.bcast(on_first(self._comm, lambda: beside.with_mesh(other, on_other)))
-        return found
+            search = on_first(self._comm, lambda: order.Search(scene, models))
+            trial = self._comm.bcast(None if search is None else search.trial)
+        if scene.ordered.mesh:
+            with self.clock.stage("other mesh"):
+                try:
+                    other = order.on_other_mesh(scene, trial)
+                    on_other = self._on_other(other.scene)
+                    on_first(self._comm, lambda: search and search.compare_meshes(other, on_other))
+                    why = None
+                except (InputError, ConvergenceError) as error:  # too coarse to be reduced: no reason not to run
+                    why = error.allowed if isinstance(error, InputError) else str(error)
+        with self.clock.stage("search"):
+            choice: order.Choice = self._comm.bcast(on_first(self._comm, lambda: search and search.choose(why)))
+        return choice
 
     def _on_other(self, scene: Scene) -> dict[str, Any]:
         """The models of the scene on another mesh."""
@@ -254,7 +255,7 @@ class Bodies:
 
     def _error(self, moved: SimulatedSystem) -> ReductionError:
         """The reduction's, as it is estimated."""
-        known = None if self.choice is None else self.choice.found.estimate
+        known = None if self.choice is None else self.choice.trial.estimate
         return reduction_error(self.scene, moved, self.clock, self._other, known)
 
     def _asked_frequencies(self, at: Visited) -> Callable[[], Array]:

@@ -113,7 +113,7 @@ def _run(
 ) -> Outcome | None:
     check_installed(scene)
     chosen = _decided(scene, comm, clock, cache)
-    scene = order.prepared(chosen.scene)
+    scene = chosen.scene
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
         free_motions = left_free(scene, built) if scene.free_motions == "allowed" else []

@@ -145,9 +145,8 @@ def with_attachment_modes(
         K = np.block([[K, G.T @ x[:, :n]], [x[:, :n].T @ G, answers.stiffness[:n, :n]]])
         M = np.block([[M, G.T @ x[:, 1 : n + 1]], [x[:, 1 : n + 1].T @ G, answers.inertia[:n, :n]]])
         measured, outputs = np.hstack([measured, x[:, :n]]), np.hstack([outputs, answers.outputs[:, :n]])
-    if not len(K):
-        return model if answers is None else _rigid_along(model, answers)
     turned, stiffness = _turned(K, M)
+<<<<<<< HEAD
     found, g = _extended(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
     if at_rest and model.reactions is not None:  # where forces do not depend on which inertia supports bear
         known, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
@@ -155,17 +154,32 @@ def with_attachment_modes(
             np.hstack([part[:, : model.size], none]) for part in (known.inertia, known.damping, known.stiffness)
         )
         found = replace(found, reactions=replace(known, inertia=inertia, damping=damping, stiffness=stiff))
+=======
+    if not len(stiffness):
+        return model if answers is None else _rigid_along(model, answers)
+    found = _extended(model, stiffness, measured @ turned, outputs @ turned)
+    g = G.shape[1]
+>>>>>>> tolerance
     return _in_a_frame(found, model, G @ turned[:g], turned[g:])
 
 
 def _turned(K: Array, M: Array) -> tuple[Array, Array]:
-    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,)."""
+    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,).
+
+    Directions without stiffness or inertia are round-off, of a model that has nearly all modes of its mesh.
+    """
+    count = len(K)
+    sound = np.flatnonzero((np.diagonal(K) > 0.0) & (np.diagonal(M) > 0.0))
+    K, M = (A[np.ix_(sound, sound)] for A in (K, M))
     scale = 1.0 / np.sqrt(np.diagonal(M))
     size, Q = np.linalg.eigh(scale[:, None] * M * scale)
     kept = size > DEPENDENT
     apart = scale[:, None] * Q[:, kept] / np.sqrt(size[kept])
     stiffness, turned = np.linalg.eigh(apart.T @ K @ apart)
-    return apart @ turned, stiffness
+    stiff = stiffness > 0.0
+    X = np.zeros((count, int(np.count_nonzero(stiff))))
+    X[sound] = apart @ turned[:, stiff]
+    return X, stiffness[stiff]
 
 
 def _extended(model: ReducedModel, stiffness: Array, measured: Array, outputs: Array) -> ReducedModel:

@@ -32,7 +32,7 @@ ARRAY = "array"
 ENRICHMENT_MODES = 4
 #: The same of a body alone, and of each of several sections, where a tolerance or a budget is given: among so many the
 #: smallest model is looked for.
-SEARCHED_MODES, SEARCHED_OF_SECTIONS = 34, 12
+SEARCHED_MODES, SEARCHED_OF_SECTIONS = 38, 16
 
 
 def take_snapshots(
@@ -130,12 +130,12 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
 def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
     """Modes beyond the coordinates: those that estimate the error, or follow without inertia where terms act.
 
-    Of a coarse mesh half of all modes are left at least where many are asked for: attachment modes need the
+    Where many are asked for, `ENRICHMENT_MODES` of a coarse mesh are left at least: attachment modes need the
     flexibility.  Rigid sliders and pads need some of it, too (`pmr.reduction.snapshots.free_modes`).
     """
     if choice.estimable and scene.ordered is not None:
         searched = SEARCHED_MODES if ALONE in scene.bodies else SEARCHED_OF_SECTIONS
-        return max(ENRICHMENT_MODES, min(searched, model.size // 2 - choice.coordinates))
+        return max(ENRICHMENT_MODES, min(searched, model.size - choice.coordinates - ENRICHMENT_MODES))
     if choice.estimable:
         return ENRICHMENT_MODES
     return QUASI_STATIC if may_be_stressed(scene) and choice.extendable else 0

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.accuracy.family import Family
-from pmr.compare.accuracy.order import family_of as all_sizes
+from pmr.compare.accuracy.order import trials_of
+from pmr.compare.accuracy.trials import Trials
 from pmr.compare.evaluation import respond
 from pmr.compare.runs import in_parts, run_from_start
 from pmr.reduced.model import ReducedModel
@@ -90,16 +90,16 @@ def full_of(boom: Scene, built: Mapping[str, Any]) -> System:
     return replace(full, terms=terms_of(boom, full.bodies))
 
 
-def family_of(boom: Scene, built: Mapping[str, Any]) -> Family:
+def sizes_of(boom: Scene, built: Mapping[str, Any]) -> Trials:
     """The reduced models of the sections, of all sizes."""
     from pmr.reduction.bodies import reduce_bodies
 
-    return all_sizes(boom, {name: one.modal for name, one in reduce_bodies(boom, built).items()})
+    return trials_of(boom, {name: one.modal for name, one in reduce_bodies(boom, built).items()})
 
 
-def models_of(boom: Scene, family: Family, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:
+def models_of(boom: Scene, trials: Trials, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:
     """Of so many elastic modes a section: on free modes, and as they are simulated."""
-    modal = family.models(family.member(modes))
+    modal = trials.models(trials.uniform(modes))
     if basis == "modes":
         modal = {name: _stiff(model) for name, model in modal.items()}
     stressed = any(frame_terms(boom))

@@ -18,7 +18,7 @@ from pmr.compare.evaluation import respond
 from pmr.compare.runs import run_from_start
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
-from pmr.studies.booms import Case, family_of, models_of
+from pmr.studies.booms import Case, models_of, sizes_of
 from pmr.studies.engine.task import Scalar, Task, TaskFunction, TaskResult, key_of
 from pmr.studies.figures import boom_arguments
 
@@ -67,14 +67,14 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
     """Task: ``total.<r>.<factor>``, ``reduction.<r>``; seconds ``offline``, ``step.<r>``, ``full``: as of one body."""
     case, truth = Case.of(Scene.model_validate(arguments["boom"])), needs["truth"]
     begin = time.process_time()
-    family = family_of(case.boom, case.built)
+    trials = sizes_of(case.boom, case.built)
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / case.boom.time.steps}
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
     record |= {"scene step": case.boom.time.step, "steps": case.boom.time.steps}
-    for r in [one for one in arguments["coordinates"] if one <= family.most]:
+    for r in [one for one in arguments["coordinates"] if one <= trials.elastic(trials.most)]:
         names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]
         record |= dict.fromkeys((*names, f"reduction.{r}"))
-        _, system = models_of(case.boom, family, r, arguments["basis"])
+        _, system = models_of(case.boom, trials, r, arguments["basis"])
         for factor, name in zip(arguments["steps"], names, strict=True):
             try:
                 y = case.at(system, factor, round(arguments["steps"][0] / factor))

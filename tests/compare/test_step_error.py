@@ -179,21 +179,21 @@ def test_nothing_moves_and_nothing_is_wrong() -> None:
 def test_second_order_is_summed_to_its_end() -> None:
     """y_h = y (1 + h^2): the error of h = 1 is one, and that of h = 1/8 below 2 %."""
     y = np.random.default_rng(3).normal(size=(50, 4))
-    ladder = Ladder(2.0 * y)
+    ladder = Ladder(relative_error, 2.0 * y)
     for k in (1, 2):
         ladder.add(y * (1.0 + 4.0**-k))
-    assert ladder.settled and ladder.error(slice(None)) == pytest.approx(1.0, rel=0.1)
+    assert ladder.settled and ladder.error() == pytest.approx(1.0, rel=0.1)
     assert ladder.halvings(0.02) is None
     ladder.add(y * (1.0 + 4.0**-3))
     assert ladder.halvings(0.02) == 3 and ladder.halvings(0.3) == 1
-    grows = Ladder(y)
+    grows = Ladder(relative_error, y)
     for k in (2.0, 4.0, 8.0):
         grows.add(k * y)
     assert not grows.settled and grows.halvings(0.5) is None
-    noise = Ladder(y)
+    noise = Ladder(relative_error, y)
     for k in (1.0, -2.0, 3.0):
         noise.add(y * (1.0 + k * 1e-5))
-    assert noise.settled and noise.error(slice(None)) == pytest.approx(3e-5, rel=0.01)
+    assert noise.settled and noise.error() == pytest.approx(3e-5, rel=0.01)
 
 
 def test_what_the_summary_holds() -> None:

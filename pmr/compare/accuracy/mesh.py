@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.accuracy.family import Family, Member
+from pmr.compare.accuracy.trials import Sizes, Trials
 from pmr.compare.outputs import differences
 from pmr.errors import InputError
 from pmr.scene import Scene
@@ -133,20 +133,16 @@ def once(scene: Scene) -> Scene:
     return scene.model_copy(update={"sections": tuple(parts), "simulation": once, "recovery": None})
 
 
-def part_of(
-    own: Family, other: Family, member: Member, steps: int, share: float, kinds: Sequence[str]
-) -> dict[str, float]:
-    """Part of the mesh by kind, fractions of `own`: a `share` of what the same member on the other mesh is apart.
+def part_of(own: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
+    """Part of the mesh by kind, fractions of `own`: a `share` of what the same model on the other mesh is apart.
 
     Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.halved_steps`).  Raises
     InputError or SimulationError as for `pmr.simulation.Simulator`.
     """
-    common = _common(own.places, other.places)
-    mine, theirs = (
-        family.motion(member, steps, steps).moved_at(places)
-        for family, places in zip((own, other), common, strict=True)
-    )
-    return {kind: share * apart for kind, apart in differences(theirs, mine, own.floors(steps), kinds).items()}
+    (mine, floors), (theirs, _) = own.undamped(sizes, steps), other.undamped(sizes, steps)
+    here, there = _common(own.places, other.places)
+    apart = differences(theirs.moved_at(there), mine.moved_at(here), floors, own.wanted)
+    return {kind: share * size for kind, size in apart.items()}
 
 
 def _common(own: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]) -> tuple[list[int], list[int]]:

@@ -1,210 +1,214 @@
-r"""The smallest model and the longest step that hold a tolerance.
+"""The model and the step with which a run is within its tolerance, as one finds them by hand.
 
-With y_N the motion of all modes that a reduction has, and of attachment modes, which are static answers to the loads on
-contacts, the error of r modes and step h is
-
-.. math::
-    e = \underbrace{(y_{N,h} - y_{r,h})}_{\text{reduction}} + \underbrace{(y_{r,0} - y_{r,h})}_{\text{step}}, \qquad
-    \max(1.1 \lVert e \rVert, 1.25 \lVert e_{reduction} \rVert, 1.1 \lVert e_{step} \rVert) \le \text{tolerance}
-
-in every kind of output that is asked for.  The first part is the error estimate with N - r enrichment modes
-(`pmr.compare.estimate`), the second comes from shorter steps (`pmr.compare.accuracy.errors`), and is no less than what
-the run itself says of its step (`pmr.compare.step_error`).  What is found is judged by the estimate of its own run,
-with its step and its rho_inf; where that is beyond the tolerance, the search goes on with as much less.
+One begins with the scene's own step and coordinates, takes shorter steps and twice as many coordinates until the run's
+own estimate and the error of its step are within the tolerance together, and then leaves out what can be spared:
+coordinates first, then every other step.  Within a budget coordinates are given, and steps are as long as their error
+is no larger than that of the reduction.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import chain
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from pmr.compare.accuracy.errors import Demand, Errors, Rung, coarser, rungs
-from pmr.compare.accuracy.family import Family, Member
-from pmr.compare.estimate import Estimate
-from pmr.compare.step_error import StepError
-from pmr.errors import SimulationError
+from pmr.compare.accuracy.trials import Sizes, Trial, Trials
+from pmr.compare.halved_steps import ROUGH
+from pmr.errors import InputError
 from pmr.errors.text import rounded
+from pmr.scene.asked import Budget
 
-#: Share of the tolerance that the reduction may take before a step is chosen.
-OF_REDUCTION = 0.97
-#: Share of the reduction's part that a step may have where no step is short enough.
-SMALL = 0.1
-#: Steps up to which a member is simulated to be compared with all modes.
-COMPARED = 64_000
-#: How often the search goes on where what it finds doesn't hold by its own estimate, at most.
-TRIES = 4
+Allowed = Mapping[str, float]  # error by kind of output, a fraction
 
-
-@dataclass(frozen=True)
-class Found:
-    """What the search found; errors are fractions by kind, with margin."""
-
-    member: Member
-    steps: int
-    reduction: dict[str, float]
-    step: dict[str, float]
-    total: dict[str, float]  # of both together
-    holds: bool  # whether the total is within the tolerance in every kind
-    reasons: tuple[str, ...]  # why this model and this step, a clause each
-    seconds: float  # wall time of the search; what is compiled or loaded for the first time is not in it
-    estimate: Estimate | None = None  # of a run with this model and this step, if there is one
-    step_error: StepError | None = None  # what the same run says of its step
+#: Share of what is allowed that one error may have without being the one to be made smaller.
+HALF = 0.5
+#: By how much an error falls at most where a step is halved: the scheme is of second order.
+SECOND_ORDER = 4.0
 
 
-def search(family: Family, demand: Demand, coarse: int) -> Found:
-    """The fewest coordinates, then the fewest steps from `coarse` on.
+def share(errors: Mapping[str, float], allowed: Allowed) -> float:
+    """The largest error, as a share of what is allowed."""
+    return max(errors[kind] / size for kind, size in allowed.items())
 
-    Raises InputError or SimulationError as for `pmr.simulation.Simulator`, if even the motion of all modes can't be
-    had.
+
+def within(trial: Trial, allowed: Allowed) -> bool:
+    """Whether errors of reduction and step together are allowed, and the step's is known."""
+    return trial.settled and share(trial.total, allowed) <= 1.0
+
+
+def reach(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
+    """The first trial that is within, with shorter steps and more coordinates; the best one if none is.
+
+    Whether there are too few coordinates is asked of steps that resolve the motion, for others tell nothing of it.
     """
-    family.load()
-    begin, errors, less = time.perf_counter(), Errors(family, demand, coarse), 1.0
-    for _ in range(TRIES):
-        found, seen = _found(_Search(errors, demand, less))
-        beyond = demand.share(found.total)
-        if seen is None or beyond <= 1.0 or not np.isfinite(beyond):
-            break
-        less = 0.99 * min(less, seen) / beyond
-    return replace(found, holds=seen is not None and beyond <= 1.0, seconds=time.perf_counter() - begin)
-
-
-def _found(one: _Search) -> tuple[Found, float | None]:
-    """What holds as far as the search can see, and the share of the tolerance that it sees; else the best, and None."""
-    family, coarse = one.family, one.coarse
-    steps = comparable(family.excitation.stepping.steps, coarse)
-    family.begin(family.less, steps, coarse)
+    tried = list[Trial]()
     while True:
-        member = one.fewest(steps)
-        if family.pushing:  # hardly any search leaves the steps that it begins with
-            family.begin_estimate(member, coarse)
-        rung, reached = one.longest_step(member, steps)
-        finer = comparable(rung.steps, coarse)
-        if finer <= steps:
+        finer, coarse = 2 * steps <= trials.longest, _coarse(trials, sizes, steps, allowed)
+        if coarse <= 1.0 or not finer or trials.resolved(sizes, steps):
+            larger, few = trials.doubled(sizes), share(trials.reduction(sizes, steps), allowed)
+            if coarse <= 1.0 or not finer:
+                tried.append(trial := trials.judge(sizes, steps))
+                if within(trial, allowed):
+                    return trial
+            if few > HALF and larger != sizes and (few >= coarse or not finer):
+                sizes = larger
+                continue
+            if not finer or few > 1.0 >= coarse:
+                return min(tried, key=lambda one: share(one.total, allowed))
+        halvings = np.ceil(np.log(coarse / HALF) / np.log(SECOND_ORDER)) if np.isfinite(coarse) else 1.0
+        steps <<= int(np.clip(halvings, 1.0, np.log2(trials.longest / steps)))
+
+
+def _coarse(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> float:
+    """Share of what is allowed that the step has; more than all of it where that is not known."""
+    size = share(trials.step(sizes, steps), allowed)
+    return size if trials.settled(sizes, steps) else max(size, 1.0 + HALF)
+
+
+def thin_out(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> Trial:
+    """A trial that is within, with as few coordinates, and then as few steps, as are within."""
+    fewest = _fewest(trials, trial, allowed)
+    for sizes in (fewest, *trials.neighbours(fewest, 1), trial.sizes):  # by its own estimate it may be a little off
+        thinner = trials.judge(sizes, trial.steps)
+        if within(thinner, allowed):
             break
-        steps = finer
-    larger = family.roomier(member)
-    if not reached and one.within(member, steps) and larger != member:
-        beside, reached = one.longest_step(larger, steps)
-        member, rung = (larger, beside) if reached else (member, rung)
-    seen = one.demand.share(one.errors.total(member, rung, steps)) if reached else None
-    return judged(one.errors, member, rung, steps, one.reasons(member, rung, steps)), seen
+    return _longest(trials, thinner, coarsest, lambda reduction, step: share(_sum(reduction, step), allowed) <= 1.0)
 
 
-def judged(errors: Errors, member: Member, rung: Rung, steps: int, reasons: tuple[str, ...]) -> Found:
-    """A choice with its errors, compared with `steps` and as its own run tells them; not yet whether it holds."""
-    estimate = errors.family.estimate(member, rung.steps)
-    of_run = {kind: 0.0 if estimate is None else estimate.of(kind) for kind in errors.demand.kinds}
-    reduction, total = errors.reduction(member, steps), errors.total(member, rung, steps)
-    step = errors.step(rung, steps)
-    return Found(
-        member=member,
-        steps=rung.steps,
-        reduction={kind: max(share, of_run[kind]) for kind, share in reduction.items()},
-        step=step,
-        total={kind: max(share, of_run[kind], step[kind]) for kind, share in total.items()},
-        holds=False,
-        reasons=reasons,
-        seconds=0.0,
-        estimate=estimate,
-        step_error=errors.family.step_error(member, rung.steps),
-    )
+def best_within(trials: Trials, budget: Budget, coarsest: int) -> Trial:
+    """The trial with the smallest error that a budget allows.
+
+    By coordinates or by the time of a step: the most that are allowed, with the longest step whose error is no more
+    than theirs.  By real time: for each step as many coordinates as there is time for.  Raises InputError if not even
+    the smallest model is within it.
+    """
+    key = "microseconds_per_step" if budget.real_time is None else "real_time"
+    if budget.coordinates is not None:
+        return _balanced(trials, _most_coordinates(trials, budget.coordinates), coarsest)
+    if budget.microseconds_per_step is not None:
+        found = _largest(trials, 1e-6 * budget.microseconds_per_step)
+        options = [] if found is None else [_balanced(trials, found, coarsest)]
+    else:
+        options = list(_in_real_time(trials, budget.real_time or 1.0, coarsest))
+    if not options:
+        took = rounded(1e6 * trials.seconds_a_step(trials.uniform(trials.least)))
+        raise InputError(
+            "scene", f"budget.{key}", getattr(budget, key), f"the smallest model takes {took} us a step here"
+        )
+    return min(options, key=lambda one: max(one.total.values()))
 
 
-def comparable(steps: int, coarse: int) -> int:
-    """So many steps, or fewer if that is more than `COMPARED`: a multiple of the coarsest number."""
-    while steps > max(coarse, COMPARED):
-        steps //= 2
-    return steps
+def reasons(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
+    """Why these coordinates and these steps, a clause each."""
+    r, steps = trial.coordinates, trial.steps
+    coarse = trials.fewest_resolved(steps)
+    if fewer := [max(trials.beside(trial, one, coarse).values()) for one in trials.neighbours(trial.sizes, -1)]:
+        yield f"{r} coordinates: with {r - 1} the reduction alone is off by {_percent(min(fewer))}"
+    else:
+        yield f"{r} coordinates: all rigid-body modes, and one mode at least"
+    if steps <= coarsest:
+        why = "would take as many parts where pads push" if trials.pushing else "don't follow path and loads"
+        yield f"{steps} steps: fewer {why}"
+    else:
+        yield (
+            f"{steps} steps: they are off by {_percent(max(trial.step.values()))}, "
+            f"and half as many by {1.0 / ROUGH:.2g} to {SECOND_ORDER:g} times as much"
+        )
 
 
-class _Search:
-    def __init__(self, errors: Errors, demand: Demand, less: float) -> None:
-        self.errors, self.demand, self.less = errors, demand, less  # so much of the tolerance is searched with
-        self.family, self.coarse = errors.family, errors.coarse
+def _fewest(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
+    """The fewest modes whose error beside the trial is within what its step leaves: of all bodies, then of each.
 
-    def within(self, member: Member, steps: int) -> bool:
-        """Whether the reduction leaves room for the step."""
-        return self.demand.share(self.errors.reduction(member, steps)) <= OF_REDUCTION * self.less
+    They are compared with the fewest steps that resolve the motion.
+    """
+    left = {kind: size - trial.step[kind] for kind, size in allowed.items()}
+    steps = trials.fewest_resolved(trial.steps)
 
-    def fewest(self, steps: int) -> Member:
-        """The member with fewest coordinates that is within; the largest one if none is."""
-        return self._without_what_it_can_spare(self._smallest(steps), steps)
+    def enough(sizes: Sizes) -> bool:
+        return share(trials.beside(trial, sizes, steps), left) <= 1.0
 
-    def _smallest(self, steps: int) -> Member:
-        """By doubling and halving: one fewer than the member found has fails."""
-        top = self.family.most
-        low, high = self.family.fewest - 1, min(max(self.family.fewest, 4), top)
-        while high < top and not self.within(self.family.member(high), steps):
-            low, high = high, min(2 * high, top)
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if self.within(self.family.member(middle), steps) else (middle, high)
-        return self.family.member(high)
+    low, high = trials.least - 1, trials.elastic(trial.sizes)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(trials.capped(trial.sizes, middle)) else (middle, high)
+    sizes = trials.capped(trial.sizes, high)
+    for body in range(len(sizes) if len(sizes) > 1 else 0):
+        while fewer := [one for one in trials.neighbours(sizes, -1) if one[body] < sizes[body] and enough(one)]:
+            sizes = fewer[0]
+    return sizes
 
-    def _without_what_it_can_spare(self, member: Member, steps: int) -> Member:
-        """With fewer coordinates of one body after the other, as long as the rest is within."""
-        for body in range(len(member.sizes)):
-            while len(fewer := self._fewer(member, body)) and self.within(fewer[0], steps):
-                member = fewer[0]
-        return member
 
-    def _fewer(self, member: Member, body: int) -> list[Member]:
-        """The member with one coordinate of a body less, if there is one."""
-        return [one for one in self.family.neighbours(member, -1) if one.sizes[body] < member.sizes[body]]
+def _longest(
+    trials: Trials,
+    trial: Trial,
+    coarsest: int,
+    suits: Callable[[Mapping[str, float], Mapping[str, float]], bool],
+) -> Trial:
+    """The trial with as few steps as errors of reduction and step suit; it is tried with half as many, and so on."""
+    while trial.steps > coarsest:
+        least = {kind: size / ROUGH for kind, size in trial.step.items()}  # of half as many steps
+        fewer = trial.steps // 2
+        if not suits(trial.reduction, least) or not suits(trial.reduction, trials.step(trial.sizes, fewer)):
+            break
+        longer = trials.judge(trial.sizes, fewer)
+        if not longer.settled or not suits(longer.reduction, longer.step):
+            break
+        trial = longer
+    return trial
 
-    def together(self, member: Member, rung: Rung, steps: int) -> bool:
-        """Whether model and step are within the tolerance together."""
-        return rung.settled and self.demand.share(self.errors.total(member, rung, steps)) <= self.less
 
-    def holds(self, member: Member, rung: Rung, steps: int) -> bool:
-        """The same, and whether the step is as the run itself says, which takes runs of its own."""
-        return self.together(member, rung, steps) and self.demand.share(self.errors.step(rung, steps)) <= 1.0
+def _balanced(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
+    """The longest step whose error is no more than that of the reduction; else the shortest that is tried."""
 
-    def longest_step(self, member: Member, at: int) -> tuple[Rung, bool]:
-        """The first rung that holds, beside the reduction's part with `at` steps, and True; else another and False.
+    def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
+        return max(step.values()) <= max(reduction.values())
 
-        Where the reduction alone is beyond the tolerance, that is the first rung whose own part is small beside it;
-        else the last one.
-        """
-        rung, alone = None, self.demand.share(self.errors.reduction(member, at))
-        for rung in rungs(self.family, member, self.coarse, self.demand.kinds):
-            if self.together(member, rung, at):
-                for one in chain(coarser(self.family, rung, self.coarse), (rung,)):
-                    if self.holds(member, one, at):
-                        return one, True
-            part = self.demand.share(self.errors.size(rung.missing, at))
-            if rung.settled and part <= SMALL * alone and (1.0 + SMALL) * self.less < alone < np.inf:
-                return rung, False
-        if rung is None:
-            raise SimulationError("no step is short enough to compute the motion with")
-        return rung, False
+    trial = trials.judge(sizes, trials.excitation.stepping.steps)
+    while not (trial.settled and suits(trial.reduction, trial.step)) and 2 * trial.steps <= trials.longest:
+        trial = trials.judge(sizes, 2 * trial.steps)
+    return _longest(trials, trial, coarsest, suits)
 
-    def reasons(self, member: Member, rung: Rung, steps: int) -> tuple[str, ...]:
-        """Why this model and this step, a clause each."""
-        return (*self._why(member, steps), *self._why_steps(rung, steps))
 
-    def _why(self, member: Member, steps: int) -> Iterator[str]:
-        r = member.coordinates
-        if fewer := self.family.neighbours(member, -1):
-            least = min(max(self.errors.reduction(one, steps).values()) for one in fewer)
-            if any(self.within(one, steps) for one in fewer):
-                yield f"{r} coordinates: fewer leave no room for the error of the step"
-            else:
-                yield f"{r} coordinates: with {r - 1} the reduction alone is off by {rounded(100.0 * least)} %"
-        else:
-            yield f"{r} coordinates: all rigid-body modes, and one mode at least"
+def _in_real_time(trials: Trials, ratio: float, coarsest: int) -> Iterator[Trial]:
+    """With each number of steps as many coordinates as there is time for."""
+    steps = coarsest
+    while steps <= trials.longest:
+        sizes = _largest(trials, trials.excitation.stepping.end / (steps * ratio))
+        if sizes is None:
+            return
+        yield trials.judge(sizes, steps)
+        steps *= 2
 
-    def _why_steps(self, rung: Rung, steps: int) -> Iterator[str]:
-        before = None
-        for one in coarser(self.family, rung, self.coarse):
-            before = one
-        if before is None:
-            fewer = "would take as many parts where pads push" if self.family.pushing else "don't follow path and loads"
-            yield f"{rung.steps} steps: fewer {fewer}"
-        else:
-            size = rounded(100.0 * max(self.errors.step(before, steps).values()))
-            yield f"{rung.steps} steps: {before.steps} are off by {size} %"
+
+def _largest(trials: Trials, seconds: float) -> Sizes | None:
+    """Most modes of each body whose step takes no more than so many seconds; None if not even the fewest do."""
+    low, high = trials.least - 1, trials.elastic(trials.most) + 1
+    middle = high - 1
+    while high - low > 1:  # all of them first: most budgets of time are generous
+        fits = trials.seconds_a_step(trials.uniform(middle)) <= seconds
+        low, high = (middle, high) if fits else (low, middle)
+        middle = (low + high) // 2
+    return trials.uniform(low) if low >= trials.least else None
+
+
+def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
+    """So many coordinates, from the smallest model on, each of the body where it helps most.
+
+    Raises InputError if motions need more than are allowed.
+    """
+    sizes, steps = trials.uniform(trials.least), trials.excitation.stepping.steps
+    if allowed < (least := trials.coordinates(sizes)) and len(sizes) > 1:
+        needed = f"at least {least} are needed: rigid-body motions, one mode of each section, those of cylinders"
+        raise InputError("scene", "budget.coordinates", allowed, needed)
+    while trials.coordinates(sizes) < allowed and (more := trials.neighbours(sizes, 1)):
+        sizes = more[0] if len(more) == 1 else min(more, key=lambda one: max(trials.reduction(one, steps).values()))
+    return sizes
+
+
+def _sum(reduction: Mapping[str, float], step: Mapping[str, float]) -> dict[str, float]:
+    """Errors of reduction and step together, by kind."""
+    return {kind: size + step[kind] for kind, size in reduction.items()}
+
+
+def _percent(fraction: float) -> str:
+    return f"{rounded(100.0 * fraction)} %"

@@ -10,7 +10,7 @@ import pytest
 from random_scenes import random_boom
 
 from pmr import scene as scenes
-from pmr.compare.accuracy import limits
+from pmr.compare.accuracy import trials
 from pmr.compare.errors import relative_error
 from pmr.compare.estimate import MARGIN
 from pmr.errors import InputError
@@ -121,7 +121,7 @@ def _apart(own: Response, fine: Response) -> float:
 @pytest.mark.slow
 def test_budgets_of_time_as_of_one_body(monkeypatch: pytest.MonkeyPatch) -> None:
     """More time a step allows more modes; a multiple of real time limits the steps."""
-    monkeypatch.setattr(limits, "TIMES", 1)  # that many times each is timed: none of these budgets is a close one
+    monkeypatch.setattr(trials, "TIMES", 1)  # that many times each is timed: none of these budgets is a close one
     common = ("compare.against=[]", "budget.mesh=false", "section.mesh.elements=9")
     rich = summary("budget.microseconds_per_step=1e6", *common)
     slow = summary("budget.real_time=1e-6", *common)

@@ -1,0 +1,295 @@
+"""Reduced models of several sizes, run with several steps, and the errors that each run states of itself.
+
+One reduction of each body with all its enrichment modes holds every smaller model (`pmr.reduced.truncation`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.booms import force_kinds_of
+from pmr.compare.estimate import MARGIN, Estimate, estimate
+from pmr.compare.halved_steps import reference_rho
+from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive
+from pmr.compare.runs import between_kinks, in_parts, outputs, recorded, run_from_start, without_rates
+from pmr.compare.step_error import StepError, step_error
+from pmr.errors import SimulationError
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import extended, truncated
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.columns import called
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.resolution import unseen
+from pmr.system.body import length_outputs, other_outputs
+from pmr.system.contacts import ALONE, named
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+Models = Mapping[str, ReducedModel]
+Sizes = tuple[int, ...]  # modes of each body
+
+#: Enrichment modes that every model keeps for its estimate, up to a quarter of all modes.
+ENRICHMENT = 4
+#: Steps of a run, at most; of several bodies, whose steps cost ten times as much.
+LONGEST, LONGEST_OF_SEVERAL = 512_000, 64_000
+#: As many steps for each of the scene's are tried anyhow; where contacts only push no more, as impacts take the same
+#: parts of a step in all.
+FINER = 4
+#: Largest error of a step, a fraction of the motion, that tells the error of the reduction.
+RESOLVED = 0.05
+#: How often the scene's step is doubled at most, and steps that a run has at least.
+COARSER, FEWEST = 6, 20
+#: Steps over which a step is timed, and how often.
+TIMED, TIMES = 4096, 3
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A model and a step with the errors of its run: fractions by kind of output, with margin, infinite if unknown."""
+
+    sizes: Sizes
+    coordinates: int  # of all bodies, modes of cylinders included
+    steps: int
+    reduction: Mapping[str, float]
+    step: Mapping[str, float]
+    settled: bool  # whether runs with shorter steps approach each other; else the step's error is at least as stated
+    estimate: Estimate | None  # the run's own estimate of its reduction's error; None if it failed
+    step_error: StepError | None  # what the run says of its step; None if it failed
+
+    @property
+    def total(self) -> dict[str, float]:
+        """Errors of reduction and step together."""
+        return {kind: size + self.step[kind] for kind, size in self.reduction.items()}
+
+
+class Trials:
+    """Runs of a system of bodies with so many modes each and so many steps; each is made once.
+
+    `models` on free modes, by body, have an estimate (`pmr.compare.estimate.no_estimate` is None); `join` makes the
+    system that is simulated of models of any size.  Errors are those in the `kinds` of outputs.
+    """
+
+    def __init__(
+        self,
+        models: Models,
+        join: Callable[[Models], System],
+        excitation: Excitation,
+        kinds: Sequence[str] = ("beam", "tip"),
+    ) -> None:
+        self.excitation, self.wanted = excitation, tuple(kinds)
+        self._join = join
+        self._wholes = {name: one if one.enrichment is None else extended(one) for name, one in models.items()}
+        self.own: Sizes = tuple(model.size for model in models.values())
+        self._rigid = [_rigid(model) for model in self._wholes.values()]
+        #: Elastic modes of every body at least, and modes of each at most.
+        self.least = int(min(self._rigid) == 0)
+        wholes = [model.size for model in self._wholes.values()]
+        self.most: Sizes = tuple(
+            max(rigid + self.least, own, whole - max(1, min(ENRICHMENT, whole // 4)))
+            for rigid, own, whole in zip(self._rigid, self.own, wholes, strict=True)
+        )
+        self._systems, self._last = dict[Sizes, System](), dict[tuple[Sizes, int], SystemTrajectory]()
+        self._estimates = dict[tuple[Sizes, int], Estimate | None]()
+        self._step_errors = dict[tuple[Sizes, int], StepError | None]()
+        self._beside = dict[tuple[Sizes, int], dict[str, float]]()
+
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of outputs that there are."""
+        alone, system = ALONE in self._wholes, self.system(self.own)
+        forces = dict.fromkeys(["pad_force"] if alone else force_kinds_of(system))
+        probes = ["probe"] * any(np.any(other_outputs(model)) for model in self._wholes.values())
+        return tuple(dict.fromkeys((*KINDS[:2], *forces, "velocity", *probes)))
+
+    @property
+    def impulsive(self) -> bool:
+        """Whether forces have no size, as those of rigid sliders at kinks; those of sections count between kinks."""
+        return ALONE in self._wholes and impulsive(self._wholes[ALONE], self.excitation)
+
+    @property
+    def pushing(self) -> bool:
+        """Whether any contact only pushes."""
+        return not np.isnan(self.system(self.own).clearance).all()
+
+    @property
+    def longest(self) -> int:
+        """Steps of a run, at most."""
+        least = FINER * self.excitation.stepping.steps
+        return least if self.pushing else max(least, LONGEST if len(self.own) == 1 else LONGEST_OF_SEVERAL)
+
+    @property
+    def places(self) -> list[tuple[str, float]]:
+        """Of each displacement its name, and where it is along its body in m."""
+        return [
+            (named(name, one), float(x))
+            for name, body in self._wholes.items()
+            for one, x in zip(called(body).moved, body.output_positions[length_outputs(body)], strict=True)
+        ]
+
+    def coarsest(self, every: float | None = None) -> int:
+        """The fewest steps, halves of the scene's, that follow path and loads; one ends `every` so many seconds.
+
+        Where rows only push they are the scene's: steps take as many parts as impacts need; longer ones save nothing.
+        """
+        steps = self.excitation.stepping.steps
+        for _ in range(0 if self.pushing else COARSER):
+            if steps % 2 or steps < 2 * FEWEST:
+                break
+            half = self.with_steps(steps // 2)
+            share = 0.0 if every is None else every / half.stepping.step
+            if abs(share - round(share)) > 1e-9 * share or unseen(half.signals, half.stepping):
+                break
+            steps //= 2
+        return steps
+
+    def with_steps(self, steps: int) -> Excitation:
+        """The same excitation on so many equal steps."""
+        given = self.excitation.stepping
+        return self.excitation.on_grid(TimeStepping(given.end, given.end / steps, given.rho_inf))
+
+    def uniform(self, elastic: int) -> Sizes:
+        """So many elastic modes of each body, as far as it has them."""
+        return self.capped(self.most, elastic)
+
+    def capped(self, sizes: Sizes, elastic: int) -> Sizes:
+        """No more than so many elastic modes of each body."""
+        return tuple(min(size, rigid + elastic) for size, rigid in zip(sizes, self._rigid, strict=True))
+
+    def elastic(self, sizes: Sizes) -> int:
+        """Elastic modes of the body that has most of them."""
+        return max(size - rigid for size, rigid in zip(sizes, self._rigid, strict=True))
+
+    def doubled(self, sizes: Sizes) -> Sizes:
+        """Twice as many elastic modes of each body, as far as it has them."""
+        of_bodies = zip(sizes, self._rigid, self.most, strict=True)
+        return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
+
+    def neighbours(self, sizes: Sizes, more: int) -> list[Sizes]:
+        """With so many modes `more`, or less, of one body each."""
+        changed = [(*sizes[:k], size + more, *sizes[k + 1 :]) for k, size in enumerate(sizes)]
+        return [
+            one for k, one in enumerate(changed) if self._rigid[k] + self.least <= one[k] <= max(self.most[k], sizes[k])
+        ]
+
+    def models(self, sizes: Sizes) -> dict[str, ReducedModel]:
+        """Models of these sizes by body; of sections without the modes of their cylinders."""
+        of_bodies = zip(self._wholes.items(), sizes, strict=True)
+        return {name: truncated(whole, size) if size < whole.size else whole for (name, whole), size in of_bodies}
+
+    def system(self, sizes: Sizes) -> System:
+        """Models of these sizes as they are simulated."""
+        if sizes not in self._systems:
+            self._systems[sizes] = self._join(self.models(sizes))
+        return self._systems[sizes]
+
+    def coordinates(self, sizes: Sizes) -> int:
+        """Coordinates of all bodies, modes of cylinders included."""
+        return sum(body.size for body in self.system(sizes).bodies.values())
+
+    def judge(self, sizes: Sizes, steps: int) -> Trial:
+        """What a run with these says of itself."""
+        reduction, step, at = self.reduction(sizes, steps), self.step(sizes, steps), (sizes, steps)
+        of_run = self._estimates[at], self._step_errors[at]
+        return Trial(sizes, self.coordinates(sizes), steps, reduction, step, self.settled(sizes, steps), *of_run)
+
+    def resolved(self, sizes: Sizes, steps: int) -> bool:
+        """Whether steps are short enough to tell whether there are too few coordinates."""
+        found = self._step_errors[sizes, steps]
+        return found is not None and found.settled and max(self.step(sizes, steps).values()) <= RESOLVED
+
+    def fewest_resolved(self, steps: int) -> int:
+        """The fewest steps up to those given that were seen to resolve the motion."""
+        return min(
+            (count for sizes, count in self._step_errors if count < steps and self.resolved(sizes, count)),
+            default=steps,
+        )
+
+    def beside(self, trial: Trial, sizes: Sizes, steps: int) -> dict[str, float]:
+        """Error of the reduction to fewer modes than a trial has, by kind, from the difference of motions with steps.
+
+        Modes that both lack move at other frequencies than those that one lacks, so the trial's own error is added as a
+        square.  Where pads push both take the same parts of a step: what counts is the reduction, not how each lands.
+        """
+        key = sizes, steps
+        if key not in self._beside:
+            excitation = self.with_steps(steps)
+            try:
+                if self.pushing:
+                    system = self.system(trial.sizes)
+                    excitation = in_parts(system, excitation, self._run(trial.sizes, steps))
+                better, fewer = (self.motion(one, excitation) for one in (trial.sizes, sizes))
+                floors = Floors.of(self.system(trial.sizes), excitation, better.force)
+                apart = differences(fewer, better, floors, self.wanted)
+                found = {kind: float(np.hypot(MARGIN * apart[kind], trial.reduction[kind])) for kind in self.wanted}
+            except SimulationError:
+                found = dict.fromkeys(self.wanted, np.inf)
+            self._beside[key] = found
+        return self._beside[key]
+
+    def reduction(self, sizes: Sizes, steps: int) -> dict[str, float]:
+        """Estimated error of the reduction by kind; that of sections' forces between kinks."""
+        if (sizes, steps) not in self._estimates:
+            try:
+                run = self._run(sizes, steps)
+                found = estimate(self.models(sizes), self.system(sizes), self.with_steps(steps), run)
+            except SimulationError:
+                found = None
+            self._estimates[sizes, steps] = found
+        errors = {} if (of_run := self._estimates[sizes, steps]) is None else of_run.errors
+        between = "" if ALONE in self._wholes else "_between_kinks"
+        return {kind: errors.get(f"{kind}{between}", errors.get(kind, np.inf)) for kind in self.wanted}
+
+    def step(self, sizes: Sizes, steps: int) -> dict[str, float]:
+        """Error of the step by kind."""
+        if (sizes, steps) not in self._step_errors:
+            system, excitation = self.system(sizes), self.with_steps(steps)
+            try:
+                run = self._run(sizes, steps) if recorded(system, excitation.stepping) else None
+                self._step_errors[sizes, steps] = step_error(system, excitation, run, self.wanted)
+            except SimulationError:
+                self._step_errors[sizes, steps] = None
+        found = self._step_errors[sizes, steps]
+        return {kind: np.inf if found is None else found.of(kind) for kind in self.wanted}
+
+    def settled(self, sizes: Sizes, steps: int) -> bool:
+        """Whether runs with shorter steps than these approach each other."""
+        found = self._step_errors[sizes, steps]
+        return found is not None and found.settled and not set(found.unsettled) & set(self.wanted)
+
+    def motion(self, sizes: Sizes, excitation: Excitation) -> Outputs:
+        """Outputs at all steps of a run; forces of sections are zero beside kinks of their extensions."""
+        system = self.system(sizes)
+        run = run_from_start(system, excitation)
+        found = outputs(system, run, excitation) if "velocity" in self.wanted else without_rates(system, run)
+        return between_kinks(system, found, excitation, excitation.times, excitation.stepping.step)
+
+    def undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, Floors]:
+        """Outputs of a run that the scheme hardly damps (`pmr.compare.halved_steps`), and what may be round-off."""
+        system, excitation = self.system(sizes), self.with_steps(steps)
+        given = excitation.stepping
+        stepping = TimeStepping(given.end, given.step, reference_rho(system, given.rho_inf))
+        found = self.motion(sizes, excitation.with_stepping(stepping))
+        return found, Floors.of(system, excitation, found.force)
+
+    def seconds_a_step(self, sizes: Sizes) -> float:
+        """Least time that `march` takes for a step, on this machine."""
+        form, excitation = SystemForm.of(self.system(sizes)), self.with_steps(TIMED)
+        return min(systems.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)) / TIMED
+
+    def _run(self, sizes: Sizes, steps: int) -> SystemTrajectory:
+        """All steps of a run; the last one is stored."""
+        if (sizes, steps) not in self._last:
+            self._last = {(sizes, steps): run_from_start(self.system(sizes), self.with_steps(steps))}
+        return self._last[sizes, steps]
+
+
+def _rigid(model: ReducedModel) -> int:
+    """Number of rigid-body modes."""
+    stiffness = np.diagonal(model.K)
+    return int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1]))
