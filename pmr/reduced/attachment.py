@@ -146,7 +146,8 @@ def with_attachment_modes(
         M = np.block([[M, G.T @ x[:, 1 : n + 1]], [x[:, 1 : n + 1].T @ G, answers.inertia[:n, :n]]])
         measured, outputs = np.hstack([measured, x[:, :n]]), np.hstack([outputs, answers.outputs[:, :n]])
     turned, stiffness = _turned(K, M)
-<<<<<<< HEAD
+    if not len(stiffness):
+        return model if answers is None else _rigid_along(model, answers)
     found, g = _extended(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
     if at_rest and model.reactions is not None:  # where forces do not depend on which inertia supports bear
         known, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
@@ -154,12 +155,6 @@ def with_attachment_modes(
             np.hstack([part[:, : model.size], none]) for part in (known.inertia, known.damping, known.stiffness)
         )
         found = replace(found, reactions=replace(known, inertia=inertia, damping=damping, stiffness=stiff))
-=======
-    if not len(stiffness):
-        return model if answers is None else _rigid_along(model, answers)
-    found = _extended(model, stiffness, measured @ turned, outputs @ turned)
-    g = G.shape[1]
->>>>>>> tolerance
     return _in_a_frame(found, model, G @ turned[:g], turned[g:])
 
 
