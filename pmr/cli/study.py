@@ -13,7 +13,7 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bars
 from rich.table import Table
 
-from pmr.cli.console import Folder, Overrides, ensure_writable, err, no_report, out, say
+from pmr.cli.console import Folder, Overrides, ensure_writable, err, no_report, out, say, tell
 from pmr.cli.console import study_file as found_file
 from pmr.errors import InputError, environment
 from pmr.errors.text import visible
@@ -154,6 +154,8 @@ def _tell(project: Project, outcome: Outcome) -> None:
         out.print(table)
         if results.is_complete and (line := part.study.summary_line(results)):
             say(out, line)
+        for hint in part.study.hints():
+            tell(out, f"warning: {hint}")
 
 
 def _tell_failures(outcome: Outcome) -> None:

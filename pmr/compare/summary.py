@@ -15,6 +15,7 @@ from pmr.errors import environment
 from pmr.errors.text import remarks
 from pmr.results import Response
 from pmr.scene import Scene
+from pmr.scene.hints import hints
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation, resolution
 from pmr.system.system import System
@@ -134,13 +135,6 @@ def reliability(missing: Mapping[str, str], responses: Mapping[str, Response]) -
 
 
 def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
-    """Motions beyond what the models' theory describes, and unusual materials."""
-    bodies = {f"sections.{part.name}." if part.name else "": part for part in scene.sections}
+    """Numbers of the scene that are not usual, and motions beyond what the models' theory describes."""
     length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
-    materials = {f"{key}body.material": body.body.material for key, body in bodies.items()} | {
-        f"{key}body.regions.{name}.material": region.material
-        for key, body in bodies.items()
-        for name, region in body.body.regions.items()
-        if region.material is not None
-    }
-    return Part(grave=[*trust.unusual(materials), *trust.large_motion(length, responses.values())])
+    return Part(grave=[*hints(scene), *trust.large_motion(length, responses.values())])
