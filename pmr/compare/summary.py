@@ -54,7 +54,7 @@ def grave(parts: Iterable[Part]) -> list[str]:
 
 
 def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
-    """What the result is of, and what it was made with: `libraries` are those beside pmr's own."""
+    """What the result is of, with hints of its numbers, and what it was made with: `libraries` beside pmr's own."""
     return Part(
         {
             "title": scene.title,
@@ -64,7 +64,8 @@ def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
             "date": environment.today(),
             "machine": environment.machine(),
             "notes": list(scene.published.remarks) if scene.published else [],
-        }
+        },
+        grave=hints(scene),
     )
 
 
@@ -135,6 +136,6 @@ def reliability(missing: Mapping[str, str], responses: Mapping[str, Response]) -
 
 
 def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
-    """Numbers of the scene that are not usual, and motions beyond what the models' theory describes."""
+    """Motions beyond what the models' theory describes."""
     length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
-    return Part(grave=[*hints(scene), *trust.large_motion(length, responses.values())])
+    return Part(grave=trust.large_motion(length, responses.values()))

@@ -90,7 +90,7 @@ class Rope(Section):
     section k-1 and ends at the tail of section k.  Of a section with an extension of its own a winch pulls it.
     """
 
-    EA: AxialStiffness = Field(
+    EA: Annotated[AxialStiffness, Usual(2e5, 5e9)] = Field(
         description="Stiffness of one strand: Young's modulus of the rope times its metallic area"
     )
     strands: Count = Field(default=1, description="Number of parallel ropes or chains")

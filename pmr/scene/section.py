@@ -80,7 +80,7 @@ SecondMoment = Annotated[float, _Positive, Quantity("m^4", 1e-26, 1e20), Usual(1
 #: What is stiffer is "rigid".
 Stiffness = Annotated[float, _Positive, Quantity("N/m", 1e-6, 1e15), Usual(2e5, 1e14)]
 PadStiffness = Annotated[Stiffness, Usual(2e6, 1e14)]
-AxialStiffness = Annotated[float, _Positive, Quantity("N", 1e-3, 1e15), Usual(2e5, 1e12)]
+AxialStiffness = Annotated[float, _Positive, Quantity("N", 1e-3, 1e15)]
 Pressure = Annotated[float, _Positive, Quantity("Pa", 1e-3, 1e18)]
 Density = Annotated[float, _Positive, Quantity("kg/m^3", 1e-9, 1e9)]
 Mass = Annotated[float, _NotNegative, Quantity("kg", 0.0, 1e12), Usual(0.05, 1e8)]

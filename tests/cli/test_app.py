@@ -168,12 +168,14 @@ BAD = [
     (["simulate", "reduced.npz"], "'--scene': scene with the path, loads and time steps; "),
     (["run"], "'SCENE': scene files"),
     (["study", "study.toml", "--jobs", "many"], "'--jobs'"),
+    (["study", "study.toml", "--jobs", "9" * 400], "'--jobs'"),
+    (["run", "boom_beam", "--set", f"loads.{'9' * 5000}.on=1.0"], "by name or number: tip force (0), gust (1)"),
     (["matrices", "/"], "STIFFNESS = '/': the name of a file is allowed"),
     (["frob"], "No such command 'frob'"),
 ]
 
 
-@pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a) for a, _ in BAD])
+@pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a)[:60] for a, _ in BAD])
 def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, monkeypatch, capsys) -> None:
     done = called(monkeypatch, capsys, *arguments)
     assert done.returncode == 2
