@@ -171,6 +171,7 @@ BAD = [
     (["study", "study.toml", "--jobs", "9" * 400], "'--jobs'"),
     (["run", "boom_beam", "--set", f"loads.{'9' * 5000}.on=1.0"], "by name or number: tip force (0), gust (1)"),
     (["matrices", "/"], "STIFFNESS = '/': the name of a file is allowed"),
+    (["--set", "a=1"], "No such option: --set"),
     (["frob"], "No such command 'frob'"),
 ]
 
