@@ -33,6 +33,14 @@ _UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # of click, or of 
 class _Commands(TyperGroup):
     """Commands whose wrong use ends in a line like any other wrong input."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if not args:
+            return super().parse_args(ctx, args)  # which prints the help
+        try:
+            return super().parse_args(ctx, args)
+        except _UsageError as error:
+            raise _refused(error, ctx) from None
+
     def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)

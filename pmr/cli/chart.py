@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pmr.cli.console import Folder, ensure_writable, out, say, scene_file
+from pmr.cli.console import MOST_JOBS, Folder, ensure_writable, out, say, scene_file
 from pmr.cli.study import study
 from pmr.errors import InputError
 
@@ -41,7 +41,8 @@ def chart(
     up_to: Annotated[float, typer.Option("--up-to", metavar="KG", help="Largest load that is looked for.")],
     out_dir: Folder = None,
     jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Worker processes.  [default: one a core]")
+        int | None,
+        typer.Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes.  [default: one a core]"),
     ] = None,
 ) -> None:
     """Compute what a boom carries at every extension and angle.

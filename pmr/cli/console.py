@@ -33,6 +33,9 @@ Folder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/NAME of the file]")
 ]
 
+#: Worker processes that one machine can start, with some files open for each.
+MOST_JOBS = 256
+
 # What is printed is text: [brackets] are no markup and :names: no pictures.
 PLAIN: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
 

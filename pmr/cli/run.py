@@ -31,7 +31,7 @@ from pmr.cli.console import (
     scene_file,
     tell,
 )
-from pmr.errors import InputError, environment
+from pmr.errors import ConvergenceError, InputError, SimulationError, environment
 from pmr.errors.text import duration, visible
 from pmr.files.swap import fresh, removed
 
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from pmr.pipeline import Outcome
     from pmr.report.beside import Beside
     from pmr.report.marks import Row
+    from pmr.scene import Scene
 
 QUIET = 10.0  # s before which a run prints no stages where there is no terminal: short runs print results alone
 NAMES = 28  # letters on a line of what a figure is called
@@ -151,7 +152,11 @@ def run(
                         aside=aside,
                     )
                 except InputError as error:
+                    _tell_hints(scene)
                     raise error.found_in(str(file)) from None
+                except (SimulationError, ConvergenceError):
+                    _tell_hints(scene)
+                    raise
                 except (np.linalg.LinAlgError, ArithmeticError) as error:
                     allowed = f"sizes, stiffnesses and masses that double precision can carry are allowed ({error})"
                     raise InputError(str(file), "", None, allowed) from None
@@ -171,6 +176,14 @@ def run(
                     leave(no_report(error, folder), 1)
             say(out, f"report  {written.html}")
             say(out, f"        {written.pdf}")
+
+
+def _tell_hints(scene: Scene) -> None:
+    """Name numbers of a scene that are not usual, where its run fails: they may be why."""
+    from pmr.scene.hints import hints
+
+    for hint in hints(scene) if rank() == 0 else ():
+        tell(err, f"warning: {hint}")
 
 
 def _save(folder: Path, of_all: Path, report: Beside, outcome: Outcome) -> None:

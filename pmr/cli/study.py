@@ -15,7 +15,7 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bars
 from rich.table import Table
 
-from pmr.cli.console import Folder, Overrides, ensure_writable, err, no_report, out, say, tell
+from pmr.cli.console import MOST_JOBS, Folder, Overrides, ensure_writable, err, no_report, out, say, tell
 from pmr.cli.console import study_file as found_file
 from pmr.errors import InputError, environment
 from pmr.errors.text import visible
@@ -41,7 +41,8 @@ def study(
     ],
     out_dir: Folder = None,
     jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Worker processes.  [default: one a core]")
+        int | None,
+        typer.Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes.  [default: one a core]"),
     ] = None,
     overrides: Overrides = None,
     only: Annotated[
@@ -175,6 +176,8 @@ def _tell(project: Project, outcome: Outcome) -> None:
             say(out, line)
         for warning in results.warnings:
             tell(out, f"warning: {warning.line(len(results.runs))}")
+        for hint in part.study.hints():
+            tell(out, f"warning: {hint}")
 
 
 def _tell_failures(outcome: Outcome) -> None:

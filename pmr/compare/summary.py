@@ -15,6 +15,7 @@ from pmr.errors import environment
 from pmr.errors.text import remarks
 from pmr.results import Response
 from pmr.scene import Scene
+from pmr.scene.hints import hints
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation, resolution
 from pmr.system.system import System
@@ -53,7 +54,7 @@ def grave(parts: Iterable[Part]) -> list[str]:
 
 
 def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
-    """What the result is of, and what it was made with: `libraries` are those beside pmr's own."""
+    """What the result is of, with hints of its numbers, and what it was made with: `libraries` beside pmr's own."""
     return Part(
         {
             "title": scene.title,
@@ -63,7 +64,8 @@ def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
             "date": environment.today(),
             "machine": environment.machine(),
             "notes": list(scene.published.remarks) if scene.published else [],
-        }
+        },
+        grave=hints(scene),
     )
 
 
@@ -134,18 +136,6 @@ def reliability(missing: Mapping[str, str], responses: Mapping[str, Response]) -
 
 
 def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
-    """Motions beyond what the models' theory describes, and unusual materials."""
+    """Motions beyond what the models' theory describes."""
     length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
-    return Part(grave=[*unusual_materials(scene), *trust.large_motion(length, responses.values())])
-
-
-def unusual_materials(scene: Scene) -> list[str]:
-    """A line for each property of a material that nothing has which is built with."""
-    bodies = {f"sections.{part.name}." if part.name else "": part for part in scene.sections}
-    materials = {f"{key}body.material": body.body.material for key, body in bodies.items()} | {
-        f"{key}body.regions.{name}.material": region.material
-        for key, body in bodies.items()
-        for name, region in body.body.regions.items()
-        if region.material is not None
-    }
-    return trust.unusual(materials)
+    return Part(grave=trust.large_motion(length, responses.values()))

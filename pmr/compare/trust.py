@@ -1,4 +1,4 @@
-"""Whether a response can be trusted: references, where the theory ends, and materials in other units than SI."""
+"""Whether a response can be trusted: references, and where the theory ends."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pmr.compare.ringing import ALTERNATES, CAUSES, REMEDY, RINGING, alternating, ringing
 from pmr.errors.text import rounded
 from pmr.results import Response
-from pmr.scene.structures import Material
 from pmr.simulation.balance import NOTABLE, described
 
 Array = NDArray[np.float64]
@@ -57,8 +56,6 @@ def doubted(reduced: Response) -> list[str]:
     return found
 
 
-#: What structures are made of, from soft rubber and foam to diamond and osmium, with the unit and the value of steel.
-USUAL = {"young": (1e6, 2e12, "Pa", "210e9"), "density": (20.0, 25e3, "kg/m^3", "7850")}
 SMALL = 0.1  # of the body's length: a tip's path is then shortened by about half a per cent of it
 
 
@@ -71,17 +68,3 @@ def large_motion(length: float, responses: Iterable[Response]) -> list[str]:
         f"the largest displacement, {largest:.3g} m, is {largest / length:.2g} times the body's length: "
         f"beyond {SMALL:g} times the theory of small motions does not hold"
     ]
-
-
-def unusual(materials: Mapping[str, Material]) -> list[str]:
-    """A line for each property, by the key of its material, that nothing has which is built with: a unit, mostly."""
-    said = []
-    for key, material in materials.items():
-        for name, (low, high, unit, steel) in USUAL.items():
-            value = getattr(material, name)
-            if not low <= value <= high:
-                said.append(
-                    f"{key}.{name} = {value:g} {unit}: no structure is of such a material; is it in {unit}? "
-                    f"Steel has {steel}"
-                )
-    return said

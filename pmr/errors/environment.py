@@ -103,6 +103,15 @@ def check_temporary() -> None:
             raise InputError("environment", key, folder, allowed) from None
 
 
+def check_current_folder() -> None:
+    """Raise InputError where the current folder was removed: names of files lead nowhere, and PETSc does not start."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        allowed = f"a folder that is there is allowed ({error.strerror}); `cd` into one"
+        raise InputError("environment", "the current folder", None, allowed) from None
+
+
 def collected_seldom() -> None:
     """Keep what is loaded for good, and look for garbage that holds itself after 10,000 new objects, not 700.
 

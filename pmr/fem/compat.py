@@ -29,7 +29,7 @@ from types import ModuleType
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from pmr.errors.environment import check_temporary, launched, unlaunched
+from pmr.errors.environment import check_current_folder, check_temporary, launched, unlaunched
 
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
@@ -39,6 +39,7 @@ HAS_PETSC = all(find_spec(name) is not None for name in ("petsc4py", "slepc4py",
 
 if HAS_PETSC:
     check_temporary()  # Open MPI says pages where it has no room
+    check_current_folder()
     import petsc4py
 
     # PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.

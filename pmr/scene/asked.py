@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, field_validator, model_validator
 
 from pmr.scene.offered import AS_WORD, or_offered
 from pmr.scene.section import (
@@ -24,6 +25,7 @@ from pmr.scene.section import (
     Share,
     Switch,
     Time,
+    Usual,
 )
 
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
@@ -65,11 +67,20 @@ class Damping(Section):
         default=0.0, description="Factor of the stiffness matrix K in D"
     )
 
-    @model_validator(mode="before")
+    @cached_property
+    def written_ratio(self) -> float:
+        """The damping ratio as a file says it; 0 where it says mass and stiffness."""
+        return 0.0
+
+    @property
+    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
+        return {"ratio": (self.written_ratio, Usual(0.0, 0.3, unit="1"))}
+
+    @model_validator(mode="wrap")
     @classmethod
-    def _ratio(cls, data: Any) -> Any:
+    def _ratio(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
-            return data
+            return handler(data)
         try:
             ratio, (first, second) = float(data["ratio"]), map(float, data["frequencies"])
             fits = set(data) == {"ratio", "frequencies"} and ratio >= 0.0 and 0.0 < first < second < math.inf
@@ -78,14 +89,18 @@ class Damping(Section):
         if not fits:
             raise ValueError("ratio with two ascending frequencies in Hz, or mass and stiffness, are allowed")
         one, two = 2.0 * math.pi * first, 2.0 * math.pi * second
-        return {"mass": 2.0 * ratio * one * two / (one + two), "stiffness": 2.0 * ratio / (one + two)}
+        damping = handler({"mass": 2.0 * ratio * one * two / (one + two), "stiffness": 2.0 * ratio / (one + two)})
+        vars(damping)["written_ratio"] = ratio  # no field: equal dampings are equal
+        return damping
 
 
 class TimeChoice(Section):
     """Generalized-alpha, index 3, constant step."""
 
-    end: Annotated[float, Field(gt=0.0, strict=True), Quantity("s", 1e-9, 1e9)] = Field(description="Simulated time")
-    step: Time = Field(description="Time step")
+    end: Annotated[float, Field(gt=0.0, strict=True), Quantity("s", 1e-9, 1e9), Usual(1e-4, 4e3)] = Field(
+        description="Simulated time"
+    )
+    step: Annotated[Time, Usual(1e-9, 0.5)] = Field(description="Time step")
     rho_inf: Annotated[float, Field(ge=0.0, le=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
         default=0.9,
         description="Spectral radius of generalized-alpha at infinite frequency: 1 has no numerical damping",
@@ -159,8 +174,10 @@ class Fatigue(Section):
     """Fatigue damage at each probe that measures stress, from an S-N line and the number of simulated cycles."""
 
     slope: Positive = Field(description="Exponent m of the S-N line, N proportional to range^-m")
-    reference: Pressure = Field(description="Stress range that is endured 2e6 times")
-    cut_off: Pressure | None = Field(default=None, description="Stress range below which a cycle does no damage")
+    reference: Annotated[Pressure, Usual(2e5, 1e10)] = Field(description="Stress range that is endured 2e6 times")
+    cut_off: Annotated[Pressure, Usual(2e5, 1e10)] | None = Field(
+        default=None, description="Stress range below which a cycle does no damage"
+    )
     cycles: Positive = Field(default=1.0, description="How often the simulated cycle occurs")
     spectrum: tuple[Repeated, ...] = Field(
         default=(),
@@ -312,13 +329,10 @@ class Compare(Section):
 
 class _Ordered(Section):
     outputs: tuple[OutputKind, ...] = Field(
-        default=("beam", "tip"),
-        min_length=1,
-        description="Outputs whose errors have to be small enough",
+        default=("beam", "tip"), min_length=1, description="Outputs whose errors have to be small enough"
     )
     mesh: Switch = Field(
-        default=True,
-        description="Whether the error of the mesh is included, estimated with a second mesh",
+        default=True, description="Whether the error of the mesh is included, estimated with a second mesh"
     )
 
 
@@ -329,7 +343,7 @@ class Accuracy(_Ordered):
     the mesh is included; a second mesh measures it.  The search for a step begins at `time.step`.
     """
 
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0), Usual(0.0, 0.3)] = Field(
         description="Allowed error as a fraction"
     )
 

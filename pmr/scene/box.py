@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from pmr.scene.plates import Face, Half
 from pmr.scene.profile import BoxProfile, Cut, WallName
 from pmr.scene.refusals import of_key
-from pmr.scene.section import Distance, Length, Section, Size
+from pmr.scene.section import Distance, Length, Section, Size, Thickness, Usual
 
 #: Places along a box are that far apart, as a share of its length: beams on shorter elements lose their digits.
 APART = 1e-3
@@ -25,7 +25,7 @@ class Doubler(Section):
 
     start: Distance = Field(description="Where the plates begin along x")
     end: Length = Field(description="Where the plates end along x")
-    thickness: Length = Field(description="Thickness of the plates")
+    thickness: Thickness = Field(description="Thickness of the plates")
     faces: tuple[Face, ...] | None = Field(
         default=None,
         min_length=1,
@@ -40,9 +40,11 @@ class Taper(Section):
     """
 
     length: Length = Field(description="Length over which the profile changes, up to the end")
-    width: Length | None = Field(default=None, description="Width at the end, along y")
-    height: Length | None = Field(default=None, description="Height at the end, along z")
-    wall: Length | dict[WallName, Length] | None = Field(default=None, description="Thickness of the walls at the end")
+    width: Annotated[Length, Usual(0.002, 10.0)] | None = Field(default=None, description="Width at the end, along y")
+    height: Annotated[Length, Usual(0.002, 10.0)] | None = Field(default=None, description="Height at the end, along z")
+    wall: Thickness | dict[WallName, Thickness] | None = Field(
+        default=None, description="Thickness of the walls at the end"
+    )
     radius: Distance | dict[Half, Distance] | None = Field(default=None, description="Radius of the corners at the end")
     chamfer: Distance | Cut | dict[Half, Distance | Cut] | None = Field(
         default=None, description="What is cut off the corners at the end"
@@ -103,7 +105,7 @@ class Box(BoxProfile):
     frame_depth: Distance | Literal["full"] = Field(
         default=0.0, description="How far these plates reach inwards from the wall; full: they close the section"
     )
-    frame_thickness: Length | None = Field(
+    frame_thickness: Thickness | None = Field(
         default=None, description="Thickness of these plates, by default that of the thickest wall"
     )
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
 
 from pmr.scene.box import Box
 from pmr.scene.offered import AS_WORD, or_offered
@@ -21,12 +22,15 @@ from pmr.scene.section import (
     Length,
     Name,
     NameOrNone,
+    PadStiffness,
     Place,
     Quantity,
     Section,
     Size,
     Stiffness,
     Switch,
+    Thickness,
+    Usual,
     Vector,
 )
 from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
@@ -53,7 +57,7 @@ class Region(Section):
     """Material and thickness of a named region of the mesh, where they differ from the rest."""
 
     material: Material | None = Field(default=None, description="Material of the region")
-    thickness: Length | None = Field(default=None, description="Thickness of the region, in a shell")
+    thickness: Thickness | None = Field(default=None, description="Thickness of the region, in a shell")
 
 
 class Body(Section):
@@ -69,7 +73,7 @@ class Body(Section):
     material: Material = Field(default=Material(), description="Material, except in regions that have their own")
     box: Box | None = Field(default=None, description="A box boom by its dimensions")
     profile: Profile | None = Field(default=None, description="A planar beam by its stiffnesses")
-    thickness: Length | None = Field(default=None, description="Thickness of a shell whose mesh is read from a file")
+    thickness: Thickness | None = Field(default=None, description="Thickness of a shell whose mesh is read from a file")
     regions: dict[Name, Region] = Field(
         default={},
         description="Named regions of the mesh with a material or thickness of their own",
@@ -109,8 +113,12 @@ class MeshChoice(Section):
     (+y) and right.
     """
 
-    size: Size = Field(default=0.1, description="Edge length of cells along the circumference of the section")
-    along: Size | None = Field(default=None, description="Edge length of cells along the axis (by default as `size`)")
+    size: Annotated[Size, Usual(0.0, 1.0, "length")] = Field(
+        default=0.1, description="Edge length of cells along the circumference of the section"
+    )
+    along: Annotated[Size, Usual(0.0, 1.0, "length")] | None = Field(
+        default=None, description="Edge length of cells along the axis (by default as `size`)"
+    )
     tail_layer: Distance = Field(
         default=0.0,
         description="Length of the first layer of cells at the tail; 0: regular layers",
@@ -182,7 +190,7 @@ class Slider(Section):
     excess is cut off.
     """
 
-    path: Signal = Field(description="Path s over time, in m")
+    path: Annotated[Signal, Usual(0.0, 2.0, "length", "m")] = Field(description="Path s over time, in m")
     offsets: tuple[Place, ...] | None = Field(
         default=None,
         min_length=1,
@@ -212,14 +220,14 @@ class PadRing(Section):
         default=False,
         description="Whether the pads move along the body, as those at the mouth of the next section do",
     )
-    faces: Annotated[dict[Face, tuple[Place, ...]], Field(min_length=1)] = Field(
+    faces: Annotated[dict[Face, tuple[Place, ...]], Field(min_length=1), Usual(0.0, 5.0)] = Field(
         description="Places of the pads across each face, by the face's name",
     )
-    length: Length = Field(default=0.3, description="Length of a pad along the axis")
-    width: Length = Field(default=0.08, description="Width of a pad across the face")
-    stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
+    length: Annotated[Length, Usual(0.001, 5.0)] = Field(default=0.3, description="Length of a pad along the axis")
+    width: Annotated[Length, Usual(0.001, 3.0)] = Field(default=0.08, description="Width of a pad across the face")
+    stiffness: PadStiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
     unilateral: Switch = Field(default=False, description="Whether pads only push, and lift off where they would pull")
-    clearance: Distance | dict[Face, Distance] = Field(
+    clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
         default=0.0, description="Gap between pads that only push and the undeformed body, of all faces or by face"
     )
 
@@ -268,7 +276,14 @@ class Load(Section):
         description="Axes in which `direction` is given: those of the boom, or in a frame those of the ground, z "
         "upwards and x where the boom points unslewed",
     )
-    signal: Signal = Field(description="Force in N or moment in N m over time")
+    signal: Annotated[Signal, Usual(1e-3, 1e4, "force", "N"), Usual(1e-4, 1e4, "moment", "N m")] = Field(
+        description="Force in N or moment in N m over time"
+    )
+
+    def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        if self.direction.startswith("r"):
+            return {"moment": scales.get("weight", 0.0) * scales.get("length", 0.0)}
+        return {"force": scales.get("weight", 0.0)}
 
 
 def _or_inclination(schema: dict[str, Any]) -> None:
@@ -289,28 +304,39 @@ class Gravity(Section):
 
     model_config = ConfigDict(json_schema_extra=_or_inclination)
 
-    acceleration: Annotated[float, Field(gt=0.0, strict=True), Quantity("m/s^2", 1e-9, 1e6)] = Field(
+    acceleration: Annotated[float, Field(gt=0.0, strict=True), Quantity("m/s^2", 1e-9, 1e6), Usual(1.2, 30.0)] = Field(
         default=GRAVITY, description="Acceleration of free fall"
     )
     direction: Annotated[Vector, AfterValidator(unit_vector)] = Field(
         default=(0.0, 0.0, -1.0), description="Direction of the weight; its length does not count"
     )
-    rise: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e9)] = Field(
+    rise: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e9), Usual(0.0, 200.0)] = Field(
         default=1.0,
         description="Time within which the weight rises smoothly from zero (by default 0 where `start` is equilibrium)",
     )
 
-    @model_validator(mode="before")
+    @cached_property
+    def written_inclination(self) -> float:
+        """In degrees, as a file says it; 0 where it says a direction."""
+        return 0.0
+
+    @property
+    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
+        return {"inclination": (self.written_inclination, Usual(1.6, 90.0, unit="degrees"))}
+
+    @model_validator(mode="wrap")
     @classmethod
-    def _inclined(cls, data: Any) -> Any:
+    def _inclined(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         if not (isinstance(data, dict) and "inclination" in data):
-            return data
+            return handler(data)
         rest, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]
         is_number = isinstance(angle, (int, float)) and not isinstance(angle, bool)
         if "direction" in rest or not is_number or not -90.0 <= angle <= 90.0:
             raise of_key("inclination", angle, "a number from -90 to 90 in degrees, or direction, is allowed")
         radians = math.radians(angle)
-        return rest | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))}
+        gravity = handler(rest | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))})
+        vars(gravity)["written_inclination"] = float(angle)  # no field: equal gravities are equal
+        return gravity
 
     @property
     def raised(self) -> float:

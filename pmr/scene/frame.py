@@ -14,7 +14,8 @@ where the boom points at a slewing angle of 0.
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,11 +25,15 @@ from pmr.errors import InputError
 from pmr.scene.joints import Linear
 from pmr.scene.machine import DIRECTIONS, Machine
 from pmr.scene.refusals import of_key
-from pmr.scene.section import Place, Point, Section, Switch
+from pmr.scene.section import Place, Point, Section, Switch, Usual
 from pmr.scene.signals import Constant, Signal, SignalBase
 
 #: An angle of more than a turn, in rad, is more likely meant in degrees.
 TURN = 2.0 * np.pi
+#: What is usual of motions of the frame: its angles where they are in rad, and where in degrees.
+SHAKEN, MOVED = Usual(1e-3, 100.0, unit="m/s^2"), Usual(0.0, 1e3, unit="m")
+ROCKED, TURNED = Usual(0.0, 2.0, "rad", "rad"), Usual(0.0, 40.0, "rad", "rad")
+RAISED, SLEWED = Usual(1.6, np.inf, "degrees", "degrees"), Usual(3.2, np.inf, "degrees", "degrees")
 #: What inputs are called that accelerate a body with the frame, before the field: ``inertia x``, ``inertia zx``.
 INERTIA = "inertia "
 #: What such an input is.
@@ -38,23 +43,35 @@ MINUS_THE_ACCELERATION = "minus the acceleration of the frame, weight included"
 class GroundAcceleration(Section):
     """Recorded acceleration of the base."""
 
-    x: Signal | None = Field(default=None, description="Acceleration along X of the ground, in m/s^2")
-    y: Signal | None = Field(default=None, description="Acceleration along Y of the ground, in m/s^2")
-    z: Signal | None = Field(default=None, description="Acceleration upwards, in m/s^2")
+    x: Annotated[Signal, SHAKEN] | None = Field(
+        default=None, description="Acceleration along X of the ground, in m/s^2"
+    )
+    y: Annotated[Signal, SHAKEN] | None = Field(
+        default=None, description="Acceleration along Y of the ground, in m/s^2"
+    )
+    z: Annotated[Signal, SHAKEN] | None = Field(default=None, description="Acceleration upwards, in m/s^2")
 
 
 class BaseMotion(Section):
     """Motion of the machine below the pivot: an earthquake, a travelling truck, a ship."""
 
-    x: Signal | None = Field(default=None, description="Displacement of the pivot along X of the ground, in m")
-    y: Signal | None = Field(default=None, description="Displacement of the pivot along Y of the ground, in m")
-    z: Signal | None = Field(default=None, description="Displacement of the pivot upwards, in m")
-    rx: Signal | None = Field(default=None, description="Roll angle of the base, about its X, in frame.unit")
-    ry: Signal | None = Field(
+    x: Annotated[Signal, MOVED] | None = Field(
+        default=None, description="Displacement of the pivot along X of the ground, in m"
+    )
+    y: Annotated[Signal, MOVED] | None = Field(
+        default=None, description="Displacement of the pivot along Y of the ground, in m"
+    )
+    z: Annotated[Signal, MOVED] | None = Field(default=None, description="Displacement of the pivot upwards, in m")
+    rx: Annotated[Signal, ROCKED] | None = Field(
+        default=None, description="Roll angle of the base, about its X, in frame.unit"
+    )
+    ry: Annotated[Signal, ROCKED] | None = Field(
         default=None,
         description="Pitch angle of the base, about its Y, in frame.unit; positive lowers the boom",
     )
-    rz: Signal | None = Field(default=None, description="Yaw angle of the base, about its Z, in frame.unit")
+    rz: Annotated[Signal, TURNED] | None = Field(
+        default=None, description="Yaw angle of the base, about its Z, in frame.unit"
+    )
     acceleration: GroundAcceleration = Field(
         default=GroundAcceleration(),
         description="Recorded acceleration of the pivot, added to the motion by x, y and z",
@@ -87,8 +104,12 @@ class LuffingCylinder(Section):
     :math:`\mathfrak M` of the boom about the pivot with the force :math:`\mathfrak M / (dL / d\varphi)`.
     """
 
-    foot: tuple[Place, Place] = Field(description="Hinge on the machine; it slews with the boom and does not luff")
-    lug: tuple[Place, Place] = Field(description="Hinge on the boom, in the axes of the boom")
+    foot: Annotated[tuple[Place, Place], Usual(0.0, 2.0, "reach")] = Field(
+        description="Hinge on the machine; it slews with the boom and does not luff"
+    )
+    lug: Annotated[tuple[Place, Place], Usual(0.0, 2.0, "reach")] = Field(
+        description="Hinge on the boom, in the axes of the boom"
+    )
 
     def raised(self, angle: ArrayLike) -> NDArray[np.float64]:
         """The lug at luffing angles (...) in rad, (..., 2) m along the axes of the foot."""
@@ -114,11 +135,15 @@ class LuffingCylinder(Section):
 class Frame(Section):
     """A frame that luffs and slews about a pivot: the whole boom moves with it, and gravity keeps pointing down."""
 
-    pivot: Point | None = Field(
+    pivot: Annotated[Point, Usual(0.0, 5.0, "reach")] | None = Field(
         default=None, description="Position of the base's tail relative to the pivot, in the axes of the boom"
     )
-    luffing: Signal | None = Field(default=None, description="Luffing angle over time: how far the boom is raised")
-    slewing: Signal | None = Field(default=None, description="Slewing angle over time, about the upward vertical")
+    luffing: Annotated[Signal, ROCKED, RAISED] | None = Field(
+        default=None, description="Luffing angle over time: how far the boom is raised"
+    )
+    slewing: Annotated[Signal, TURNED, SLEWED] | None = Field(
+        default=None, description="Slewing angle over time, about the upward vertical"
+    )
     unit: Literal["rad", "degrees"] = Field(default="rad", description="Unit of all angles")
     base: BaseMotion | None = Field(default=None, description="Motion of the machine below the pivot")
     machine: Machine | None = Field(
@@ -140,6 +165,9 @@ class Frame(Section):
         if self.pivot is None:
             raise of_key("pivot", None, "a place is needed, [0.0, 0.0, 0.0] for a base whose tail is at the pivot")
         return self
+
+    def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        return {self.unit: 1.0}
 
     @property
     def place(self) -> tuple[float, float, float]:

@@ -16,12 +16,14 @@ from pmr.scene.section import (
     Friction,
     Length,
     NameOrNone,
+    PadStiffness,
     Place,
     Quantity,
     Section,
     Size,
     Stiffness,
     Switch,
+    Usual,
 )
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats, Strand
@@ -39,15 +41,15 @@ class JointPads(Section):
 
     name: NameOrNone = Field(default="", description="Name of the ring, where one end has several")
     at: Distance = Field(description="Distance of the pads' centre from the tail, or from the mouth")
-    faces: dict[Face, tuple[Place, ...]] | None = Field(
+    faces: Annotated[dict[Face, tuple[Place, ...]], Usual(0.0, 5.0)] | None = Field(
         default=None,
         description="Places of the pads across each face, by its name; none: a point on the axis of planar beams",
     )
-    length: Size = Field(default=0.3, description="Length of a pad along the axis")
-    width: Size = Field(default=0.08, description="Width of a pad across the face")
-    stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
+    length: Annotated[Size, Usual(0.001, 5.0)] = Field(default=0.3, description="Length of a pad along the axis")
+    width: Annotated[Size, Usual(0.001, 3.0)] = Field(default=0.08, description="Width of a pad across the face")
+    stiffness: PadStiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
     unilateral: Switch = Field(default=True, description="Whether pads only push, and lift off where they would pull")
-    clearance: Distance | dict[Face, Distance] = Field(
+    clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
         default=0.0, description="Gap between pads that only push and the undeformed section, of all faces or by face"
     )
     friction: Friction = Field(
@@ -89,11 +91,11 @@ class Rope(Section):
     section k-1 and ends at the tail of section k.  Of a section with an extension of its own a winch pulls it.
     """
 
-    EA: AxialStiffness = Field(
+    EA: Annotated[AxialStiffness, Usual(2e5, 5e9)] = Field(
         description="Stiffness of one strand: Young's modulus of the rope times its metallic area"
     )
     strands: Count = Field(default=1, description="Number of parallel ropes or chains")
-    length: Length | None = Field(
+    length: Annotated[Length, Usual(0.0, 30.0, "reach")] | None = Field(
         default=None,
         description="Length of a strand under tension where this extension is 0 (of a section that follows by default "
         "from the geometry of the sections)",
@@ -106,11 +108,11 @@ class Rope(Section):
 class Joint(Section):
     """Joint in which a section slides in the next outer one: by `extension`, `overlap`, or as it `follows` another."""
 
-    extension: Signal | None = Field(
+    extension: Annotated[Signal, Usual(0.0, 2.0, "reach", "m")] | None = Field(
         default=None,
         description="Distance of this section's tail ahead of the tail of the next outer section, over time, in m",
     )
-    overlap: Signal | None = Field(
+    overlap: Annotated[Signal, Usual(0.0, 2.0, "reach", "m")] | None = Field(
         default=None,
         description="Length of this section inside the next outer one, over time, in m; in place of `extension`",
     )
@@ -121,7 +123,9 @@ class Joint(Section):
     ratio: Annotated[float, Field(strict=True), Quantity("1", -1e3, 1e3)] = Field(
         default=1.0, description="Ratio of this extension to that of the section it follows"
     )
-    offset: Place = Field(default=0.0, description="This extension where that of the section it follows is zero")
+    offset: Annotated[Place, Usual(0.0, 2.0, "reach")] = Field(
+        default=0.0, description="This extension where that of the section it follows is zero"
+    )
     tail: tuple[JointPads, ...] = Field(min_length=1, description="Pads that travel with this section's tail")
     mouth: tuple[JointPads, ...] = Field(min_length=1, description="Pads at the mouth of the next outer section")
     cylinder: Cylinder = Field(

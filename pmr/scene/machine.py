@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from pmr.scene.refusals import of_key
-from pmr.scene.section import Direction, Inertia, Mass, Point, Quantity, Section
+from pmr.scene.section import Direction, Mass, Point, Quantity, Section, Usual
 from pmr.scene.signals import Signal, SignalBase
+from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
 #: Directions in which a machine moves, as `[frame.base]` has them: of the pivot, then roll, pitch and yaw.
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
@@ -29,12 +31,12 @@ class _ByDirection(Section):
 class Springs(_ByDirection):
     """Between the machine and what it stands on, whose motion `[frame.base]` has; angles are roll, pitch and yaw."""
 
-    x: Spring = Field(default=0.0, description="Along X of the ground")
-    y: Spring = Field(default=0.0, description="Along Y of the ground")
-    z: Spring = Field(default=0.0, description="Upwards")
-    rx: Spring = Field(default=0.0, description="Of roll")
-    ry: Spring = Field(default=0.0, description="Of pitch")
-    rz: Spring = Field(default=0.0, description="Of yaw")
+    x: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Along X of the ground")
+    y: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Along Y of the ground")
+    z: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Upwards")
+    rx: Annotated[Spring, Usual(2e3, 1e15, unit="N m")] = Field(default=0.0, description="Of roll")
+    ry: Annotated[Spring, Usual(2e3, 1e15, unit="N m")] = Field(default=0.0, description="Of pitch")
+    rz: Annotated[Spring, Usual(2e3, 1e15, unit="N m")] = Field(default=0.0, description="Of yaw")
 
 
 class Dampers(_ByDirection):
@@ -86,9 +88,11 @@ class OnMachine(Section):
 class Machine(Section):
     """A rigid body that carries the pivot: a chassis, a ship, a cart."""
 
-    mass: Mass = Field(description="Without the boom")
-    center: Point = Field(default=(0.0, 0.0, 0.0), description="Of its mass, from the pivot along axes of the machine")
-    inertia: tuple[Inertia, Inertia, Inertia] = Field(
+    mass: Annotated[Mass, Usual(0.2, 1e6, "boom")] = Field(description="Without the boom")
+    center: Annotated[Point, Usual(0.0, 3.0, "reach")] = Field(
+        default=(0.0, 0.0, 0.0), description="Of its mass, from the pivot along axes of the machine"
+    )
+    inertia: PrincipalMoments = Field(
         default=(0.0, 0.0, 0.0), description="About its centre of mass, about axes of the machine"
     )
     free: tuple[Direction, ...] = Field(
@@ -103,6 +107,8 @@ class Machine(Section):
 
     @model_validator(mode="after")
     def _of_free_directions(self) -> Self:
+        if not is_inertia(self.inertia):
+            raise of_key("inertia", list(self.inertia), ALLOWED_INERTIA)
         if len(set(self.free)) < len(self.free):
             raise of_key("free", list(self.free), "each direction once is allowed")
         for key in ("stiffness", "damping", "start", "rate"):
@@ -110,6 +116,9 @@ class Machine(Section):
                 if direction not in self.free:
                     raise of_key(f"{key}.{direction}", value, f"one of free is allowed: {list(self.free)}")
         return self
+
+    def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        return {"inertia": self.mass * scales["reach"] ** 2}
 
     def is_sprung(self, direction: str) -> bool:
         """Whether a spring or a damper holds it."""

@@ -19,14 +19,14 @@ and right, upwards on slanted faces.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from pmr.scene.plates import FACES, Corner, Edge, Face, Half, Pair, Side, corners_of, sides_of
 from pmr.scene.refusals import of_key
-from pmr.scene.section import Distance, Length, Section
+from pmr.scene.section import Distance, Length, Section, Thickness, Usual
 
 WallName = Literal["sides", Face]
 Cut = tuple[Distance, Distance]
@@ -38,16 +38,16 @@ NOTHING = 1e-9
 class BoxProfile(Section):
     """A closed profile of plates, by the dimensions of its mid-surface; width along y, height along z."""
 
-    width: Length = Field(description="Width along y")
-    height: Length = Field(description="Height along z")
-    wall: Length | dict[WallName, Length] = Field(
+    width: Annotated[Length, Usual(0.002, 10.0)] = Field(description="Width along y")
+    height: Annotated[Length, Usual(0.002, 10.0)] = Field(description="Height along z")
+    wall: Thickness | dict[WallName, Thickness] = Field(
         description="Thickness of the walls: one for all, or by face. `bottom` and `top` include their slanted plates "
         "and rounded corners, `sides` are left and right, in m"
     )
-    radius: Distance | dict[Half, Distance] = Field(
+    radius: Annotated[Distance | dict[Half, Distance], Usual(0.0, 5.0)] = Field(
         default=0.0, description="Radius of the corners: one for all, or by `bottom` and `top`, in m"
     )
-    chamfer: Distance | Cut | dict[Half, Distance | Cut] = Field(
+    chamfer: Annotated[Distance | Cut | dict[Half, Distance | Cut], Usual(0.0, 5.0)] = Field(
         default=0.0,
         description="Size of the chamfers, for all or by `bottom` and `top`: one number, or along y and z, in m",
     )

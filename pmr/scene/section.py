@@ -6,7 +6,7 @@ lies beyond is a slip of the pen, and ends in figures that mean nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from os.path import isfile
@@ -19,7 +19,35 @@ from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name, no_file, visible
 
 
-class Section(BaseModel):
+@dataclass(frozen=True)
+class Usual:
+    """Smallest and largest usual magnitude of a number that is not 0, in its unit or in multiples of a scale.
+
+    Scales have names: "length", "mass" and "weight" of the section (of the whole boom outside of sections), "reach" and
+    "boom" (its mass) of the whole boom, "time" that is simulated, and what a table adds by `Hinted.hint_scales`.  A
+    signal is judged by its largest magnitude; its `unit` stands here.
+    """
+
+    low: float
+    high: float
+    scale: str = ""
+    unit: str = ""
+
+
+class Hinted(BaseModel):
+    """A table of a file that tells what is usual of its numbers, beside what their fields declare."""
+
+    def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Further scales of its numbers, from those around it."""
+        return {}
+
+    @property
+    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
+        """Further numbers by their keys, such as those that a file may hold in place of a field."""
+        return {}
+
+
+class Section(Hinted):
     """A table of a scene file: frozen, and without keys of its own making."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
@@ -40,17 +68,22 @@ class Quantity:
 _Positive, _NotNegative, _Strict = Field(gt=0.0, strict=True), Field(ge=0.0, strict=True), Field(strict=True)
 _Count = Field(ge=1, strict=True)
 
-Length = Annotated[float, _Positive, Quantity("m", 1e-6, 1e6)]
-Size = Annotated[float, _Positive, Quantity("m", 0.0, 1e6)]  # whoever meshes says how small it may be
-Distance = Annotated[float, _NotNegative, Quantity("m", 0.0, 1e6)]
-Place = Annotated[float, _Strict, Quantity("m", -1e6, 1e6)]
-Area = Annotated[float, _Positive, Quantity("m^2", 1e-14, 1e10)]
-SecondMoment = Annotated[float, _Positive, Quantity("m^4", 1e-26, 1e20)]
-Stiffness = Annotated[float, _Positive, Quantity("N/m", 1e-6, 1e15)]  # what is stiffer is "rigid"
+Length = Annotated[float, _Positive, Quantity("m", 1e-6, 1e6), Usual(1e-5, 300.0)]
+Thickness = Annotated[Length, Usual(5e-5, 0.3)]  # of a plate
+Size = Annotated[
+    float, _Positive, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)
+]  # whoever meshes says how small it may be
+Distance = Annotated[float, _NotNegative, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)]
+Place = Annotated[float, _Strict, Quantity("m", -1e6, 1e6), Usual(0.0, 300.0)]
+Area = Annotated[float, _Positive, Quantity("m^2", 1e-14, 1e10), Usual(1e-6, 2.0)]
+SecondMoment = Annotated[float, _Positive, Quantity("m^4", 1e-26, 1e20), Usual(1e-12, 0.5)]
+#: What is stiffer is "rigid".
+Stiffness = Annotated[float, _Positive, Quantity("N/m", 1e-6, 1e15), Usual(2e5, 1e14)]
+PadStiffness = Annotated[Stiffness, Usual(2e6, 1e14)]
 AxialStiffness = Annotated[float, _Positive, Quantity("N", 1e-3, 1e15)]
 Pressure = Annotated[float, _Positive, Quantity("Pa", 1e-3, 1e18)]
 Density = Annotated[float, _Positive, Quantity("kg/m^3", 1e-9, 1e9)]
-Mass = Annotated[float, _NotNegative, Quantity("kg", 0.0, 1e12)]
+Mass = Annotated[float, _NotNegative, Quantity("kg", 0.0, 1e12), Usual(0.05, 1e8)]
 Inertia = Annotated[float, _NotNegative, Quantity("kg m^2", 0.0, 1e15)]
 Frequency = Annotated[float, _Positive, Quantity("Hz", 1e-9, 1e12)]
 Speed = Annotated[float, _Positive, Quantity("m/s", 1e-12, 1e9)]
@@ -104,15 +137,24 @@ ExistingFile = Annotated[Path, AfterValidator(_exists)]
 @cache
 def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
     """Unit and bounds of the numbers that a key of a section holds: one, several, or some by name."""
+    return next((part for part in _declared(section, key) if isinstance(part, Quantity)), None)
+
+
+@cache
+def usual_of(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
+    """What is usual of these numbers, all of which holds."""
+    return tuple(part for part in _declared(section, key) if isinstance(part, Usual))
+
+
+def _declared(section: type[BaseModel], key: str) -> Iterator[Any]:
     field = section.model_fields[key]
-    return next(_quantities((*field.metadata, field.annotation)), None)
+    yield from _annotations((*field.metadata, field.annotation))
 
 
-def _quantities(parts: tuple[Any, ...]) -> Iterator[Quantity]:
+def _annotations(parts: tuple[Any, ...]) -> Iterator[Any]:
     for part in parts:
-        if isinstance(part, Quantity):
-            yield part
-        yield from _quantities((*getattr(part, "__metadata__", ()), *get_args(part)))
+        yield part
+        yield from _annotations((*getattr(part, "__metadata__", ()), *get_args(part)))
 
 
 def check_sizes(part: Section) -> None:

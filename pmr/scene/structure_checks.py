@@ -13,6 +13,7 @@ from pmr.scene.built import WEIGHT, Face, PadRing
 from pmr.scene.choice import acting, directions, inertia_fields, model_of
 from pmr.scene.frame import INERTIA
 from pmr.scene.members import Member
+from pmr.scene.structures import ALLOWED_INERTIA, is_inertia
 
 BEAMS = ("beam2d", "beam3d")
 #: Models whose section may vary along the body.
@@ -30,6 +31,9 @@ def check_structure(member: Member) -> None:
     check_names("pads", (name for ring in member.pads for name, _, _ in ring.places))
     for key in ("loads", "masses", "probes"):
         check_names(key, (part.name for part in getattr(member.part, key)))
+    for i, mass in enumerate(member.part.masses if model_of(member) != "beam2d" else ()):  # which turns about y alone
+        if not is_inertia(mass.inertia):
+            raise refusal(f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
     fields = (INERTIA + field for field in inertia_fields(member))
     check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT, *fields))
     _along_the_ground(member)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -23,9 +24,23 @@ from pmr.scene.section import (
     SecondMoment,
     Section,
     Switch,
+    Usual,
 )
 
 Measured = Literal["stress", "strain", "displacement"]
+
+
+#: Share of a moment of inertia that three figures written with some digits may be off.
+ROUND_OFF = 1e-3
+#: About x, y and z through the centre of mass.
+PrincipalMoments = Annotated[tuple[Inertia, Inertia, Inertia], Usual(1e-7, 4.0, "inertia")]
+#: What `is_inertia` asks for, in words.
+ALLOWED_INERTIA = "three moments are allowed of which none is larger than the sum of the two others, as in every body"
+
+
+def is_inertia(moments: tuple[float, float, float]) -> bool:
+    """Whether a body can have these principal moments of inertia: none exceeds the sum of the two others."""
+    return max(moments) <= (1.0 + ROUND_OFF) * (sum(moments) - max(moments))
 
 
 def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -43,12 +58,12 @@ def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, fl
 class Material(Section):
     """Isotropic and linear elastic; structural steel by default."""
 
-    young: Pressure = Field(default=210.0e9, description="Young's modulus E")
+    young: Annotated[Pressure, Usual(1e6, 2e12)] = Field(default=210.0e9, description="Young's modulus E")
     poisson: Annotated[float, Field(gt=-1.0, lt=0.5, strict=True), Quantity("1", -0.99, 0.4999)] = Field(
         default=0.3, description="Poisson's ratio nu"
     )
-    density: Density = Field(default=7850.0, description="Density rho")
-    yield_stress: Pressure | None = Field(
+    density: Annotated[Density, Usual(20.0, 25e3)] = Field(default=7850.0, description="Density rho")
+    yield_stress: Annotated[Pressure, Usual(5e6, 1e10)] | None = Field(
         default=None, description="Yield stress, which the largest von Mises stress is compared with"
     )
 
@@ -74,15 +89,20 @@ class PointMass(Section):
 
     name: Name = Field(description="Name of the mass in messages")
     on: Name = Field(description="Named group that carries the mass")
-    mass: Mass = Field(description="Mass of the body")
-    inertia: tuple[Inertia, Inertia, Inertia] = Field(
+    mass: Annotated[Mass, Usual(0.005, 1e3, "mass")] = Field(description="Mass of the body")
+    inertia: PrincipalMoments = Field(
         default=(0.0, 0.0, 0.0), description="Moments of inertia about x, y, z through its own centre"
     )
-    at: Point | None = Field(default=None, description="Place of its centre (by default the group's centroid)")
+    at: Annotated[Point, Usual(0.0, 5.0, "length")] | None = Field(
+        default=None, description="Place of its centre (by default the group's centroid)"
+    )
     coupling: Literal["average", "rigid"] = Field(
         default="average",
         description="Whether the group may deform (average) or moves rigidly with the mass (rigid)",
     )
+
+    def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        return {"inertia": self.mass * scales.get("length", 0.0) ** 2}
 
 
 class Probe(Section):
@@ -92,7 +112,9 @@ class Probe(Section):
     """
 
     name: Name = Field(description="Name of the probe, with which its columns begin")
-    at: Point | None = Field(default=None, description="A point on the body, x along it, z up")
+    at: Annotated[Point, Usual(0.0, 3.0, "length")] | None = Field(
+        default=None, description="A point on the body, x along it, z up"
+    )
     on: Name | None = Field(default=None, description="Named group in place of a point; for stresses a group of cells")
     measures: tuple[Measured, ...] = Field(
         default=("stress",),
@@ -118,16 +140,24 @@ class Profile(Section):
     """A straight planar beam by its stiffnesses, along x from 0 to `length`."""
 
     length: Length = Field(description="Length along x")
-    bending_stiffness: Annotated[float, Field(gt=0.0, strict=True), Quantity("N m^2", 1e-15, 1e25)] = Field(
-        description="Bending stiffness E I"
+    bending_stiffness: Annotated[
+        float, Field(gt=0.0, strict=True), Quantity("N m^2", 1e-15, 1e25), Usual(0.5, 3e8, "sag")
+    ] = Field(description="Bending stiffness E I")
+    mass_per_length: Annotated[float, Field(gt=0.0, strict=True), Quantity("kg/m", 1e-12, 1e12), Usual(1e-3, 1e5)] = (
+        Field(description="Mass per length rho A")
     )
-    mass_per_length: Annotated[float, Field(gt=0.0, strict=True), Quantity("kg/m", 1e-12, 1e12)] = Field(
-        description="Mass per length rho A"
-    )
-    axial_stiffness: Annotated[float, Field(gt=0.0, strict=True), Quantity("N", 1e-9, 1e25)] | None = Field(
-        default=None, description="Axial stiffness E A"
-    )
+    axial_stiffness: (
+        Annotated[float, Field(gt=0.0, strict=True), Quantity("N", 1e-9, 1e25), Usual(4e4, 1e12, "mass per length")]
+        | None
+    ) = Field(default=None, description="Axial stiffness E A")
     axial: Switch = Field(default=False, description="Whether the beam has axial coordinates")
+
+    def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """EI of a cantilever that would sag by its length; EA of a beam in which waves travel with 1 m/s along it."""
+        return {
+            "sag": self.mass_per_length * scales["gravity"] * self.length**3 / 8.0,
+            "mass per length": self.mass_per_length,
+        }
 
     @model_validator(mode="after")
     def _axial_needs_stiffness(self) -> Profile:
@@ -165,11 +195,15 @@ class BeamSection(Section):
     torsion_constant: SecondMoment = Field(description="Torsion constant J")
     shear_area_y: Area | None = Field(default=None, description="Shear area kappa A for forces along y")
     shear_area_z: Area | None = Field(default=None, description="Shear area kappa A for forces along z")
-    product_of_inertia: Annotated[float, Field(strict=True), Quantity("m^4", -1e20, 1e20)] = Field(
+    product_of_inertia: Annotated[float, Field(strict=True), Quantity("m^4", -1e20, 1e20), Usual(0.0, 0.5)] = Field(
         default=0.0, description="Product of inertia, the integral of y z; zero where y or z is an axis of symmetry"
     )
-    centroid: tuple[Place, Place] = Field(default=(0.0, 0.0), description="y and z of the centroid")
-    shear_centre: tuple[Place, Place] = Field(default=(0.0, 0.0), description="y and z of the shear centre")
+    centroid: Annotated[tuple[Place, Place], Usual(0.0, 5.0)] = Field(
+        default=(0.0, 0.0), description="y and z of the centroid"
+    )
+    shear_centre: Annotated[tuple[Place, Place], Usual(0.0, 5.0)] = Field(
+        default=(0.0, 0.0), description="y and z of the shear centre"
+    )
 
     @property
     def polar_moment(self) -> float:

@@ -241,7 +241,7 @@ def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
     tables = [number for number, entry in enumerate(entries) if isinstance(entry, dict)]
     if names.count(name) == 1:
         return names.index(name)
-    if name.isdecimal() and int(name) in tables:
+    if name.isdecimal() and len(name) < 10 and int(name) in tables:
         return int(name)
     if not tables:
         raise InputError(source, key, value, "this list can't be changed in part; set it as a whole")

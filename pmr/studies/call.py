@@ -90,6 +90,7 @@ def _of_study(study: StudyBase, results: StudyResults) -> dict[str, Any]:
         "source": study.source,
         "published": [statement.model_dump() for statement in study.statements()],
         "remarks": list(study.remarks),
+        "hints": study.hints(),
     }
 
 

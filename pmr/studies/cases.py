@@ -8,6 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pmr.errors import InputError
+from pmr.scene.section import Usual
 
 #: Hoisting classes of EN 13001-2: phi2,min of drives HD1, and beta2 in s/m.
 CLASSES = {"HC1": (1.05, 0.17), "HC2": (1.10, 0.34), "HC3": (1.15, 0.51), "HC4": (1.20, 0.68)}
@@ -21,15 +22,17 @@ class Exposed(_Table):
     """What wind blows on."""
 
     load: str = Field(description="Name of a load of the scene that acts where the wind does, and along it")
-    area: Annotated[float, Field(gt=0.0)] = Field(description="Area across the wind, m^2")
+    area: Annotated[float, Field(gt=0.0), Usual(1e-3, 1e4, unit="m^2")] = Field(description="Area across the wind, m^2")
     shape: float = Field(description="Shape factor; negative where the load of the scene points against the wind")
 
 
 class Wind(_Table):
     r"""A wind that blows steadily: :math:`F = q A c`, :math:`q = \rho v^2 / 2`."""
 
-    speed: Annotated[float, Field(gt=0.0)] = Field(description="m/s")
-    density: Annotated[float, Field(gt=0.0)] = Field(default=1.25, description="Density of the air, kg/m^3")
+    speed: Annotated[float, Field(gt=0.0), Usual(0.5, 75.0, unit="m/s")] = Field(description="m/s")
+    density: Annotated[float, Field(gt=0.0), Usual(0.5, 2.0, unit="kg/m^3")] = Field(
+        default=1.25, description="Density of the air, kg/m^3"
+    )
     on: Annotated[tuple[Exposed, ...], Field(min_length=1)] = Field(description="Areas that the wind acts on")
 
     @property
@@ -58,7 +61,9 @@ class LoadCase(_Table):
     hoisting_class: str | None = Field(
         default=None, description="One of `classes`, whose factor multiplies the load too"
     )
-    hoisting_speed: Annotated[float, Field(gt=0.0)] | None = Field(default=None, description="Speed of the hook, m/s")
+    hoisting_speed: Annotated[float, Field(gt=0.0), Usual(1e-3, 5.0, unit="m/s")] | None = Field(
+        default=None, description="Speed of the hook, m/s"
+    )
     loads: dict[str, float] = Field(
         default={}, description="Loads of the scene by name, in N or N m; those that are not named do not act"
     )

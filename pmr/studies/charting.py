@@ -51,7 +51,6 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     """
     from pmr.compare.accuracy import mesh
     from pmr.compare.accuracy.mesh import FINER, ORDER
-    from pmr.compare.summary import unusual_materials
     from pmr.fullmodel.build import warnings
     from pmr.reduction.bodies import joined, reduce_bodies
     from pmr.studies import shared
@@ -80,7 +79,7 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
             arrays["mended"] = np.array(1.0 - FINER**-ORDER)
         arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for one in built.values() for line in warnings(one.structure)]
-    lines = dict.fromkeys((*unusual_materials(scene), *of_structures, *mesh.warnings(scene)))
+    lines = dict.fromkeys((*of_structures, *mesh.warnings(scene)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
 

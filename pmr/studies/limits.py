@@ -17,13 +17,14 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from pmr.errors import InputError
 from pmr.results.quantities import QUANTITIES, Columns, Measure, fits
 from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.scene.ropes import rope_shares
+from pmr.scene.section import Hinted, Usual
 from pmr.simulation.postures import Postures
 from pmr.studies.field_probes import FIELD, WHOLE, bodies_with_field
 from pmr.studies.own_limits import Own, amount_of, check_names, expression_of, function_of
@@ -39,11 +40,19 @@ NAMED = ("stress", "rope", "pad", "cylinder", "support")
 #: Keys of what the user makes of a state.
 OWN = ("function", "expression")
 LEAST = ("buckling", "frequency")
+#: What is usual of `most`, by what it limits.
+_STRESS, _FORCE = Usual(1e6, 1e10, unit="Pa"), Usual(0.05, 1e3, "weight", "N")
+USUAL_MOST = {
+    **dict.fromkeys(("stress", "field"), _STRESS),
+    **dict.fromkeys(("pad", "cylinder", "support", "luffing", "rope"), _FORCE),
+    "deflection": Usual(1e-5, 1.0, "reach", "m"),
+    "pressure": Usual(1e4, 1e10, unit="Pa"),
+}
 #: The limit that every chart has: beyond it nothing stands.
 STABILITY = "stability"
 
 
-class Limit(BaseModel):
+class Limit(Hinted):
     """What may not be passed, and by which factor."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -81,14 +90,21 @@ class Limit(BaseModel):
         default=("*",),
         description="Names of probes, pads, supports, sections or their regions, with * for any text; by default all",
     )
-    area: tuple[Positive, Positive] | None = Field(
+    area: Annotated[tuple[Positive, Positive], Usual(1e-3, 5.0, unit="m")] | None = Field(
         default=None, description="Length and width of a pad, m; with it `most` is a pressure in Pa"
     )
-    polygon: tuple[tuple[float, float], ...] = Field(
+    polygon: Annotated[tuple[tuple[float, float], ...], Usual(0.0, 3.0, "reach", "m")] = Field(
         default=(), description="Corners X, Y of the support polygon from the pivot, m; its edges are the tipping lines"
     )
-    height: float = Field(default=0.0, description="Height of the pivot above these corners, m")
+    height: Annotated[float, Usual(0.0, 3.0, "reach", "m")] = Field(
+        default=0.0, description="Height of the pivot above these corners, m"
+    )
     machine: tuple[Mass, ...] = Field(default=(), description="Masses of the machine below the boom")
+
+    @property
+    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
+        usual = USUAL_MOST["pressure" if self.area else self.of] if self.of in USUAL_MOST else None
+        return {"most": (self.most, usual)} if self.most is not None and usual is not None else {}
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

@@ -11,7 +11,7 @@ from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.scene.richer import beside
-from pmr.simulation.postures import Postures, Stands, weights_of
+from pmr.simulation.postures import Postures, Stands
 from pmr.studies.engine.task import TaskResult
 
 #: Limits of what the richer model has at other places, or not at all.
@@ -39,7 +39,7 @@ def richer_model(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) 
         if any(sorted(force_names(own)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
             return _without(f"a {called} has other pads and cylinders")
         system = joined(other, reduce_bodies(other, shared.bodies_of(other)))
-        found = Postures.of(other, system, at, weights_of(shared.full_system(own)))  # shells weigh as beams do
+        found = Postures.of(other, system, at)
     except UNKNOWN as error:
         return _without(error.allowed if isinstance(error, InputError) else str(error))
     return TaskResult(arrays={**records.arrays(found, "model."), "called": np.array(called)})

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from pmr.scene.section import Usual
 from pmr.simulation.postures import HOOK
 from pmr.studies.allowed import Place
 from pmr.studies.limits import Limit
@@ -27,7 +28,7 @@ class Stop(BaseModel):
     speed: Annotated[float, Field(gt=0.0)] = Field(
         description="Speed before the stop, in the scene's unit of angles per second"
     )
-    within: Annotated[float, Field(gt=0.0)] = Field(description="Duration of the stop, s")
+    within: Annotated[float, Field(gt=0.0), Usual(1e-3, 60.0, unit="s")] = Field(description="Duration of the stop, s")
     class_factor: Annotated[float, Field(ge=1.0)] | None = Field(
         default=None, description="Factor on the drive's forces that a standard gives, for comparison"
     )

@@ -57,6 +57,10 @@ class StudyBase(BaseModel):
         Raises InputError with source ``"study"`` for a key of the study file; the reader of the file replaces it.
         """
 
+    def hints(self) -> list[str]:
+        """A sentence for each key of the study whose number is not usual, as one in another unit is."""
+        return []
+
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
         """What the runs say together, once they are all there: goes into summary.json, for reports."""
         return {}

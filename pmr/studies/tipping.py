@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pmr.errors import InputError
 from pmr.scene.frame import rotation
+from pmr.scene.section import Usual
 from pmr.simulation.postures import HOOK, WEIGHT, Postures
 from pmr.system.loaded import States
 
@@ -33,8 +35,8 @@ class Mass(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: str = Field(description="Name of the mass, for the report")
-    mass: float = Field(gt=0.0, description="kg")
-    at: tuple[float, float, float] = Field(
+    mass: Annotated[float, Usual(0.02, 1e6, "boom", "kg")] = Field(gt=0.0, description="kg")
+    at: Annotated[tuple[float, float, float], Usual(0.0, 3.0, "reach", "m")] = Field(
         description="Position of its centre from the pivot, m: X where the boom points unslewed, Y to its left, Z up"
     )
     slews: bool = Field(default=False, description="Whether it turns with the boom, as a counterweight does")

@@ -168,17 +168,42 @@ BAD = [
     (["simulate", "reduced.npz"], "'--scene': scene with the path, loads and time steps; "),
     (["run"], "'SCENE': scene files"),
     (["study", "study.toml", "--jobs", "many"], "'--jobs'"),
+    (["study", "study.toml", "--jobs", "9" * 400], "'--jobs'"),
+    (["run", "boom_beam", "--set", f"loads.{'9' * 5000}.on=1.0"], "by name or number: tip force (0), gust (1)"),
     (["matrices", "/"], "STIFFNESS = '/': the name of a file is allowed"),
+    (["--set", "a=1"], "No such option: --set"),
     (["frob"], "No such command 'frob'"),
 ]
 
 
-@pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a) for a, _ in BAD])
+@pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a)[:60] for a, _ in BAD])
 def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, monkeypatch, capsys) -> None:
     done = called(monkeypatch, capsys, *arguments)
     assert done.returncode == 2
     assert done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
     assert says in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn", "unmeasured")
+def test_a_number_in_another_unit_is_a_warning_of_the_run_its_summary_and_its_report(
+    tmp_path: Path, monkeypatch, capsys
+) -> None:
+    keys = ["time.end=0.1", "slider.path=1.3", "compare.against=[]", "simulation.simulators=['march']"]
+    keys += ["damping={ratio=0.5,frequencies=[1.0,10.0]}"]
+    done = called(monkeypatch, capsys, "run", SIMPLE, "--out", str(tmp_path), *(p for k in keys for p in ("--set", k)))
+    hint = "damping.ratio = 0.5 is unusual: up to 0.3 is usual here; is it in % (0.005)?"
+    assert done.returncode == 0 and f"warning: {hint}\n" in done.stdout
+    assert json.loads((tmp_path / "summary.json").read_text())["warnings"][0] == hint
+    assert f"D{hint[1:]}" in (tmp_path / "report.html").read_text()
+
+
+def test_it_is_told_beside_what_makes_a_run_fail(tmp_path: Path, monkeypatch, capsys) -> None:
+    keys = ["mesh.elements=2", "reduction.modes=10", "compare.against=[]", "damping={ratio=0.5,frequencies=[1.0,10.0]}"]
+    done = called(monkeypatch, capsys, "run", SIMPLE, "--out", str(tmp_path), *(p for k in keys for p in ("--set", k)))
+    hint, refused = done.stderr.splitlines()
+    assert done.returncode == 2 and hint.startswith("warning: damping.ratio = 0.5 is unusual: ")
+    assert "6 free coordinates; ask for fewer" in refused
 
 
 def test_bad_input_ends_a_process_of_its_own_likewise() -> None:

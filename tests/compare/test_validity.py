@@ -7,9 +7,7 @@ from pathlib import Path
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare.trust import unusual
 from pmr.pipeline import run
-from pmr.scene.structures import Material
 
 SHORT = ["mesh.elements=8", "reduction.snapshots=3", "reduction.modes=3", "reduction.coordinates=6", "time.end=0.4"]
 SHORT += ["time.step=4e-3", "slider.path=2.5", "compare.against=[]", "simulation.simulators=['march']"]
@@ -25,13 +23,3 @@ def test_a_motion_as_large_as_the_body_is_said(force: float, times: bool | None)
     assert len(said) == (1 if times else 0)
     if times:
         assert outcome.result.summary["max_displacement"] > 0.5
-
-
-def test_a_material_of_which_nothing_is_built_is_told_with_its_unit() -> None:
-    assert (
-        unusual({"body.material": Material(), "body.regions.top.material": Material(young=70e9, density=2700.0)}) == []
-    )
-    (soft,) = unusual({"body.material": Material(young=210e3)})
-    assert soft.startswith("body.material.young = 210000 Pa:") and soft.endswith("Steel has 210e9")
-    (light,) = unusual({"body.material": Material(density=7.85)})
-    assert "density = 7.85 kg/m^3" in light

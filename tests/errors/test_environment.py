@@ -85,6 +85,15 @@ def test_where_temporary_files_can_not_be_written_one_line_says_so(tmp_path: Pat
         assert done.stderr.count("\n") == 1
 
 
+def test_in_a_folder_that_was_removed_one_line_says_so(tmp_path: Path) -> None:
+    start = "import os, sys; os.chdir(f := sys.argv.pop()); os.rmdir(f); from pmr.cli import main; main()"
+    done = python("-c", start, "info", str(tmp_path))
+    assert done.returncode == 2 and done.stderr.startswith(
+        "pmr: environment: the current folder: a folder that is there"
+    )
+    assert done.stderr.count("\n") == 1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
 def test_letters_that_a_terminal_lacks_are_spelled_out(encoding: str, tmp_path: Path) -> None:

@@ -118,7 +118,8 @@ def load(rng: Random, name: str, length: float) -> dict[str, Any]:
 def mass(rng: Random, length: float) -> dict[str, Any]:
     found: dict[str, Any] = {"name": "payload", "on": pick(rng, ("tip", "tail")), "mass": 10 ** rng.uniform(-1.0, 4.0)}
     if rng.random() < 0.5:
-        found["inertia"] = [float(x) for x in 10 ** rng.uniform(-2.0, 3.0, 3)]
+        a, b, c = 10 ** rng.uniform(-2.0, 3.0, 3)
+        found["inertia"] = [float(a + b), float(b + c), float(c + a)]
     if rng.random() < 0.3:
         found["at"] = [length, float(rng.normal()), float(rng.normal())]
     return found | {"coupling": pick(rng, ("average", "average", "rigid"))}

@@ -62,6 +62,8 @@ def chapter(study: FinishedStudy, anchor: str) -> Chapter:
         found: Chapter = importlib.import_module(f"{sections.__name__}.{study.kind}").content(study, anchor)
     else:
         found = runs.content(study, anchor)
+    hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]
+    found = replace(found, warnings=[*hints, *found.warnings])
     published = comparison(study)
     if published.rows and not any(block.errors for block in found.blocks):
         found = replace(found, blocks=[*found.blocks, Block("Beside the publication", errors=published)])

@@ -15,7 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
+from pmr.scene.hints import hints_of
 from pmr.scene.refusals import of_key
+from pmr.scene.section import Usual
 from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.postures import HOOK, with_hook
@@ -61,8 +63,10 @@ class Range(_Table):
 class Hoist(_Table):
     """How a load is hoisted off the ground: the factor that this makes of its weight is computed at each point."""
 
-    speed: Annotated[float, Field(gt=0.0)] = Field(description="Steady speed of the hook, m/s")
-    rope_stiffness: Annotated[float, Field(gt=0.0)] = Field(
+    speed: Annotated[float, Field(gt=0.0), Usual(1e-3, 5.0, unit="m/s")] = Field(
+        description="Steady speed of the hook, m/s"
+    )
+    rope_stiffness: Annotated[float, Field(gt=0.0), Usual(1e4, 1e10, unit="N/m")] = Field(
         description="Stiffness of all falls of the rope together, N/m"
     )
     hoisting_class: str | None = Field(
@@ -82,7 +86,9 @@ class Study(StudyBase):
     kind: Literal["chart"] = Field(description="Kind of study")
     scene: Path = Field(description="The scene, which has a frame that luffs")
     change: dict[str, Any] = Field(default={}, description="Keys of the scene to change")
-    up_to: Annotated[float, Field(gt=0.0)] = Field(description="Largest load that is looked for, kg")
+    up_to: Annotated[float, Field(gt=0.0), Usual(0.02, 1e4, "boom", "kg")] = Field(
+        description="Largest load that is looked for, kg"
+    )
     extensions: Range | tuple[float | dict[str, float], ...] = Field(
         default=(), description="Extensions in m: the same for all sections, or by name; none for a single body"
     )
@@ -280,6 +286,9 @@ class Study(StudyBase):
     def _size(self) -> int:
         """Number of points of a run."""
         return len(self._angles) * len(self.slewing)
+
+    def hints(self) -> list[str]:
+        return hints_of(self, self._scene)
 
     @property
     def _points(self) -> list[tuple[dict[str, float], float, float]]:

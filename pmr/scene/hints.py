@@ -1,0 +1,171 @@
+"""Hints of numbers that are possible but not usual, as those in another unit are.
+
+What is usual of a key is declared on its field (`pmr.scene.section.Usual`): a range of magnitudes, in the key's unit or
+in multiples of a scale, such as the length of the section.  A table may add scales (`hint_scales`), and numbers that
+are none of its fields (`hint_numbers`).  Nothing is refused here.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel
+
+from pmr.scene.built import GRAVITY
+from pmr.scene.parts import Part
+from pmr.scene.scene import Scene
+from pmr.scene.section import Hinted, Usual, quantity_of, usual_of
+from pmr.scene.signals import SignalBase
+
+Scales = Mapping[str, float]
+
+#: Units that a number may be meant in, by the unit of its key, likely ones first: one of them in the key's unit.
+OTHERS: Mapping[str, Mapping[str, float]] = {
+    "m": {"mm": 1e-3, "cm": 1e-2},
+    "m^2": {"mm^2": 1e-6, "cm^2": 1e-4},
+    "m^4": {"mm^4": 1e-12, "cm^4": 1e-8},
+    "m/s": {"m/min": 1.0 / 60.0, "km/h": 1.0 / 3.6, "mm/s": 1e-3},
+    "m/s^2": {"mm/s^2": 1e-3, "cm/s^2": 1e-2, "g": GRAVITY},
+    "s": {"ms": 1e-3},
+    "kg": {"t": 1e3, "g": 1e-3},
+    "kg/m": {"t/m": 1e3, "kg/mm": 1e3, "g/m": 1e-3},
+    "kg/m^3": {"t/m^3": 1e3, "kg/mm^3": 1e9, "t/mm^3": 1e12, "g/m^3": 1e-3},
+    "kg m^2": {"t m^2": 1e3, "kg mm^2": 1e-6},
+    "N": {"kN": 1e3, "MN": 1e6},
+    "N m": {"kN m": 1e3, "N mm": 1e-3},
+    "N/m": {"N/mm": 1e3, "kN/mm": 1e6, "MN/mm": 1e9},
+    "N m^2": {"N mm^2": 1e-6, "kN m^2": 1e3},
+    "Pa": {"MPa": 1e6, "GPa": 1e9, "kPa": 1e3},
+    "rad": {"degrees": math.pi / 180.0},
+    "degrees": {"rad": 180.0 / math.pi},
+    "1": {"%": 0.01},
+}
+
+
+@dataclass(frozen=True)
+class _Unusual:
+    """A number outside of its usual range, which is in the number's unit."""
+
+    key: str
+    value: float
+    unit: str
+    low: float
+    high: float
+
+    @property
+    def distance(self) -> float:
+        """Factor by which it is outside."""
+        return max(self.low / abs(self.value), abs(self.value) / self.high)
+
+    @property
+    def sentence(self) -> str:
+        """The number, what is usual, and the unit that it may be in."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        usual = f"{self.low:.3g} to {self.high:.3g}{unit}" if self.low else f"up to {self.high:.3g}{unit}"
+        if math.isinf(self.high):
+            usual = f"{self.low:.3g}{unit} and more"
+        meant = [
+            f"{other} ({self.value * factor:.3g}{unit})"
+            for other, factor in OTHERS.get(self.unit, {}).items()
+            if self.low <= abs(self.value) * factor <= self.high
+        ]
+        question = f"is it in {' or '.join(meant[:2])}?" if meant else "is the unit right?"
+        return f"{self.key} = {self.value:.6g}{unit} is unusual: {usual} is usual here; {question}"
+
+
+def hints(scene: Scene) -> list[str]:
+    """A sentence for each key of a scene whose number is not usual."""
+    numbers = list(_of_table(scene, "", _scales(scene)))
+    for number, part in enumerate(scene.sections):
+        key = f"sections[{number}]." if scene.sections[0].name else ""
+        numbers += _of_table(part, key, _scales(scene) | _scales_of(part))
+    return _sentences(numbers)
+
+
+def hints_of(table: BaseModel, scene: Scene) -> list[str]:
+    """A sentence for each key of a table beside a scene, such as a study of it, whose number is not usual."""
+    return _sentences(_of_table(table, "", _scales(scene)))
+
+
+def _sentences(numbers: Iterable[_Unusual]) -> list[str]:
+    """One for each key, of whichever of its entries is furthest from what is usual."""
+    by_key: dict[str, list[_Unusual]] = {}
+    for number in numbers:
+        by_key.setdefault(re.sub(r"\[\d+\]", "", number.key), []).append(number)
+    lines = []
+    for alike in by_key.values():
+        more = f" ({len(alike) - 1} more like it)" if len(alike) > 1 else ""
+        lines.append(max(alike, key=lambda number: number.distance).sentence + more)
+    return lines
+
+
+def _of_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_Unusual]:
+    """Of all numbers in a table and in those within it; `key` is the table's, with a dot behind it."""
+    if isinstance(table, Hinted):
+        scales = {**scales, **table.hint_scales(scales)}
+        for name, (value, judged_by) in table.hint_numbers.items():
+            yield from _of_number(value, f"{key}{name}", (judged_by,), judged_by.unit, scales)
+    for name in type(table).model_fields:
+        if name == "sections" and isinstance(table, Scene):
+            continue  # each has scales of its own
+        quantity, usual = quantity_of(type(table), name), usual_of(type(table), name)
+        unit = quantity.unit if quantity is not None else ""
+        yield from _of_value(getattr(table, name), f"{key}{name}", usual, unit, scales)
+
+
+def _of_value(value: Any, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales) -> Iterator[_Unusual]:
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield from _of_number(float(value), key, usual, unit, scales)
+    elif isinstance(value, (tuple, list)):
+        for number, entry in enumerate(value):
+            yield from _of_value(entry, f"{key}[{number}]", usual, unit, scales)
+    elif isinstance(value, Mapping):
+        for name, entry in value.items():
+            yield from _of_value(entry, f"{key}.{name}", usual, unit, scales)
+    elif isinstance(value, BaseModel):
+        if isinstance(value, SignalBase) and usual:
+            largest = max(value.bounds(0.0, scales["time"]), key=abs)
+            yield from _of_number(largest, key, usual, unit, scales)
+        yield from _of_table(value, f"{key}.", scales)
+
+
+def _of_number(value: float, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales) -> Iterator[_Unusual]:
+    known = [one for one in usual if not one.scale or scales.get(one.scale)]
+    if not (value and known):
+        return
+    ranges = [(one.low * size, one.high * size) for one in known for size in (scales.get(one.scale, 1.0),)]
+    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+    if low <= high and not low <= abs(value) <= high:
+        yield _Unusual(key, value, known[-1].unit or unit, low, high)
+
+
+def _scales(scene: Scene) -> dict[str, float]:
+    """Of the whole boom: its reach in m, mass in kg and weight in N (0: unknown); the simulated time in s, m/s^2."""
+    sections = [_scales_of(part) for part in scene.sections]
+    lengths, masses, weights = ([scales[name] for scales in sections] for name in ("length", "mass", "weight"))
+    reach, mass, weight = (sum(sizes) if all(sizes) else 0.0 for sizes in (lengths, masses, weights))
+    return {"reach": reach, "boom": mass, "weight": weight, "time": scene.time.end, "gravity": GRAVITY}
+
+
+def _scales_of(part: Part) -> dict[str, float]:
+    """Of a section: its length in m, its mass in kg, its weight in N; 0 where only a mesh tells, or its own numbers
+    are not usual.
+    """
+    if any(_of_table(part.body, "", {"gravity": GRAVITY})):
+        return dict.fromkeys(("length", "mass", "weight"), 0.0)
+    return {"length": part.length, "mass": _mass(part), "weight": GRAVITY * _mass(part)}
+
+
+def _mass(part: Part) -> float:
+    """Mass of a section in kg by its box or profile, without doublers and tapers."""
+    body = part.body
+    if body.profile is not None:
+        return body.profile.mass_per_length * body.profile.length
+    if body.box is None:
+        return 0.0
+    area = sum(side.length * side.thickness for side in body.box.sides) if body.section is None else body.section.area
+    return body.material.density * area * body.box.length

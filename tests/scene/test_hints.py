@@ -1,0 +1,206 @@
+"""Numbers in another unit are hinted at by their key, with what is usual and the likely unit; usual ones are not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from pydantic import BaseModel
+
+from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.scene.hints import OTHERS, hints
+from pmr.scene.scene import Scene
+from pmr.scene.section import quantity_of, usual_of
+from pmr.scene.signals import SignalBase
+from pmr.studies import files
+
+ROOT = Path(__file__).parents[2]
+COMPLETE = [
+    file
+    for file in sorted((*(ROOT / "workflows").glob("**/*.toml"), *(ROOT / "pmr" / "cli" / "templates").glob("*.toml")))
+    if "kind" not in (keys := scenes.tomlfiles.tables(file, "file"))
+    and file.name not in ("paper_base.toml", "base.toml")
+]
+CYLINDER = "frame.cylinder={foot=[0.9,-1.1],lug=[2.6,-0.3]}"
+STILL = "frame.second_order=false"
+MACHINE = "frame.machine={mass=24e3,center=[0.0,0.0,-1.0],inertia=[3e4,6e4,6e4],free=['z'],stiffness={z=1e7}}"
+
+#: Scene, keys in another unit than theirs, the key that is named, and the unit that is suggested.
+WRONG = [
+    ("boom_two", ["sections.fly.masses.payload.mass=0.25"], "sections[1].masses[0].mass", "t"),
+    ("boom_two", ["sections.fly.masses.payload.mass=1.2"], "sections[1].masses[0].mass", "t"),
+    ("boom_beam", ["masses.payload.at=[6000.0,0.0,0.0]"], "masses[0].at[0]", "mm"),
+    ("boom_beam", ["masses.payload.at=[6.0,0.0,-400.0]"], "masses[0].at[2]", "mm"),
+    ("boom_beam", ["masses.payload.inertia=[5e6,5e6,5e6]"], "masses[0].inertia[0]", "kg mm^2"),
+    ("boom_beam", ["pads.tail.stiffness=3e5"], "pads[0].stiffness", "N/mm"),
+    ("boom_beam", ["pads.tail.stiffness=300.0"], "pads[0].stiffness", "kN/mm"),
+    ("boom_beam", ["body.material.yield_stress=355.0"], "body.material.yield_stress", "MPa"),
+    ("boom_beam", ["body.material.young=210e3"], "body.material.young", "MPa"),
+    ("boom_beam", ["body.material.young=210.0"], "body.material.young", "GPa"),
+    ("boom_beam", ["body.material.density=7.85"], "body.material.density", "t/m^3"),
+    ("boom_beam", ["body.material.density=7.85e-9"], "body.material.density", "t/mm^3"),
+    ("boom_shell", ["mesh.size=100.0"], "mesh.size", "mm"),
+    ("boom_beam", ["loads.gust.signal=1.0"], "loads[1].signal", "kN"),
+    ("boom_beam", ["damping.ratio=0.5"], "damping.ratio", "%"),
+    ("boom_beam", ["gravity.inclination=0.8"], "gravity.inclination", "rad"),
+    ("boom_beam", ["gravity.acceleration=9810.0"], "gravity.acceleration", "mm/s^2"),
+    ("boom_beam", ["gravity.acceleration=1.0"], "gravity.acceleration", "g"),
+    ("boom_beam", ["gravity.rise=1000.0"], "gravity.rise", "ms"),
+    ("paper_simple", ["time.end=4.0", "time.step=2.0"], "time.step", "ms"),
+    ("boom_beam", ["loads.gust.signal={kind='sine',amplitude=1e3,frequency=1.0,phase=90.0}"], "phase", "degrees"),
+    ("boom_beam", ["loads.gust.signal={kind='step',time=5000.0,after=1e3}"], "loads[1].signal.time", "ms"),
+    ("steel_boom", ["body.profile.bending_stiffness=6.09e13"], "body.profile.bending_stiffness", "N mm^2"),
+    ("steel_boom", ["body.profile.axial_stiffness=2.35e6"], "body.profile.axial_stiffness", "kN"),
+    ("platform", ["sections.fly.joint.rope.EA=2.8e4"], "sections[3].joint.rope.EA", "kN"),
+    ("platform", ["sections.fly.joint.rope.length=9000.0"], "sections[3].joint.rope.length", "mm"),
+    ("platform", ["sections.first.joint.cylinder.stiffness=5e4"], "sections[1].joint.cylinder.stiffness", "N/mm"),
+    ("crane", ["frame.luffing={kind='smooth_ramp',times=[1.0,7.0],values=[0.1,1.0]}"], "frame.luffing", "rad"),
+    ("crane", ["frame.slewing={kind='smooth_ramp',times=[1.0,7.0],values=[0.0,1.57]}"], "frame.slewing", "rad"),
+    ("crane", ["frame.unit=rad", "frame.slewing=0.0", "frame.luffing=40.0"], "frame.luffing", "degrees"),
+    ("crane", [CYLINDER.replace("0.9,-1.1", "900.0,-1100.0")], "frame.cylinder.foot", "mm"),
+    ("crane", [STILL, MACHINE.replace("24e3", "24.0").replace("e4", "e1")], "frame.machine.mass", "t"),
+    ("crane", [STILL, MACHINE.replace("-1.0]", "-1000.0]")], "frame.machine.center", "mm"),
+    ("crane", [STILL, MACHINE.replace("z=1e7", "z=100.0")], "frame.machine.stiffness.z", "N/mm"),
+    ("crane", ["frame.base={acceleration={x=300.0}}"], "frame.base.acceleration.x", "cm/s^2"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("file", COMPLETE, ids=lambda file: file.stem)
+def test_no_scene_that_comes_with_the_package_has_one(file: Path) -> None:
+    assert hints(scenes.load_any(file)) == []
+
+
+@pytest.mark.parametrize(("scene", "changes", "key", "unit"), WRONG, ids=[f"{case[2]} in {case[3]}" for case in WRONG])
+def test_a_number_in_another_unit_is_hinted_at_once(scene: str, changes: list[str], key: str, unit: str) -> None:
+    (hint,) = hints(scenes.load_any(scene, changes))
+    named, _, rest = hint.partition(" = ")
+    assert key in named and " is usual here; is it in " in rest and f" {unit} (" in rest
+
+
+def test_what_is_alike_has_one_hint_that_counts_it() -> None:
+    soft = [
+        f"section.joint.{end}=[{{at=0.15,stiffness=1e5,faces={{bottom=[0.0],top=[0.0]}}}}]" for end in ("tail", "mouth")
+    ]
+    tail, mouth = hints(scenes.load_any("boom_three", soft))
+    assert tail == (
+        "sections[1].joint.tail[0].stiffness = 100000 N/m is unusual: 2e+06 to 1e+14 N/m is usual here; is it in N/mm "
+        "(1e+08 N/m) or kN/mm (1e+11 N/m)? (1 more like it)"
+    )
+    assert mouth.startswith("sections[1].joint.mouth[0].stiffness = 100000 N/m") and mouth.endswith("(1 more like it)")
+
+
+def test_nothing_is_said_of_what_is_zero_or_of_a_scale_that_only_a_mesh_knows() -> None:
+    assert hints(scenes.load_any("boom_beam", ["masses.payload.mass=0.0", "loads.gust.signal=0.0"])) == []
+
+
+@pytest.mark.parametrize("inertia", [[0.0, 0.0, 1.0], [1.0, 5.0, 1.0], [-0.0, 2.0, 1.0]])
+@pytest.mark.parametrize("key", ["sections.fly.masses=[{name='m',on='tip',mass=90.0,inertia=INERTIA}]",
+                                 "frame.machine={mass=24e3,inertia=INERTIA,free=['z']}"])  # fmt: skip
+def test_an_inertia_that_no_body_can_have_is_refused(key: str, inertia: list[float]) -> None:
+    says = r"inertia = \[.*\]: three moments are allowed of which none is larger than the sum of the two others"
+    with pytest.raises(InputError, match=says):
+        scenes.load_any("crane", [key.replace("INERTIA", str(inertia))])
+
+
+@pytest.mark.parametrize("inertia", [[0.0, 0.0, 0.0], [0.0, 3.0, 3.0], [1.0, 2.0, 3.0], [0.333, 0.667, 1.0]])
+def test_rods_plates_and_rounded_figures_are_bodies(inertia: list[float]) -> None:
+    assert scenes.load_any("crane", [f"sections.fly.masses=[{{name='m',on='tip',mass=90.0,inertia={inertia}}}]"])
+
+
+def test_a_planar_body_turns_about_one_axis_alone() -> None:
+    assert scenes.load_any("boom_two", ["sections.fly.masses.payload.inertia=[0.0,12.0,0.0]"])
+
+
+CHART = """
+kind = "chart"
+title = "T"
+scene = "CRANE"
+change.sections.fly.masses = []
+change.sections.fly.probes = [{name = "root", at = [1.0, 0.0, 0.1]}]
+extensions = [1.0]
+luffing = [30.0]
+up_to = 20000.0
+cases = [{name = "wind", wind = {speed = 14.0, on = [{load = "LOAD", area = 2.0, shape = 1.2}]}}]
+[[limits]]
+name = "stress"
+of = "stress"
+most = 355e6
+[[limits]]
+name = "cylinder"
+of = "cylinder"
+most = 260e3
+[[limits]]
+name = "ground"
+of = "overturning"
+polygon = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]]
+height = 1.5
+machine = [{name = "truck", mass = 24e3, at = [0.0, 0.0, -1.0]}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("usual", "wrong", "key", "unit"),
+    [
+        ("20000.0", "2.0", "up_to", "t"),
+        ("355e6", "355.0", "limits[0].most", "MPa"),
+        ("260e3", "260.0", "limits[1].most", "kN"),
+        ("height = 1.5", "height = 1500.0", "limits[2].height", "mm"),
+        ("[-2.0, -2.0]", "[-2000.0, -2000.0]", "limits[2].polygon[0][0]", "mm"),
+        ("mass = 24e3", "mass = 24.0", "limits[2].machine[0].mass", "t"),
+        ("14.0", "300.0", "cases[0].wind.speed", "m/min"),
+    ],
+)
+def test_so_it_is_in_a_chart(usual: str, wrong: str, key: str, unit: str, tmp_path: Path) -> None:
+    load = scenes.load_any("crane").sections[-1].loads[0].name
+    file = tmp_path / "chart.toml"
+    for text, count in ((CHART, 0), (CHART.replace(usual, wrong, 1), 1)):
+        file.write_text(text.replace("LOAD", load).replace("CRANE", str(ROOT / "workflows" / "crane.toml")))
+        (part,) = files.load(file).parts
+        assert len(found := part.study.hints()) == count
+    assert found[0].startswith(f"{key} = ") and f" {unit} (" in found[0]
+
+
+def tables(model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[type[BaseModel]]:
+    """All tables that a file may have, from the whole one in."""
+    if model in seen:
+        return
+    seen.add(model)
+    yield model
+    for field in model.model_fields.values():
+        for inner in models_in(field.annotation):
+            yield from tables(inner, seen)
+
+
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from models_in(part)
+
+
+#: Numbers with a unit for which none is likely to be meant, or that a refusal bounds, and results of others.
+WITHOUT = {
+    "Damping.mass", "Damping.stiffness", "Recovery.every", "Budget.microseconds_per_step", "PublishedFrequency.first",
+    *(f"{table}.{key}" for table in ("Dampers", "Places", "Rates") for key in ("x", "y", "z", "rx", "ry", "rz")),
+}  # fmt: skip
+
+
+def test_every_number_with_a_unit_declares_what_is_usual() -> None:
+    bare = {
+        f"{table.__name__}.{key}"
+        for table in tables(Scene, set())
+        if not issubclass(table, SignalBase)
+        for key in table.model_fields
+        if (quantity := quantity_of(table, key)) is not None and quantity.unit != "1" and not usual_of(table, key)
+    }
+    assert bare == WITHOUT
+
+
+def test_every_unit_has_others_that_differ_from_it() -> None:
+    assert all(
+        factor > 0.0 and not math.isclose(factor, 1.0) for others in OTHERS.values() for factor in others.values()
+    )
