@@ -17,7 +17,7 @@ import pmr
 from pmr.report.studies.document import page
 from pmr.scene import load_any
 from pmr.scene.richer import beside
-from pmr.simulation.postures import Postures, Stands, weights_of, with_hook
+from pmr.simulation.postures import Postures, Stands, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.figures import boom_arguments
@@ -70,7 +70,7 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     _, other, called = beside(with_hook(load_any(folder / "scene.toml")))
     at = Stands({"fly": np.array([EXTENSION])}, np.array([ANGLE]), np.zeros(1))
     full = shared.full_system(other)
-    postures = Postures.of(other, full, at, weights_of(full))
+    postures = Postures.of(other, full, at)
     place = Place(postures, 0, [float(part != "F") for part in postures.parts], 9.80665)
     loads = allowed_loads([Limit.model_validate(one) for one in LIMITS], place, UP_TO)
     assert called == "coarse shell" and "structural model" not in row["not covered"]
