@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pmr import ReducedModel
     from pmr import scene as scenes
-    from pmr.reduced.model import ReducedModel
     from pmr.scene.built import Load
     from pmr.scene.members import Member
     from pmr.system.system import System
@@ -23,7 +23,7 @@ _TABLES = ("versions", "scene")  # of a model's provenance
 
 def described_file(file: Path) -> dict[str, str]:
     """What a file of a reduced model or a system holds."""
-    from pmr.reduced.model import ReducedModel
+    from pmr import ReducedModel
     from pmr.system.saved import read
     from pmr.system.system import System
 

@@ -92,7 +92,8 @@ def _by_meshio(file: Path) -> MeshFile:
     if strange:
         raise InputError(str(file), "", None, f"cells of type {', '.join(strange)}; linear cells are allowed")
     points = np.asarray(mesh.points, float)
-    points = np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))]) if points.shape[1] < 3 else points
+    if points.ndim != 2 or not points.size:  # of files without any
+        points = np.empty((0, 3))
     blocks = [Cells(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells]
     return MeshFile(points, blocks, _physical_groups(mesh))
 
