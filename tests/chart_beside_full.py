@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from pmr.files import records
 from pmr.scene import Scene, load_any
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, weights_of, with_hook
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, weights_of, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
-from pmr.studies.charting import allowed, postures, stands_of
+from pmr.studies.charting import allowed, postures
 from pmr.studies.field_probes import with_fields
 from pmr.studies.figures import boom_arguments
 from pmr.studies.limits import Limit
@@ -71,9 +71,10 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     scene = with_fields(scene, fields, count)
     asked |= {"limits": [one.model_dump(mode="json") for one in limits], "gravity": GRAVITY, "rows": [0, count]}
     cases = [{"weight": 1.0, "load": 1.0, "loads": {}}]
+    asked |= boom_arguments(scene)
     found = allowed(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     full = shared.full_system(scene)
-    whole = Postures.of(scene, full, stands_of({"at": at}), weights_of(full))
+    whole = Postures.of(scene, full, Stands.of(at), weights_of(full))
     amounts = [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in whole.parts]
     near = found["load"]
     exact = np.array([allowed_loads(limits, Place(whole, k, amounts, GRAVITY), up_to, near[k]) for k in range(count)])
