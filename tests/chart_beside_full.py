@@ -71,6 +71,7 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     scene = with_fields(scene, fields, count)
     asked |= {"limits": [one.model_dump(mode="json") for one in limits], "gravity": GRAVITY, "rows": [0, count]}
     cases = [{"weight": 1.0, "load": 1.0, "loads": {}}]
+    asked |= boom_arguments(scene)
     found = allowed(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     full = shared.full_system(scene)
     whole = Postures.of(scene, full, Stands.of(at))

@@ -78,7 +78,7 @@ def test_a_task_has_one_thread_and_one_rank_of_its_own(done: Path) -> None:
 def test_the_table_holds_the_plan_in_its_order(done: Path) -> None:
     lines = (done / "runs.csv").read_text().splitlines()
     assert lines[0] == "run,status,reason,x,total,square,is_large,threads,ranks,input,warnings"
-    assert lines[1] == "sum-0,done,,0,1.0,,,,," and lines[-2] == "x=2,done,,2,,4.0,false,,,"
+    assert lines[1] == "sum-0,done,,0,1.0,,,,,," and lines[-2] == "x=2,done,,2,,4.0,false,,,,"
     with np.load(done / "runs.npz", allow_pickle=False) as table:
         assert list(table) == lines[0].split(",")
         assert table["x"][:-1].tolist() == [*range(COUNT - 1), 0, 1, 2] and table["run"][0] == "sum-0"

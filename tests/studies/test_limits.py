@@ -24,7 +24,7 @@ from pmr.simulation.native import systems
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
-from pmr.studies.charting import MARGIN, governing, in_doubt
+from pmr.studies.charting import MARGIN, governing, in_doubt, lowest
 from pmr.studies.field_probes import with_fields
 from pmr.studies.governing import chosen
 from pmr.studies.limits import Limit
@@ -435,7 +435,10 @@ def test_pads_of_a_rigid_boom_carry_what_statics_say(unilateral: bool) -> None:
 def test_another_limit_may_govern_within_the_error_bars() -> None:
     load, error = np.array([[10.0, 11.0, np.nan], [10.0, 20.0, np.nan]]), np.array([[1.0, 0.5, 0.0]] * 2)
     assert governing(load).tolist() == [0, 0]
-    assert in_doubt(load, error).tolist() == [[True, True, False], [False, False, False]]
+    assert in_doubt(load, error, 100.0).tolist() == [[True, True, False], [False, False, False]]
+    error[:, 2] = 90.5  # of a limit that is not reached up to 100 kg by one model, but by another one at 9.5 kg
+    assert in_doubt(load, error, 100.0).tolist() == [[True, True, True], [True, False, True]]
+    assert lowest(load, error, 100.0).tolist() == [[9.0, 10.5, 9.5], [9.0, 19.5, 9.5]]
     assert governing(np.full((1, 2), np.nan)).tolist() == [-1]
 
 

@@ -370,6 +370,8 @@ def study(kind: str, subject: Subject) -> None:
     with table.open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert rows and all(row.get("status", "done") == "done" for row in rows)
+    if kind == "chart":
+        check_chart(out)
     if kind in ("scenes", "collection"):
         summary = subject.outcome.result.summary
         errors = summary["errors"]["reduced_vs_full"]
@@ -379,11 +381,19 @@ def study(kind: str, subject: Subject) -> None:
 
 
 def chart(subject: Subject) -> None:
-    """All points are there, with a load that is allowed."""
+    """All points are there, and what the error bars do not cover."""
     out = subject.out("chart")
     command("chart", str(subject.file), "--up-to", "1e4", "--jobs", "1", "--out", str(out))
-    figures = json.loads((out / "summary.json").read_text())["figures"]
-    assert figures["points"] > 0
+    check_chart(out)
+
+
+def check_chart(out: Path) -> None:
+    """A chart has its points, says what its bars do not cover, and warns of nothing twice."""
+    summary = json.loads((out / "summary.json").read_text())
+    with (out / "chart.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == summary["figures"]["points"] > 0 and all(row["not covered"] for row in rows)
+    assert all(len(set(run["warnings"])) == len(run["warnings"]) for run in summary["runs"])
 
 
 #: By what the manual's table calls them.

@@ -27,7 +27,7 @@ PALE = 0.55
 #: Width of the strip that shows a single reach or half of a single angle, as a share of the reach.
 STRIP = 0.02
 #: Height over width of the picture, at most.
-TALLEST = 0.8
+TALLEST = 0.65
 
 
 @dataclass(frozen=True)
