@@ -63,9 +63,9 @@ def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: Cont
         own = slice(ends[-1] + number * n, ends[-1] + (number + 1) * n)
         states[own, :n], c[own] = np.eye(n), amplitude
     response = _response(scene, assembly, place, x, rows, states, c)
-    found = np.empty((0, len(states))) if response.others is None else response.others.T
-    q, forces, loads = np.split(found[:, : ends[-1]], ends[:2], axis=1)
-    more = found[:, ends[-1] :].reshape(len(found), parts, n).transpose(1, 0, 2) - q
+    values = np.empty((0, len(states))) if response.others is None else response.others.T
+    q, forces, loads = np.split(values[:, : ends[-1]], ends[:2], axis=1)
+    more = values[:, ends[-1] :].reshape(len(values), parts, n).transpose(1, 0, 2) - q
     return RestRows(response.outputs[len(response.force_names) :], q, forces, loads, more)
 
 

@@ -19,8 +19,6 @@ from pmr.studies.limits import OWN, Limit
 pytestmark = pytest.mark.slow
 
 COUNT = 150
-#: Machines of the sweep in which the load that a limit allows may lie outside its bar.
-OUTSIDE = 2
 SAMPLED = [3, 10]
 FOOT, LUG, LENGTH, DENSITY = [0.7, -1.3], [1.6, -0.3], 8.0, 7850.0
 BOXES = ((0.28, 0.38, 0.008), (0.235, 0.33, 0.0065))
