@@ -213,4 +213,6 @@ def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
 
 
 def _percent(fraction: float) -> str:
+    if not np.isfinite(fraction):
+        return "an unknown amount"
     return f"{rounded(100.0 * fraction)} %"
