@@ -52,10 +52,11 @@ def reach(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
                 tried.append(trial := trials.judge(sizes, steps))
                 if within(trial, allowed):
                     return trial
-            if few > HALF and larger != sizes and (few >= coarse or not finer):
+            grows = finer and not np.isfinite(few) and not trials.pushing  # a shorter step helps the estimate
+            if few > HALF and larger != sizes and (few >= coarse or not finer) and not grows:
                 sizes = larger
                 continue
-            if not finer or few > 1.0 >= coarse:
+            if not finer or few > 1.0 >= coarse and not grows:
                 return min(tried, key=lambda one: share(one.total, allowed))
         halvings = np.ceil(np.log(coarse / HALF) / np.log(SECOND_ORDER)) if np.isfinite(coarse) else 1.0
         steps <<= int(np.clip(halvings, 1.0, np.log2(trials.longest / steps)))
