@@ -24,7 +24,7 @@ for tolerance in tolerances:
     print(f"{100 * tolerance:g} %: {chosen['coordinates']} coordinates, steps of {1e3 * chosen['step']:.3g} ms")
 
 # %%
-# The errors of reduction and step are signals over time, and partly cancel each other.  The tolerance is for their sum.
+# The tolerance is for the sum of both errors, that of the reduction and that of the step.
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 places = range(len(tolerances))

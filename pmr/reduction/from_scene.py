@@ -130,12 +130,12 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
 def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
     """Modes beyond the coordinates: those that estimate the error, or follow without inertia where terms act.
 
-    Where many are asked for, `ENRICHMENT_MODES` of a coarse mesh are left at least: attachment modes need the
+    Where many are asked for, a quarter of all modes of a coarse mesh is left at least: attachment modes need the
     flexibility.  Rigid sliders and pads need some of it, too (`pmr.reduction.snapshots.free_modes`).
     """
     if choice.estimable and scene.ordered is not None:
         searched = SEARCHED_MODES if ALONE in scene.bodies else SEARCHED_OF_SECTIONS
-        return max(ENRICHMENT_MODES, min(searched, model.size - choice.coordinates - ENRICHMENT_MODES))
+        return max(ENRICHMENT_MODES, min(searched, 3 * model.size // 4 - choice.coordinates))
     if choice.estimable:
         return ENRICHMENT_MODES
     return QUASI_STATIC if may_be_stressed(scene) and choice.extendable else 0

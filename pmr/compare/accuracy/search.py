@@ -22,6 +22,8 @@ Allowed = Mapping[str, float]  # error by kind of output, a fraction
 
 #: Share of what is allowed that one error may have without being the one to be made smaller.
 HALF = 0.5
+#: Share of what the step leaves that a smaller model may differ by, as its own estimate may be a little larger.
+OF_LEFT = 0.9
 #: By how much an error falls at most where a step is halved: the scheme is of second order.
 SECOND_ORDER = 4.0
 
@@ -50,10 +52,11 @@ def reach(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
                 tried.append(trial := trials.judge(sizes, steps))
                 if within(trial, allowed):
                     return trial
-            if few > HALF and larger != sizes and (few >= coarse or not finer):
+            grows = finer and not np.isfinite(few) and not trials.pushing  # a shorter step helps the estimate
+            if few > HALF and larger != sizes and (few >= coarse or not finer) and not grows:
                 sizes = larger
                 continue
-            if not finer or few > 1.0 >= coarse:
+            if not finer or few > 1.0 >= coarse and not grows:
                 return min(tried, key=lambda one: share(one.total, allowed))
         halvings = np.ceil(np.log(coarse / HALF) / np.log(SECOND_ORDER)) if np.isfinite(coarse) else 1.0
         steps <<= int(np.clip(halvings, 1.0, np.log2(trials.longest / steps)))
@@ -67,12 +70,17 @@ def _coarse(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> float
 
 def thin_out(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> Trial:
     """A trial that is within, with as few coordinates, and then as few steps, as are within."""
+
+    def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
+        return share({kind: size + step[kind] for kind, size in reduction.items()}, allowed) <= 1.0
+
     fewest = _fewest(trials, trial, allowed)
-    for sizes in (fewest, *trials.neighbours(fewest, 1), trial.sizes):  # by its own estimate it may be a little off
-        thinner = trials.judge(sizes, trial.steps)
-        if within(thinner, allowed):
-            break
-    return _longest(trials, thinner, coarsest, lambda reduction, step: share(_sum(reduction, step), allowed) <= 1.0)
+    for sizes in (fewest, *trials.neighbours(fewest, 1)):  # by its own estimate a model may be a little further off
+        if suits(trials.reduction(sizes, trial.steps), trial.step):
+            thinner = trials.judge(sizes, trial.steps)
+            if within(thinner, allowed):
+                return _longest(trials, thinner, coarsest, suits)
+    return _longest(trials, trial, coarsest, suits)
 
 
 def best_within(trials: Trials, budget: Budget, coarsest: int) -> Trial:
@@ -125,7 +133,7 @@ def _fewest(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
     steps = trials.fewest_resolved(trial.steps)
 
     def enough(sizes: Sizes) -> bool:
-        return share(trials.beside(trial, sizes, steps), left) <= 1.0
+        return share(trials.beside(trial, sizes, steps), left) <= OF_LEFT
 
     low, high = trials.least - 1, trials.elastic(trial.sizes)
     while high - low > 1:
@@ -205,10 +213,7 @@ def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
     return sizes
 
 
-def _sum(reduction: Mapping[str, float], step: Mapping[str, float]) -> dict[str, float]:
-    """Errors of reduction and step together, by kind."""
-    return {kind: size + step[kind] for kind, size in reduction.items()}
-
-
 def _percent(fraction: float) -> str:
+    if not np.isfinite(fraction):
+        return "an unknown amount"
     return f"{rounded(100.0 * fraction)} %"

@@ -11,6 +11,7 @@ from random_scenes import random_boom
 
 from pmr import scene as scenes
 from pmr.compare.accuracy import trials
+from pmr.compare.accuracy.search import OF_LEFT
 from pmr.compare.errors import relative_error
 from pmr.compare.estimate import MARGIN
 from pmr.errors import InputError
@@ -39,7 +40,7 @@ def summary(*changes: str) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_the_fewest_that_hold_a_tolerance() -> None:
-    """Beside the full model; with one coordinate less, wherever it is taken from, the tolerance isn't held."""
+    """Beside the full model; with one coordinate less, wherever it is taken from, hardly any of it is left."""
     found = summary("accuracy.tolerance=1e-3", "accuracy.outputs=['pad_force','beam']")
     sizes, true = found["accuracy"]["chosen"]["sections"], found["errors"]["reduced_vs_full"]
     assert found["accuracy"]["holds"] and sum(sizes.values()) + CYLINDER == found["coordinates"]["reduced"]
@@ -48,7 +49,8 @@ def test_the_fewest_that_hold_a_tolerance() -> None:
     for name, size in sizes.items():
         fewer = {one: count - (one == name) for one, count in sizes.items()}
         less = summary(*(f"sections.{one}.reduction.coordinates={count}" for one, count in fewer.items()))
-        assert max(less["errors"]["reduced_vs_full"][kind] for kind in ("pad_force", "beam")) > 1e-3 / MARGIN, size
+        true, step = less["errors"]["reduced_vs_full"], found["budget"]["step"]
+        assert max(MARGIN * true[kind] + step[kind] for kind in ("pad_force", "beam")) > OF_LEFT * 1e-3, size
 
 
 @pytest.mark.slow
