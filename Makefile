@@ -291,5 +291,5 @@ schemas: setup ## write what editors complete and check workflows from
 
 .PHONY: clean
 clean: ## remove what make and the tests made, the venvs too
-	rm -rf docs/_build docs/gallery docs/_static/report_*.html .venv .venv-wheel .venv-snakemake .venv-fmi .snakemake build dist reports/paper reports/benchmarks .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf docs/_build docs/gallery docs/_static/report_*.html .venv .venv-wheel .venv-snakemake .venv-fmi .snakemake build dist reports/paper reports/benchmarks pmr/kernel/_native* .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 	find pmr tests -name __pycache__ -prune -exec rm -rf {} +

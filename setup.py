@@ -4,6 +4,7 @@ Where no compiler is, the one of ziglang, a requirement of the build, is taken.
 """
 
 import os
+import platform
 import shutil
 import sys
 import sysconfig
@@ -14,7 +15,7 @@ from setuptools.command.build_py import build_py
 compiler = (os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc").split()[0]
 if not shutil.which(compiler):
     # for any processor of its kind: zig compiles for the one it runs on by default
-    own = {"x86_64": " -mcpu=x86_64", "aarch64": " -mcpu=generic"}.get(os.uname().machine, "")
+    own = {"x86_64": " -mcpu=x86_64", "aarch64": " -mcpu=generic"}.get(platform.machine(), "")
     os.environ["CC"] = f"{sys.executable} -m ziglang cc{own}"
     os.environ["LDSHARED"] = f"{sys.executable} -m ziglang cc{own} -shared"
     os.environ["LDCXXSHARED"] = os.environ["LDSHARED"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from terms import axial
 
 from pmr.kernel.kernel import Kernel
-from pmr.kernel.rows import filled
+from pmr.kernel.rows import round_up
 from pmr.kernel.signals import Signals
 from pmr.scene.names import input_of
 from pmr.simulation.frame import base_accelerations
@@ -36,7 +36,7 @@ def motions_of(system: System, forms: Mapping[str, ModalForm], kernel: Kernel) -
     for name, form in forms.items():
         r = form.body.size
         motions[assembly.coordinates[name], first : first + r] = form.X[assembly.free[name]]
-        first += filled(r)
+        first += round_up(r)
     return motions
 
 

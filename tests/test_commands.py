@@ -60,7 +60,8 @@ NOT_RUN = {
     "make": "it sets up, tests or measures: its target is looked up here",
     "pip install": "it needs an index: its extras are looked up here",
     **dict.fromkeys(
-        ("python -m benchmarks", "python -m benchmarks.walls", "python -m benchmarks.before_after"), MEASURES
+        ("python -m benchmarks", *(f"python -m benchmarks.{name}" for name in ("walls", "before_after", "kernel"))),
+        MEASURES,
     ),
     "ccx": "it is another program, which make test-peers runs",
     "pmr --install-completion": "it changes the shell of who calls it",

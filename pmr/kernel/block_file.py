@@ -20,7 +20,7 @@ def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
     """Pack arrays of integers, of real numbers, and texts; without its checksum, for which eight bytes are left."""
     at, heads, parts = LINE * (1 + len(arrays)), bytearray(), list[tuple[int, bytes]]()
     for name, array in arrays.items():
-        kind, content, count = _encoded(array)
+        kind, content, count = _encode(array)
         at += -at % LINE
         heads += _ARRAY.pack(name.encode(), kind, 0, count, at)
         parts.append((at, content))
@@ -38,7 +38,7 @@ def seal(block: bytearray, checksum: int) -> None:
     block[24:32] = struct.pack("=Q", checksum)
 
 
-def _encoded(array: NDArray[Any] | str) -> tuple[int, bytes, int]:
+def _encode(array: NDArray[Any] | str) -> tuple[int, bytes, int]:
     """Kind, bytes and number of entries."""
     if isinstance(array, str):
         text = array.encode()

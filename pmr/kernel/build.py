@@ -12,7 +12,7 @@ from cffi import FFI
 
 SOURCES = Path("pmr", "kernel", "src")
 #: Compiled by themselves; the other files are parts of avx2.c and baseline.c (variant.c).
-FILES = ("system.c", "signals.c", "frame.c", "dispatch.c", "avx2.c", "baseline.c")
+FILES = ("block.c", "system.c", "signals.c", "frame.c", "dispatch.c", "avx2.c", "baseline.c")
 FLAGS = ["-std=gnu11", "-O2", "-ffp-contract=fast", "-fvisibility=hidden", "-Wall", "-Wextra"]
 BEGIN, END = "/* ---- from here on cffi reads this file: declarations only ---- */", "/* ---- up to here ---- */"
 

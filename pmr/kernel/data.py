@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
 from pmr.kernel.frame import Frame, frame_arrays
-from pmr.kernel.rows import LANES, Arrangement, arrange, filled
+from pmr.kernel.rows import LANES, Arrangement, arrange, round_up
 from pmr.reduced.model import ReducedModel
 from pmr.system.rings import Combined, combined
 from pmr.system.system import System
@@ -44,7 +44,7 @@ class SystemData:
 
     arrays: dict[str, NDArray[Any] | str]
     used_modes: NDArray[np.int64]  # (r,): where modes stand among all, and not what fills them up
-    modes: dict[str, slice]  # of each body, filled up
+    modes: dict[str, slice]  # of each body, round_up up
 
 
 def system_data(system: System, forms: Mapping[str, Modal], frame: Frame | None = None) -> SystemData:
@@ -58,7 +58,7 @@ def system_data(system: System, forms: Mapping[str, Modal], frame: Frame | None 
     arrays |= _blocks(rows) | _terms(modal, rows) | _friction(rows) | frame_arrays(frame, rows.paths)
     shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
     arrays |= {
-        "shares": _wide(shares, len(rows.F)),
+        "shares": _fill_rows(shares, len(rows.F)),
         "names_drivers": "\n".join([*rows.paths, *system.input_names, *system.term_names]),
         "names_outputs": "\n".join(system.output_names),
         "names_contacts": "\n".join(modal.contact_names),
@@ -107,9 +107,9 @@ def _is_diagonal(A: Array) -> bool:
     return bool(np.count_nonzero(A - np.diag(np.diagonal(A))) == 0)
 
 
-def _wide(array: Array, width: int) -> Array:
-    """Rows filled up with zeros to whole registers of `width` entries."""
-    missing = filled(width) - array.shape[-1]
+def _fill_rows(array: Array, width: int) -> Array:
+    """Rows round_up up with zeros to whole registers of `width` entries."""
+    missing = round_up(width) - array.shape[-1]
     return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
 
@@ -117,18 +117,18 @@ def _bodies(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
     """Modes, inputs and outputs of all bodies."""
     last = rows.parts[-1]
     r, i, o = last.modes.stop, last.inputs.stop, last.outputs.stop
-    op = filled(o) + LANES
-    D, B, shapes, direct, energy = (np.zeros(shape) for shape in ((r, r), (i, r), (r, op), (i, op), (i, filled(i))))
+    op = round_up(o) + LANES
+    D, B, shapes, direct, energy = (np.zeros(shape) for shape in ((r, r), (i, r), (r, op), (i, op), (i, round_up(i))))
     omega2, inertia, still = np.zeros(r), np.zeros(r), list[int]()
     for part in rows.parts:
-        body, own = part.body, slice(part.modes.start, part.modes.start + part.body.size)
-        omega2[own], inertia[own] = np.diagonal(body.K), 1.0
-        still += (own.start + np.asarray(body.quasi_static)).tolist()
-        D[own, own], B[part.inputs, own], shapes[own, part.outputs] = body.D, body.B.T, body.outputs.T
-        left = body.flexibility if body.carriers is None else body.carriers.flexibility
-        if left is not None:
-            direct[part.inputs, part.outputs] = left.direct.T
-            energy[part.inputs, part.inputs] = 0.0 if left.energy is None else left.energy
+        body, place = part.body, slice(part.modes.start, part.modes.start + part.body.size)
+        omega2[place], inertia[place] = np.diagonal(body.K), 1.0
+        still += (place.start + np.asarray(body.quasi_static)).tolist()
+        D[place, place], B[part.inputs, place], shapes[place, part.outputs] = body.D, body.B.T, body.outputs.T
+        flexibility = body.flexibility if body.carriers is None else body.carriers.flexibility
+        if flexibility is not None:
+            direct[part.inputs, part.outputs] = flexibility.direct.T
+            energy[part.inputs, part.inputs] = 0.0 if flexibility.energy is None else flexibility.energy
     inertia[still] = 0.0
     coupled = not all(_is_diagonal(part.body.D) for part in rows.parts)
     return {
@@ -152,18 +152,18 @@ def _contacts(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str
     for block in rows.blocks:
         for number in block.numbers.tolist():
             touched[number] |= {block.part.modes.start, block.part.modes.stop - 1}
-    ends = [(min(modes) // LANES * LANES, filled(max(modes) + 1)) if modes else (0, 0) for modes in touched]
+    ends = [(min(modes) // LANES * LANES, round_up(max(modes) + 1)) if modes else (0, 0) for modes in touched]
     return {
         "C0": rows.C,
-        "F0": _wide(rows.F, len(rows.F)),
-        "H0": _wide(rows.H, rows.H.shape[1]),
-        "X0": np.pad(_wide(rows.X, rows.X.shape[1]), ((0, 0), (0, LANES))),
+        "F0": _fill_rows(rows.F, len(rows.F)),
+        "H0": _fill_rows(rows.H, rows.H.shape[1]),
+        "X0": np.pad(_fill_rows(rows.X, rows.X.shape[1]), ((0, 0), (0, LANES))),
         "clearance": np.where(np.isnan(clearance), 0.0, clearance),
         "pushes": ~np.isnan(clearance),
         "row_modes": np.array(ends, np.int64).reshape(m + moments, 2),
         "path_ends": np.array(rows.ranges, float).reshape(-1, 2),
         "rope_paths": np.array([rows.paths.index(path) for path in system.compliance.paths], np.int64),
-        "rope_slopes": _wide(slopes, len(rows.F)),
+        "rope_slopes": _fill_rows(slopes, len(rows.F)),
     }
 
 
@@ -191,17 +191,17 @@ def _blocks(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
             "X": block.outputs.c,
         }
         head = [block.path, part.number, C.shape[1], q, len(block.stays), part.modes.start, C.shape[3]]
-        for own in (part.inputs, part.outputs):
-            head += [own.start, own.stop - own.start]
+        for numbered in (part.inputs, part.outputs):
+            head += [numbered.start, numbered.stop - numbered.start]
         head += [len(table) for table in tables.values()]
         head += [store("breaks", block.rows.x), store("block_rows", np.concatenate([block.numbers, block.stays]))]
         for what, table in tables.items():
-            head.append(store(f"table_{what}", _wide(table.swapaxes(0, 1), table.shape[3])))
+            head.append(store(f"table_{what}", _fill_rows(table.swapaxes(0, 1), table.shape[3])))
         width = max((row.touched.shape[1] for row in block.on_carriers), default=0)
-        wide = [_widened(row, width, on) for row in block.on_carriers]
+        wide = [_widen(row, width, on) for row in block.on_carriers]
         head += [len(on), width]
         for what, k in (("touched", 0), ("weights", 1)):  # interval by interval, with all rows of each
-            head.append(store(what, np.stack([one[k] for one in wide], axis=1) if wide else parts[what][0]))
+            head.append(store(what, np.stack([arrays[k] for arrays in wide], axis=1) if wide else parts[what][0]))
         numbers.append(head)
     for k, first in enumerate(rows.blocks):
         for l, second in enumerate(rows.blocks[k + 1 :], k + 1):
@@ -222,7 +222,7 @@ def _carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
     return np.unique(np.concatenate([np.zeros(0, np.int64), *(row.touched.ravel() for row in rows)]))
 
 
-def _widened(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
+def _widen(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
     """Which of the carriers (intervals, width) a row touches, and with what (intervals, powers, width)."""
     missing = width - row.touched.shape[1]
     touched = np.searchsorted(carriers, np.pad(row.touched, ((0, 0), (0, missing)), "edge"))
@@ -249,12 +249,12 @@ def _terms(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
             values.append(tall.data[:, :, 0])
             count += len(block)
         counts.append(count)
-    known, at = np.unique(np.concatenate([np.zeros(0, np.int64), *keys]), return_inverse=True)
-    first = np.searchsorted(known, r * np.arange(2 * (r // LANES) + 1))
+    registers, at = np.unique(np.concatenate([np.zeros(0, np.int64), *keys]), return_inverse=True)
+    first = np.searchsorted(registers, r * np.arange(2 * (r // LANES) + 1))
     of_rows = np.stack([first[:-2:2], first[1::2], first[2::2]], axis=1)
     return {
-        "of_rows": of_rows if len(known) else np.zeros(0, np.int64),
-        "columns": (known % r).astype(np.int64),
+        "of_rows": of_rows if len(registers) else np.zeros(0, np.int64),
+        "columns": (registers % r).astype(np.int64),
         "first_entry": np.cumsum(counts),
         "registers_of": at.astype(np.int64),
         "entry_values": np.concatenate(values),

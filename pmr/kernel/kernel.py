@@ -219,30 +219,43 @@ class State:
 
         A SimulationError is raised where nothing holds the bodies, or contacts depend on each other.
         """
-        drivers = self._checked("u", u, self.kernel.drivers)
-        given = kind == "given"
-        z, v = (self._checked(n, x, self.kernel.modes) if given else np.zeros(1) for n, x in (("z", z), ("v", v)))
-        self._check(lib.pmr_start(self._state, _STARTS[kind], _pointer(drivers), _pointer(z), _pointer(v)), "the start")
+        drivers = self._check_array("u", u, self.kernel.drivers)
+        is_given = kind == "given"
+        z, v = (
+            self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
+        )
+        self._raise_unless_done(
+            lib.pmr_start(self._state, _STARTS[kind], _pointer(drivers), _pointer(z), _pointer(v)), "the start"
+        )
 
     def start_from(
         self, u: ArrayLike, z: ArrayLike, v: ArrayLike, a: ArrayLike, multipliers: ArrayLike, closed: ArrayLike
     ) -> None:
         """Begin as another simulation left off, with accelerations a (modes,) and closed contacts (m,)."""
         r, m = self.kernel.modes, self.kernel.contacts
-        of_modes = [self._checked(name, x, r) for name, x in (("z", z), ("v", v), ("a", a))]
-        drivers, forces = self._checked("u", u, self.kernel.drivers), self._checked("multipliers", multipliers, m)
+        of_modes = [self._check_array(name, x, r) for name, x in (("z", z), ("v", v), ("a", a))]
+        drivers, forces = (
+            self._check_array("u", u, self.kernel.drivers),
+            self._check_array("multipliers", multipliers, m),
+        )
         which = np.ascontiguousarray(closed, np.int32)
         if which.shape != (m,):
             raise InputError("state", "closed", which.shape, f"{(m,)} is allowed")
         arrays = [_pointer(x) for x in (drivers, *of_modes, forces)]
-        self._check(lib.pmr_start_from(self._state, *arrays, ffi.cast("int32_t *", which.ctypes.data)), "the start")
+        self._raise_unless_done(
+            lib.pmr_start_from(self._state, *arrays, ffi.cast("int32_t *", which.ctypes.data)), "the start"
+        )
 
     def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
         """Take one step to drivers u (N,), with their rates (2, N) at its beginning and end where they are known."""
         self._fill(self._u, "u", u)
-        led = ffi.NULL if rates is None else _pointer(self._checked("rates", np.ravel(rates), 2 * self.kernel.drivers))
+        led = (
+            ffi.NULL
+            if rates is None
+            else _pointer(self._check_array("rates", np.ravel(rates), 2 * self.kernel.drivers))
+        )
         if failed := lib.pmr_step(self._state, self._u_pointer, led):
-            self._check(failed, f"step {self.step_number + 1}")
+            self._raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def start_in_frame(
         self,
@@ -253,18 +266,20 @@ class State:
         v: ArrayLike = (),
     ) -> None:
         """Begin at t = 0 with motions (3, n) of the frame, of each of which 1, 2 or all 3 `rows` (n,) count."""
-        given, count = kind == "given", self.kernel.motions
-        at = self._checked("motions", np.ravel(motions), 3 * count)
-        z, v = (self._checked(n, x, self.kernel.modes) if given else np.zeros(1) for n, x in (("z", z), ("v", v)))
+        is_given, count = kind == "given", self.kernel.motions
+        at = self._check_array("motions", np.ravel(motions), 3 * count)
+        z, v = (
+            self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
+        )
         pointers = _pointer(at), _rows(rows, count), _pointer(z), _pointer(v)
-        self._check(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
+        self._raise_unless_done(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
 
     def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
         """Take one step to motions (3, n) of the frame at its end, likewise."""
         self._fill(self._motions, "motions", motions)
         counted = ffi.NULL if rows is None else _rows(rows, self.kernel.motions)
         if failed := lib.pmr_step_in_frame(self._state, self._motions_pointer, counted):
-            self._check(failed, f"step {self.step_number + 1}")
+            self._raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def advance(
         self,
@@ -282,7 +297,7 @@ class State:
         _check_room(record, first, steps // every)
         taken, schedule = ffi.new("int64_t *"), _schedule(parts, steps)
         failed = lib.pmr_advance(self._state, signals.pointer, steps, every, schedule, record.at(first), taken)
-        self._check(failed, f"step {self.step_number + 1}")
+        self._raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def advance_sampled(
         self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
@@ -301,7 +316,7 @@ class State:
         failed = lib.pmr_advance_sampled(
             self._state, _pointer(u), per, steps, every, schedule, record.at(first), taken, needed
         )
-        self._check(failed, f"step {self.step_number + 1}")
+        self._raise_unless_done(failed, f"step {self.step_number + 1}")
         return int(taken[0]), int(needed[0])
 
     def outputs(self) -> tuple[Array, Array]:
@@ -316,10 +331,10 @@ class State:
         shapes = {"A": (3 * r, 3 * r), "B": (3 * r, N), "C": (o, 3 * r), "D": (o, N), "L": (m, 3 * r), "K": (m, N)}
         arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
         out = ffi.new("pmr_jacobian *", {name: _pointer(array) for name, array in arrays.items()})
-        failed = lib.pmr_linearize(self._state, _pointer(self._checked("u", u, N)), out)
+        failed = lib.pmr_linearize(self._state, _pointer(self._check_array("u", u, N)), out)
         if failed == lib.PMR_REFUSED:
             raise InputError("state", "friction", None, "a system without friction is allowed")
-        self._check(failed, f"step {self.step_number + 1}")
+        self._raise_unless_done(failed, f"step {self.step_number + 1}")
         return Jacobian(**arrays)
 
     def save(self) -> bytes:
@@ -334,7 +349,7 @@ class State:
         failed = lib.pmr_state_restore(self._state, content, len(content), why)
         if failed == lib.PMR_REFUSED:
             raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
-        self._check(failed, "a restored state")
+        self._raise_unless_done(failed, "a restored state")
 
     def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
         """Fill an array in place; the kernel refuses what is not finite."""
@@ -343,7 +358,7 @@ class State:
             raise InputError("state", name, array.shape, f"{room.shape} is allowed")
         room[:] = array
 
-    def _checked(self, name: str, values: ArrayLike, count: int) -> Array:
+    def _check_array(self, name: str, values: ArrayLike, count: int) -> Array:
         array = np.ascontiguousarray(values, float)
         if array.shape != (count,):
             raise InputError("state", name, array.shape, f"{(count,)} is allowed")
@@ -351,7 +366,7 @@ class State:
             raise InputError("state", name, None, "finite numbers are allowed")
         return array
 
-    def _check(self, failed: int, where: str) -> None:
+    def _raise_unless_done(self, failed: int, where: str) -> None:
         if failed == lib.PMR_DONE:
             return
         trouble = lib.pmr_state_trouble(self._state)

@@ -33,7 +33,7 @@ Indices = NDArray[np.int64]
 LANES = 4
 
 
-def filled(count: int) -> int:
+def round_up(count: int) -> int:
     """`count` rounded up to whole registers."""
     return count + -count % LANES
 
@@ -62,7 +62,7 @@ class Part:
         """What its modes measure on its carriers, filled up, (K, modes)."""
         assert self.body.carriers is not None
         values = self.body.carriers.values
-        return np.pad(values, ((0, 0), (0, filled(values.shape[1]) - values.shape[1])))
+        return np.pad(values, ((0, 0), (0, round_up(values.shape[1]) - values.shape[1])))
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def arrange(system: System) -> Arrangement:
     if system.on_one_path:
         domain = parts[0].body.domain
         paths = system.paths or (SLIDER,)
-        blocks_of_tables = (_tabulated(system, parts[0]),) if system.contacts else ()
+        blocks_of_tables = (_block_of_tables(system, parts[0]),) if system.contacts else ()
         return Arrangement(parts, paths, (domain,), blocks_of_tables, C, F, H, X, friction)
     paths, blocks = system.paths, list[Block]()
     ranges = tuple(system.ranges[path] for path in paths)
@@ -123,7 +123,7 @@ def arrange(system: System) -> Arrangement:
         travelled = [k for k, path in enumerate(paths) if any(side.place.path == path for side in sides)]
         for k in travelled:
             moving = [side for side in sides if side.place.path == paths[k]]
-            block = _travelling(system, part, k, moving, ranges[k], np.array(numbers, np.int64), weights)
+            block = _block_on_path(system, part, k, moving, ranges[k], np.array(numbers, np.int64), weights)
             blocks.append(block if len(travelled) > 1 else replace(block, on_carriers=()))
     return Arrangement(parts, paths, ranges, tuple(blocks), C, F, H, X, friction)
 
@@ -131,32 +131,34 @@ def arrange(system: System) -> Arrangement:
 def _parts(system: System) -> tuple[Part, ...]:
     parts, r, i, o = list[Part](), 0, 0, 0
     for number, body in enumerate(system.reduced.values()):
-        modes, inputs, outputs = filled(body.size), len(body.input_names), len(body.outputs)
+        modes, inputs, outputs = round_up(body.size), len(body.input_names), len(body.outputs)
         parts.append(Part(number, body, slice(r, r + modes), slice(i, i + inputs), slice(o, o + outputs)))
         r, i, o = r + modes, i + inputs, o + outputs
     return tuple(parts)
 
 
-def _tabulated(system: System, part: Part) -> Block:
+def _block_of_tables(system: System, part: Part) -> Block:
     """All contacts of a body alone on one path, by its own tables."""
-    body, left = part.body, part.body.flexibility
-    tables = [body.rows] if left is None else [body.rows, left.rows, left.inputs, left.outputs]
+    body, flexibility = part.body, part.body.flexibility
+    tables = (
+        [body.rows] if flexibility is None else [body.rows, flexibility.rows, flexibility.inputs, flexibility.outputs]
+    )
     breaks = common_breaks(tables, body.domain)
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     m, i, o = len(rows), len(body.input_names), len(body.outputs)
     G, H, X = (_zeros(breaks, shape) for shape in ((m, m), (m, i), (m, o)))
-    if left is not None:
-        G = rebased(columns(select_rows(left.rows, rows), rows), breaks)
-        H = rebased(select_rows(left.inputs, rows), breaks)
-        of_outputs = rebased(columns(left.outputs, rows), breaks)
+    if flexibility is not None:
+        G = rebased(columns(select_rows(flexibility.rows, rows), rows), breaks)
+        H = rebased(select_rows(flexibility.inputs, rows), breaks)
+        of_outputs = rebased(columns(flexibility.outputs, rows), breaks)
         X = PPoly(of_outputs.c.swapaxes(2, 3), breaks)
     C = rebased(select_rows(body.rows, rows), breaks)
-    C = PPoly(np.pad(C.c, ((0, 0), (0, 0), (0, 0), (0, filled(body.size) - body.size))), breaks)
+    C = PPoly(np.pad(C.c, ((0, 0), (0, 0), (0, 0), (0, round_up(body.size) - body.size))), breaks)
     nothing = np.zeros(0, np.int64)
     return Block(part, 0, np.arange(m), nothing, C, G, _zeros(breaks, (m, 0)), H, X)
 
 
-def _travelling(
+def _block_on_path(
     system: System,
     part: Part,
     path: int,

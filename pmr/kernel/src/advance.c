@@ -37,10 +37,13 @@ static int all_finite(const double *values, int count)
     return sum == 0.0;
 }
 
-static int is_finite(const pmr_state *st) { return all_finite(st->z, st->system->modes) && all_finite(st->v, st->system->modes); }
+static int is_finite(const pmr_state *st)
+{
+    return all_finite(st->z, st->system->modes) && all_finite(st->v, st->system->modes);
+}
 
-static int make_steps(pmr_state *st, pmr_course *course, const double *samples, int64_t count, int64_t every, const int32_t *parts,
-                      const pmr_record *record, int64_t *taken)
+static int make_steps(pmr_state *st, pmr_course *course, const double *samples, int64_t count, int64_t every,
+                      const int32_t *parts, const pmr_record *record, int64_t *taken)
 {
     int64_t number, row = 0;
     int failed = PMR_DONE;
@@ -62,8 +65,8 @@ static int make_steps(pmr_state *st, pmr_course *course, const double *samples, 
     return failed;
 }
 
-static int advance_signals(pmr_state *st, const pmr_signals *signals, int64_t count, int64_t every, const int32_t *parts, const pmr_record *record,
-                           int64_t *taken)
+static int advance_signals(pmr_state *st, const pmr_signals *signals, int64_t count, int64_t every,
+                           const int32_t *parts, const pmr_record *record, int64_t *taken)
 {
     pmr_course course = {.signals = signals, .h = st->settings.step};
     *taken = 0;
@@ -71,8 +74,8 @@ static int advance_signals(pmr_state *st, const pmr_signals *signals, int64_t co
     return make_steps(st, &course, NULL, count, every, parts, record, taken);
 }
 
-static int advance_sampled(pmr_state *st, const double *u, int per, int64_t count, int64_t every, const int32_t *parts, const pmr_record *record,
-                           int64_t *taken, int *needed)
+static int advance_sampled(pmr_state *st, const double *u, int per, int64_t count, int64_t every, const int32_t *parts,
+                           const pmr_record *record, int64_t *taken, int *needed)
 {
     pmr_course course = {.samples = u, .per = per, .h = st->settings.step};
     int failed;
@@ -106,7 +109,8 @@ static void take_motions(const pmr_system *y, const double *motions, const int32
     for (k = 0; k < y->motions; k++) to[3 * y->motions + k] = rows ? rows[k] : 3;
 }
 
-static int start_in_frame(pmr_state *st, int kind, const double *motions, const int32_t *rows, const double *z, const double *v)
+static int start_in_frame(pmr_state *st, int kind, const double *motions, const int32_t *rows, const double *z,
+                          const double *v)
 {
     const pmr_system *y = st->system;
     int failed = pmr_frame_drivers(y, motions, st->u_next, st->quantities);

@@ -1,4 +1,5 @@
-/* The kernel for any processor: two doubles a register on x86 (SSE2) and Arm (NEON), or plain C (PMR_PLAIN, other compilers). */
+/* The kernel for any processor: two doubles a register on x86 (SSE2) and Arm (NEON), or plain C (PMR_PLAIN, other
+   compilers). */
 #if defined __GNUC__ && !defined PMR_PLAIN
 #define PMR_VL 2
 #if defined __x86_64__

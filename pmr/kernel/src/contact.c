@@ -2,11 +2,11 @@
 
        w = A lambda - b,    lambda >= 0,  w >= 0,  lambda w = 0   for those that push,    w = 0 for all others
 
-   A is symmetric and positive definite, so there is exactly one solution (Cottle, Pang, Stone 1992, section 3.3).  Closed rows are
-   solved for, the others have lambda = 0; rows that come out wrong, with a pull or a negative gap, change sides.  All of them
-   do so at once as long as that leaves fewer wrong ones, or has failed to three times at most; after that only the first of them,
-   until there are fewer: block principal pivoting with Murty's least-index rule behind it, which ends from any state (docs/pads.md;
-   Murty 1974; Kostreva 1978; Judice, Pires 1994). */
+   A is symmetric and positive definite, so there is exactly one solution (Cottle, Pang, Stone 1992, section 3.3). 
+   Closed rows are solved for, the others have lambda = 0; rows that come out wrong, with a pull or a negative gap,
+   change sides.  All of them do so at once as long as that leaves fewer wrong ones, or has failed to three times at
+   most; after that only the first of them, until there are fewer: block principal pivoting with Murty's least-index
+   rule behind it, which ends from any state (docs/pads.md; Murty 1974; Kostreva 1978; Judice, Pires 1994). */
 
 #define SINGULAR 1e-12
 #define ROUND_OFF 1e-12
@@ -56,10 +56,11 @@ typedef struct {
     const int32_t *pushes; /* (rows) */
     const double *excess;  /* b */
     double *lambda, *closed;
-    double *factor;        /* of the closed rows */
+    double *factor; /* of the closed rows */
     double *entries;
     int32_t *numbers, *wrong;
-    int factored, trouble; /* closed rows in `factor`, less than 0: it is that of others; row that depends on those before it */
+    int factored,
+        trouble; /* closed rows in `factor`, less than 0: it is that of others; row that depends on those before it */
     int64_t solves;
 } problem;
 
@@ -142,8 +143,18 @@ static int settle(problem *c)
 static int settle_state(pmr_state *st)
 {
     const pmr_system *y = st->system;
-    problem c = {.rows = y->contacts, .stride = y->mp, .A = st->A, .pushes = y->pushes, .excess = st->excess, .lambda = st->lambda, .closed = st->closed,
-                 .factor = st->factor, .entries = st->entries, .numbers = st->numbers, .wrong = st->wrong, .factored = st->factored};
+    problem c = {.rows = y->contacts,
+                 .stride = y->mp,
+                 .A = st->A,
+                 .pushes = y->pushes,
+                 .excess = st->excess,
+                 .lambda = st->lambda,
+                 .closed = st->closed,
+                 .factor = st->factor,
+                 .entries = st->entries,
+                 .numbers = st->numbers,
+                 .wrong = st->wrong,
+                 .factored = st->factored};
     int failed, k;
     for (k = 0; k < y->contacts; k++) st->excess[k] = st->motion[k] - y->clearance[k];
     failed = settle(&c);
@@ -153,7 +164,8 @@ static int settle_state(pmr_state *st)
     return failed;
 }
 
-/* Take back what contacts that have just opened would add to this step by their force in the one before; 0 if there are none. */
+/* Take back what contacts that have just opened would add to this step by their force in the one before; 0 if there
+   are none. */
 static int release(pmr_state *st, const pmr_scheme *c)
 {
     const pmr_system *y = st->system;
@@ -191,10 +203,20 @@ static void remember_forces(pmr_state *st, const pmr_scheme *c)
     }
 }
 
-static int contact_alone(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed, double *work, int *solves)
+static int contact_alone(int m, const double *A, const double *b, const int32_t *pushes, double *lambda,
+                         int32_t *closed, double *work, int *solves)
 {
-    problem c = {.rows = m, .stride = m, .A = A, .pushes = pushes, .excess = b, .lambda = lambda, .closed = work, .entries = work + m,
-                 .factor = work + 2 * m, .numbers = (int32_t *)(work + 2 * m + (size_t)m * m), .factored = -1};
+    problem c = {.rows = m,
+                 .stride = m,
+                 .A = A,
+                 .pushes = pushes,
+                 .excess = b,
+                 .lambda = lambda,
+                 .closed = work,
+                 .entries = work + m,
+                 .factor = work + 2 * m,
+                 .numbers = (int32_t *)(work + 2 * m + (size_t)m * m),
+                 .factored = -1};
     int failed, k;
     c.wrong = c.numbers + m;
     for (k = 0; k < m; k++) c.closed[k] = !pushes[k] || closed[k] ? 1.0 : 0.0;

@@ -123,8 +123,8 @@ int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobia
 
 size_t pmr_contact_work(int m) { return m < 0 ? 0 : (size_t)m * m + 4 * (size_t)m + 1; }
 
-int pmr_contact(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed, double *work,
-                int *solves)
+int pmr_contact(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed,
+                double *work, int *solves)
 {
     return m < 0 ? PMR_REFUSED : chosen()->contact(m, A, b, pushes, lambda, closed, work, solves);
 }

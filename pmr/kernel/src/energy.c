@@ -1,7 +1,8 @@
 /* Energy and work, added up in the loop.
 
        2 E = |z'|^2 + z Omega^2 z + f B^T R B f + lambda F lambda - 2 lambda H f
-       W += mean(f B^T) dz + 1/2 d(f B^T R B f) - mean(H f) d lambda + mean(lambda) dC mean(z) - 1/2 mean(lambda) dF mean(lambda)
+       W += mean(f B^T) dz + 1/2 d(f B^T R B f) - mean(H f) d lambda + mean(lambda) dC mean(z) - 1/2 mean(lambda) dF
+       mean(lambda)
 
    with means over the step and changes d.  F comes back out of A: x F x = x A x - z_gain p S^-1 p with p = C^T x. */
 
@@ -25,7 +26,8 @@ static void find_load_energy(pmr_state *st)
     int k, l;
     for (l = 0; l < y->inputs; l++) {
         double of_load = 0.0;
-        if (y->ip > MANY_INPUTS) of_load = dot(y->load_energy + l * y->ip, st->loads, 0, y->ip);
+        if (y->ip > MANY_INPUTS)
+            of_load = dot(y->load_energy + l * y->ip, st->loads, 0, y->ip);
         else
             for (k = 0; k < y->inputs; k++) of_load += y->load_energy[l * y->ip + k] * st->loads[k];
         sum += st->loads[l] * of_load;
@@ -98,7 +100,8 @@ INLINE vec moved_rows(pmr_state *st, const pmr_scheme *c)
 }
 
 /* (H + old H) (f + old f) of a contact: four times what loads move it by themselves, in the mean. */
-INLINE double pushed_mean(const pmr_system *y, const double *H, const double *old_H, const double *f, const double *old_f)
+INLINE double pushed_mean(const pmr_system *y, const double *H, const double *old_H, const double *f,
+                          const double *old_f)
 {
     double sum = 0.0;
     vec sums = {0.0};
@@ -127,7 +130,9 @@ static void account(pmr_state *st, const pmr_scheme *c)
         stored += now * (st->excess[k] - 2.0 * st->pushed[k]);
         work -= 0.5 * change * pushed_mean(y, H, old_H, st->loads, st->old_loads);
         if (!st->moved) continue;
-        for (l = 0; l < k; l++) quadratic += (st->A[k * y->mp + l] - st->old_A[k * y->mp + l]) * (mean * (st->lambda[l] + st->old_lambda[l]));
+        for (l = 0; l < k; l++)
+            quadratic +=
+                (st->A[k * y->mp + l] - st->old_A[k * y->mp + l]) * (mean * (st->lambda[l] + st->old_lambda[l]));
         quadratic += (st->A[k * y->mp + k] - st->old_A[k * y->mp + k]) * mean * mean;
     }
     for (n = 0; n < y->modes; n += VL) {

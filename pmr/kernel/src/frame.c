@@ -1,12 +1,13 @@
-/* A frame that moves: loads and amplitudes of terms as sums of products of few quantities, and these from how the frame is driven.
+/* A frame that moves: loads and amplitudes of terms as sums of products of few quantities, and these from how the
+   frame is driven.
 
        u_k = sum over its products of  factor x_a x_b x_c
 
-   A quantity x is 1, an entry of the rotation R from axes of the boom into those of the ground, a component of the angular
-   velocity omega or acceleration alpha in axes of the boom, an entry of the acceleration field's gradient alpha x . + omega x (omega x .),
-   a motion itself, where the tail of a section is (the sum of the first paths) or its rate, or one over an extension.  R, omega and
-   alpha follow from luffing and slewing and, where the base rocks, from its roll, pitch and yaw.  Numbers carry a derivative
-   along a seed of the motions with them. */
+   A quantity x is 1, an entry of the rotation R from axes of the boom into those of the ground, a component of the
+   angular velocity omega or acceleration alpha in axes of the boom, an entry of the acceleration field's gradient
+   alpha x . + omega x (omega x .), a motion itself, where the tail of a section is (the sum of the first paths) or
+   its rate, or one over an extension.  R, omega and alpha follow from luffing and slewing and, where the base rocks,
+   from its roll, pitch and yaw.  Numbers carry a derivative along a seed of the motions with them. */
 #include "internal.h"
 
 #include <math.h>
@@ -59,7 +60,8 @@ static angle angle_of(const course *c, int which)
 /* Raised by phi, then slewed by psi: R = R_Z(psi) R_Y(-phi). */
 static turning raise_and_slew(angle phi, angle psi)
 {
-    const number s = sine(phi.at), c = cosine(phi.at), sz = sine(psi.at), cz = cosine(psi.at), both = times(psi.rate, phi.rate);
+    const number s = sine(phi.at), c = cosine(phi.at), sz = sine(psi.at), cz = cosine(psi.at),
+                 both = times(psi.rate, phi.rate);
     const turning found = {.R = {{times(cz, c), negative(sz), negative(times(cz, s))},
                                  {times(sz, c), cz, negative(times(sz, s))},
                                  {s, constant(0.0), c}},
@@ -91,8 +93,9 @@ static turning rock(angle a, angle b, angle c)
     base.velocity[1] = plus(times(b.rate, ca), product(c.rate, sa, cb));
     base.velocity[2] = minus(product(c.rate, ca, cb), times(b.rate, sa));
     base.acceleration[0] = minus(minus(a.second, times(c.second, sb)), times(bc, cb));
-    base.acceleration[1] = minus(plus(minus(times(b.second, ca), times(ab, sa)), plus(product(c.second, sa, cb), product(ac, ca, cb))),
-                                 product(bc, sa, sb));
+    base.acceleration[1] =
+        minus(plus(minus(times(b.second, ca), times(ab, sa)), plus(product(c.second, sa, cb), product(ac, ca, cb))),
+              product(bc, sa, sb));
     base.acceleration[2] = minus(minus(product(c.second, ca, cb), product(ac, sa, cb)),
                                  plus(product(bc, ca, sb), plus(times(b.second, sa), times(ab, ca))));
     return base;
@@ -153,7 +156,8 @@ static number quantity(const course *c, const turning *turned, const int32_t *of
     }
 }
 
-void pmr_frame_along(const pmr_system *y, const double *motions, const double *seed, double *u, double *along, double *work)
+void pmr_frame_along(const pmr_system *y, const double *motions, const double *seed, double *u, double *along,
+                     double *work)
 {
     const course c = {y, motions, seed};
     const turning turned = turn(&c);

@@ -4,21 +4,25 @@
 
        f_{n+1} = clip(f_n + kappa dy, -mu |N|, mu |N|):
 
-   it sticks as a spring of stiffness kappa, and slides at Coulomb's force (Jenkins' element; Iwan 1966).  With Lambda the
-   force of the joint's cylinder of stiffness k, of which lambda = Lambda - sum f reaches the sections, the pads of a joint slide by
-   y = s - Lambda / k, and the cylinder gives way by sum f / k more, its gap.  On the face that a pad touches, an arm e from the axis,
-   friction makes a moment -e sign(lambda) f: the multiplier of a row C' behind the contacts.
+   it sticks as a spring of stiffness kappa, and slides at Coulomb's force (Jenkins' element; Iwan 1966).  With Lambda
+   the force of the joint's cylinder of stiffness k, of which lambda = Lambda - sum f reaches the sections, the pads
+   of a joint slide by y = s - Lambda / k, and the cylinder gives way by sum f / k more, its gap.  On the face that a
+   pad touches, an arm e from the axis, friction makes a moment -e sign(lambda) f: the multiplier of a row C' behind
+   the contacts.
 
-   A new friction law is a function like `slide`, called in `revise_friction`, with its constants in the system's data. */
+   A new friction law is a function like `slide`, called in `revise_friction`, with its constants in the system's
+   data. */
 
 /* Of the lengths that a slip is found from: what is round-off; and how often it is improved at most. */
 #define SLIP_ROUND_OFF 1e-15
 #define SLIP_TRIES 64
 
-/* x + softness (sum f - given) = moved with f = clip(old + kappa x, -limit, limit), whose left side grows at least as x does, by
-   Newton's steps kept between what is known to be too little and too much.  One that is not half as long as the one
-   before gives way to halving: where all pads slide on both sides of the solution Newton's steps go to and fro for ever. */
-static double slide(int count, const double *kappa, const double *old, const double *limits, double moved, double softness, double given, double *f)
+/* x + softness (sum f - given) = moved with f = clip(old + kappa x, -limit, limit), whose left side grows at least as
+   x does, by Newton's steps kept between what is known to be too little and too much.  One that is not half as long
+   as the one before gives way to halving: where all pads slide on both sides of the solution Newton's steps go to and
+   fro for ever. */
+static double slide(int count, const double *kappa, const double *old, const double *limits, double moved,
+                    double softness, double given, double *f)
 {
     double x = moved, low = -INFINITY, high = INFINITY, last = INFINITY, total = 0.0;
     int tries, j;
@@ -63,7 +67,8 @@ static void apply_friction(pmr_state *st)
     const pmr_system *y = st->system;
     int i, j;
     for (i = 0; i < y->joints; i++)
-        if (y->joint_gives[i] > 0.0) st->gap[y->joint_cylinders[i]] = y->joint_gives[i] * total_friction(y, st->friction, i);
+        if (y->joint_gives[i] > 0.0)
+            st->gap[y->joint_cylinders[i]] = y->joint_gives[i] * total_friction(y, st->friction, i);
     for (j = 0; j < y->pads; j++) {
         const double moment = y->pad_arms[j] * st->friction[j];
         st->lambda[y->contacts + j] = st->lambda[y->pad_contacts[j]] < 0.0 ? moment : -moment;
@@ -87,7 +92,8 @@ static int revise_friction(pmr_state *st, double bound)
             softness = gives * soft / (gives + soft);
             moved -= gives * (st->lambda[k] + given - st->drives[i]);
         }
-        slide(count, y->pad_stiffness + first, st->old_friction + first, st->limits + first, moved, softness, given, st->new_friction + first);
+        slide(count, y->pad_stiffness + first, st->old_friction + first, st->limits + first, moved, softness, given,
+              st->new_friction + first);
     }
     for (j = 0; j < y->pads; j++) {
         change = larger(change, fabs(st->new_friction[j] - st->friction[j]));
@@ -107,7 +113,8 @@ static void begin_friction(pmr_state *st)
     apply_friction(st);
 }
 
-/* Work of the gaps that friction makes, of cylinders and of what moments move in the contacts by residual flexibility. */
+/* Work of the gaps that friction makes, of cylinders and of what moments move in the contacts by residual
+   flexibility. */
 static double friction_work(pmr_state *st, const pmr_scheme *c)
 {
     const pmr_system *y = st->system;

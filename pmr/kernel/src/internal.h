@@ -10,12 +10,14 @@
 #define PMR_LINE 64
 #define PMR_MOST_LEVELS 64
 
-/* Change of forces of terms and of friction that counts as none, and what is accepted after the last time, over the largest. */
+/* Change of forces of terms and of friction that counts as none, and what is accepted after the last time, over the
+   largest. */
 #define PMR_CONVERGED 1e-11
 #define PMR_ACCEPTED 1e-8
 
-/* Sides that travel along one path on one body.  Their tables are polynomials in s between breaks, the highest power first:
-   of C (rows, modes), G (rows, rows), S (rows, stays), H (rows, inputs) and X (rows, outputs), each row filled up. */
+/* Sides that travel along one path on one body.  Their tables are polynomials in s between breaks, the highest power
+   first: of C (rows, modes), G (rows, rows), S (rows, stays), H (rows, inputs) and X (rows, outputs), each row filled
+   up. */
 typedef struct {
     int32_t path, body, intervals, rows, stays;
     int32_t first_mode, modes, first_input, inputs, first_output, outputs;
@@ -24,7 +26,8 @@ typedef struct {
     int32_t carriers, width, at_touched, at_weights; /* of blocks that another path on the same body is coupled with */
 } pmr_block;
 
-/* Two blocks of one body on different paths: G between their rows is w(s) R v(s')^T with weights w and v on carriers. */
+/* Two blocks of one body on different paths: G between their rows is w(s) R v(s')^T with weights w and v on carriers.
+   */
 typedef struct {
     int32_t first, second, at_between;
 } pmr_pair;
@@ -37,49 +40,50 @@ struct pmr_system {
     uint64_t checksum;
     /* sizes: `rows` are contacts and, behind them, the moments of pads that rub */
     int32_t modes, rows, contacts, forces, inputs, outputs, paths, terms, pads, joints, drivers, blocks, pairs;
-    int32_t whole;    /* all rows are those of one block, so that its tables are the rows */
-    int32_t coupled;  /* damping couples modes */
-    int32_t ropes;    /* paths by which ropes get longer */
+    int32_t whole;   /* all rows are those of one block, so that its tables are the rows */
+    int32_t coupled; /* damping couples modes */
+    int32_t ropes;   /* paths by which ropes get longer */
     int32_t mp, ip, op, pushing, quasi_static, registers, entries, largest_table, largest_block, pair_room;
-    const double *omega2;                 /* (r') */
-    const double *damping;                /* (r'), or (r', r') where it couples */
-    const double *inertia;                /* (r'): 1, or 0 of modes without */
-    const double *B;                      /* (i, r') */
-    const double *shapes, *direct;        /* (r', op), (i, op) */
-    const double *load_energy;            /* (i, ip): B^T R B */
-    const double *clearance;              /* (rows) m */
-    const int32_t *pushes;                /* (rows) */
-    const int32_t *row_modes;             /* (rows, 2): modes that a row touches */
-    const double *path_ends;              /* (P, 2) m */
+    const double *omega2;          /* (r') */
+    const double *damping;         /* (r'), or (r', r') where it couples */
+    const double *inertia;         /* (r'): 1, or 0 of modes without */
+    const double *B;               /* (i, r') */
+    const double *shapes, *direct; /* (r', op), (i, op) */
+    const double *load_energy;     /* (i, ip): B^T R B */
+    const double *clearance;       /* (rows) m */
+    const int32_t *pushes;         /* (rows) */
+    const int32_t *row_modes;      /* (rows, 2): modes that a row touches */
+    const double *path_ends;       /* (P, 2) m */
     const pmr_block *block_list;
     const pmr_pair *pair_list;
     const double *breaks;
     const int32_t *block_rows;
     const double *table_C, *table_G, *table_S, *table_H, *table_X;
-    const double *C0, *F0, *H0, *X0;      /* (rows, r'), (rows, mp), (rows, ip), (rows, op): of what stays */
+    const double *C0, *F0, *H0, *X0; /* (rows, r'), (rows, mp), (rows, ip), (rows, op): of what stays */
     const int32_t *touched;
     const double *weights, *between;
-    const int32_t *rope_paths;            /* (ropes) */
-    const double *rope_slopes;            /* (ropes, rows, mp) 1/N: dA/ds */
-    const double *shares;                 /* (forces, mp): forces of all contacts from multipliers */
-    const int32_t *of_modes;              /* (quasi_static): modes without inertia */
-    /* terms: registers of four rows, of which those of one block of rows stand together, those on z before those on z' */
-    const int32_t *of_rows;               /* (r' / 4, 3) */
-    const int32_t *columns;               /* (registers) */
-    const int32_t *first_entry;           /* (K + 1) */
-    const int32_t *registers_of;          /* (entries): the register that an entry of a term is added to */
-    const double *entry_values;           /* (entries, 4): with amplitudes of 1 */
+    const int32_t *rope_paths; /* (ropes) */
+    const double *rope_slopes; /* (ropes, rows, mp) 1/N: dA/ds */
+    const double *shares;      /* (forces, mp): forces of all contacts from multipliers */
+    const int32_t *of_modes;   /* (quasi_static): modes without inertia */
+    /* terms: registers of four rows, of which those of one block of rows stand together, those on z before those on
+       z' */
+    const int32_t *of_rows;      /* (r' / 4, 3) */
+    const int32_t *columns;      /* (registers) */
+    const int32_t *first_entry;  /* (K + 1) */
+    const int32_t *registers_of; /* (entries): the register that an entry of a term is added to */
+    const double *entry_values;  /* (entries, 4): with amplitudes of 1 */
     /* friction */
     const int32_t *joint_paths, *joint_cylinders, *first_pad, *pad_contacts;
     const double *joint_gives, *pad_coefficients, *pad_stiffness, *pad_arms;
     /* a frame that moves (frame.c); without one there are no motions */
     int32_t motions, quantities, product_count;
-    const int32_t *frame_angles;          /* (5): motions that are luffing, slewing, roll, pitch and yaw; less than 0: none */
-    const int32_t *frame_paths;           /* (P): motions that are the paths */
-    const int32_t *quantity_list;         /* (quantities, 3): kind and two numbers */
-    const int32_t *products;              /* (products, 3): quantities of each */
-    const int32_t *first_product;         /* (i + K + 1) */
-    const double *factors;                /* (products) */
+    const int32_t *frame_angles;  /* (5): motions that are luffing, slewing, roll, pitch and yaw; less than 0: none */
+    const int32_t *frame_paths;   /* (P): motions that are the paths */
+    const int32_t *quantity_list; /* (quantities, 3): kind and two numbers */
+    const int32_t *products;      /* (products, 3): quantities of each */
+    const int32_t *first_product; /* (i + K + 1) */
+    const double *factors;        /* (products) */
 };
 
 /* Kinds of quantities, by two numbers: axes; the motion; number of paths and order of the rate; the path from 1 on. */
@@ -119,17 +123,17 @@ struct pmr_state {
     size_t memory; /* bytes of the block that this struct begins */
     /* numbers that a step which is taken back returns to, one array after the other, filled up to registers */
     double *mark;
-    size_t marked; /* doubles */
-    double *z_next, *v_next, *a_next, *z_free, *z, *v; /* (r') */
-    double *lambda, *force, *share, *closed, *impulse; /* (mp): lambda of moments behind those of contacts */
-    double *energy;                                    /* (4): stored, work, work of terms */
+    size_t marked;                                       /* doubles */
+    double *z_next, *v_next, *a_next, *z_free, *z, *v;   /* (r') */
+    double *lambda, *force, *share, *closed, *impulse;   /* (mp): lambda of moments behind those of contacts */
+    double *energy;                                      /* (4): stored, work, work of terms */
     double *old_friction, *old_gap, *drives, *travelled; /* (pads), (mp), (joints), (joints): at the end of the step */
     /* saved too */
-    double *w, *old_w, *extra;           /* (r'), (4, r'), (r'): forces of terms, of the steps before; with moments of friction */
-    double *accelerated;                 /* (r') */
-    double *friction, *gap;              /* (pads), (mp) */
-    double *u, *motions;                 /* (N), (4, n): drivers and motions where it stands; how many rows of those count */
-    size_t saved; /* doubles */
+    double *w, *old_w, *extra; /* (r'), (4, r'), (r'): forces of terms, of the steps before; with moments of friction */
+    double *accelerated;       /* (r') */
+    double *friction, *gap;    /* (pads), (mp) */
+    double *u, *motions;       /* (N), (4, n): drivers and motions where it stands; how many rows of those count */
+    size_t saved;              /* doubles */
     /* workspace */
     double *began, *peak;
     double *s, *x; /* (P), (blocks): paths, and how far each block is into its interval */
@@ -138,17 +142,17 @@ struct pmr_state {
     double *weighted, *excess, *entries, *motion, *pushed;
     double *push, *pulled, *turned, *others, *scratch, *held;
     double *loads, *known_amplitudes, *now; /* (ip), (K), (registers, 4) */
-    double *slopes, *seeds; /* of rows by each path, and along seeds: for derivatives */
+    double *slopes, *seeds;                 /* of rows by each path, and along seeds: for derivatives */
     int32_t *numbers, *wrong;
     double *old_z, *old_push, *old_C, *old_A, *old_H, *old_loads, *old_lambda;
     double load_energy, old_load_energy;
     double *acceleration, *before_closed, *before_lambda;
     double *w_new, *w_divided, *z_before; /* (r') */
     double *limits, *new_friction, *pair_sums;
-    double *u_next, *u_begun;             /* (N) */
+    double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
-    double *y;                            /* (op) */
-    pmr_scheme *scheme;                   /* (levels) */
+    double *y;                                       /* (op) */
+    pmr_scheme *scheme;                              /* (levels) */
     int32_t placed, factored, moved, trouble;
     int64_t solves;
 };
@@ -165,8 +169,8 @@ typedef struct {
     int (*start_in_frame)(pmr_state *, int, const double *, const int32_t *, const double *, const double *);
     int (*step_in_frame)(pmr_state *, const double *, const int32_t *);
     int (*advance)(pmr_state *, const pmr_signals *, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *);
-    int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *,
-                           int *);
+    int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *,
+                           int64_t *, int *);
     void (*outputs)(pmr_state *, double *, double *);
     int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);
     int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
@@ -175,16 +179,25 @@ typedef struct {
     void (*state_save)(const pmr_state *, void *);
 } pmr_functions;
 
-/* u (N,) from motions (3, n), how it changes along a seed of them, and all its derivatives (N, 3 n); with `pmr_frame_work` doubles. */
+/* u (N,) from motions (3, n), how it changes along a seed of them, and all its derivatives (N, 3 n); with
+   `pmr_frame_work` doubles. */
 int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u, double *work);
-void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, double *u, double *along, double *work);
+void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, double *u, double *along,
+                     double *work);
 int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
 /* How fast the rate of a driver grows within h around t. */
 double pmr_signals_spread(const pmr_signals *signals, int32_t driver, double t, double h);
 
 extern const pmr_functions pmr_functions_avx2, pmr_functions_baseline;
 
-/* Bytes of a state, for both of its kinds of functions (memory.c). */
+/* Memory, and arrays of a block (block.c). */
+enum { PMR_INTEGERS, PMR_NUMBERS, PMR_BYTES };
+/* 1 with a reason in `why` if the head of a block, the places of its arrays or a number are not sound. */
+int pmr_block_check(const pmr_system *system, char *why);
+/* An array; NULL with a reason if it is missing or has not `count` entries (less than 0: any number). */
+const void *pmr_block_take(const pmr_system *system, const char *name, int kind, int64_t count, char *why);
+int64_t pmr_block_count(const pmr_system *system, const char *name);
+uint64_t pmr_block_checksum(const pmr_system *system);
 void pmr_say(char *why, const char *format, ...);
 void *pmr_aligned(size_t bytes);
 void pmr_free_aligned(void *memory);

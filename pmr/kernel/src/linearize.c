@@ -1,12 +1,13 @@
 /* Derivatives of a part of a step, with the contacts that are closed staying so, column by column along seeds.
 
-   With z_free = z* + z_gain S^-1 (B f + w - Omega^2 z* - D v*) the multipliers are A lambda = C z_free + H f - c, and so along a seed
+   With z_free = z* + z_gain S^-1 (B f + w - Omega^2 z* - D v*) the multipliers are A lambda = C z_free + H f - c, and
+   so along a seed
 
        A d lambda = C d z_free + H df + sum over paths of ds (C_s z_free + H_s f - A_s lambda)
        S d z'' = B df + dw - Omega^2 dz* - D dv* - C^T d lambda - sum ds C_s^T lambda
 
-   with C_s, H_s and A_s derivatives of the same polynomials that C, H and A are.  Forces w of terms follow from z and z'
-   at the end of the step, and are found by the same iteration as in the step. */
+   with C_s, H_s and A_s derivatives of the same polynomials that C, H and A are.  Forces w of terms follow from z and
+   z' at the end of the step, and are found by the same iteration as in the step. */
 
 /* Derivative of a polynomial (powers, stride), the highest power first. */
 INLINE double slope_at(const double *c, int powers, int stride, double x)
@@ -31,7 +32,8 @@ static path_slopes slopes_of(const pmr_state *st, int path)
 {
     const pmr_system *y = st->system;
     double *first = st->slopes + (size_t)path * slope_room(y);
-    const path_slopes of_path = {first, first + (size_t)y->rows * y->modes, first + (size_t)y->rows * (y->modes + y->ip)};
+    const path_slopes of_path = {first, first + (size_t)y->rows * y->modes,
+                                 first + (size_t)y->rows * (y->modes + y->ip)};
     return of_path;
 }
 
@@ -43,15 +45,20 @@ static void slope_block(pmr_state *st, int number, const double *of_A)
     const int32_t *on = y->block_rows + b->at_rows, *staying = on + b->rows;
     const int m = b->rows, w = b->modes, g = PMR_UP(m), t = PMR_UP(b->stays), i = PMR_UP(b->inputs);
     const double *C = in_interval(st, number, y->table_C, b->at_C, b->powers_C, m * w), x = st->x[number];
-    const double *H = in_interval(st, number, y->table_H, b->at_H, b->powers_H, m * i), *of_S = of_A + (size_t)b->powers_G * m * g;
+    const double *H = in_interval(st, number, y->table_H, b->at_H, b->powers_H, m * i),
+                 *of_S = of_A + (size_t)b->powers_G * m * g;
     int k, n;
     for (k = 0; k < m; k++) {
-        for (n = 0; n < w; n++) to.C[(size_t)on[k] * y->modes + b->first_mode + n] += slope_at(C + k * w + n, b->powers_C, m * w, x);
-        for (n = 0; n < b->inputs; n++) to.H[(size_t)on[k] * y->ip + b->first_input + n] += slope_at(H + k * i + n, b->powers_H, m * i, x);
+        for (n = 0; n < w; n++)
+            to.C[(size_t)on[k] * y->modes + b->first_mode + n] += slope_at(C + k * w + n, b->powers_C, m * w, x);
+        for (n = 0; n < b->inputs; n++)
+            to.H[(size_t)on[k] * y->ip + b->first_input + n] += slope_at(H + k * i + n, b->powers_H, m * i, x);
         for (n = 0; n <= k; n++)
-            *lower(to.A, y->mp, on[k], on[n]) += slope_at(of_A + k * g + n, b->powers_G, m * g, x) * (k != n && on[k] == on[n] ? 2.0 : 1.0);
+            *lower(to.A, y->mp, on[k], on[n]) +=
+                slope_at(of_A + k * g + n, b->powers_G, m * g, x) * (k != n && on[k] == on[n] ? 2.0 : 1.0);
         for (n = 0; n < b->stays; n++)
-            *lower(to.A, y->mp, on[k], staying[n]) += slope_at(of_S + k * t + n, b->powers_S, m * t, x) * (on[k] == staying[n] ? 2.0 : 1.0);
+            *lower(to.A, y->mp, on[k], staying[n]) +=
+                slope_at(of_S + k * t + n, b->powers_S, m * t, x) * (on[k] == staying[n] ? 2.0 : 1.0);
     }
 }
 
@@ -113,8 +120,8 @@ static void find_slopes(pmr_state *st, const pmr_scheme *c)
 typedef struct {
     double *z_next, *v_next, *a_next; /* (r'): the seed, and afterwards what it makes of the next prediction */
     double *z, *v, *acceleration, *forces, *w, *w_new, *sums; /* (r') */
-    double *lambda, *y;               /* (mp), (op) */
-    const double *u;                  /* (N): the seed's drivers, or NULL */
+    double *lambda, *y;                                       /* (mp), (op) */
+    const double *u;                                          /* (N): the seed's drivers, or NULL */
 } seed;
 
 /* sums -= C^T d lambda + sum ds C_s^T lambda. */
@@ -126,7 +133,8 @@ static void subtract_seed_rows(const pmr_state *st, const seed *d, double *sums)
         for (n = 0; n < y->modes; n++) sums[n] -= st->C[(size_t)k * y->modes + n] * d->lambda[k];
         for (p = 0; d->u && p < y->paths; p++)
             if (d->u[p] != 0.0 && st->lambda[k] != 0.0)
-                for (n = 0; n < y->modes; n++) sums[n] -= d->u[p] * st->lambda[k] * slopes_of(st, p).C[(size_t)k * y->modes + n];
+                for (n = 0; n < y->modes; n++)
+                    sums[n] -= d->u[p] * st->lambda[k] * slopes_of(st, p).C[(size_t)k * y->modes + n];
     }
 }
 
@@ -158,7 +166,8 @@ static void add_seed_loads(const pmr_system *y, const seed *d, double *forces)
         for (n = 0; n < y->modes; n++) forces[n] += y->B[(size_t)l * y->modes + n] * d->u[y->paths + l];
 }
 
-/* Forces of terms along a seed, by what it makes of z and z', and by their amplitudes: those of the step's end in `of_amplitudes`. */
+/* Forces of terms along a seed, by what it makes of z and z', and by their amplitudes: those of the step's end in
+   `of_amplitudes`. */
 static double follow_terms(pmr_state *st, seed *d, const double *of_amplitudes)
 {
     const pmr_system *y = st->system;
@@ -190,7 +199,8 @@ static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double
     int k, n, times;
     memset(d->w, 0, r * sizeof(double));
     if (y->registers) copy(d->w, of_amplitudes, r);
-    if (y->coupled) couple(st, c, d->z_next, d->v_next, bent);
+    if (y->coupled)
+        couple(st, c, d->z_next, d->v_next, bent);
     else
         for (n = 0; n < r; n++) bent[n] = -c->stiffness[n] * d->z_next[n] - c->damping[n] * d->v_next[n];
     for (times = 0; times < MOST_TIMES; times++) {
@@ -253,7 +263,8 @@ static void seed_outputs(pmr_state *st, const seed *d)
         const pmr_block *block = y->block_list + b;
         const int width = PMR_UP(block->outputs), m = block->rows;
         const double *ends = y->path_ends + 2 * block->path;
-        const double ds = d->u && st->s[block->path] >= ends[0] && st->s[block->path] <= ends[1] ? d->u[block->path] : 0.0;
+        const double ds =
+            d->u && st->s[block->path] >= ends[0] && st->s[block->path] <= ends[1] ? d->u[block->path] : 0.0;
         if (!width) continue;
         for (k = 0; k < m; k++) {
             const int row = y->block_rows[block->at_rows + k];
@@ -264,8 +275,8 @@ static void seed_outputs(pmr_state *st, const seed *d)
                 power *= st->x[b];
             }
         }
-        add_columns(in_interval(st, b, y->table_X, block->at_X, block->powers_X, m * width), width, shares, block->powers_X * m,
-                    d->y + block->first_output, width);
+        add_columns(in_interval(st, b, y->table_X, block->at_X, block->powers_X, m * width), width, shares,
+                    block->powers_X * m, d->y + block->first_output, width);
     }
 }
 
@@ -281,8 +292,18 @@ static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, c
     const size_t r = y->modes, N = y->drivers, o = y->outputs, m = y->contacts;
     const double *amplitudes = u + y->paths + y->inputs;
     double *room = st->seeds, *unit = room + 12 * r, *of_amplitudes = unit + N;
-    seed d = {.z_next = room, .v_next = room + r, .a_next = room + 2 * r, .z = room + 3 * r, .v = room + 4 * r, .acceleration = room + 5 * r,
-              .forces = room + 6 * r, .w = room + 7 * r, .w_new = room + 8 * r, .sums = room + 9 * r, .lambda = st->motion, .y = st->y};
+    seed d = {.z_next = room,
+              .v_next = room + r,
+              .a_next = room + 2 * r,
+              .z = room + 3 * r,
+              .v = room + 4 * r,
+              .acceleration = room + 5 * r,
+              .forces = room + 6 * r,
+              .w = room + 7 * r,
+              .w_new = room + 8 * r,
+              .sums = room + 9 * r,
+              .lambda = st->motion,
+              .y = st->y};
     size_t column;
     int failed, n;
     failed = place(st, c, u);
@@ -321,8 +342,10 @@ static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, c
             store_column(jacobian->L, 3 * r, column, d.lambda, m);
         }
         predict_seed(st, c, &d);
-        if (of_driver) store_column(jacobian->B, N, column - 3 * r, room, 3 * r);
-        else store_column(jacobian->A, 3 * r, column, room, 3 * r);
+        if (of_driver)
+            store_column(jacobian->B, N, column - 3 * r, room, 3 * r);
+        else
+            store_column(jacobian->A, 3 * r, column, room, 3 * r);
     }
     return PMR_DONE;
 }

@@ -35,8 +35,8 @@ static void outputs(pmr_state *st, double *y_out, double *forces)
                 share *= st->x[b];
             }
         }
-        add_columns(in_interval(st, b, y->table_X, block->at_X, block->powers_X, m * width), width, shares, block->powers_X * m,
-                    out + block->first_output, width);
+        add_columns(in_interval(st, b, y->table_X, block->at_X, block->powers_X, m * width), width, shares,
+                    block->powers_X * m, out + block->first_output, width);
     }
     copy(y_out, out, y->outputs);
 }

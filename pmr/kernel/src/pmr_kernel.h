@@ -6,22 +6,24 @@
        C z + H f - F lambda = g,                                  F = G(s) + A(s)   (m/N)
        y = O z + W f - X(s) lambda
 
-   lambda > 0 pushes.  A contact that only pushes has a clearance c and obeys 0 <= lambda, 0 <= c + F lambda - C z - H f, one of
-   them zero.  G is what the bodies' residual flexibility gives, A what pads, supports and ropes give; w are forces of terms
-   that vary in time, w = -sum_k c_k (V_k z' + G_k z), and g what cylinders give way to the friction of pads.
+   lambda > 0 pushes.  A contact that only pushes has a clearance c and obeys 0 <= lambda, 0 <= c + F lambda - C z - H
+   f, one of them zero.  G is what the bodies' residual flexibility gives, A what pads, supports and ropes give; w are
+   forces of terms that vary in time, w = -sum_k c_k (V_k z' + G_k z), and g what cylinders give way to the friction
+   of pads.
 
-   Scheme.  Generalized-alpha of constant step (Chung and Hulbert 1993, eq. 25; Arnold and Bruels 2007, eq. 5 to 7), contacts at
-   position level at the end of each step.  A step of contacts that only push is made in 1, 2, 4, ... equal parts, as many as
-   keep their forces to a tolerance.
+   Scheme.  Generalized-alpha of constant step (Chung and Hulbert 1993, eq. 25; Arnold and Bruels 2007, eq. 5 to 7),
+   contacts at position level at the end of each step.  A step of contacts that only push is made in 1, 2, 4, ...
+   equal parts, as many as keep their forces to a tolerance.
 
    Units are SI: m, N, N m, s, rad.  Modal coordinates are in m kg^(1/2).
 
-   Data.  `pmr_system` is read only: any number of states, in any number of threads, share one.  It is made from one block of bytes
-   that is the same in a file, in memory and in an FMU's resources.  `pmr_state` is one simulation, and belongs to one thread
-   at a time.  No function but `pmr_system_open` and `pmr_state_open` allocates.
+   Data.  `pmr_system` is read only: any number of states, in any number of threads, share one.  It is made from one
+   block of bytes that is the same in a file, in memory and in an FMU's resources.  `pmr_state` is one simulation, and
+   belongs to one thread at a time.  No function but `pmr_system_open` and `pmr_state_open` allocates.
 
-   Numbers without a name stand in the order of the system's names (`pmr_system_names`).  Arrays are of doubles in row-major order.
-   Modes stand body after body, each body filled up with zeros to a multiple of four: `modes` counts those too. */
+   Numbers without a name stand in the order of the system's names (`pmr_system_names`).  Arrays are of doubles in
+   row-major order. Modes stand body after body, each body filled up with zeros to a multiple of four: `modes` counts
+   those too. */
 #ifndef PMR_KERNEL_H
 #define PMR_KERNEL_H
 
@@ -69,12 +71,14 @@ typedef struct {
 
 /* ---- systems ---- */
 
-/* Make a system from a block of `bytes` bytes, which begins on a multiple of 64 and has to stay as it is as long as the system
-   lives.  PMR_REFUSED with a reason in `why` (PMR_MESSAGE) if it is not one that this kernel wrote, or is damaged. */
+/* Make a system from a block of `bytes` bytes, which begins on a multiple of 64 and has to stay as it is as long as
+   the system lives.  PMR_REFUSED with a reason in `why` (PMR_MESSAGE) if it is not one that this kernel wrote, or is
+   damaged. */
 int pmr_system_open(const void *block, size_t bytes, pmr_system **system, char *why);
 void pmr_system_close(pmr_system *system);
 void pmr_system_sizes(const pmr_system *system, pmr_sizes *sizes);
-/* Names of "drivers", "outputs", "contacts" or "forces", one a line, in `*count` bytes; NULL where there is no such list. */
+/* Names of "drivers", "outputs", "contacts" or "forces", one a line, in `*count` bytes; NULL where there is no such
+   list. */
 const char *pmr_system_names(const pmr_system *system, const char *list, size_t *count);
 /* Checksum that a block is written with: of the bytes behind its first 64. */
 uint64_t pmr_checksum(const void *bytes, size_t count);
@@ -87,11 +91,11 @@ const char *pmr_variant(void);
 typedef struct {
     double step;          /* s */
     double rho_inf;       /* spectral radius at infinite frequency, 0 to 1 */
-    double contact_omega; /* rad/s: of the contacts that only push; 0: their forces are not judged, a step is one part */
+    double contact_omega; /* rad/s: of the contacts that only push; 0: their forces are not judged */
     double tolerance;     /* what a part may err in the forces of closed contacts, over the largest so far */
     int32_t levels;       /* lengths of steps, 1 to 64 */
     int32_t energy;       /* whether energy and work are added up */
-    const int32_t *parts; /* (levels,): of how many equal parts a step is made, ascending; NULL with levels = 1: of one */
+    const int32_t *parts; /* (levels,): of how many equal parts a step is made, ascending; NULL: of one */
 } pmr_settings;
 
 int pmr_state_open(const pmr_system *system, const pmr_settings *settings, pmr_state **state, char *why);
@@ -99,7 +103,8 @@ void pmr_state_close(pmr_state *state);
 /* Bytes that a state is saved as, and bytes of memory that it takes. */
 size_t pmr_state_bytes(const pmr_state *state);
 size_t pmr_state_memory(const pmr_state *state);
-/* Write a state as `pmr_state_bytes` bytes; restored into a state of the same system and settings it goes on bit for bit. */
+/* Write a state as `pmr_state_bytes` bytes; restored into a state of the same system and settings it goes on bit for
+   bit. */
 void pmr_state_save(const pmr_state *state, void *bytes);
 /* PMR_REFUSED with a reason, the state as it was, if these are not bytes of such a state, or are damaged. */
 int pmr_state_restore(pmr_state *state, const void *bytes, size_t count, char *why);
@@ -125,8 +130,8 @@ void pmr_state_view(pmr_state *state, pmr_view *view);
 enum { PMR_AT_REST = 0, PMR_GIVEN = 1, PMR_IN_EQUILIBRIUM = 2 };
 
 /* Bring a state to t = 0 under drivers u (N,).  PMR_AT_REST: z = v = 0.  PMR_GIVEN: z (r',) and v (r',).
-   PMR_IN_EQUILIBRIUM: at rest under the loads, v = 0.  Multipliers of contacts that give way follow from the position, those
-   of rigid ones from the accelerations. */
+   PMR_IN_EQUILIBRIUM: at rest under the loads, v = 0.  Multipliers of contacts that give way follow from the
+   position, those of rigid ones from the accelerations. */
 int pmr_start(pmr_state *state, int kind, const double *u, const double *z, const double *v);
 /* The same with accelerations a (r',), multipliers (m,) and which contacts are closed (m,) as they are: how a
    simulation that another program began goes on. */
@@ -135,29 +140,32 @@ int pmr_start_from(pmr_state *state, const double *u, const double *z, const dou
 
 /* ---- a frame that moves ---- */
 
-/* Where a system has a frame, its loads and amplitudes of terms follow from n motions with their rates and second rates,
-   `motions` (3, n): paths in m; loads in N as a user names them, gravity in m/s^2 among them; angles of the frame and of its base in
-   rad; accelerations of its base in m/s^2.  Of loads and accelerations the value alone counts.
+/* Where a system has a frame, its loads and amplitudes of terms follow from n motions with their rates and second
+   rates, `motions` (3, n): paths in m; loads in N as a user names them, gravity in m/s^2 among them; angles of the
+   frame and of its base in rad; accelerations of its base in m/s^2.  Of loads and accelerations the value alone counts.
 
-   Drivers u (N,) of motions and, unless NULL, their derivatives (N, 3 n) by them, by which derivatives of a step by drivers become
-   such by motions; with `work` of `pmr_frame_work` doubles.  PMR_REFUSED without a frame. */
+   Drivers u (N,) of motions and, unless NULL, their derivatives (N, 3 n) by them, by which derivatives of a step by
+   drivers become such by motions; with `work` of `pmr_frame_work` doubles.  PMR_REFUSED without a frame. */
 size_t pmr_frame_work(const pmr_system *system);
 int pmr_frame(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
-/* As `pmr_start` and `pmr_step`.  `rows` (n,) or NULL: of each motion 1, 2 or 3 rows count; parts of a step follow lines, cubics
-   by rates, or cubics by second rates between what counts at both ends.  `pmr_advance` of such a system takes signals of
-   its motions. */
-int pmr_start_in_frame(pmr_state *state, int kind, const double *motions, const int32_t *rows, const double *z, const double *v);
+/* As `pmr_start` and `pmr_step`.  `rows` (n,) or NULL: of each motion 1, 2 or 3 rows count; parts of a step follow
+   lines, cubics by rates, or cubics by second rates between what counts at both ends.  `pmr_advance` of such a system
+   takes signals of its motions. */
+int pmr_start_in_frame(pmr_state *state, int kind, const double *motions, const int32_t *rows, const double *z,
+                       const double *v);
 int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *rows);
 
 /* ---- signals ---- */
 
-/* Drivers over time as sums of pieces; piece j of driver n counts on breaks[j] <= t < breaks[j + 1], with x = t - breaks[j],
+/* Drivers over time as sums of pieces; piece j of driver n counts on breaks[j] <= t < breaks[j + 1], with x = t -
+   breaks[j],
 
        u_n(t) = sum over its strands of  p(x) + a sin(q(x)),    p with `powers` coefficients, q quadratic.
 
-   The first piece of a strand goes on before its first break, the last one behind its last.  A strand with spread h > 0 counts by
-   how fast its rate grows within h, (u'(t + h/2) - u'(t - h/2)) / h, which has no kinks of u in it, and from t = 0 on only; its
-   second rate is left out.  A strand with spread less than 0 counts by its second rate, and has no rates. */
+   The first piece of a strand goes on before its first break, the last one behind its last.  A strand with spread h >
+   0 counts by how fast its rate grows within h, (u'(t + h/2) - u'(t - h/2)) / h, which has no kinks of u in it, and
+   from t = 0 on only; its second rate is left out.  A strand with spread less than 0 counts by its second rate, and
+   has no rates. */
 typedef struct {
     int32_t drivers;              /* N */
     int32_t powers;               /* of p, 1 or more */
@@ -190,12 +198,12 @@ typedef struct {
     int32_t *parts;      /* (.,) */
 } pmr_record;
 
-/* `count` steps with drivers from `signals`, every `every`-th of them recorded; `parts` (count,) or NULL: of how many parts
-   each is made, one of the settings' numbers.  `*taken` were taken: fewer than `count` if one failed. */
+/* `count` steps with drivers from `signals`, every `every`-th of them recorded; `parts` (count,) or NULL: of how many
+   parts each is made, one of the settings' numbers.  `*taken` were taken: fewer than `count` if one failed. */
 int pmr_advance(pmr_state *state, const pmr_signals *signals, int64_t count, int64_t every, const int32_t *parts,
                 const pmr_record *record, int64_t *taken);
-/* The same with samples u (count * per + 1, N) at `per` equal parts of each step, the first where the step before ended.
-   It stops before a step that needs more parts than it has samples of; `*needed` is their number, else 0. */
+/* The same with samples u (count * per + 1, N) at `per` equal parts of each step, the first where the step before
+   ended. It stops before a step that needs more parts than it has samples of; `*needed` is their number, else 0. */
 int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t count, int64_t every, const int32_t *parts,
                         const pmr_record *record, int64_t *taken, int *needed);
 
@@ -227,11 +235,11 @@ size_t pmr_contact_work(int m);
    A (m, m) symmetric and positive definite; b (m,): how far they would come out beyond their clearances without forces.
    `closed` (m,) is what it begins with, and tells which are closed.  `*solves`, unless NULL: linear systems solved.
    PMR_DEPENDENT, PMR_UNSETTLED as for a step. */
-int pmr_contact(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed, double *work,
-                int *solves);
-/* Friction (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m and slide at
-   limits (n,) N: f = clip(old + kappa x, -limit, limit), with the slip x of x + softness (sum f - given) = moved.
-   Returns their sum. */
+int pmr_contact(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed,
+                double *work, int *solves);
+/* Friction (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
+   and slide at limits (n,) N: f = clip(old + kappa x, -limit, limit), with the slip x of x + softness (sum f - given)
+   = moved. Returns their sum. */
 double pmr_friction(int n, const double *kappa, const double *old, const double *limits, double moved, double softness,
                     double given, double *f);
 

@@ -1,7 +1,8 @@
 /* The rows of all contacts where the paths stand: C, H and the matrix of a step, A = F + z_gain C S^-1 C^T.
 
-   C and H are tables of the system.  A has tables of its own: those of F, to which products of the polynomials of C are added on
-   the way into an interval, for each length of step.  So a step evaluates polynomials and never multiplies C S^-1 C^T. */
+   C and H are tables of the system.  A has tables of its own: those of F, to which products of the polynomials of C
+   are added on the way into an interval, for each length of step.  So a step evaluates polynomials and never
+   multiplies C S^-1 C^T. */
 
 static const double *in_interval(const pmr_state *st, int block, const double *table, int first, int powers, int width)
 {
@@ -21,7 +22,8 @@ APART void enter_block(const pmr_state *st, const pmr_scheme *c, int number, dou
 {
     const pmr_system *y = st->system;
     const pmr_block *b = y->block_list + number;
-    const int m = b->rows, w = b->modes, g = PMR_UP(m), t = PMR_UP(b->stays), pG = b->powers_G, pC = b->powers_C, pS = b->powers_S;
+    const int m = b->rows, w = b->modes, g = PMR_UP(m), t = PMR_UP(b->stays), pG = b->powers_G, pC = b->powers_C,
+              pS = b->powers_S;
     const double *C = in_interval(st, number, y->table_C, b->at_C, pC, m * w);
     const int32_t *staying = y->block_rows + b->at_rows + m;
     double *G = tables, *S = tables + pG * m * g, *weighted = st->scratch;
@@ -36,7 +38,8 @@ APART void enter_block(const pmr_state *st, const pmr_scheme *c, int number, dou
                 for (l = 0; l <= k; l++)
                     G[(pG + 1 - 2 * pC + p + q) * m * g + k * g + l] += dot(weighted, C + (q * m + l) * w, 0, w);
             for (l = 0; l < b->stays; l++)
-                S[(pS - pC + p) * m * t + k * t + l] += dot(weighted, y->C0 + staying[l] * y->modes + b->first_mode, 0, w);
+                S[(pS - pC + p) * m * t + k * t + l] +=
+                    dot(weighted, y->C0 + staying[l] * y->modes + b->first_mode, 0, w);
         }
     if (y->whole)
         for (k = 0; k < m; k++)
@@ -69,14 +72,17 @@ static void add_block(pmr_state *st, int number, const double *of_A, double x)
     }
     evaluate(of_A, b->powers_G, m * g, m * g, x, values);
     for (k = 0; k < m; k++)
-        for (n = 0; n <= k; n++) *lower(st->A, mp, on[k], on[n]) += values[k * g + n] * (k != n && on[k] == on[n] ? 2.0 : 1.0);
+        for (n = 0; n <= k; n++)
+            *lower(st->A, mp, on[k], on[n]) += values[k * g + n] * (k != n && on[k] == on[n] ? 2.0 : 1.0);
     if (t) {
         evaluate(of_A + b->powers_G * m * g, b->powers_S, m * t, m * t, x, values);
         for (k = 0; k < m; k++)
-            for (n = 0; n < b->stays; n++) *lower(st->A, mp, on[k], staying[n]) += values[k * t + n] * (on[k] == staying[n] ? 2.0 : 1.0);
+            for (n = 0; n < b->stays; n++)
+                *lower(st->A, mp, on[k], staying[n]) += values[k * t + n] * (on[k] == staying[n] ? 2.0 : 1.0);
     }
     if (i) {
-        evaluate(in_interval(st, number, y->table_H, b->at_H, b->powers_H, m * i), b->powers_H, m * i, m * i, x, values);
+        evaluate(in_interval(st, number, y->table_H, b->at_H, b->powers_H, m * i), b->powers_H, m * i, m * i, x,
+                 values);
         for (k = 0; k < m; k++)
             for (n = 0; n < b->inputs; n++) st->H[on[k] * y->ip + b->first_input + n] += values[k * i + n];
     }
@@ -93,7 +99,8 @@ APART void enter_pair(pmr_state *st, const pmr_scheme *c, int number, double *ta
     const pmr_system *y = st->system;
     const pmr_pair *pair = y->pair_list + number;
     const pmr_block *one = y->block_list + pair->first, *two = y->block_list + pair->second;
-    const int i = st->interval[pair->first], j = st->interval[pair->second], p1 = one->powers_C, p2 = two->powers_C, modes = one->modes;
+    const int i = st->interval[pair->first], j = st->interval[pair->second], p1 = one->powers_C, p2 = two->powers_C,
+              modes = one->modes;
     const double *C = in_interval(st, pair->first, y->table_C, one->at_C, p1, one->rows * modes);
     const double *D = in_interval(st, pair->second, y->table_C, two->at_C, p2, two->rows * modes);
     double *sums = st->pair_sums, *weighted = st->scratch;
@@ -108,7 +115,9 @@ APART void enter_pair(pmr_state *st, const pmr_scheme *c, int number, double *ta
             for (b = 0; b < two->width; b++)
                 for (p = 0; p < p1; p++) {
                     double sum = 0.0;
-                    for (a = 0; a < one->width; a++) sum += w[p * one->width + a] * y->between[pair->at_between + (size_t)of_k[a] * two->carriers + of_l[b]];
+                    for (a = 0; a < one->width; a++)
+                        sum += w[p * one->width + a] *
+                               y->between[pair->at_between + (size_t)of_k[a] * two->carriers + of_l[b]];
                     sums[p * two->width + b] = sum;
                 }
             for (q = 0; q < p2; q++)
@@ -122,7 +131,8 @@ APART void enter_pair(pmr_state *st, const pmr_scheme *c, int number, double *ta
             over_S(y, c, C + (p * one->rows + k) * modes, one->first_mode, one->first_mode + modes, weighted);
             for (l = 0; l < two->rows; l++)
                 for (q = 0; q < p2; q++)
-                    tables[((size_t)(k * two->rows + l) * p2 + q) * p1 + p] += c->z_gain * dot(weighted, D + (q * two->rows + l) * modes, 0, modes);
+                    tables[((size_t)(k * two->rows + l) * p2 + q) * p1 + p] +=
+                        c->z_gain * dot(weighted, D + (q * two->rows + l) * modes, 0, modes);
         }
     }
 }
@@ -149,7 +159,8 @@ static void add_pair(pmr_state *st, const pmr_scheme *c, int number, double *tab
             double sum = 0.0;
             if (p1 == 4 && p2 == 4) {
                 const double w[4] = {s * s * s, s * s, s, 1.0};
-                for (p = 0; p < 4; p++) sum += (((table[p] * t + table[4 + p]) * t + table[8 + p]) * t + table[12 + p]) * w[p];
+                for (p = 0; p < 4; p++)
+                    sum += (((table[p] * t + table[4 + p]) * t + table[8 + p]) * t + table[12 + p]) * w[p];
             } else {
                 for (p = 0; p < p1; p++) {
                     double value = table[p];
@@ -198,9 +209,12 @@ static void place_whole(pmr_state *st, const pmr_scheme *c)
         enter_block(st, c, 0, c->of_blocks);
         c->in_blocks[0] = st->interval[0];
     }
-    evaluate(in_interval(st, 0, y->table_C, b->at_C, b->powers_C, y->rows * y->modes), b->powers_C, y->rows * y->modes, y->rows * y->modes, st->x[0], st->C);
-    evaluate(in_interval(st, 0, y->table_H, b->at_H, b->powers_H, y->rows * y->ip), b->powers_H, y->rows * y->ip, y->rows * y->ip, st->x[0], st->H);
-    for (k = 0; k < y->rows; k++) evaluate(c->of_blocks + k * mp, b->powers_G, y->rows * mp, PMR_UP(k + 1), st->x[0], st->A + k * mp);
+    evaluate(in_interval(st, 0, y->table_C, b->at_C, b->powers_C, y->rows * y->modes), b->powers_C, y->rows * y->modes,
+             y->rows * y->modes, st->x[0], st->C);
+    evaluate(in_interval(st, 0, y->table_H, b->at_H, b->powers_H, y->rows * y->ip), b->powers_H, y->rows * y->ip,
+             y->rows * y->ip, st->x[0], st->H);
+    for (k = 0; k < y->rows; k++)
+        evaluate(c->of_blocks + k * mp, b->powers_G, y->rows * mp, PMR_UP(k + 1), st->x[0], st->A + k * mp);
 }
 
 static void place_blocks(pmr_state *st, const pmr_scheme *c, const double *s)
@@ -245,8 +259,10 @@ static int place(pmr_state *st, const pmr_scheme *c, const double *s)
     st->factored = -1;
     st->placed = 0;
     find_intervals(st, s);
-    if (y->whole) place_whole(st, c);
-    else place_blocks(st, c, s);
+    if (y->whole)
+        place_whole(st, c);
+    else
+        place_blocks(st, c, s);
     if (!y->pushing) {
         for (k = 0; k < y->contacts; k++)
             if (!factorise(st->A + k * y->mp, st->factor, k, y->mp)) {

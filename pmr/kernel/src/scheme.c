@@ -1,12 +1,13 @@
 /* Generalized-alpha as factors of what a step adds up, for one length of step.
 
        (1 - alpha_m) a_{n+1} + alpha_m a_n = (1 - alpha_f) z''_{n+1} + alpha_f z''_n
-       z_{n+1} = z_n + h z'_n + h^2 ((1/2 - beta) a_n + beta a_{n+1}),    z'_{n+1} = z'_n + h ((1 - gamma) a_n + gamma a_{n+1})
+       z_{n+1} = z_n + h z'_n + h^2 ((1/2 - beta) a_n + beta a_{n+1}),    z'_{n+1} = z'_n + h ((1 - gamma) a_n + gamma
+       a_{n+1})
 
-   A step begins with the prediction (z*, v*, a*), which is all that it needs of the steps before, and its acceleration z''
-   gives z = z* + z_gain z'', v = v* + v_gain z'', a = a* + gain z''.  A mode without inertia follows at once, with its damping,
-   by backward Euler, D (z_{n+1} - z_n) / h + Omega^2 z_{n+1} = force: its prediction is z_n D / (D + h Omega^2), v* = a* = 0, and its
-   S is z_gain (Omega^2 + D / h). */
+   A step begins with the prediction (z*, v*, a*), which is all that it needs of the steps before, and its
+   acceleration z'' gives z = z* + z_gain z'', v = v* + v_gain z'', a = a* + gain z''.  A mode without inertia follows
+   at once, with its damping, by backward Euler, D (z_{n+1} - z_n) / h + Omega^2 z_{n+1} = force: its prediction is
+   z_n D / (D + h Omega^2), v* = a* = 0, and its S is z_gain (Omega^2 + D / h). */
 
 /* Whether this is no mode, but fills a body up. */
 INLINE int is_fill(const pmr_system *y, int n) { return y->inertia[n] == 0.0 && y->omega2[n] == 0.0; }
@@ -80,7 +81,8 @@ static int set_inverse(const pmr_system *y, pmr_scheme *c, double *work)
     const size_t r = y->modes;
     size_t k, n;
     for (k = 0; k < r; k++)
-        for (n = 0; n < r; n++) work[k * r + n] = y->damping[k * r + n] * (y->inertia[n] == 0.0 ? c->z_gain / c->h : c->v_gain);
+        for (n = 0; n < r; n++)
+            work[k * r + n] = y->damping[k * r + n] * (y->inertia[n] == 0.0 ? c->z_gain / c->h : c->v_gain);
     for (n = 0; n < r; n++) work[n * r + n] += is_fill(y, (int)n) ? 1.0 : y->inertia[n] + y->omega2[n] * c->z_gain;
     return invert(work, (int)r, c->inverse);
 }
@@ -92,7 +94,8 @@ static int set_scheme(const pmr_system *y, pmr_scheme *c, double h, double rho, 
     set_factors(c, h, rho);
     for (n = 0; n < r; n++) {
         const double D = y->coupled ? 0.0 : y->damping[n];
-        const double S = y->inertia[n] + y->omega2[n] * c->z_gain + D * (y->inertia[n] == 0.0 ? c->z_gain / h : c->v_gain);
+        const double S =
+            y->inertia[n] + y->omega2[n] * c->z_gain + D * (y->inertia[n] == 0.0 ? c->z_gain / h : c->v_gain);
         c->unit[n] = S > 0.0 ? 1.0 / S : 0.0; /* what fills a body up has none */
         c->stiffness[n] = y->inertia[n] * y->omega2[n] * c->unit[n];
         c->damping[n] = y->inertia[n] * D * c->unit[n];

@@ -9,8 +9,10 @@ static int32_t piece_at(const pmr_signals *signals, int32_t strand, double t)
     int32_t low = signals->first_piece[strand], high = signals->first_piece[strand + 1];
     while (high - low > 1) {
         const int32_t middle = low + (high - low) / 2;
-        if (t < signals->breaks[middle]) high = middle;
-        else low = middle;
+        if (t < signals->breaks[middle])
+            high = middle;
+        else
+            low = middle;
     }
     return low;
 }
@@ -56,7 +58,8 @@ double pmr_signals_spread(const pmr_signals *signals, int32_t driver, double t, 
 {
     double sum = 0.0;
     int32_t strand;
-    for (strand = signals->first_strand[driver]; strand < signals->first_strand[driver + 1]; strand++) sum += spread_at(signals, strand, t, h);
+    for (strand = signals->first_strand[driver]; strand < signals->first_strand[driver + 1]; strand++)
+        sum += spread_at(signals, strand, t, h);
     return sum;
 }
 
@@ -72,7 +75,8 @@ void pmr_signals_at(const pmr_signals *signals, double t, double *u, double *rat
                 const double half = h / 2.0, before = t - half > 0.0 ? t - half : 0.0;
                 value += spread_at(signals, strand, t, h);
                 if (rates)
-                    own[0] = (spread_at(signals, strand, t + half, h) - spread_at(signals, strand, before, h)) / (t + half - before);
+                    own[0] = (spread_at(signals, strand, t + half, h) - spread_at(signals, strand, before, h)) /
+                             (t + half - before);
                 own[1] = 0.0;
             } else if (h < 0.0) {
                 strand_at(signals, strand, t, own);

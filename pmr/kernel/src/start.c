@@ -50,7 +50,8 @@ static int is_rigid(const pmr_state *st, int k)
     return 1;
 }
 
-/* [K + floor, C^T; C, -F] (z, lambda) = (forces, clearance - H f), open contacts left out; without `loaded` no clearance and no H f. */
+/* [K + floor, C^T; C, -F] (z, lambda) = (forces, clearance - H f), open contacts left out; without `loaded` no
+   clearance and no H f. */
 static int solve_held(pmr_state *st, double floor, const double *forces, int loaded, double *x)
 {
     const pmr_system *y = st->system;
@@ -65,7 +66,8 @@ static int solve_held(pmr_state *st, double floor, const double *forces, int loa
     if (y->registers)
         for (k = 0; k < r / PMR_LANES; k++)
             for (u = y->of_rows[3 * k]; u < y->of_rows[3 * k + 1]; u++)
-                for (l = 0; l < PMR_LANES; l++) A[(size_t)(PMR_LANES * k + l) * size + y->columns[u]] += st->now[PMR_LANES * u + l];
+                for (l = 0; l < PMR_LANES; l++)
+                    A[(size_t)(PMR_LANES * k + l) * size + y->columns[u]] += st->now[PMR_LANES * u + l];
     for (n = 0; n < r; n++)
         if (is_fill(y, n)) { /* what fills a body up */
             A[(size_t)n * size + n] = 1.0;
@@ -85,7 +87,8 @@ static int solve_held(pmr_state *st, double floor, const double *forces, int loa
     return solve_dense(size, A, x);
 }
 
-/* Contacts that pull although they only push, or would have to push although they are open: their number, each marked. */
+/* Contacts that pull although they only push, or would have to push although they are open: their number, each
+   marked. */
 static int mark_unbalanced(pmr_state *st, const double *x)
 {
     const pmr_system *y = st->system;
@@ -103,18 +106,20 @@ static int mark_unbalanced(pmr_state *st, const double *x)
             motion += part;
         }
         for (l = 0; l < y->contacts; l++) motion -= st->A[(k > l ? k : l) * y->mp + (k > l ? l : k)] * lambda[l];
-        st->wrong[k] = st->closed[k] != 0.0 ? lambda[k] < -BALANCED * largest : motion - y->clearance[k] > BALANCED * size;
+        st->wrong[k] =
+            st->closed[k] != 0.0 ? lambda[k] < -BALANCED * largest : motion - y->clearance[k] > BALANCED * size;
         count += st->wrong[k];
     }
     return count;
 }
 
-/* Equilibrium under the loads: z and multipliers.  What open contacts leave free for the moment is held by a share of the lowest
-   omega^2, of which the last solve has none. */
+/* Equilibrium under the loads: z and multipliers.  What open contacts leave free for the moment is held by a share of
+   the lowest omega^2, of which the last solve has none. */
 static int find_equilibrium(pmr_state *st)
 {
     const pmr_system *y = st->system;
-    double *x = st->held, *held = st->held + y->modes + y->contacts, *forces = st->others, floor, product = 0.0, square = 0.0, largest = 0.0, off = 0.0;
+    double *x = st->held, *held = st->held + y->modes + y->contacts, *forces = st->others, floor, product = 0.0,
+           square = 0.0, largest = 0.0, off = 0.0;
     int fewest = y->contacts + 1, chances = CHANCES, tries, k, n;
     for (k = 0; k < y->contacts; k++) st->closed[k] = 1.0;
     for (n = 0; n < y->modes; n++) forces[n] = !is_fill(y, n);
@@ -161,7 +166,12 @@ static int find_giving(pmr_state *st)
     int32_t *giving = st->numbers;
     double *F = st->scratch, *b = st->held, *lambda = b + y->mp, *factor;
     int count = 0, k, l, failed;
-    problem c = {.pushes = st->wrong, .excess = b, .lambda = lambda, .closed = st->before_closed, .entries = st->entries, .factored = -1};
+    problem c = {.pushes = st->wrong,
+                 .excess = b,
+                 .lambda = lambda,
+                 .closed = st->before_closed,
+                 .entries = st->entries,
+                 .factored = -1};
     for (k = 0; k < y->contacts; k++)
         if (!is_rigid(st, k)) giving[count++] = k;
     factor = F + (size_t)count * count;
@@ -235,7 +245,8 @@ static int begin(pmr_state *st)
     if (failed) return failed;
     for (k = 0; k < y->contacts; k++) {
         st->excess[k] = 0.0; /* A lambda */
-        for (n = 0; n < y->contacts; n++) st->excess[k] += st->A[(k > n ? k : n) * y->mp + (k > n ? n : k)] * st->lambda[n];
+        for (n = 0; n < y->contacts; n++)
+            st->excess[k] += st->A[(k > n ? k : n) * y->mp + (k > n ? n : k)] * st->lambda[n];
     }
     for (n = 0; n < y->modes; n++) st->pulled[n] = 0.0;
     subtract_rows(st, 0, y->contacts, st->pulled);
@@ -246,8 +257,8 @@ static int begin(pmr_state *st)
     return PMR_DONE;
 }
 
-static int start_from(pmr_state *st, const double *u, const double *z, const double *v, const double *a, const double *multipliers,
-                      const int32_t *closed)
+static int start_from(pmr_state *st, const double *u, const double *z, const double *v, const double *a,
+                      const double *multipliers, const int32_t *closed)
 {
     const pmr_system *y = st->system;
     int k;

@@ -1,7 +1,7 @@
 /* A state: one block of memory, its layout, and how it is saved.
 
-   Saved are a head, the progress and the numbers up to `saved`, all of what the next step depends on; the rows are placed anew when
-   they are restored, so that a restored state goes on bit for bit. */
+   Saved are a head, the progress and the numbers up to `saved`, all of what the next step depends on; the rows are
+   placed anew when they are restored, so that a restored state goes on bit for bit. */
 
 typedef struct {
     char magic[8];
@@ -31,7 +31,8 @@ static void lay_out_scheme(const pmr_system *y, pmr_scheme *c, room *r)
     pmr_scheme unused, *st = c ? c : &unused;
     size_t k, blocks = 0, pairs = 0;
     for (k = 0; k < (size_t)y->blocks; k++) blocks += block_room(y->block_list + k);
-    for (k = 0; k < (size_t)y->pairs; k++) pairs += pair_size(y->block_list + y->pair_list[k].first, y->block_list + y->pair_list[k].second);
+    for (k = 0; k < (size_t)y->pairs; k++)
+        pairs += pair_size(y->block_list + y->pair_list[k].first, y->block_list + y->pair_list[k].second);
     NUMBERS(stiffness, y->modes);
     NUMBERS(damping, y->modes);
     NUMBERS(unit, y->modes);
@@ -58,7 +59,8 @@ static size_t pair_width(const pmr_system *y)
     size_t size = 0;
     int k;
     for (k = 0; k < y->pairs; k++) {
-        const size_t of_pair = (size_t)y->block_list[y->pair_list[k].first].powers_C * y->block_list[y->pair_list[k].second].width;
+        const size_t of_pair =
+            (size_t)y->block_list[y->pair_list[k].first].powers_C * y->block_list[y->pair_list[k].second].width;
         if (of_pair > size) size = of_pair;
     }
     return size;
@@ -75,36 +77,81 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     if (r->memory) st->settings.parts = parts;
     first = r->at;
     NUMBERS(mark, 0);
-    NUMBERS(z_next, n); NUMBERS(v_next, n); NUMBERS(a_next, n); NUMBERS(z_free, n); NUMBERS(z, n); NUMBERS(v, n);
-    NUMBERS(lambda, mp); NUMBERS(force, mp); NUMBERS(share, mp); NUMBERS(closed, mp); NUMBERS(impulse, mp);
+    NUMBERS(z_next, n);
+    NUMBERS(v_next, n);
+    NUMBERS(a_next, n);
+    NUMBERS(z_free, n);
+    NUMBERS(z, n);
+    NUMBERS(v, n);
+    NUMBERS(lambda, mp);
+    NUMBERS(force, mp);
+    NUMBERS(share, mp);
+    NUMBERS(closed, mp);
+    NUMBERS(impulse, mp);
     NUMBERS(energy, 4);
-    NUMBERS(old_friction, y->pads); NUMBERS(old_gap, mp); NUMBERS(drives, y->joints); NUMBERS(travelled, y->joints);
+    NUMBERS(old_friction, y->pads);
+    NUMBERS(old_gap, mp);
+    NUMBERS(drives, y->joints);
+    NUMBERS(travelled, y->joints);
     st->marked = (r->at - first) / sizeof(double);
-    NUMBERS(w, n); NUMBERS(old_w, 4 * n); NUMBERS(extra, n);
+    NUMBERS(w, n);
+    NUMBERS(old_w, 4 * n);
+    NUMBERS(extra, n);
     NUMBERS(accelerated, n);
-    NUMBERS(friction, y->pads); NUMBERS(gap, mp);
-    NUMBERS(u, y->drivers); NUMBERS(motions, 4 * y->motions);
+    NUMBERS(friction, y->pads);
+    NUMBERS(gap, mp);
+    NUMBERS(u, y->drivers);
+    NUMBERS(motions, 4 * y->motions);
     st->saved = (r->at - first) / sizeof(double);
     NUMBERS(began, st->saved);
     NUMBERS(peak, mp);
-    NUMBERS(s, y->paths); NUMBERS(x, y->blocks);
+    NUMBERS(s, y->paths);
+    NUMBERS(x, y->blocks);
     INTEGERS(interval, y->blocks);
-    NUMBERS(C, m * n); NUMBERS(H, m * y->ip); NUMBERS(A, m * mp); NUMBERS(factor, m * mp);
-    NUMBERS(weighted, n); NUMBERS(excess, mp); NUMBERS(entries, mp); NUMBERS(motion, mp); NUMBERS(pushed, mp);
-    NUMBERS(push, n); NUMBERS(pulled, n); NUMBERS(turned, n); NUMBERS(others, n);
+    NUMBERS(C, m * n);
+    NUMBERS(H, m * y->ip);
+    NUMBERS(A, m * mp);
+    NUMBERS(factor, m * mp);
+    NUMBERS(weighted, n);
+    NUMBERS(excess, mp);
+    NUMBERS(entries, mp);
+    NUMBERS(motion, mp);
+    NUMBERS(pushed, mp);
+    NUMBERS(push, n);
+    NUMBERS(pulled, n);
+    NUMBERS(turned, n);
+    NUMBERS(others, n);
     NUMBERS(scratch, scratch_size(y));
-    NUMBERS(loads, y->ip); NUMBERS(known_amplitudes, y->terms); NUMBERS(now, PMR_LANES * (size_t)y->registers);
-    INTEGERS(numbers, mp); INTEGERS(wrong, mp);
-    NUMBERS(old_z, n); NUMBERS(old_push, n); NUMBERS(old_C, m * n); NUMBERS(old_A, m * mp); NUMBERS(old_H, m * y->ip);
-    NUMBERS(old_loads, y->ip); NUMBERS(old_lambda, mp);
-    NUMBERS(acceleration, n); NUMBERS(before_closed, mp); NUMBERS(before_lambda, mp);
-    NUMBERS(w_new, n); NUMBERS(w_divided, n); NUMBERS(z_before, n);
-    NUMBERS(limits, y->pads); NUMBERS(new_friction, y->pads); NUMBERS(pair_sums, pair_width(y));
-    NUMBERS(u_next, y->drivers); NUMBERS(u_begun, y->drivers);
-    NUMBERS(motions_next, 4 * y->motions); NUMBERS(motions_now, 3 * y->motions); NUMBERS(quantities, 2 * y->quantities);
+    NUMBERS(loads, y->ip);
+    NUMBERS(known_amplitudes, y->terms);
+    NUMBERS(now, PMR_LANES * (size_t)y->registers);
+    INTEGERS(numbers, mp);
+    INTEGERS(wrong, mp);
+    NUMBERS(old_z, n);
+    NUMBERS(old_push, n);
+    NUMBERS(old_C, m * n);
+    NUMBERS(old_A, m * mp);
+    NUMBERS(old_H, m * y->ip);
+    NUMBERS(old_loads, y->ip);
+    NUMBERS(old_lambda, mp);
+    NUMBERS(acceleration, n);
+    NUMBERS(before_closed, mp);
+    NUMBERS(before_lambda, mp);
+    NUMBERS(w_new, n);
+    NUMBERS(w_divided, n);
+    NUMBERS(z_before, n);
+    NUMBERS(limits, y->pads);
+    NUMBERS(new_friction, y->pads);
+    NUMBERS(pair_sums, pair_width(y));
+    NUMBERS(u_next, y->drivers);
+    NUMBERS(u_begun, y->drivers);
+    NUMBERS(motions_next, 4 * y->motions);
+    NUMBERS(motions_now, 3 * y->motions);
+    NUMBERS(quantities, 2 * y->quantities);
     NUMBERS(y, y->op);
     NUMBERS(held, 2 * (n + mp));
-    NUMBERS(slopes, y->paths * m * (n + y->ip + mp)); NUMBERS(seeds, 13 * n + y->drivers);
+    NUMBERS(slopes, y->paths * m * (n + y->ip + mp));
+    NUMBERS(seeds, 13 * n + y->drivers);
     st->scheme = take_room(r, (size_t)levels + 1, sizeof(pmr_scheme));
     for (k = 0; k <= levels; k++) lay_out_scheme(y, r->memory ? st->scheme + k : NULL, r);
 }
@@ -128,13 +175,16 @@ static int check_settings(const pmr_system *y, const pmr_settings *given, char *
 {
     int k;
     (void)y;
-    if (!(given->step > 0.0 && isfinite(given->step))) return pmr_say(why, "step = %g: more than 0 s is allowed", given->step), 1;
-    if (!(given->rho_inf >= 0.0 && given->rho_inf <= 1.0)) return pmr_say(why, "rho_inf = %g: 0 to 1 is allowed", given->rho_inf), 1;
+    if (!(given->step > 0.0 && isfinite(given->step)))
+        return pmr_say(why, "step = %g: more than 0 s is allowed", given->step), 1;
+    if (!(given->rho_inf >= 0.0 && given->rho_inf <= 1.0))
+        return pmr_say(why, "rho_inf = %g: 0 to 1 is allowed", given->rho_inf), 1;
     if (!(given->contact_omega >= 0.0 && isfinite(given->contact_omega)))
         return pmr_say(why, "contact_omega = %g: 0 rad/s or more is allowed", given->contact_omega), 1;
     if (given->contact_omega > 0.0 && !(given->tolerance > 0.0 && isfinite(given->tolerance)))
         return pmr_say(why, "tolerance = %g: more than 0 is allowed", given->tolerance), 1;
-    if (given->levels < 1 || given->levels > PMR_MOST_LEVELS) return pmr_say(why, "levels = %d: 1 to %d are allowed", given->levels, PMR_MOST_LEVELS), 1;
+    if (given->levels < 1 || given->levels > PMR_MOST_LEVELS)
+        return pmr_say(why, "levels = %d: 1 to %d are allowed", given->levels, PMR_MOST_LEVELS), 1;
     if (!given->parts && given->levels > 1) return pmr_say(why, "parts of %d levels are missing", given->levels), 1;
     for (k = 0; given->parts && k < given->levels; k++)
         if (given->parts[k] < 1 || given->parts[k] > 1 << 20 || (k && given->parts[k] <= given->parts[k - 1]))
@@ -185,7 +235,10 @@ static uint64_t settings_sum(const pmr_state *st)
     return pmr_checksum(numbers, sizeof numbers) ^ pmr_checksum(s->parts, (size_t)s->levels * sizeof(int32_t));
 }
 
-static size_t state_bytes(const pmr_state *st) { return sizeof(state_head) + sizeof(pmr_progress) + st->saved * sizeof(double); }
+static size_t state_bytes(const pmr_state *st)
+{
+    return sizeof(state_head) + sizeof(pmr_progress) + st->saved * sizeof(double);
+}
 
 static void state_save(const pmr_state *st, void *bytes)
 {
@@ -221,14 +274,18 @@ static int state_restore(pmr_state *st, const void *bytes, size_t count, char *w
     size_t n;
     if (count < sizeof head) return pmr_say(why, "no state: %zu bytes", count), PMR_REFUSED;
     memcpy(&head, at, sizeof head);
-    if (memcmp(head.magic, "PMRSTAT1", 8)) return pmr_say(why, "no state that this kernel can read (PMRSTAT1)"), PMR_REFUSED;
+    if (memcmp(head.magic, "PMRSTAT1", 8))
+        return pmr_say(why, "no state that this kernel can read (PMRSTAT1)"), PMR_REFUSED;
     if (head.system != st->system->checksum) return pmr_say(why, "a state of another system"), PMR_REFUSED;
     if (head.settings != settings_sum(st)) return pmr_say(why, "a state with other settings"), PMR_REFUSED;
-    if (head.bytes != (int64_t)count || count != state_bytes(st)) return pmr_say(why, "cut short: %zu of %zu bytes", count, state_bytes(st)), PMR_REFUSED;
-    if (head.checksum != pmr_checksum(at + sizeof head, count - sizeof head)) return pmr_say(why, "damaged: the checksum differs"), PMR_REFUSED;
+    if (head.bytes != (int64_t)count || count != state_bytes(st))
+        return pmr_say(why, "cut short: %zu of %zu bytes", count, state_bytes(st)), PMR_REFUSED;
+    if (head.checksum != pmr_checksum(at + sizeof head, count - sizeof head))
+        return pmr_say(why, "damaged: the checksum differs"), PMR_REFUSED;
     memcpy(&progress, at + sizeof head, sizeof progress);
-    if (progress.step < 0 || progress.level < 0 || progress.level >= st->settings.levels || progress.active < -1 || progress.active >= st->settings.levels ||
-        progress.came < -1 || progress.came >= st->settings.levels || progress.parts < 0)
+    if (progress.step < 0 || progress.level < 0 || progress.level >= st->settings.levels || progress.active < -1 ||
+        progress.active >= st->settings.levels || progress.came < -1 || progress.came >= st->settings.levels ||
+        progress.parts < 0)
         return pmr_say(why, "damaged: where the state stands"), PMR_REFUSED;
     for (n = 0; n < st->saved; n++) {
         double value;

@@ -18,7 +18,8 @@ INLINE void load_bodies(pmr_state *st, const double *f)
     }
     for (k = 0; k < y->contacts; k++) {
         double sum = 0.0;
-        if (y->ip > MANY_INPUTS) sum = dot(st->H + k * y->ip, st->loads, 0, y->ip);
+        if (y->ip > MANY_INPUTS)
+            sum = dot(st->H + k * y->ip, st->loads, 0, y->ip);
         else
             for (l = 0; l < y->inputs; l++) sum += st->H[k * y->ip + l] * f[l];
         st->pushed[k] = sum;
@@ -32,7 +33,8 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
     int k, n;
     for (k = first; k < last; k++)
         if (st->lambda[k] != 0.0)
-            for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n += VL) V(sums + n) -= CV(st->C + k * y->modes + n) * st->lambda[k];
+            for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n += VL)
+                V(sums + n) -= CV(st->C + k * y->modes + n) * st->lambda[k];
 }
 
 /* -S^-1 (Omega^2 z + D v) of the prediction where damping couples modes. */
@@ -59,7 +61,9 @@ static void free_motion(pmr_state *st, const pmr_scheme *c)
         return;
     }
     for (n = 0; n < y->modes; n += VL)
-        V(st->z_free + n) = CV(st->z_next + n) - (CV(c->stiffness + n) * CV(st->z_next + n) + CV(c->damping + n) * CV(st->v_next + n)) * c->z_gain;
+        V(st->z_free + n) =
+            CV(st->z_next + n) -
+            (CV(c->stiffness + n) * CV(st->z_next + n) + CV(c->damping + n) * CV(st->v_next + n)) * c->z_gain;
 }
 
 /* z_free += z_gain S^-1 B f. */
@@ -129,7 +133,9 @@ INLINE void find_motion(pmr_state *st, double *motion)
     const pmr_system *y = st->system;
     int k, j;
     for (k = 0; k < y->contacts; k++)
-        motion[k] = dot(st->C + k * y->modes, st->z_free, y->whole ? 0 : y->row_modes[2 * k], y->whole ? y->modes : y->row_modes[2 * k + 1]) + st->pushed[k];
+        motion[k] = dot(st->C + k * y->modes, st->z_free, y->whole ? 0 : y->row_modes[2 * k],
+                        y->whole ? y->modes : y->row_modes[2 * k + 1]) +
+                    st->pushed[k];
     if (!y->pads) return;
     for (k = 0; k < y->contacts; k++) motion[k] -= st->gap[k];
     for (j = y->contacts; j < y->rows; j++)
@@ -144,8 +150,10 @@ INLINE void hold(pmr_state *st)
     int k;
     find_motion(st, st->excess);
     for (k = 0; k < y->contacts; k++) st->lambda[k] = st->excess[k];
-    if (y->contacts == 1) st->lambda[0] *= st->factor[0];
-    else solve(st->factor, y->contacts, y->mp, st->lambda);
+    if (y->contacts == 1)
+        st->lambda[0] *= st->factor[0];
+    else
+        solve(st->factor, y->contacts, y->mp, st->lambda);
 }
 
 static int find_multipliers(pmr_state *st, const pmr_scheme *c)
@@ -203,7 +211,8 @@ INLINE void advance_modes(pmr_state *st, const pmr_scheme *c)
         } else {
             others = CV(st->others + n);
         }
-        vec z = CV(st->z_next + n), v = CV(st->v_next + n), a = CV(st->a_next + n), stiffness = CV(c->stiffness + n), damping = CV(c->damping + n);
+        vec z = CV(st->z_next + n), v = CV(st->v_next + n), a = CV(st->a_next + n), stiffness = CV(c->stiffness + n),
+            damping = CV(c->damping + n);
         vec acceleration = others * CV(c->unit + n) - stiffness * z - damping * v;
         V(st->z + n) = z + acceleration * c->z_gain;
         V(st->v + n) = v + acceleration * c->v_gain;
@@ -243,8 +252,10 @@ static int advance(pmr_state *st, const pmr_scheme *c, const double *f, const do
     int n, failed;
     load_bodies(st, f);
     push_free(st, c);
-    if (y->registers || y->pads) expect_terms(st, c, amplitudes);
-    else if (y->quasi_static) copy(st->z_before, st->z, y->modes);
+    if (y->registers || y->pads)
+        expect_terms(st, c, amplitudes);
+    else if (y->quasi_static)
+        copy(st->z_before, st->z, y->modes);
     failed = find_multipliers(st, c);
     if (failed) return failed;
     if (y->pushing) remember_forces(st, c);
@@ -260,8 +271,10 @@ static int advance(pmr_state *st, const pmr_scheme *c, const double *f, const do
         if (y->registers)
             for (n = 0; n < y->modes; n += VL) V(st->others + n) += CV(st->w + n);
     }
-    if (y->coupled) advance_coupled(st, c);
-    else advance_modes(st, c);
+    if (y->coupled)
+        advance_coupled(st, c);
+    else
+        advance_modes(st, c);
     return PMR_DONE;
 }
 

@@ -4,9 +4,10 @@
 
        e = h^2 / 12 (z''_{n+1} - z''_n) - 5 h^2 / 12 sum C^T d lambda
 
-   with the sum over contacts that have opened or closed in it, at a time that nobody knows: half their impulse.  In the forces of
-   those that are closed this makes A^-1 C e.  The first term is that of the trapezoidal rule (Zienkiewicz, Xie 1991).  A
-   step that misses too much is taken back and made in more parts; half the length misses an eighth, and may miss a half. */
+   with the sum over contacts that have opened or closed in it, at a time that nobody knows: half their impulse.  In
+   the forces of those that are closed this makes A^-1 C e.  The first term is that of the trapezoidal rule
+   (Zienkiewicz, Xie 1991).  A step that misses too much is taken back and made in more parts; half the length misses
+   an eighth, and may miss a half. */
 
 #define SPARE 0.125
 
@@ -29,7 +30,8 @@ static void accelerate(pmr_state *st, const double *f, double *a)
     subtract_rows(st, 0, y->rows, a);
 }
 
-/* Begin with parts of another length where the last step ended; the prediction stays where it is the old length after all. */
+/* Begin with parts of another length where the last step ended; the prediction stays where it is the old length after
+   all. */
 static int begin_level(pmr_state *st, int level, const double *u)
 {
     const pmr_system *y = st->system;
@@ -65,7 +67,8 @@ static int begin_level(pmr_state *st, int level, const double *u)
 static double missed(pmr_state *st, const pmr_scheme *c, const double *f)
 {
     const pmr_system *y = st->system;
-    double *old = st->accelerated, *now = st->acceleration, h = c->h, most = 0.0, largest = st->progress.largest, allowed;
+    double *old = st->accelerated, *now = st->acceleration, h = c->h, most = 0.0, largest = st->progress.largest,
+           allowed;
     int k, n;
     accelerate(st, f, now);
     for (n = 0; n < y->modes; n += VL) V(old + n) = (CV(now + n) - CV(old + n)) * (h * h / 12.0);
@@ -73,7 +76,8 @@ static double missed(pmr_state *st, const pmr_scheme *c, const double *f)
         largest = larger(largest, st->lambda[k]);
         if (st->closed[k] != st->before_closed[k]) {
             const double impulse = (st->lambda[k] - st->before_lambda[k]) * (5.0 * h * h / 12.0);
-            for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n += VL) V(old + n) -= CV(st->C + k * y->modes + n) * impulse;
+            for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n += VL)
+                V(old + n) -= CV(st->C + k * y->modes + n) * impulse;
         }
     }
     for (n = 0; n < st->factored; n++) {
@@ -84,13 +88,14 @@ static double missed(pmr_state *st, const pmr_scheme *c, const double *f)
     for (n = 0; n < st->factored; n++) most = larger(most, fabs(st->entries[n]));
     for (n = 0; n < y->modes; n += VL) V(old + n) = CV(now + n);
     st->progress.largest = largest;
-    allowed = st->settings.tolerance * largest * (h * st->settings.contact_omega < 1.0 ? h * st->settings.contact_omega : 1.0);
+    allowed = st->settings.tolerance * largest *
+              (h * st->settings.contact_omega < 1.0 ? h * st->settings.contact_omega : 1.0);
     return most > 0.0 ? most / allowed : 0.0;
 }
 
 /* Drivers of a step at its parts: samples, or something that tells them. */
 typedef struct {
-    const double *samples;      /* (per + 1, N), or NULL */
+    const double *samples; /* (per + 1, N), or NULL */
     int per;
     const pmr_signals *signals; /* at t = (step * parts + part) h / parts, or NULL: lines or cubics between two ends */
     int64_t step;
@@ -99,15 +104,16 @@ typedef struct {
     const double *motions; /* (4, n) at the end, where a frame is driven from outside */
 } pmr_course;
 
-/* Motions (3, n) of a frame at a time t after the step began: straight lines, cubics by rates at both ends, or by second
-   rates, as far as these count. */
+/* Motions (3, n) of a frame at a time t after the step began: straight lines, cubics by rates at both ends, or by
+   second rates, as far as these count. */
 static void lead_motions(const pmr_state *st, const double *ended, double t, double *now)
 {
     const int n = st->system->motions;
     const double h = st->settings.step, *begun = st->motions;
     int k;
     for (k = 0; k < n; k++) {
-        const double count = begun[3 * n + k] < ended[3 * n + k] ? begun[3 * n + k] : ended[3 * n + k], mean = (ended[k] - begun[k]) / h;
+        const double count = begun[3 * n + k] < ended[3 * n + k] ? begun[3 * n + k] : ended[3 * n + k],
+                     mean = (ended[k] - begun[k]) / h;
         double rate = mean, second = 0.0, third = 0.0;
         if (count >= 3.0) {
             second = begun[2 * n + k];
@@ -130,16 +136,21 @@ static void follow_motions(const pmr_state *st, const pmr_signals *signals, doub
     const pmr_system *y = st->system;
     int k;
     pmr_signals_at(signals, t, now, now + y->motions);
-    for (k = 0; k < y->paths; k++) now[2 * y->motions + y->frame_paths[k]] = pmr_signals_spread(signals, y->frame_paths[k], t, st->settings.step);
+    for (k = 0; k < y->paths; k++)
+        now[2 * y->motions + y->frame_paths[k]] = pmr_signals_spread(signals, y->frame_paths[k], t, st->settings.step);
 }
 
 /* Drivers of a system whose frame moves, at a part of a step. */
 static void follow_frame(pmr_state *st, const pmr_course *course, int part, int parts, double *u)
 {
     const double *now = st->motions_now;
-    if (course->signals) follow_motions(st, course->signals, (double)(course->step * parts + part) * (course->h / parts), st->motions_now);
-    else if (part == 0 || part == parts) now = part ? course->motions : st->motions;
-    else lead_motions(st, course->motions, course->h * part / parts, st->motions_now);
+    if (course->signals)
+        follow_motions(st, course->signals, (double)(course->step * parts + part) * (course->h / parts),
+                       st->motions_now);
+    else if (part == 0 || part == parts)
+        now = part ? course->motions : st->motions;
+    else
+        lead_motions(st, course->motions, course->h * part / parts, st->motions_now);
     pmr_frame_drivers(st->system, now, u, st->quantities);
 }
 
@@ -172,8 +183,10 @@ static const double *course_at(pmr_state *st, const pmr_course *course, int part
 {
     if (course->samples) /* a division takes as long as ten products */
         return course->samples + (size_t)part * (parts == 1 ? course->per : course->per / parts) * st->system->drivers;
-    if (course->motions || (course->signals && st->system->motions)) follow_frame(st, course, part, parts, st->u_next);
-    else follow_course(course, st->system->drivers, part, parts, st->u_next);
+    if (course->motions || (course->signals && st->system->motions))
+        follow_frame(st, course, part, parts, st->u_next);
+    else
+        follow_course(course, st->system->drivers, part, parts, st->u_next);
     return st->u_next;
 }
 
@@ -199,7 +212,8 @@ static int make_parts(pmr_state *st, int level, int judged, const pmr_course *co
         failed = make_part(st, c, u);
         if (failed) return failed;
         if (count > 1)
-            for (k = 0; k < y->contacts; k++) st->peak[k] = part == 1 ? st->lambda[k] : larger(st->peak[k], st->lambda[k]);
+            for (k = 0; k < y->contacts; k++)
+                st->peak[k] = part == 1 ? st->lambda[k] : larger(st->peak[k], st->lambda[k]);
         if (judged) *off = larger(*off, missed(st, c, u + y->paths));
         if (part == count) copy(st->u, u, y->drivers);
     }
@@ -246,11 +260,14 @@ static int make_step(pmr_state *st, int given_level, const pmr_course *course)
     const int last = st->settings.levels - 1, judged = given_level < 0 && last > 0 && st->settings.contact_omega > 0.0;
     int level = given_level >= 0 ? given_level : st->progress.level, failed = PMR_DONE;
     double off = 0.0;
-    if (last == 0 && !(y->pushing || y->registers || y->pads) && st->settings.parts[0] == 1 && st->progress.active == 0) return make_whole_step(st, course);
+    if (last == 0 && !(y->pushing || y->registers || y->pads) && st->settings.parts[0] == 1 && st->progress.active == 0)
+        return make_whole_step(st, course);
     if (y->pushing)
         for (int n = 0; n < y->mp; n += VL) V(st->impulse + n) = (vec){0.0};
-    if (!judged) st->progress.came = -1;
-    else if (st->progress.active >= 0) st->progress.came = st->progress.active;
+    if (!judged)
+        st->progress.came = -1;
+    else if (st->progress.active >= 0)
+        st->progress.came = st->progress.active;
     if (y->pushing || y->registers || y->pads) memcpy(st->began, st->mark, st->saved * sizeof(double));
     for (;;) {
         if (course->samples && st->settings.parts[level] > 1 && course->per % st->settings.parts[level]) {
@@ -266,8 +283,10 @@ static int make_step(pmr_state *st, int given_level, const pmr_course *course)
         }
     }
     if (failed) return stop(st, failed);
-    if (judged) st->progress.level = off < SPARE && level > 0 ? level - 1 : level;
-    else if (given_level >= 0) st->progress.level = given_level;
+    if (judged)
+        st->progress.level = off < SPARE && level > 0 ? level - 1 : level;
+    else if (given_level >= 0)
+        st->progress.level = given_level;
     st->progress.parts = st->settings.parts[level];
     st->progress.step++;
     return PMR_DONE;

@@ -1,128 +1,10 @@
-/* A system's block of bytes: what stands where in it, and whether that is sound.
-
-   Bytes 0 to 63: "PMRSYS1\n"; int32 1, by which the order of bytes is seen; int32 number of arrays; int64 bytes in all; uint64
-   checksum of what follows; zeros.  Then 64 bytes for each array: name (40), int32 kind (0: int32, 1: double, 2: bytes), int32 zero,
-   int64 count, int64 offset.  Then the arrays, each on a multiple of 64. */
+/* A system: what stands where in its block of bytes, and whether that is sound. */
 #include "internal.h"
 
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-enum { INTEGERS, NUMBERS, BYTES };
-
-typedef struct {
-    char magic[8];
-    int32_t order, arrays;
-    int64_t bytes;
-    uint64_t checksum;
-    char zeros[32];
-} file_head;
-
-typedef struct {
-    char name[40];
-    int32_t kind, zero;
-    int64_t count, offset;
-} array_head;
-
-void pmr_say(char *why, const char *format, ...)
-{
-    va_list arguments;
-    if (!why) return;
-    va_start(arguments, format);
-    vsnprintf(why, PMR_MESSAGE, format, arguments);
-    va_end(arguments);
-}
-
-void *pmr_aligned(size_t bytes)
-{
-    char *all = malloc(bytes + PMR_LINE + sizeof(void *)), *memory;
-    if (!all) return NULL;
-    memory = all + sizeof(void *);
-    memory += (PMR_LINE - (uintptr_t)memory % PMR_LINE) % PMR_LINE;
-    memcpy(memory - sizeof(void *), &all, sizeof(void *));
-    return memory;
-}
-
-void pmr_free_aligned(void *memory)
-{
-    void *all;
-    if (!memory) return;
-    memcpy(&all, (char *)memory - sizeof(void *), sizeof(void *));
-    free(all);
-}
-
-/* FNV-1a over words of eight bytes, the last one filled up with zeros; a rotation lets high bits reach low ones. */
-uint64_t pmr_checksum(const void *bytes, size_t count)
-{
-    const char *at = bytes;
-    uint64_t sum = 14695981039346656037u ^ count, word;
-    for (; count; at += 8) {
-        size_t some = count < 8 ? count : 8;
-        word = 0;
-        memcpy(&word, at, some);
-        sum = (sum ^ word) * 1099511628211u;
-        sum = (sum << 29) | (sum >> 35);
-        count -= some;
-    }
-    return sum;
-}
-
-static const array_head *heads(const pmr_system *y) { return (const array_head *)(y->block + sizeof(file_head)); }
-
-/* The array with a name; NULL, said in `why`, if it is missing or has not `count` entries (less than 0: any number). */
-static const void *take(const pmr_system *y, const char *name, int kind, int64_t count, char *why)
-{
-    const file_head *head = (const file_head *)y->block;
-    int32_t k;
-    for (k = 0; k < head->arrays; k++) {
-        const array_head *array = heads(y) + k;
-        if (strcmp(array->name, name)) continue;
-        if (array->kind != kind || (count >= 0 && array->count != count)) {
-            pmr_say(why, "array %s has %lld entries of kind %d", name, (long long)array->count, (int)array->kind);
-            return NULL;
-        }
-        return y->block + array->offset;
-    }
-    pmr_say(why, "array %s is missing", name);
-    return NULL;
-}
-
-static int64_t count_of(const pmr_system *y, const char *name)
-{
-    const file_head *head = (const file_head *)y->block;
-    int32_t k;
-    for (k = 0; k < head->arrays; k++)
-        if (!strcmp(heads(y)[k].name, name)) return heads(y)[k].count;
-    return 0;
-}
-
-static int read_head(const pmr_system *y, char *why)
-{
-    const file_head *head = (const file_head *)y->block;
-    const int64_t first = (int64_t)sizeof(file_head);
-    int32_t k;
-    if ((uintptr_t)y->block % PMR_LINE) return pmr_say(why, "the block has to begin on a multiple of %d", PMR_LINE), 1;
-    if (y->bytes < sizeof *head || memcmp(head->magic, "PMRSYS1\n", 8))
-        return pmr_say(why, "no system that this kernel can read (PMRSYS1)"), 1;
-    for (k = 0; k < (int32_t)sizeof head->zeros; k++)
-        if (head->zeros[k]) return pmr_say(why, "damaged: its head"), 1;
-    if (head->order != 1) return pmr_say(why, "written on a machine with another order of bytes"), 1;
-    if (head->bytes != (int64_t)y->bytes)
-        return pmr_say(why, "cut short: %lld of %lld bytes", (long long)y->bytes, (long long)head->bytes), 1;
-    if (head->checksum != pmr_checksum(y->block + first, y->bytes - sizeof *head)) return pmr_say(why, "damaged: the checksum differs"), 1;
-    if (head->arrays < 0 || head->arrays > (head->bytes - first) / (int64_t)sizeof(array_head)) return pmr_say(why, "damaged: %d arrays", head->arrays), 1;
-    for (k = 0; k < head->arrays; k++) {
-        const array_head *array = heads(y) + k;
-        const int64_t size = array->kind == INTEGERS ? 4 : array->kind == NUMBERS ? 8 : 1, most = head->bytes / size;
-        if (array->name[sizeof array->name - 1] || array->kind < INTEGERS || array->kind > BYTES || array->count < 0 || array->count > most ||
-            array->offset < first || array->offset % PMR_LINE || array->offset > head->bytes - array->count * size)
-            return pmr_say(why, "damaged: array %d", (int)k), 1;
-    }
-    return 0;
-}
 
 /* Whether `count` integers lie in low <= value < high. */
 static int within(const int32_t *values, int64_t count, int32_t low, int32_t high)
@@ -142,19 +24,12 @@ static int ascends(const int32_t *values, int64_t count, int32_t last)
     return 1;
 }
 
-static int all_finite(const double *values, int64_t count)
-{
-    int64_t n;
-    for (n = 0; n < count; n++)
-        if (!isfinite(values[n])) return 0;
-    return 1;
-}
-
 /* Whether a table of a block lies within all tables of its kind. */
-static int lies(const pmr_system *y, const char *name, int32_t at, const pmr_block *block, int32_t powers, int32_t width)
+static int lies(const pmr_system *y, const char *name, int32_t at, const pmr_block *block, int32_t powers,
+                int32_t width)
 {
     const int64_t need = (int64_t)block->intervals * powers * block->rows * width;
-    return at >= 0 && at % PMR_LANES == 0 && powers > 0 && powers <= 16 && at + need <= count_of(y, name);
+    return at >= 0 && at % PMR_LANES == 0 && powers > 0 && powers <= 16 && at + need <= pmr_block_count(y, name);
 }
 
 static int check_block(pmr_system *y, const pmr_block *b, char *why)
@@ -162,33 +37,44 @@ static int check_block(pmr_system *y, const pmr_block *b, char *why)
     const int32_t m = b->rows;
     int64_t size;
     int32_t k;
-    if (b->path < 0 || b->path >= y->paths || b->body < 0 || b->body > y->modes || b->intervals < 1 || m < 1 || m > y->rows || b->stays < 0 || b->stays > y->rows ||
-        b->first_mode < 0 || b->first_mode % PMR_LANES || b->modes < 0 || b->modes % PMR_LANES || b->first_mode + b->modes > y->modes ||
-        b->first_input < 0 || b->inputs < 0 || b->first_input + b->inputs > y->inputs || b->first_output < 0 || b->outputs < 0 ||
-        b->first_output + PMR_UP(b->outputs) > y->op || b->at_breaks < 0 || b->at_breaks + b->intervals + 1 > count_of(y, "breaks") ||
-        b->at_rows < 0 || (int64_t)b->at_rows + m + b->stays > count_of(y, "block_rows"))
+    if (b->path < 0 || b->path >= y->paths || b->body < 0 || b->body > y->modes || b->intervals < 1 || m < 1 ||
+        m > y->rows || b->stays < 0 || b->stays > y->rows || b->first_mode < 0 || b->first_mode % PMR_LANES ||
+        b->modes < 0 || b->modes % PMR_LANES || b->first_mode + b->modes > y->modes || b->first_input < 0 ||
+        b->inputs < 0 || b->first_input + b->inputs > y->inputs || b->first_output < 0 || b->outputs < 0 ||
+        b->first_output + PMR_UP(b->outputs) > y->op || b->at_breaks < 0 ||
+        b->at_breaks + b->intervals + 1 > pmr_block_count(y, "breaks") || b->at_rows < 0 ||
+        (int64_t)b->at_rows + m + b->stays > pmr_block_count(y, "block_rows"))
         return pmr_say(why, "damaged: sizes of a block"), 1;
-    if (!lies(y, "table_C", b->at_C, b, b->powers_C, b->modes) || !lies(y, "table_G", b->at_G, b, b->powers_G, PMR_UP(m)) ||
-        !lies(y, "table_S", b->at_S, b, b->powers_S, PMR_UP(b->stays)) || !lies(y, "table_H", b->at_H, b, b->powers_H, PMR_UP(b->inputs)) ||
-        !lies(y, "table_X", b->at_X, b, b->powers_X, PMR_UP(b->outputs)) || b->powers_G < 2 * b->powers_C - 1 || b->powers_S < b->powers_C)
+    if (!lies(y, "table_C", b->at_C, b, b->powers_C, b->modes) ||
+        !lies(y, "table_G", b->at_G, b, b->powers_G, PMR_UP(m)) ||
+        !lies(y, "table_S", b->at_S, b, b->powers_S, PMR_UP(b->stays)) ||
+        !lies(y, "table_H", b->at_H, b, b->powers_H, PMR_UP(b->inputs)) ||
+        !lies(y, "table_X", b->at_X, b, b->powers_X, PMR_UP(b->outputs)) || b->powers_G < 2 * b->powers_C - 1 ||
+        b->powers_S < b->powers_C)
         return pmr_say(why, "damaged: tables of a block"), 1;
     for (k = 0; k < b->intervals; k++)
-        if (!(y->breaks[b->at_breaks + k] < y->breaks[b->at_breaks + k + 1])) return pmr_say(why, "damaged: breaks of a block"), 1;
-    if (!within(y->block_rows + b->at_rows, m + b->stays, 0, y->rows)) return pmr_say(why, "damaged: rows of a block"), 1;
+        if (!(y->breaks[b->at_breaks + k] < y->breaks[b->at_breaks + k + 1]))
+            return pmr_say(why, "damaged: breaks of a block"), 1;
+    if (!within(y->block_rows + b->at_rows, m + b->stays, 0, y->rows))
+        return pmr_say(why, "damaged: rows of a block"), 1;
     for (k = 0; k < m; k++) {
         const int32_t *modes = y->row_modes + 2 * y->block_rows[b->at_rows + k];
-        if (modes[0] > b->first_mode || modes[1] < b->first_mode + b->modes) return pmr_say(why, "damaged: modes of a row"), 1;
+        if (modes[0] > b->first_mode || modes[1] < b->first_mode + b->modes)
+            return pmr_say(why, "damaged: modes of a row"), 1;
     }
     if (b->width) {
         const int64_t count = (int64_t)b->intervals * m * b->width;
-        if (b->width < 0 || b->carriers < 1 || b->at_touched < 0 || b->at_touched + count > count_of(y, "touched") || b->at_weights < 0 ||
-            b->at_weights + count * b->powers_C > count_of(y, "weights") || !within(y->touched + b->at_touched, count, 0, b->carriers))
+        if (b->width < 0 || b->carriers < 1 || b->at_touched < 0 ||
+            b->at_touched + count > pmr_block_count(y, "touched") || b->at_weights < 0 ||
+            b->at_weights + count * b->powers_C > pmr_block_count(y, "weights") ||
+            !within(y->touched + b->at_touched, count, 0, b->carriers))
             return pmr_say(why, "damaged: carriers of a block"), 1;
     }
     size = (int64_t)m * (b->powers_G * PMR_UP(m) + b->powers_S * PMR_UP(b->stays));
     if (size > INT32_MAX / 2) return pmr_say(why, "damaged: a block is too large"), 1;
     y->largest_block += (int32_t)size;
-    size = (int64_t)m * (b->powers_C + b->powers_X) * (b->modes + PMR_UP(m) + PMR_UP(b->stays) + PMR_UP(b->inputs) + PMR_LANES);
+    size = (int64_t)m * (b->powers_C + b->powers_X) *
+           (b->modes + PMR_UP(m) + PMR_UP(b->stays) + PMR_UP(b->inputs) + PMR_LANES);
     if (size > y->largest_table) y->largest_table = (int32_t)size;
     return 0;
 }
@@ -196,12 +82,14 @@ static int check_block(pmr_system *y, const pmr_block *b, char *why)
 static int check_pair(pmr_system *y, const pmr_pair *pair, char *why)
 {
     const pmr_block *one, *two;
-    if (pair->first < 0 || pair->second < 0 || pair->first >= y->blocks || pair->second >= y->blocks || pair->first == pair->second)
+    if (pair->first < 0 || pair->second < 0 || pair->first >= y->blocks || pair->second >= y->blocks ||
+        pair->first == pair->second)
         return pmr_say(why, "damaged: a pair of blocks"), 1;
     one = y->block_list + pair->first;
     two = y->block_list + pair->second;
-    if (one->body != two->body || one->first_mode != two->first_mode || one->modes != two->modes || one->width < 1 || two->width < 1 || pair->at_between < 0 ||
-        pair->at_between + (int64_t)one->carriers * two->carriers > count_of(y, "between"))
+    if (one->body != two->body || one->first_mode != two->first_mode || one->modes != two->modes || one->width < 1 ||
+        two->width < 1 || pair->at_between < 0 ||
+        pair->at_between + (int64_t)one->carriers * two->carriers > pmr_block_count(y, "between"))
         return pmr_say(why, "damaged: carriers of a pair of blocks"), 1;
     y->pair_room += one->rows * two->rows * one->powers_C * two->powers_C;
     return 0;
@@ -213,13 +101,15 @@ static int check_frame(const pmr_system *y, char *why)
     int32_t k;
     if (!y->motions) return 0;
     if (!within(y->frame_angles, 5, -1, y->motions) || !within(y->frame_paths, y->paths, 0, y->motions) ||
-        !within(y->products, 3 * (int64_t)y->product_count, 0, y->quantities) || !ascends(y->first_product, y->inputs + y->terms + 1, y->product_count))
+        !within(y->products, 3 * (int64_t)y->product_count, 0, y->quantities) ||
+        !ascends(y->first_product, y->inputs + y->terms + 1, y->product_count))
         return pmr_say(why, "damaged: products of a frame"), 1;
     for (k = 0; k < y->quantities; k++) {
         const int32_t kind = y->quantity_list[3 * k], *of = y->quantity_list + 3 * k + 1;
         const int axes = kind == PMR_TURNED || kind == PMR_VELOCITY || kind == PMR_TURNING || kind == PMR_GRADIENT;
-        if (kind < PMR_ONE || kind > PMR_OVER || of[0] < 0 || of[1] < 0 || (axes && (of[0] > 2 || of[1] > 2)) || (kind == PMR_MOTION && of[0] >= y->motions) ||
-            (kind == PMR_REACH && (of[0] > y->motions || of[1] > 2)) || (kind == PMR_OVER && (of[0] < 1 || of[0] > y->motions)))
+        if (kind < PMR_ONE || kind > PMR_OVER || of[0] < 0 || of[1] < 0 || (axes && (of[0] > 2 || of[1] > 2)) ||
+            (kind == PMR_MOTION && of[0] >= y->motions) || (kind == PMR_REACH && (of[0] > y->motions || of[1] > 2)) ||
+            (kind == PMR_OVER && (of[0] < 1 || of[0] > y->motions)))
             return pmr_say(why, "damaged: quantities of a frame"), 1;
     }
     return 0;
@@ -227,12 +117,14 @@ static int check_frame(const pmr_system *y, char *why)
 
 static int read_arrays(pmr_system *y, char *why)
 {
-    static const char *const names[] = {"modes", "rows", "contacts", "forces", "inputs", "outputs", "paths", "terms", "pads", "joints",
-                                        "drivers", "whole", "coupled", "ropes", "motions"};
-    int32_t *const to[] = {&y->modes, &y->rows, &y->contacts, &y->forces, &y->inputs, &y->outputs, &y->paths, &y->terms, &y->pads, &y->joints,
-                           &y->drivers, &y->whole, &y->coupled, &y->ropes, &y->motions};
+    static const char *const names[] = {"modes",   "rows",  "contacts", "forces", "inputs",
+                                        "outputs", "paths", "terms",    "pads",   "joints",
+                                        "drivers", "whole", "coupled",  "ropes",  "motions"};
+    int32_t *const to[] = {&y->modes,   &y->rows,  &y->contacts, &y->forces, &y->inputs,
+                           &y->outputs, &y->paths, &y->terms,    &y->pads,   &y->joints,
+                           &y->drivers, &y->whole, &y->coupled,  &y->ropes,  &y->motions};
     enum { SIZES = sizeof names / sizeof *names };
-    const int32_t *sizes = take(y, "sizes", INTEGERS, SIZES, why);
+    const int32_t *sizes = pmr_block_take(y, "sizes", PMR_INTEGERS, SIZES, why);
     const int64_t most = 1 << 20;
     int64_t r, m, i, o;
     int32_t k;
@@ -241,97 +133,99 @@ static int read_arrays(pmr_system *y, char *why)
         if (sizes[k] < 0 || sizes[k] > most) return pmr_say(why, "damaged: %s = %d", names[k], sizes[k]), 1;
         *to[k] = sizes[k];
     }
-    if (y->modes % PMR_LANES || y->rows != y->contacts + y->pads || y->drivers != y->paths + y->inputs + y->terms || y->whole > 1 || y->coupled > 1)
+    if (y->modes % PMR_LANES || y->rows != y->contacts + y->pads || y->drivers != y->paths + y->inputs + y->terms ||
+        y->whole > 1 || y->coupled > 1)
         return pmr_say(why, "damaged: sizes"), 1;
     r = y->modes, m = y->rows, i = y->inputs, o = y->outputs;
     y->mp = PMR_UP(y->rows);
     y->ip = PMR_UP(y->inputs);
     y->op = PMR_UP(y->outputs) + PMR_LANES; /* a body's outputs are filled up beyond those of the last one */
-    y->blocks = (int32_t)(count_of(y, "blocks") / PMR_BLOCK_NUMBERS);
-    y->pairs = (int32_t)(count_of(y, "pairs") / PMR_PAIR_NUMBERS);
-    y->quasi_static = (int32_t)count_of(y, "of_modes");
-    y->registers = (int32_t)count_of(y, "columns");
-    y->entries = (int32_t)count_of(y, "registers_of");
-#define TAKE(field, kind, count) if (!(y->field = take(y, #field, kind, count, why))) return 1
-    TAKE(omega2, NUMBERS, r);
-    TAKE(damping, NUMBERS, y->coupled ? r * r : r);
-    TAKE(inertia, NUMBERS, r);
-    TAKE(B, NUMBERS, i * r);
-    TAKE(shapes, NUMBERS, r * y->op);
-    TAKE(direct, NUMBERS, i * y->op);
-    TAKE(load_energy, NUMBERS, i * y->ip);
-    TAKE(clearance, NUMBERS, m);
-    TAKE(pushes, INTEGERS, m);
-    TAKE(row_modes, INTEGERS, 2 * m);
-    TAKE(path_ends, NUMBERS, 2 * y->paths);
-    TAKE(breaks, NUMBERS, -1);
-    TAKE(block_rows, INTEGERS, -1);
-    TAKE(table_C, NUMBERS, -1);
-    TAKE(table_G, NUMBERS, -1);
-    TAKE(table_S, NUMBERS, -1);
-    TAKE(table_H, NUMBERS, -1);
-    TAKE(table_X, NUMBERS, -1);
-    TAKE(C0, NUMBERS, m * r);
-    TAKE(F0, NUMBERS, m * y->mp);
-    TAKE(H0, NUMBERS, m * y->ip);
-    TAKE(X0, NUMBERS, m * y->op);
-    TAKE(touched, INTEGERS, -1);
-    TAKE(weights, NUMBERS, -1);
-    TAKE(between, NUMBERS, -1);
-    TAKE(rope_paths, INTEGERS, y->ropes);
-    TAKE(rope_slopes, NUMBERS, y->ropes * m * y->mp);
-    TAKE(shares, NUMBERS, (int64_t)y->forces * y->mp);
-    TAKE(of_modes, INTEGERS, y->quasi_static);
-    TAKE(of_rows, INTEGERS, y->registers ? 3 * (r / PMR_LANES) : 0);
-    TAKE(columns, INTEGERS, y->registers);
-    TAKE(first_entry, INTEGERS, y->terms + 1);
-    TAKE(registers_of, INTEGERS, y->entries);
-    TAKE(entry_values, NUMBERS, (int64_t)PMR_LANES * y->entries);
-    TAKE(joint_paths, INTEGERS, y->joints);
-    TAKE(joint_cylinders, INTEGERS, y->joints);
-    TAKE(joint_gives, NUMBERS, y->joints);
-    TAKE(first_pad, INTEGERS, y->joints + 1);
-    TAKE(pad_contacts, INTEGERS, y->pads);
-    TAKE(pad_coefficients, NUMBERS, y->pads);
-    TAKE(pad_stiffness, NUMBERS, y->pads);
-    TAKE(pad_arms, NUMBERS, y->pads);
-    y->quantities = (int32_t)(count_of(y, "quantity_list") / 3);
-    y->product_count = (int32_t)count_of(y, "factors");
-    TAKE(frame_angles, INTEGERS, y->motions ? 5 : 0);
-    TAKE(frame_paths, INTEGERS, y->motions ? y->paths : 0);
-    TAKE(quantity_list, INTEGERS, 3 * (int64_t)y->quantities);
-    TAKE(products, INTEGERS, 3 * (int64_t)y->product_count);
-    TAKE(factors, NUMBERS, y->product_count);
-    TAKE(first_product, INTEGERS, y->motions ? y->inputs + y->terms + 1 : 0);
-    if (!(y->block_list = take(y, "blocks", INTEGERS, (int64_t)y->blocks * PMR_BLOCK_NUMBERS, why))) return 1;
-    if (!(y->pair_list = take(y, "pairs", INTEGERS, (int64_t)y->pairs * PMR_PAIR_NUMBERS, why))) return 1;
+    y->blocks = (int32_t)(pmr_block_count(y, "blocks") / PMR_BLOCK_NUMBERS);
+    y->pairs = (int32_t)(pmr_block_count(y, "pairs") / PMR_PAIR_NUMBERS);
+    y->quasi_static = (int32_t)pmr_block_count(y, "of_modes");
+    y->registers = (int32_t)pmr_block_count(y, "columns");
+    y->entries = (int32_t)pmr_block_count(y, "registers_of");
+#define TAKE(field, kind, count)                                                                                       \
+    if (!(y->field = pmr_block_take(y, #field, kind, count, why))) return 1
+    TAKE(omega2, PMR_NUMBERS, r);
+    TAKE(damping, PMR_NUMBERS, y->coupled ? r * r : r);
+    TAKE(inertia, PMR_NUMBERS, r);
+    TAKE(B, PMR_NUMBERS, i * r);
+    TAKE(shapes, PMR_NUMBERS, r * y->op);
+    TAKE(direct, PMR_NUMBERS, i * y->op);
+    TAKE(load_energy, PMR_NUMBERS, i * y->ip);
+    TAKE(clearance, PMR_NUMBERS, m);
+    TAKE(pushes, PMR_INTEGERS, m);
+    TAKE(row_modes, PMR_INTEGERS, 2 * m);
+    TAKE(path_ends, PMR_NUMBERS, 2 * y->paths);
+    TAKE(breaks, PMR_NUMBERS, -1);
+    TAKE(block_rows, PMR_INTEGERS, -1);
+    TAKE(table_C, PMR_NUMBERS, -1);
+    TAKE(table_G, PMR_NUMBERS, -1);
+    TAKE(table_S, PMR_NUMBERS, -1);
+    TAKE(table_H, PMR_NUMBERS, -1);
+    TAKE(table_X, PMR_NUMBERS, -1);
+    TAKE(C0, PMR_NUMBERS, m * r);
+    TAKE(F0, PMR_NUMBERS, m * y->mp);
+    TAKE(H0, PMR_NUMBERS, m * y->ip);
+    TAKE(X0, PMR_NUMBERS, m * y->op);
+    TAKE(touched, PMR_INTEGERS, -1);
+    TAKE(weights, PMR_NUMBERS, -1);
+    TAKE(between, PMR_NUMBERS, -1);
+    TAKE(rope_paths, PMR_INTEGERS, y->ropes);
+    TAKE(rope_slopes, PMR_NUMBERS, y->ropes * m * y->mp);
+    TAKE(shares, PMR_NUMBERS, (int64_t)y->forces * y->mp);
+    TAKE(of_modes, PMR_INTEGERS, y->quasi_static);
+    TAKE(of_rows, PMR_INTEGERS, y->registers ? 3 * (r / PMR_LANES) : 0);
+    TAKE(columns, PMR_INTEGERS, y->registers);
+    TAKE(first_entry, PMR_INTEGERS, y->terms + 1);
+    TAKE(registers_of, PMR_INTEGERS, y->entries);
+    TAKE(entry_values, PMR_NUMBERS, (int64_t)PMR_LANES * y->entries);
+    TAKE(joint_paths, PMR_INTEGERS, y->joints);
+    TAKE(joint_cylinders, PMR_INTEGERS, y->joints);
+    TAKE(joint_gives, PMR_NUMBERS, y->joints);
+    TAKE(first_pad, PMR_INTEGERS, y->joints + 1);
+    TAKE(pad_contacts, PMR_INTEGERS, y->pads);
+    TAKE(pad_coefficients, PMR_NUMBERS, y->pads);
+    TAKE(pad_stiffness, PMR_NUMBERS, y->pads);
+    TAKE(pad_arms, PMR_NUMBERS, y->pads);
+    y->quantities = (int32_t)(pmr_block_count(y, "quantity_list") / 3);
+    y->product_count = (int32_t)pmr_block_count(y, "factors");
+    TAKE(frame_angles, PMR_INTEGERS, y->motions ? 5 : 0);
+    TAKE(frame_paths, PMR_INTEGERS, y->motions ? y->paths : 0);
+    TAKE(quantity_list, PMR_INTEGERS, 3 * (int64_t)y->quantities);
+    TAKE(products, PMR_INTEGERS, 3 * (int64_t)y->product_count);
+    TAKE(factors, PMR_NUMBERS, y->product_count);
+    TAKE(first_product, PMR_INTEGERS, y->motions ? y->inputs + y->terms + 1 : 0);
+    if (!(y->block_list = pmr_block_take(y, "blocks", PMR_INTEGERS, (int64_t)y->blocks * PMR_BLOCK_NUMBERS, why)))
+        return 1;
+    if (!(y->pair_list = pmr_block_take(y, "pairs", PMR_INTEGERS, (int64_t)y->pairs * PMR_PAIR_NUMBERS, why))) return 1;
     (void)o;
     return 0;
 }
 
 static int check_arrays(pmr_system *y, char *why)
 {
-    const file_head *head = (const file_head *)y->block;
     int32_t k;
-    for (k = 0; k < head->arrays; k++) {
-        const array_head *array = heads(y) + k;
-        if (array->kind == NUMBERS && !all_finite((const double *)(y->block + array->offset), array->count))
-            return pmr_say(why, "array %s holds what is no finite number", array->name), 1;
-    }
-    if (!within(y->pushes, y->rows, 0, 2) || !within(y->row_modes, 2 * (int64_t)y->rows, 0, y->modes + 1) || !within(y->rope_paths, y->ropes, 0, y->paths) ||
-        !within(y->of_modes, y->quasi_static, 0, y->modes) || !within(y->columns, y->registers, 0, y->modes) ||
-        !within(y->registers_of, y->entries, 0, y->registers) || !ascends(y->first_entry, y->terms + 1, y->entries) ||
-        !within(y->joint_paths, y->joints, 0, y->paths) || !within(y->joint_cylinders, y->joints, -1, y->contacts) || !ascends(y->first_pad, y->joints + 1, y->pads) ||
+    if (!within(y->pushes, y->rows, 0, 2) || !within(y->row_modes, 2 * (int64_t)y->rows, 0, y->modes + 1) ||
+        !within(y->rope_paths, y->ropes, 0, y->paths) || !within(y->of_modes, y->quasi_static, 0, y->modes) ||
+        !within(y->columns, y->registers, 0, y->modes) || !within(y->registers_of, y->entries, 0, y->registers) ||
+        !ascends(y->first_entry, y->terms + 1, y->entries) || !within(y->joint_paths, y->joints, 0, y->paths) ||
+        !within(y->joint_cylinders, y->joints, -1, y->contacts) || !ascends(y->first_pad, y->joints + 1, y->pads) ||
         !within(y->pad_contacts, y->pads, 0, y->contacts))
         return pmr_say(why, "damaged: numbers beyond their range"), 1;
     for (k = 0; k < y->rows; k++) {
-        if (y->row_modes[2 * k] % PMR_LANES || y->row_modes[2 * k + 1] % PMR_LANES) return pmr_say(why, "damaged: modes of a row"), 1;
-        if (k < y->contacts) y->pushing += y->pushes[k];
-        else if (y->pushes[k]) return pmr_say(why, "damaged: a moment that pushes"), 1;
+        if (y->row_modes[2 * k] % PMR_LANES || y->row_modes[2 * k + 1] % PMR_LANES)
+            return pmr_say(why, "damaged: modes of a row"), 1;
+        if (k < y->contacts)
+            y->pushing += y->pushes[k];
+        else if (y->pushes[k])
+            return pmr_say(why, "damaged: a moment that pushes"), 1;
     }
     for (k = 0; k < (y->registers ? y->modes / PMR_LANES : 0); k++) {
         const int32_t *row = y->of_rows + 3 * k;
-        if (row[0] < 0 || row[0] > row[1] || row[1] > row[2] || row[2] > y->registers) return pmr_say(why, "damaged: rows of terms"), 1;
+        if (row[0] < 0 || row[0] > row[1] || row[1] > row[2] || row[2] > y->registers)
+            return pmr_say(why, "damaged: rows of terms"), 1;
     }
     if (check_frame(y, why)) return 1;
     for (k = 0; k < y->blocks; k++)
@@ -340,7 +234,8 @@ static int check_arrays(pmr_system *y, char *why)
         if (check_pair(y, y->pair_list + k, why)) return 1;
     if (y->whole) {
         const pmr_block *b = y->block_list;
-        if (y->blocks != 1 || y->pairs || b->rows != y->rows || b->stays || b->modes != y->modes || b->inputs != y->inputs || y->ropes || y->pads)
+        if (y->blocks != 1 || y->pairs || b->rows != y->rows || b->stays || b->modes != y->modes ||
+            b->inputs != y->inputs || y->ropes || y->pads)
             return pmr_say(why, "damaged: one block with all rows"), 1;
         for (k = 0; k < y->rows; k++)
             if (y->block_rows[b->at_rows + k] != k) return pmr_say(why, "damaged: one block with all rows"), 1;
@@ -355,11 +250,11 @@ int pmr_system_open(const void *block, size_t bytes, pmr_system **system, char *
     if (!y) return pmr_say(why, "no memory"), PMR_NO_MEMORY;
     y->block = block;
     y->bytes = bytes;
-    if (read_head(y, why) || read_arrays(y, why) || check_arrays(y, why)) {
+    if (pmr_block_check(y, why) || read_arrays(y, why) || check_arrays(y, why)) {
         free(y);
         return PMR_REFUSED;
     }
-    y->checksum = ((const file_head *)y->block)->checksum;
+    y->checksum = pmr_block_checksum(y);
     *system = y;
     return PMR_DONE;
 }
@@ -368,8 +263,17 @@ void pmr_system_close(pmr_system *system) { free(system); }
 
 void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
 {
-    const pmr_sizes found = {.modes = y->modes, .contacts = y->contacts, .forces = y->forces, .inputs = y->inputs, .outputs = y->outputs,
-                             .paths = y->paths, .terms = y->terms, .pads = y->pads, .drivers = y->drivers, .motions = y->motions, .pushing = y->pushing};
+    const pmr_sizes found = {.modes = y->modes,
+                             .contacts = y->contacts,
+                             .forces = y->forces,
+                             .inputs = y->inputs,
+                             .outputs = y->outputs,
+                             .paths = y->paths,
+                             .terms = y->terms,
+                             .pads = y->pads,
+                             .drivers = y->drivers,
+                             .motions = y->motions,
+                             .pushing = y->pushing};
     *sizes = found;
 }
 
@@ -378,7 +282,7 @@ const char *pmr_system_names(const pmr_system *y, const char *list, size_t *coun
     char name[40];
     const char *text;
     snprintf(name, sizeof name, "names_%s", list);
-    text = take(y, name, BYTES, -1, NULL);
-    *count = text ? (size_t)count_of(y, name) : 0;
+    text = pmr_block_take(y, name, PMR_BYTES, -1, NULL);
+    *count = text ? (size_t)pmr_block_count(y, name) : 0;
     return text;
 }

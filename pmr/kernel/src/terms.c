@@ -1,9 +1,10 @@
-/* Terms that vary in time, w = -sum c_k (V_k z' + G_k z), at the end of a step as all other forces, so that the scheme keeps its order.
+/* Terms that vary in time, w = -sum c_k (V_k z' + G_k z), at the end of a step as all other forces, so that the
+   scheme keeps its order.
 
-   S, the rows and their factor stay those of the constant matrices: w begins with what a cubic through the four steps before
-   makes of it, and multipliers and w are found anew until w no longer changes.  Each time its error shrinks by the largest ratio
-   of z_gain x G x + v_gain x V x to x S x, which is below the share of the buckling load with any step.  Beyond that, or where
-   a tension raises frequencies that the step does not resolve, it does not converge.
+   S, the rows and their factor stay those of the constant matrices: w begins with what a cubic through the four steps
+   before makes of it, and multipliers and w are found anew until w no longer changes.  Each time its error shrinks by
+   the largest ratio of z_gain x G x + v_gain x V x to x S x, which is below the share of the buckling load with any
+   step.  Beyond that, or where a tension raises frequencies that the step does not resolve, it does not converge.
 
    Friction is iterated beside it (friction.c). */
 
@@ -29,7 +30,8 @@ static void combine_terms(pmr_state *st, const double *amplitudes)
         if (amplitudes[k] == 0.0) continue;
         for (e = y->first_entry[k]; e < y->first_entry[k + 1]; e++) {
             double *to = st->now + (size_t)PMR_LANES * y->registers_of[e];
-            for (n = 0; n < PMR_LANES; n += VL) V(to + n) += CV(y->entry_values + (size_t)PMR_LANES * e + n) * amplitudes[k];
+            for (n = 0; n < PMR_LANES; n += VL)
+                V(to + n) += CV(y->entry_values + (size_t)PMR_LANES * e + n) * amplitudes[k];
         }
     }
 }
@@ -90,8 +92,10 @@ static void reach_end(pmr_state *st, const pmr_scheme *c)
     if (y->coupled) couple(st, c, st->z_next, st->v_next, bent);
     for (n = 0; n < y->modes; n += VL) {
         vec z = CV(st->z_next + n), v = CV(st->v_next + n), a = CV(acceleration + n);
-        if (y->coupled) a += CV(bent + n);
-        else a -= CV(c->stiffness + n) * z + CV(c->damping + n) * v;
+        if (y->coupled)
+            a += CV(bent + n);
+        else
+            a -= CV(c->stiffness + n) * z + CV(c->damping + n) * v;
         V(st->z + n) = z + a * c->z_gain;
         V(st->v + n) = v + a * c->v_gain;
     }
@@ -143,7 +147,8 @@ static int revise(pmr_state *st, const pmr_scheme *c, int times)
     return foreseen ? LAST_TIME : AGAIN;
 }
 
-/* Forces of the present state, as if they had been so in the steps before: where a simulation or parts of another length begin. */
+/* Forces of the present state, as if they had been so in the steps before: where a simulation or parts of another
+   length begin. */
 static void begin_terms(pmr_state *st, const double *amplitudes)
 {
     const pmr_system *y = st->system;

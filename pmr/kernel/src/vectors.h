@@ -24,7 +24,8 @@ typedef double loose_vec;
 #endif
 #define VL PMR_VL
 
-/* Few numbers that have just been stored one by one are read one by one: a register of them would wait for the stores. */
+/* Few numbers that have just been stored one by one are read one by one: a register of them would wait for the
+   stores. */
 #define MANY_INPUTS 8
 
 /* fmax of the C library keeps to rules for what is no number, and is a call. */
@@ -61,7 +62,8 @@ INLINE void evaluate(const double *restrict c, int powers, int stride, int width
     int n, p;
     if (powers == 4) {
         const double *c1 = c + stride, *c2 = c1 + stride, *c3 = c2 + stride;
-        for (n = 0; n < width; n += VL) V(values + n) = ((CV(c + n) * x + CV(c1 + n)) * x + CV(c2 + n)) * x + CV(c3 + n);
+        for (n = 0; n < width; n += VL)
+            V(values + n) = ((CV(c + n) * x + CV(c1 + n)) * x + CV(c2 + n)) * x + CV(c3 + n);
         return;
     }
     for (n = 0; n < width; n += VL) {
@@ -72,7 +74,8 @@ INLINE void evaluate(const double *restrict c, int powers, int stride, int width
 }
 
 /* out += columns (count, stride) times their shares, four registers at a time: what is added up stays in them. */
-INLINE void add_columns(const double *restrict columns, int stride, const double *restrict shares, int count, double *restrict out, int width)
+INLINE void add_columns(const double *restrict columns, int stride, const double *restrict shares, int count,
+                        double *restrict out, int width)
 {
     int n, q;
     for (n = 0; n + 4 * VL <= width; n += 4 * VL) {
