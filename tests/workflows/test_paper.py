@@ -22,7 +22,7 @@ import combinations
 import error_map
 import histories
 import local_bases
-import nested
+import nested_models as nested
 import residual
 import speed
 from experiment import changed, report

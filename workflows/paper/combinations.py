@@ -2,7 +2,7 @@
 
 Weyrer et al., section "Selected Combinations Investigation". Errors are those against the full model's motion: e_NRMS
 of the transverse displacement along the beam, and the error of the strain energy summed over all steps, in J. Each is
-given for the three treatments of the pin's rows (`nested`); ``round_off`` is the paper's.
+given for the three treatments of the pin's rows (`nested_models`); ``round_off`` is the paper's.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from experiment import Findings, Row, Settings, rows, run, save
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from nested import TREATMENTS, combination, errors
+from nested_models import TREATMENTS, combination, errors
 from published import COMBINATIONS, EXPLAINED, TREATED
 
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing

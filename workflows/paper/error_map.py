@@ -2,7 +2,7 @@
 
 Weyrer et al., section "Optimal Combinations for Maximum Budget": for each combination the e_NRMS of the transverse
 displacement along the beam, averaged over the largest few numbers of coordinates, so that a lucky one does not decide.
-All three treatments of the pin's rows are mapped (`nested`); ``round_off`` is the paper's.
+All three treatments of the pin's rows are mapped (`nested_models`); ``round_off`` is the paper's.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
-from nested import TREATMENTS, combination, errors
+from nested_models import TREATMENTS, combination, errors
 from published import ERROR_MAP, EXPLAINED, TREATED
 
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
