@@ -91,7 +91,8 @@ def chart(
         value = 1.0 / value if key == "least" and value > 0.0 else value
         if np.isfinite(value) and value > 0.0:
             limits.append(unit.model_copy(update={key: value}))
-    asked = common | {"limits": [one.model_dump(mode="json") for one in limits], "gravity": G, "rows": [0, 1]}
+    asked = boom_arguments(hooked) | common | {"gravity": G, "rows": [0, 1]}
+    asked["limits"] = [one.model_dump(mode="json") for one in limits]
     cases = [{"weight": 1.0, "load": 1.0, "loads": {"wind": wind}}]
     found = allowed(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     load, error = found["load"][0][: len(limits)], found["error"][0][: len(limits)]
