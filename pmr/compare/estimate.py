@@ -271,10 +271,8 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
     terms = () if system.terms_of is None else system.terms_of({ALONE: better})
     systems = [system, replace(System.of(better), terms=terms)]
     of_better = estimate({ALONE: better}, systems[1], excitation)
-    own, other = (_Simulated.of(one, excitation).outputs for one in systems)
+    own, other, lacking = _with_common_forces(*(_Simulated.of(one, excitation) for one in systems))
     floors, known = Floors.of(systems[1], excitation), dict(of_better.errors)
-    if own.force.shape != other.force.shape:
-        known.pop("pad_force", None)
     found = differences(own, other, floors)
     of_probes = dict(zip(_probes(systems[0]), probe_differences(own, other, floors).tolist(), strict=True))
     return Estimate(
@@ -284,5 +282,16 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
         tips=other.tips,
         seconds=time.perf_counter() - begin,
         by="other model",
-        unknown=of_better.unknown,
+        unknown=of_better.unknown | ({"left out": coverage.LEFT_OUT.format(", ".join(lacking))} if lacking else {}),
     )
+
+
+def _with_common_forces(one: _Simulated, other: _Simulated) -> tuple[Outputs, Outputs, list[str]]:
+    """Outputs with the forces that both know, and names of the others: rows that a basis doesn't move are left out."""
+    names = [each.response.force_names for each in (one, other)]
+    common = [name for name in names[1] if name in names[0]]
+    first, second = (
+        replace(each.outputs, force=each.outputs.force[:, [own.index(name) for name in common]], forces=())
+        for each, own in zip((one, other), names, strict=True)
+    )
+    return first, second, [name for name in dict.fromkeys(sum(names, ())) if name not in common]
