@@ -275,6 +275,7 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
     floors, known = Floors.of(systems[1], excitation), dict(of_better.errors)
     found = differences(own, other, floors)
     of_probes = dict(zip(_probes(systems[0]), probe_differences(own, other, floors).tolist(), strict=True))
+    left_out = {"left out": coverage.LEFT_OUT.format(", ".join(lacking))} if lacking else {}
     return Estimate(
         errors={kind: found[kind] + size for kind, size in known.items() if kind in found},
         probes={name: of_probes[name] + size for name, size in of_better.probes.items()},
@@ -282,7 +283,7 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
         tips=other.tips,
         seconds=time.perf_counter() - begin,
         by="other model",
-        unknown=of_better.unknown | ({"left out": coverage.LEFT_OUT.format(", ".join(lacking))} if lacking else {}),
+        unknown=dict(of_better.unknown) | left_out,
     )
 
 

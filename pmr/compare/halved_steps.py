@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import tip_columns
+from pmr.compare import forces
+from pmr.compare.booms import BESIDE_KINK, tip_columns
 from pmr.compare.errors import relative_error, round_off, settled
+from pmr.compare.evaluation import respond
 from pmr.compare.runs import recorded, run_from_start
 from pmr.compare.spectrum import band
 from pmr.errors import SimulationError
+from pmr.results import Response
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
@@ -55,6 +59,14 @@ def reference_rho(system: System, rho_inf: float) -> float:
     return max(rho_inf, UNDAMPED) if known and np.isnan(system.clearance).all() else rho_inf
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What a run says at the T times at which runs are compared."""
+
+    moved: Array  # (T, o) m
+    forces: dict[tuple[str, str], dict[str, Array]] | None  # `pmr.compare.forces`; None where not all is recorded
+
+
 class Stepped:
     """A system that is simulated with several steps; its `run` with the given one is made unless it is known.
 
@@ -63,8 +75,14 @@ class Stepped:
     step, at impacts and between them.
     """
 
-    def __init__(self, system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> None:
-        self.system, self.excitation, self._known = system, excitation, run
+    def __init__(
+        self,
+        system: System,
+        excitation: Excitation,
+        run: SystemTrajectory | None = None,
+        complete: Callable[[Response], Response] | None = None,
+    ) -> None:
+        self.system, self.excitation, self._known, self._complete = system, excitation, run, complete
         self._form = SystemForm.of(system)
         self.pushing = not np.isnan(system.clearance).all()
         #: The time grid that the error is asked for of.
@@ -101,6 +119,17 @@ class Stepped:
         """All or some displacements (T, o) m of a run."""
         chosen = self.moved if which is None else self.moved[which]
         return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
+
+    def seen(self, run: SystemTrajectory) -> Seen:
+        """Displacements and, where a response is to be completed, forces of the steps of a run, none beside kinks."""
+        if self._complete is None:
+            return Seen(self.displacements(run), None)
+        kinks = [t for path in self.excitation.paths.values() for t in path.kinks(self.given.end)]
+        beside = [np.abs(run.t - t) <= BESIDE_KINK * self.given.step for t in kinks]
+        away = ~np.any([np.zeros(len(run.t), bool), *beside], axis=0)
+        known = forces.histories(self._complete(respond(self.system, run)))
+        between = {key: {name: force[away] for name, force in kind.items()} for key, kind in known.items()}
+        return Seen(self.displacements(run), between)
 
     def observed(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
         """All or some, (T, o) m, at each `every`-th step of a run of which no more is recorded; errors likewise."""
@@ -141,29 +170,29 @@ class Runs:
         steps = 2 * self._work
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
 
-    def given(self, first: Array) -> Array:
-        """Displacements (T, o) in m with the given step and rho_inf, beside the `first` run; raises as `next`."""
+    def given(self, first: Seen) -> Seen:
+        """What the run with the given step and rho_inf says, beside the `first` run; raises as `next`."""
         given, run, stepping = self._stepped.given, self._stepped.run, self.stepping
         if run is not None:
-            return self._moving(self._stepped.displacements(run.at(slice(None, None, self._stride))))
+            return self._moving_of(self._stepped.seen(run.at(slice(None, None, self._stride))))
         if (stepping.rho_inf, stepping.parts) == (given.rho_inf, given.parts):
             return first
         self.taken += self._work
-        return self._moving(self._made(given, self._stride)[0])
+        return self._moving_of(self._made(given, self._stride)[0])
 
-    def next(self) -> Array:
-        """Displacements (T, o) in m of the next run, where runs are compared.
+    def next(self) -> Seen:
+        """What the next run says where runs are compared.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
         self.halved += 1
         try:
-            y, self._last = self._made(self.stepping, self._stride * 2**self.halved)
+            seen, self._last = self._made(self.stepping, self._stride * 2**self.halved)
         except SimulationError:
             self.halved -= 1
             raise
         self.taken += self._work
-        return self._moving(y)
+        return self._moving_of(seen)
 
     def band(self) -> float:
         """Frequency in Hz above which 1 % of the tip's motion lies, by its RMS, in the last run; 0 if nothing moves.
@@ -179,12 +208,15 @@ class Runs:
         y = self._moving(of.displacements(self._last, of.tips))
         return band(y if np.any(y) else self._moving(of.displacements(self._last)), stepping.step)
 
-    def _made(self, stepping: TimeStepping, every: int) -> tuple[Array, SystemTrajectory | None]:
-        """Displacements at each `every`-th step of a run, and the run where all of it is recorded."""
+    def _made(self, stepping: TimeStepping, every: int) -> tuple[Seen, SystemTrajectory | None]:
+        """What each `every`-th step of a run says, and the run where all of it is recorded."""
         if not recorded(self._stepped.system, stepping):
-            return self._stepped.observed(stepping, every), None
+            return Seen(self._stepped.observed(stepping, every), None), None
         run = self._stepped.simulate(stepping)
-        return self._stepped.displacements(run.at(slice(None, None, every))), run
+        return self._stepped.seen(run.at(slice(None, None, every))), run
+
+    def _moving_of(self, seen: Seen) -> Seen:
+        return replace(seen, moved=self._moving(seen.moved))
 
     def _moving(self, y: Array) -> Array:
         """With zeros in the columns that don't exceed round-off."""

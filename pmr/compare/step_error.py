@@ -18,15 +18,19 @@ is said in words here, too.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.halved_steps import Ladder, Runs, Stepped
+from pmr.compare import forces
+from pmr.compare.covered import FAR, FIGURES
+from pmr.compare.halved_steps import NEGLIGIBLE, ROUGH, Ladder, Runs, Seen, Stepped
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
+from pmr.results import Response
 from pmr.scene.signals import SignalBase
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.stepping import TimeStepping
@@ -51,34 +55,45 @@ class StepError:
     enough: float | None  # s: largest of the steps taken with an error below `LIMIT`
     band: float  # Hz, above which 1 % of the tip's motion lies, as the finest run has it
     seconds: float  # wall time of all runs
+    forces: Mapping[str, float] = field(default_factory=dict)  # by kind (`pmr.compare.forces`), not beside kinks
+    unsettled: Sequence[str] = ()  # kinds of forces in which the runs do not approach each other
 
 
-def step_error(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> StepError:
+def step_error(
+    system: System,
+    excitation: Excitation,
+    run: SystemTrajectory | None = None,
+    complete: Callable[[Response], Response] | None = None,
+) -> StepError:
     """Error of the time step, from the start of the excitation.
+
+    Errors of forces are found where responses are to be completed: `complete` adds forces that follow from others.
 
     `march` makes the runs; Exudyn's solver has the same scheme and start.  That with the given step may be known,
     a `run` that chose its parts.  Raises InputError as for
     `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
     """
     begin = time.perf_counter()
-    stepped = Stepped(system, excitation, run)
+    stepped = Stepped(system, excitation, run, complete)
     runs = Runs(stepped)
-    y = runs.next()
+    first = runs.next()
     if not runs.affordable:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
-    given = runs.given(y)
-    moving, mean = Ladder(y, given), Ladder(_rms(y), _rms(given))
+    given = runs.given(first)
+    moving, mean = Ladder(first.moved, given.moved), Ladder(_rms(first.moved), _rms(given.moved))
+    seen = [first]
     while runs.affordable and not (moving.halvings(LIMIT) is not None and runs.resolved):
         try:
-            y = runs.next()
+            seen = [*seen[-2:], runs.next()]
         except SimulationError:
             if not moving.differences:
                 raise
             break
-        moving.add(y)
-        mean.add(_rms(y))
+        moving.add(seen[-1].moved)
+        mean.add(_rms(seen[-1].moved))
     ladder = mean if stepped.pushing and not moving.settled else moving
     halvings = ladder.halvings(LIMIT) if runs.resolved else None
+    of_forces, unsettled = _force_errors(given, seen, by_mean=ladder is mean)
     return StepError(
         beam=ladder.error(slice(None)),
         tip=ladder.error(stepped.tips),
@@ -89,6 +104,8 @@ def step_error(system: System, excitation: Excitation, run: SystemTrajectory | N
         enough=None if halvings is None else stepped.given.step / 2**halvings,
         band=runs.band(),
         seconds=time.perf_counter() - begin,
+        forces=of_forces,
+        unsettled=unsettled,
     )
 
 
@@ -97,25 +114,52 @@ def _rms(y: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(y**2, axis=0, keepdims=True)))
 
 
-def summary(found: StepError | None, reason: str | None = None) -> dict[str, float | str | bool | None]:
-    """What summary.json holds under ``step``: the fields of `StepError`, ``limit`` and ``reason``.
+def _force_errors(given: Seen, seen: Sequence[Seen], by_mean: bool) -> tuple[dict[str, float], list[str]]:
+    """Errors of the `given` run's forces by kind, and kinds in which the last three runs don't approach each other.
 
-    Without a figure all are None, and ``reason`` says why.
+    What runs beyond the last one would add is that of a geometric series, as for displacements.
+    """
+    every = [one.forces for one in (given, *seen)]
+    if any(one is None for one in every):
+        return {}, []
+    known = [one for one in every if one is not None]
+    if by_mean:
+        known = [{key: {name: _rms(f) for name, f in kind.items()} for key, kind in one.items()} for one in known]
+    errors, unsettled = forces.differences(known[0], known[-1]), list[str]()
+    apart = [forces.differences(*pair) for pair in zip(known[1:], known[2:], strict=False)]
+    for kind, error in errors.items():
+        before, last = (apart[-2][kind], apart[-1][kind]) if len(apart) > 1 else (0.0, np.inf)
+        ratio = last / before if before > 0.0 else np.inf
+        if last > NEGLIGIBLE and ratio > ROUGH:
+            unsettled.append(kind)
+        else:
+            errors[kind] = error + last * min(1.0, ratio / (1.0 - min(ratio, ROUGH)))
+    return errors, unsettled
+
+
+def summary(found: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
+    """What summary.json holds under ``step``: the fields of `StepError`, kinds of forces, ``limit`` and ``reason``.
+
+    ``not_covered`` lists in words what has no error.  Without a figure all are None, and ``reason`` says why.
     """
     figures = dict.fromkeys(StepError.__annotations__) if found is None else dict(vars(found))
-    return figures | {"limit": LIMIT, "reason": reason}
+    of_forces = figures.pop("forces") or {}
+    del figures["unsettled"]
+    return figures | dict(of_forces) | {"not_covered": list(not_covered), "limit": LIMIT, "reason": reason}
 
 
 def warnings(
     found: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
-    """A line where the step's error exceeds `LIMIT`, or is unknown; signals with their names.
+    """A line where the step's error exceeds `LIMIT`, of forces `FAR`, or is unknown; signals with their names.
 
     `natural` (S, f) in Hz are frequencies at S places on the way, ascending.
     """
-    if found.beam <= LIMIT and found.settled:
-        return []
     h = stepping.step
+    if found.beam <= LIMIT and found.settled:
+        far = {kind: error for kind, error in found.forces.items() if error > FAR}
+        said = ", ".join(f"{_percent(error)} in {FIGURES[kind]}" for kind, error in far.items())
+        return [f"the time step of {h:.4g} s is off by {said}, as steps of {found.finest:.2g} s show"] if far else []
     size = f"{_percent(found.beam)} along the beam, {_percent(found.tip)} at the tip"
     if found.by == "mean":
         size += " in the mean (motions part after an impact, so they can't be compared instant by instant)"

@@ -76,7 +76,6 @@ def compared(
     responses: Mapping[str, Response],
     measured: Mapping[str, errors.Quantity],
     simulators: Mapping[str, str],
-    measure: errors.Measure = errors.nrms,
 ) -> Part:
     """Errors beside the references, of what is `measured`; who simulated ``reduced`` and ``full``.
 
@@ -84,7 +83,7 @@ def compared(
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
-    measures = {"errors": measure, "absolute_errors": errors.absolute_error}
+    measures = {"errors": errors.relative_error, "absolute_errors": errors.absolute_error}
     pairs, unjudged = errors.pairs(responses, quantities=measured), dict[str, ringing.NotJudged]()
     kinds = {kind: errors.of_pairs(pairs, one) for kind, one in measures.items()}
     if full is not None:

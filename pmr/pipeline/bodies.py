@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare import far_off
 from pmr.compare.accuracy import order
 from pmr.compare.boom_figures import sections
-from pmr.compare.errors import nrms, relative_error
 from pmr.compare.estimated import (
     ReductionError,
     SimulatedSystem,
@@ -165,13 +165,16 @@ class Bodies:
         sizes = {
             name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()
         }
-        measure = nrms if ALONE in system.bodies else relative_error
         simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
+        beside_full = compared(responses, quantities(scene, responses["reduced"]), simulators)
+        blows = impacts(system, self.excitation, responses)
+        figures = {**beside_full.figures, **blows.figures, **error.part.figures}
         parts = [
             Part(describe_basis(scene, models_of(self.built), self.bodies)),
-            compared(responses, quantities(scene, responses["reduced"]), simulators, measure),
-            impacts(system, self.excitation, responses),
+            beside_full,
+            blows,
             error.part,
+            Part(warnings=far_off.warnings_of_reduction(figures)),
             sections(scene, responses, sizes, more),
             utilisation(scene, more),
             masses({name: one.model.masses for name, one in self.built.items()}),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pmr.compare import far_off, memory
+from pmr.compare import covered, far_off, memory
 from pmr.compare.accuracy import mesh, order
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
@@ -131,7 +131,11 @@ def _run(
     budget = {} if chosen.part is None else {"model": chosen.part}
     budget |= _measured(bodies, motions, budget, measures)
     if outcome is not None and budget:
-        outcome.result.summary["budget"] = budget | outcome.result.summary.get("budget", {})
+        whole: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
+        if isinstance(whole.get("mesh"), Mapping):
+            response = outcome.result.responses["reduced"]
+            whole["mesh_not_covered"] = covered.not_covered(bodies.asked, response, whole["mesh"])
+        outcome.result.summary["budget"] = whole
         further = far_off.warnings(bodies.asked, outcome.result.summary["budget"])
         outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # before hints
     return outcome

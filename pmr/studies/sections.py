@@ -65,7 +65,7 @@ def full_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     record: dict[str, Scalar] = {"coordinates": size, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]
-        record |= {"e_abs": compare.absolute_error(y, finest), "e_nrms": compare.nrms(y, finest)}
+        record |= {"e_abs": compare.absolute_error(y, finest), "e_nrms": compare.relative_error(y, finest)}
     return TaskResult(record, {"tip": y})
 
 
@@ -87,9 +87,9 @@ def by_size(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
         except (SimulationError, InputError):
             continue
         seconds[f"simulate.{r}"], found = min(run.seconds for run in runs), respond(system, runs[0])
-        record[names[0]] = compare.nrms(found.displacement, case.response.displacement)
+        record[names[0]] = compare.relative_error(found.displacement, case.response.displacement)
         both = compare.with_common_forces(found, case.response)
-        record[names[1]] = compare.nrms(both[0].slider_force, both[1].slider_force)
+        record[names[1]] = compare.relative_error(both[0].slider_force, both[1].slider_force)
         if no_estimate(modal) is None:
             record[names[2]] = estimate(modal, system, case.excitation, runs[0]).of("beam")
     return TaskResult(record, seconds=seconds)
@@ -100,7 +100,7 @@ def finest(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     case, steps = Case.of(Scene.model_validate(arguments["boom"])), arguments["steps"]
     least = FINER * steps[-1]
     coarser, y = (case.at(case.full, factor * least, round(steps[0] / (factor * least))) for factor in (2.0, 1.0))
-    return TaskResult({"step": compare.nrms(coarser, y) / 3.0}, {"y": y})
+    return TaskResult({"step": compare.relative_error(coarser, y) / 3.0}, {"y": y})
 
 
 def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -120,13 +120,14 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
                 y = case.at(system, factor, round(arguments["steps"][0] / factor))
             except (SimulationError, InputError):
                 continue
-            record[name] = compare.nrms(y, truth.arrays["y"])
+            record[name] = compare.relative_error(y, truth.arrays["y"])
         try:
             runs = [run_from_start(system, case.excitation) for _ in range(REPEATS)]
         except (SimulationError, InputError):
             continue
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / case.boom.time.steps
-        record[f"reduction.{r}"] = compare.nrms(respond(system, runs[0]).displacement, case.response.displacement)
+        moved = respond(system, runs[0]).displacement
+        record[f"reduction.{r}"] = compare.relative_error(moved, case.response.displacement)
     return TaskResult(record, seconds=seconds)
 
 
@@ -169,7 +170,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     system = system_of(boom, {name: one.model for name, one in reduce_bodies(boom, case.built).items()})
     found = respond(system, run_from_start(system, case.excitation))
     responses = {"reduced": found, "full": case.response}
-    errors = summary.compared(responses, quantities(case.excitation, found), {}, compare.relative_error).figures
+    errors = summary.compared(responses, quantities(case.excitation, found), {}).figures
     record = figures.compared(errors, "errors", "absolute_errors")
     sizes = {"full": case.full, "reduced": system}
     record |= {f"coordinates.{model}": sum(body.size for body in one.bodies.values()) for model, one in sizes.items()}

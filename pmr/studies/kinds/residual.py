@@ -114,8 +114,8 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
             seconds[f"simulate.{r}"] = min(case.simulated(one)[0].seconds for _ in range(REPEATS))
         except (SimulationError, InputError):
             continue
-        record[names[0]] = compare.nrms(y, case.displacement)
-        record[names[1]] = compare.nrms(run.forces, case.run.forces)
+        record[names[0]] = compare.relative_error(y, case.displacement)
+        record[names[1]] = compare.relative_error(run.forces, case.run.forces)
         if estimate.no_estimate({ALONE: one}) is None:
             record[names[2]] = estimate.estimate({ALONE: one}, System.of(one), case.excitation).of("beam")
     return TaskResult(record, seconds=seconds)
