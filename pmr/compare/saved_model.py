@@ -68,7 +68,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
         Part(warnings=far_off.warnings_of_reduction(error.part.figures)),
         *parts_of_motion(scene, moved, made, natural, step),
         frequency_part(by_frequency),
-        reliability({}, responses),
+        reliability({}, responses, system),
         theory(scene, responses),
     ]
     alone = models.get(ALONE)

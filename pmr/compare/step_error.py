@@ -40,6 +40,8 @@ Array = NDArray[np.float64]
 
 #: Share of the motion above which a step is called too coarse.
 LIMIT = 0.02
+#: Margin of errors of forces, whose differences fall less evenly than those of displacements.
+MARGIN = 1.25
 
 
 @dataclass(frozen=True)
@@ -132,8 +134,7 @@ def _force_errors(given: Seen, seen: Sequence[Seen], by_mean: bool) -> tuple[dic
         ratio = last / before if before > 0.0 else np.inf
         if last > NEGLIGIBLE and ratio > ROUGH:
             unsettled.append(kind)
-        else:
-            errors[kind] = error + last * min(1.0, ratio / (1.0 - min(ratio, ROUGH)))
+        errors[kind] = MARGIN * (error + last * min(1.0, ratio / (1.0 - min(ratio, ROUGH))))
     return errors, unsettled
 
 

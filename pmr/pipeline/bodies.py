@@ -22,6 +22,7 @@ from pmr.compare.estimated import (
 )
 from pmr.compare.judged import parts_of_motion
 from pmr.compare.responses import Simulations, quantities, simulate
+from pmr.compare.ringing import rigid_contacts
 from pmr.compare.second_order import decided
 from pmr.compare.summary import Part, compared, impacts
 from pmr.compare.utilisation import masses, utilisation
@@ -166,7 +167,9 @@ class Bodies:
             name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()
         }
         simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
-        beside_full = compared(responses, quantities(scene, responses["reduced"]), simulators)
+        beside_full = compared(
+            responses, quantities(scene, responses["reduced"]), simulators, rigid_contacts(self.full.whole)
+        )
         blows = impacts(system, self.excitation, responses)
         figures = {**beside_full.figures, **blows.figures, **error.part.figures}
         parts = [

@@ -167,7 +167,7 @@ def _outcome(
         Part(warnings=mesh.warnings(scene)),
         Part(places({name: one.structure.outputs for name, one in built.items()})),
         Part(summary_of_walls({name: one.structure.pads.walls for name, one in built.items()})),
-        reliability(motions.references.missing, responses),
+        reliability(motions.references.missing, responses, system),
         theory(scene, responses),
         frequency_part(by_frequency),
     ]
@@ -198,12 +198,13 @@ def _measured(bodies: Bodies, motions: Motions, known: Mapping[str, Any], measur
     def system_of(one: Scene) -> System:
         return _reduced(one, comm).system
 
-    if asked.compare.richer == "none" and measures is None:
+    wanted = asked.compare.richer not in ("auto", "none")
+    if not wanted and measures is None:
         return {}
     model, found = next(iter(bodies.built.values())).model, dict[str, Any]()
     cache = next(iter(bodies.caches.values()), None) if measures is None else cache_in(measures, model)
     with clock.stage("mesh and model"):
-        if asked.compare.richer != "none" or "model" not in known:
+        if wanted or "model" not in known:
             found["model"] = measured(asked, comm, cache, system_of)
         if measures is not None and asked.ordered is None:
             response = None if motions.reduced is None else motions.reduced.first.response

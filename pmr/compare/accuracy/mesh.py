@@ -5,8 +5,8 @@ Beams with rigid walls are compared with twice as many elements of half the leng
 .. math:: e_{mesh} \approx \frac{\lVert y_{l/2} - y_l \rVert}{1 - 2^{-p}}, \qquad p = 2
 
 Beams without shear converge faster, and their part is taken to be larger than it is.  On elements of more than two
-pads' length they converge more slowly, p = 1: what the pads do then depends on where in an element they are.  Shells, solids and walls that
-give way are compared with cells twice as long, whose reduction takes half of their own or less:
+pads' length they converge more slowly, p = 1: what the pads do then depends on where in an element they are.  Shells,
+solids and walls that give way are compared with cells twice as long, whose reduction takes half of their own or less:
 
 .. math:: e_{mesh} \approx \frac{\lVert y_{2 l} - y_l \rVert}{2^p - 1}, \qquad p = 1
 
@@ -72,7 +72,7 @@ def has_rigid_beams(scene: Scene) -> bool:
 
 
 def has_long_elements(scene: Scene) -> bool:
-    """Whether elements of a beam are longer than `LONGEST_ELEMENT` times the shortest of its pads that have a length."""
+    """Whether elements of a beam are longer than `LONGEST_ELEMENT` times its shortest pad that has a length."""
     return any(
         one.part.length / one.part.mesh.elements > LONGEST_ELEMENT * ring.length > 0.0
         for one in members(scene)
