@@ -283,6 +283,16 @@ class Ladder(Generic[Compared]):
         return last * ratio / (1.0 - ratio) if ratio <= ROUGH else np.inf
 
     @property
+    def falling(self) -> bool:
+        """Whether differences fall, or the last one is negligible."""
+        return np.isfinite(self.rest) or self.differences[-1] <= NEGLIGIBLE
+
+    @property
+    def most(self) -> float:
+        """Error of the first run with a rest of no more than the last difference, also where differences don't fall."""
+        return self.whole + min(self.rest, self.differences[-1])
+
+    @property
     def settled(self) -> bool:
         """Whether the rest is small against the error of the first run, or several differences in a row are small."""
         own = self.whole

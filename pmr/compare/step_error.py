@@ -122,9 +122,12 @@ def step_error(
         enough=None if halvings is None else stepped.given.step / 2**halvings,
         band=runs.band(),
         seconds=time.perf_counter() - begin,
-        others={kind: MARGIN * one.error() for kind, one in of_forces.items()}
+        others={kind: MARGIN * one.most for kind, one in of_forces.items()}
         | {kind: one.error() for kind, one in others.items()},
-        unsettled=tuple(kind for kind, one in (of_forces | others).items() if not one.settled),
+        unsettled=(
+            *(kind for kind, one in of_forces.items() if not one.falling),
+            *(kind for kind, one in others.items() if not one.settled),
+        ),
     )
 
 
