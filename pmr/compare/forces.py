@@ -51,7 +51,7 @@ def differences(
     Kinds of which all forces of the reference are zero are left out.
     """
     pairs = dict[tuple[str, str], tuple[float, float]]()
-    for key in one.keys() & reference.keys():
+    for key in (key for key in one if key in reference):
         names = [name for name in one[key] if name in reference[key]]
         if names:
             y, r = (np.array([of[key][name] for name in names]) for of in (one, reference))
