@@ -239,7 +239,7 @@ def _print(outcome: Outcome) -> None:
     from pmr.report import errors, first_page, model_error, sentences
 
     result, summary = outcome.result, outcome.result.summary
-    said = [sentences.estimate(result), sentences.step(result), model_error.model(result)]
+    said = [sentences.estimate(result), sentences.step(result), sentences.mesh(result), model_error.model(result)]
     out.print(visible(result.scene.title), style="bold")
     carried = Table.grid(padding=(0, 2))
     for name, value in first_page.carried(result):

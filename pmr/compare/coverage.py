@@ -28,6 +28,8 @@ REACTIONS = "reactions of rigid supports"
 MACHINE = "the motion of frame.machine, which is found with the reduced model and its step"
 #: What it does not cover with second order of a body with too many carriers (`pmr.reduced.attachment.knows_matrices`).
 SECOND_ORDER = "effects of axial forces and the frame on the residual part, most of all on pad forces"
+#: What it does not cover of a basis whose vectors don't move some rows, which are left out of the model.
+LEFT_OUT = "what the basis does not move and leaves out: {}"
 #: Why there is no estimate of forces.
 IMPACTS = "forces of sliders: a kink of the path is an impact of a rigid slider, with a larger force in a shorter step"
 RINGING = (

@@ -292,12 +292,11 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
     terms = () if system.terms_of is None else system.terms_of({ALONE: better})
     systems = [system, replace(System.of(better), terms=terms)]
     of_better = estimate({ALONE: better}, systems[1], excitation)
-    own, other = (_Simulated.of(one, excitation).outputs for one in systems)
+    own, other, lacking = _with_common_forces(*(_Simulated.of(one, excitation) for one in systems))
     floors, known = Floors.of(systems[1], excitation), dict(of_better.errors)
-    if own.force.shape != other.force.shape:
-        known.pop("pad_force", None)
     found = differences(own, other, floors)
     of_probes = dict(zip(_probes(systems[0]), probe_differences(own, other, floors).tolist(), strict=True))
+    left_out = {"left out": coverage.LEFT_OUT.format(", ".join(lacking))} if lacking else {}
     return Estimate(
         errors={kind: found[kind] + size for kind, size in known.items() if kind in found},
         probes={name: of_probes[name] + size for name, size in of_better.probes.items()},
@@ -305,5 +304,16 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
         tips=other.tips,
         seconds=time.perf_counter() - begin,
         by="other model",
-        unknown=of_better.unknown,
+        unknown=dict(of_better.unknown) | left_out,
     )
+
+
+def _with_common_forces(one: _Simulated, other: _Simulated) -> tuple[Outputs, Outputs, list[str]]:
+    """Outputs with the forces that both know, and names of the others: rows that a basis doesn't move are left out."""
+    names = [each.response.force_names for each in (one, other)]
+    common = [name for name in names[1] if name in names[0]]
+    first, second = (
+        replace(each.outputs, force=each.outputs.force[:, [own.index(name) for name in common]], forces=())
+        for each, own in zip((one, other), names, strict=True)
+    )
+    return first, second, [name for name in dict.fromkeys(sum(names, ())) if name not in common]

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from pmr.compare import coverage, estimate, step_error
+from pmr.compare import coverage, covered, estimate, step_error
 from pmr.compare.attached import UnsettledError
-from pmr.compare.outputs import KINDS
+from pmr.compare.evaluation import respond
+from pmr.compare.model_part import FREQUENCIES, frequency_error, steps_of
+from pmr.compare.outputs import KINDS, impulsive
 from pmr.compare.responses import Simulations
 from pmr.compare.runs import recorded, run_from_start
 from pmr.compare.summary import Part
@@ -22,11 +24,15 @@ from pmr.errors.environment import Clock
 from pmr.errors.text import rounded
 from pmr.reduced.attachment import knows_matrices
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import extended
 from pmr.results import Response
 from pmr.scene import Reduction, Scene
 from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.excitation import places
 from pmr.simulation.found import moves_by_itself
 from pmr.simulation.modal import modal_form
+from pmr.simulation.pivot import with_forces_on_machine
+from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE
 from pmr.system.system import System, SystemTrajectory
 
@@ -100,8 +106,21 @@ def reduction_error(
     left_out += [*[coverage.MACHINE] * moves_by_itself(scene), *found.unknown.values()]
     said = warnings(models, excitation.stepping, found) + coverage.warnings(left_out)
     said += [found.scatter] if found.scatter else []
-    part = Part({"estimate": summary(found, left_out)} if asked else {}, said)
+    figures = summary(found, left_out) | {"frequency": _frequency_error(models, system, excitation)}
+    part = Part({"estimate": figures} if asked else {}, said)
     return ReductionError(part, envelope(estimate.MARGIN * found.error[:, list(found.tips)]), found.bodies)
+
+
+def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> float | None:
+    """Error of the two lowest natural frequencies on the way, with margin, by the enrichment modes; None without."""
+    if estimate.no_estimate(models) is not None:
+        return None
+    steps = steps_of(excitation)
+    x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
+    richer = system.with_bodies({name: extended(model) for name, model in models.items()})
+    own, better = (Assembly(one).frequencies(x, FREQUENCIES, c) for one in (system, richer))
+    apart = frequency_error(own, better)
+    return None if apart is None else estimate.MARGIN * apart
 
 
 def _left_out(
@@ -163,10 +182,6 @@ def warnings(
     """What a user should know about a run, a line each."""
     beam, chi = (0.0, 0.0) if estimated is None else (estimated.of("beam"), estimated.chi or 0.0)
     found = []
-    if beam > 1.0:
-        found.append(
-            f"the estimated error is {rounded(beam)} times the motion: too few coordinates, or a motion that grows"
-        )
     if beam > 0.0 and chi > REACHED:
         found.append(f"load or slide excite the first truncated mode (chi = {chi:.2f}): more coordinates help most")
     for model in [models[ALONE]] if ALONE in models else []:
@@ -198,12 +213,18 @@ def step_part(scene: Scene, moved: SimulatedSystem, natural: Array, found: step_
     system, excitation = moved.system, moved.excitation
     if scene.simulation.simulators[0] != "march":
         moved = SimulatedSystem(system, excitation := Excitation.of(scene))
+    impacts = ALONE in system.reduced and impulsive(system.reduced[ALONE], excitation)
+    complete = None if impacts else partial(with_forces_on_machine, scene)
     try:
         run = moved.run if found is None and recorded(system, excitation.stepping) else None
-        found = found or step_error.step_error(system, excitation, run)
+        found = found or step_error.step_error(system, excitation, run, complete=complete)
     except (SimulationError, InputError) as error:
         said = [f"the error of the time step is not known: {error}"]
         return Part({"step": step_error.summary(None, str(error))}, said)
     searched = scene.accuracy is not None
     said = [] if searched else step_error.warnings(found, excitation.stepping, excitation.signals, natural)
-    return Part({"step": step_error.summary(found)}, said)
+    response = moved.response or respond(system, moved.run)
+    exact = ("frequency", *["pad_force"] * impacts)  # no step is in frequencies, and impacts have a line of their own
+    lacking = covered.not_covered(scene, with_forces_on_machine(scene, response), found.others, exact)
+    lacking = [coverage.IMPACTS] * impacts + lacking + covered.unsettled(found.unsettled)
+    return Part({"step": step_error.summary(found, not_covered=lacking)}, said)

@@ -1,14 +1,34 @@
-"""Warnings of a run whose model or mesh is off by more than its scene allows."""
+"""Warnings of a run whose reduction is far off, or whose model or mesh is by more than its scene allows."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from pmr.compare import covered
 from pmr.compare.model_part import error
+from pmr.errors.text import rounded
+from pmr.results.reduction_error import reduction_error
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.members import members
+
+#: What warnings call the figures that are off.
+CALLED = covered.FIGURES | {"beam": "displacements", "tip": "displacements of the tip"}
+
+
+def warnings_of_reduction(summary: Mapping[str, Any]) -> list[str]:
+    """A line where the reduced model is off by more than `covered.FAR` beside the full one, or as it is estimated."""
+    beside, errors = reduction_error(summary)
+    far = {kind: error for kind, error in errors.items() if error > covered.FAR}
+    if not far:
+        return []
+    said = ", ".join(f"{_percent(error)} in {CALLED[kind]}" for kind, error in far.items())
+    return [f"the reduced model is off by {said} ({beside}): it has too few coordinates, or its motion grows"]
+
+
+def _percent(error: float) -> str:
+    return f"{rounded(100.0 * error)} %"
 
 
 def warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
@@ -21,7 +41,9 @@ def warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
     if model.get("beside") is not None and (most := error(model)) > allowed:
         giving = model["beside"].endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
         better = 'body.walls = "give" adds the compliance of walls under pads' if giving else "a richer model is closer"
-        yield f"the model is off by up to {100.0 * most:.2g} % beside a {model['beside']}, {beyond}; {better}"
-    if scene.ordered is None and isinstance(mesh, Mapping) and (known := [one for one in mesh.values() if one]):
-        if (most := max(known)) > allowed:
-            yield f"the mesh is off by up to {100.0 * most:.2g} %, {beyond}; a finer one is closer"
+        yield f"the model is off by up to {rounded(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"
+    if scene.ordered is None and isinstance(mesh, Mapping) and mesh:
+        kind, most = max(mesh.items(), key=lambda one: one[1])
+        if most > allowed:
+            where = CALLED.get(kind, kind)
+            yield f"the mesh is off by up to {rounded(100.0 * most)} % in {where}, {beyond}; a finer one is closer"

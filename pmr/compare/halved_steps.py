@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare import forces
 from pmr.compare.booms import tip_columns
 from pmr.compare.errors import round_off, settled
+from pmr.compare.evaluation import respond
 from pmr.compare.outputs import Outputs
-from pmr.compare.runs import between_kinks, observed, outputs, recorded, run_from_start, without_rates
+from pmr.compare.runs import (
+    away_from_kinks,
+    between_kinks,
+    observed,
+    outputs,
+    recorded,
+    run_from_start,
+    without_rates,
+)
 from pmr.compare.spectrum import band
 from pmr.errors import SimulationError
+from pmr.results import Response
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
@@ -59,16 +70,32 @@ def reference_rho(system: System, rho_inf: float) -> float:
     return max(rho_inf, UNDAMPED) if known and np.isnan(system.clearance).all() else rho_inf
 
 
+@dataclass(frozen=True)
+class Sampled:
+    """What a run says at the T times at which runs are compared."""
+
+    outputs: Outputs
+    forces: forces.Histories = field(default_factory=dict)  # of completed responses, without steps beside kinks
+
+
 class Stepped:
     """A system that is simulated with several steps; its `run` with the given one is made unless it is known.
+
+    Where `complete` adds to a response the forces that follow from others, all forces are sampled.
 
     The given run chooses its parts as any run does.  What it is compared with makes each step in as many as that run
     made it in or those beside it, whichever are most, and as many in half the step: so parts become shorter with the
     step, at impacts and between them.
     """
 
-    def __init__(self, system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> None:
-        self.system, self.excitation, self._known = system, excitation, run
+    def __init__(
+        self,
+        system: System,
+        excitation: Excitation,
+        run: SystemTrajectory | None = None,
+        complete: Callable[[Response], Response] | None = None,
+    ) -> None:
+        self.system, self.excitation, self._known, self._complete = system, excitation, run, complete
         self._form = SystemForm.of(system)
         self.pushing = not np.isnan(system.clearance).all()
         #: The time grid that the error is asked for of.
@@ -112,26 +139,35 @@ class Stepped:
         chosen = self.moved if which is None else self.moved[which]
         return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
 
-    def outputs(
+    def sample(
         self, stepping: TimeStepping, every: int, rates: bool = False
-    ) -> tuple[Outputs, SystemTrajectory | None]:
-        """Outputs at each `every`-th step of a run, with velocities where `rates` are wanted, and the run if recorded.
+    ) -> tuple[Sampled, SystemTrajectory | None]:
+        """Each `every`-th step of a run, with velocities where `rates` are wanted, and the run if it is recorded.
 
         Displacements that are round-off are zero, and so are forces beside kinks of extensions.  Errors likewise.
         """
-        excitation, run = self.excitation.on_grid(stepping), None
+        excitation, run, of_all = self.excitation.on_grid(stepping), None, forces.Histories()
         if rates or recorded(self.system, stepping):
             run = self.simulate(stepping)
             if rates:
                 found = outputs(self.system, run, excitation, every)
             else:
                 found = without_rates(self.system, run.at(slice(None, None, every)))
+            of_all = self._forces(run.at(slice(None, None, every)))
         else:
             seen = systems.observe(self._form, excitation, every=every)
             found = observed(self.system, seen.y, seen.multipliers)
         found = between_kinks(self.system, found, excitation, excitation.times[::every], self.given.step)
         moves, _ = settled(found.displacement, found.displacement, self.round_off)
-        return replace(found, displacement=moves), run
+        return Sampled(replace(found, displacement=moves), of_all), run
+
+    def _forces(self, run: SystemTrajectory) -> forces.Histories:
+        """All forces of a run but beside kinks; none where responses are not to be completed."""
+        if self._complete is None:
+            return {}
+        away = away_from_kinks(self.excitation, run.t, self.given.step)
+        known = forces.histories(self._complete(respond(self.system, run)))
+        return {kind: {name: force[away] for name, force in of.items()} for kind, of in known.items()}
 
 
 class Runs:
@@ -169,23 +205,23 @@ class Runs:
         steps = 2 * self._work
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
 
-    def given(self, first: Outputs) -> Outputs:
-        """Outputs with the given step and rho_inf, beside those of the `first` run; raises as `next`."""
+    def given(self, first: Sampled) -> Sampled:
+        """What a run says with the given step and rho_inf, beside the `first` run; raises as `next`."""
         given, stepping = self._stepped.given, self.stepping
         if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (given.rho_inf, given.parts):
             return first
         if self._stepped.run is None:
             self.taken += self._work
-        return self._stepped.outputs(given, self._stride, self._rates)[0]
+        return self._stepped.sample(given, self._stride, self._rates)[0]
 
-    def next(self) -> Outputs:
-        """Outputs of the next run, where runs are compared.
+    def next(self) -> Sampled:
+        """What the next run says where runs are compared.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
         self.halved += 1
         try:
-            found, self._last = self._stepped.outputs(self.stepping, self._stride * 2**self.halved, self._rates)
+            found, self._last = self._stepped.sample(self.stepping, self._stride * 2**self.halved, self._rates)
         except SimulationError:
             self.halved -= 1
             raise
@@ -245,6 +281,16 @@ class Ladder(Generic[Compared]):
             return 0.0
         ratio = last / before if before > 0.0 else np.inf
         return last * ratio / (1.0 - ratio) if ratio <= ROUGH else np.inf
+
+    @property
+    def falling(self) -> bool:
+        """Whether differences fall, or the last one is negligible."""
+        return np.isfinite(self.rest) or self.differences[-1] <= NEGLIGIBLE
+
+    @property
+    def most(self) -> float:
+        """Error of the first run with a rest of no more than the last difference, also where differences don't fall."""
+        return self.whole + min(self.rest, self.differences[-1])
 
     @property
     def settled(self) -> bool:

@@ -28,7 +28,7 @@ def needed(scene: Scene, size: int, outputs: int) -> int:
     bodies, full = scene.bodies.values(), full_simulator(scene, size)
     r, several = sum(body.reduction.coordinates for body in bodies), len(bodies) > 1
     responses = len(scene.compare.against) + len(scene.simulation.simulators) + 1  # one simulated again for its time
-    responses += 2 * (scene.compare.richer != "none")
+    responses += 2 * (scene.compare.richer not in ("auto", "none"))
     keeping = [r] if several or any(name != "march" for name in scene.simulation.simulators) else []
     if "full" in scene.compare.against and (full == "exudyn" or (several and full == "march")):
         keeping.append(size)

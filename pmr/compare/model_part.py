@@ -6,21 +6,22 @@ outputs (displacements, forces of pads) the model is off by
 .. math::
     e = \frac{\lVert y^{richer}_o(t_j) - y_o(t_j) \rVert}{\lVert y^{richer}_o(t_j) \rVert}
 
-over all outputs of the kind that both models have, and all steps; and in a frequency, one of the two lowest at places
-all along the path, by the largest :math:`|f / f^{richer} - 1|`.  Of the richer model those modes count that move most
-in directions which the poorer one knows: a planar beam has no lateral modes.  With second order both are stressed as
-they are when the run is there.
+over all outputs of the kind that both models have, and all steps (forces: `pmr.compare.forces`); and in a frequency,
+one of the two lowest at places all along the path, by the largest :math:`|f / f^{richer} - 1|`.  Of the richer model
+those modes count that move most in directions which the poorer one knows: a planar beam has no lateral modes.  With
+second order both are stressed as they are when the run is there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare import forces
 from pmr.compare.responses import marched, refused_growth
 from pmr.compare.second_order import as_made
 from pmr.results import Response
@@ -39,8 +40,10 @@ FREQUENCIES, MODES, PLACES = 2, 12, 33
 KNOWN = 0.5
 #: Of the largest motion of any mode: less is round-off.
 NOTHING = 1e-9
-#: Kinds of outputs that are compared, and what a summary calls them.
-KINDS = {"beam": "beam", "tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
+#: Kinds of outputs that are compared, as a summary calls them; forces as `pmr.compare.forces` compares them.
+KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction")
+#: Share of the largest frequency below which one is that of a rigid-body motion.
+RIGID = 1e-3
 DIRECTIONS = ("x", "y", "z")
 STRESS = "stress, which depends on how walls bend at pads, loads and corners"
 IMPACTS = "impacts of pads that lift off and close again, which differ from model to model"
@@ -94,6 +97,13 @@ class Motion:
         numbers = {one.name: k for k, one in enumerate(self.response.outputs) if one.kind == kind}
         return {name: self.response.column(k) for name, k in numbers.items()}
 
+    @property
+    def forces(self) -> forces.Histories:
+        """Forces by kind and unit, of pads that only push the peaks within each step."""
+        response = self.response
+        peaks = response.slider_force if response.force_peaks is None else response.force_peaks
+        return forces.histories(replace(response, slider_force=peaks))
+
     def at_places_of(self, other: Motion) -> dict[str, Array]:
         """Displacements along bodies where another one has them, by its names; between places linear."""
         places, found = dict[tuple[str, str], list[tuple[float, Array]]](), dict[str, Array]()
@@ -121,14 +131,15 @@ def steps_of(excitation: Excitation) -> list[int]:
 def model_part(scene: Scene, own: Motion, richer: Motion, called: str) -> dict[str, Any]:
     """``budget.model`` of summary.json; what moves in neither model is off by None."""
     shares: dict[str, float | None] = {}
-    for kind, name in KINDS.items():
+    for kind in ("beam", "tip"):
         both = own.histories(kind), richer.histories(kind)
         if kind == "beam":
             both = both[0] | own.at_places_of(richer), both[1]
         names = [one for one in both[0] if one in both[1]]
         if names:
             y, reference = (np.array([of[one] for one in names]) for of in both)
-            shares[name] = _off(y, reference)
+            shares[kind] = _off(y, reference)
+    shares |= forces.differences(own.forces, richer.forces)
     known = own.moved.any(axis=(0, 2))
     f = {"own": own.lowest(known), "richer": richer.lowest(known)}
     pushing = any(ring.unilateral for part in scene.sections for ring in part.pads)
@@ -137,15 +148,21 @@ def model_part(scene: Scene, own: Motion, richer: Motion, called: str) -> dict[s
         "beside": called,
         **shares,
         "largest": _off(np.array(_largest(own)), np.array(_largest(richer))),
-        "frequency": float(np.nanmax(np.abs(f["own"] / f["richer"] - 1.0))),
+        "frequency": frequency_error(f["own"], f["richer"]),
         "frequencies": {name: values.tolist() for name, values in f.items()},
         "not_covered": [STRESS, *[IMPACTS] * pushing],
     }
 
 
+def frequency_error(f: Array, reference: Array) -> float | None:
+    r"""The largest :math:`|f / f_r - 1|` of frequencies (..., f) in Hz; None where all are those of rigid bodies."""
+    vibrates = reference > RIGID * np.nanmax(reference, initial=0.0)
+    return float(np.nanmax(np.abs(f[vibrates] / reference[vibrates] - 1.0))) if vibrates.any() else None
+
+
 def error(part: Mapping[str, Any]) -> float:
     """The largest one that a part states, a fraction."""
-    return float(max(part[kind] for kind in (*KINDS.values(), "largest", "frequency") if part.get(kind) is not None))
+    return float(max(part[kind] for kind in (*KINDS, "largest", "frequency") if part.get(kind) is not None))
 
 
 def _largest(motion: Motion) -> float:

@@ -8,8 +8,9 @@ rigid rows that move ring so (docs/time_integration.md), long before displacemen
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,23 +19,44 @@ from pmr.compare.errors import Pair, relative_error
 from pmr.compare.spectrum import band_of, error_below
 from pmr.errors.text import rounded
 from pmr.results import Response
+from pmr.system.system import Joined
 
 Array = NDArray[np.float64]
 
 #: Share of a force from which on its ringing is said, and its error may be that of the reference.
 RINGING = 0.02
-CAUSES = (
-    "the multiplier of a rigid row that moves (index 3) rings behind kinks and grows where time.rho_inf is near 1, "
-    "or the step is too long for the motion"
-)
 ALTERNATES = "change their sign with every step"
-REMEDY = "time.rho_inf = 0.8 or less, a smooth path or pads that give way damp it"
 _QUANTITIES = {
     "pad_force": "forces of sliders and pads",
     "pad_force_between_kinks": "forces of pads between kinks",
     "cylinder_force": "forces of cylinders",
     "cylinder_force_between_kinks": "forces of cylinders between kinks",
 }
+
+
+def causes(rigid: Sequence[str]) -> str:
+    """What makes forces and motions alternate, where so many contacts are `rigid`, by their names."""
+    if not rigid:
+        return "modes that the step does not resolve ring behind kinks and jumps where time.rho_inf is near 1"
+    several = f"{rigid[0]} and {len(rigid) - 1} more are rigid" if len(rigid) > 1 else f"{rigid[0]} is rigid"
+    return (
+        f"{several}: such a force (index 3) rings behind kinks and grows where time.rho_inf is near 1, or the step is "
+        "too long for the motion"
+    )
+
+
+def remedy(rigid: Sequence[str]) -> str:
+    """What damps it, with names likewise."""
+    return f"time.rho_inf = 0.8 or less, a smooth path or {'a stiffness in N/m' if rigid else 'a smaller step'} damp it"
+
+
+def rigid_contacts(system: Joined[Any]) -> list[str]:
+    """Names of contacts that do not give way by themselves, but for rigid supports; of reduced bodies with residual
+    flexibility only cylinders are rigid.
+    """
+    flexible = all(getattr(body, "flexibility", None) is not None for body in system.bodies.values())
+    rigid = [one for one in system.contacts if one.compliance == 0.0 and one.kind != "support"]
+    return [one.name for one in rigid if one.kind == "cylinder" or not flexible]
 
 
 def alternating(signal: Array) -> float:
@@ -75,8 +97,11 @@ class NotJudged:
         return cls(ringing(both[1]), highest, error_below(signal, reference, step, highest))
 
 
-def warnings(found: Mapping[str, NotJudged]) -> list[str]:
-    """One line of all that is not judged, by the quantities' names in summary.json; none where everything is."""
+def warnings(found: Mapping[str, NotJudged], rigid: Sequence[str] = ()) -> list[str]:
+    """One line of all that is not judged, by the quantities' names in summary.json; none where everything is.
+
+    Contacts that are `rigid` in the full model are the cause, if there are any.
+    """
     if not found:
         return []
     named = [
@@ -84,7 +109,7 @@ def warnings(found: Mapping[str, NotJudged]) -> list[str]:
         f"(below {rounded(one.band)} Hz, where the body moves, the error is {rounded(100.0 * one.below)} %)"
         for name, one in found.items()
     ]
-    return [f"the full model is no reference of {'; nor of '.join(named)}: {CAUSES}; {REMEDY}"]
+    return [f"the full model is no reference of {'; nor of '.join(named)}: {causes(rigid)}; {remedy(rigid)}"]
 
 
 def _steady(signal: Array) -> Array:

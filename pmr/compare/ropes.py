@@ -29,6 +29,9 @@ from pmr.scene.ropes import drive_rows, longest, rope_shares
 
 Array = NDArray[np.float64]
 
+#: Share of the largest force of all that is round-off in a rope's.
+ROUND_OFF = 1e-9
+
 
 def forces(scene: Scene, response: Response) -> dict[str, Array]:
     """Of each section that follows another one or is followed, by its name, (T,) N, positive where it is pushed out.
@@ -52,6 +55,7 @@ def part(scene: Scene, response: Response) -> Part:
     if len(scene.sections) < 2:
         return Part()
     along, said, slack = scene.along(response.t), list[Mapping[str, Any]](), list[str]()
+    round_off = max(response.force_round_off, ROUND_OFF * float(np.abs(response.slider_force).max(initial=0.0)))
     for name, force in forces(scene, response).items():
         number = scene.names.index(name)
         follows = scene.joint(number).follows
@@ -64,7 +68,7 @@ def part(scene: Scene, response: Response) -> Part:
             length = longest(scene, number)
             one |= {"length": length, "stiffness": rope.strands * rope.EA / length}
         said.append(one)
-        if (rope or follows) and -found.least > max(PULLED * found.most, response.force_round_off):
+        if (rope or follows) and -found.least > max(PULLED * found.most, round_off):
             most = f"{newton(-found.least)} {response.when(found.t_least)}"
             slack.append(
                 f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import bearing, force_kinds_of, tip_columns
+from pmr.compare.booms import BESIDE_KINK, bearing, force_kinds_of, tip_columns
 from pmr.compare.outputs import Outputs
 from pmr.compare.velocities import velocity
 from pmr.reduced.model import ReducedModel
@@ -23,8 +23,6 @@ from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
-#: Steps beside a kink of an extension whose forces are left out.
-BESIDE_KINK = 2.0
 #: Numbers of a run that are recorded before outputs alone are.
 MOST_RECORDED = 20_000_000
 
@@ -88,9 +86,13 @@ def between_kinks(system: System, found: Outputs, excitation: Excitation, times:
     """
     if system.on_one_path:
         return found
+    return replace(found, force=np.where(away_from_kinks(excitation, times, step)[:, None], found.force, 0.0))
+
+
+def away_from_kinks(excitation: Excitation, times: Array, step: float) -> NDArray[np.bool_]:
+    """Which of some times (T,) s are more than `BESIDE_KINK` steps, in s, from every kink of a path."""
     kinks = [kink for path in excitation.paths.values() for kink in path.kinks(excitation.stepping.end)]
-    away = np.all([np.ones(len(times), bool), *(np.abs(times - t) > BESIDE_KINK * step for t in kinks)], axis=0)
-    return replace(found, force=np.where(away[:, None], found.force, 0.0))
+    return np.asarray(np.all([np.ones(len(times), bool), *(np.abs(times - t) > BESIDE_KINK * step for t in kinks)], 0))
 
 
 def observed(system: System, y: Array, forces: Array) -> Outputs:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pmr.compare import far_off
 from pmr.compare.boom_figures import sections
 from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_error, step_part
 from pmr.compare.frequencies import frequency_part
@@ -64,9 +65,10 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
         simulated(made.seconds, made.agreement, {}),
         sections(scene, responses, sizes, {name: error.of_section(name) for name in models}),
         error.part,
+        Part(warnings=far_off.warnings_of_reduction(error.part.figures)),
         *parts_of_motion(scene, moved, made, natural, step),
         frequency_part(by_frequency),
-        reliability({}, responses),
+        reliability({}, responses, system),
         theory(scene, responses),
     ]
     alone = models.get(ALONE)

@@ -18,18 +18,22 @@ is said in words here, too.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare import forces
+from pmr.compare.covered import FAR, FIGURES
 from pmr.compare.errors import relative_error
-from pmr.compare.halved_steps import Ladder, Runs, Stepped
-from pmr.compare.outputs import Floors, Outputs, differences
+from pmr.compare.halved_steps import Ladder, Runs, Sampled, Stepped
+from pmr.compare.outputs import Floors, differences
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
+from pmr.results import Response
 from pmr.scene.signals import SignalBase
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.stepping import TimeStepping
@@ -39,6 +43,8 @@ Array = NDArray[np.float64]
 
 #: Share of the motion above which a step is called too coarse.
 LIMIT = 0.02
+#: Margin of errors of forces of completed responses, whose differences fall less evenly than those of displacements.
+MARGIN = 1.25
 
 
 @dataclass(frozen=True)
@@ -54,7 +60,7 @@ class StepError:
     enough: float | None  # s: largest of the steps taken with an error below `LIMIT`
     band: float  # Hz, above which 1 % of the tip's motion lies, as the finest run has it
     seconds: float  # wall time of all runs
-    others: Mapping[str, float] = field(default_factory=dict)  # of further kinds of outputs
+    others: Mapping[str, float] = field(default_factory=dict)  # of further kinds of outputs and forces
     unsettled: tuple[str, ...] = ()  # those of the further kinds in which the runs do not approach each other
 
     def of(self, kind: str) -> float:
@@ -63,41 +69,49 @@ class StepError:
 
 
 def step_error(
-    system: System, excitation: Excitation, run: SystemTrajectory | None = None, kinds: Sequence[str] = ()
+    system: System,
+    excitation: Excitation,
+    run: SystemTrajectory | None = None,
+    kinds: Sequence[str] = (),
+    complete: Callable[[Response], Response] | None = None,
 ) -> StepError:
     """Error of the time step, from the start of the excitation.
 
     `march` makes the runs; Exudyn's solver has the same scheme and start.  That with the given step may be known,
     a `run` that chose its parts.  The error of displacements is always found, that of further `kinds` of outputs
-    (`pmr.compare.outputs`) on request.  Raises InputError as for `pmr.simulation.Simulator`; SimulationError if one of
-    the first two runs fails, or the second would be too long.
+    (`pmr.compare.outputs`) on request: steps are halved until these are settled, too.  Where `complete` adds to a
+    response the forces that follow from others, errors of all kinds of forces (`pmr.compare.forces`) come along, with
+    a `MARGIN` and without steps beside kinks; they take no further runs.  Raises InputError as for
+    `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
     """
     begin, kinds = time.perf_counter(), [kind for kind in kinds if kind not in ("beam", "tip")]
-    stepped = Stepped(system, excitation, run)
+    stepped = Stepped(system, excitation, run, complete)
     runs = Runs(stepped, "velocity" in kinds)
-    found = runs.next()
+    first = runs.next()
     if not runs.affordable:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
-    given = runs.given(found)
-    y, first = found.displacement, given.displacement
-    moving, mean = Ladder(relative_error, y, first), Ladder(relative_error, _rms(y), _rms(first))
-    floors = Floors.of(system, excitation, given.force)
-    others = {kind: Ladder(partial(_apart, kind, floors), found, given) for kind in kinds}
+    given = runs.given(first)
+    y, own = first.outputs.displacement, given.outputs.displacement
+    moving, mean = Ladder(relative_error, y, own), Ladder(relative_error, _rms(y), _rms(own))
+    floors = Floors.of(system, excitation, given.outputs.force)
+    others = {kind: Ladder(partial(_apart, kind, floors), first, given) for kind in kinds}
+    samples = [first]
     while runs.affordable and not (
         moving.halvings(LIMIT) is not None and runs.resolved and all(one.settled for one in others.values())
     ):
         try:
-            found = runs.next()
+            samples.append(runs.next())
         except SimulationError:
             if not moving.differences:
                 raise
             break
-        moving.add(found.displacement)
-        mean.add(_rms(found.displacement))
+        moving.add(samples[-1].outputs.displacement)
+        mean.add(_rms(samples[-1].outputs.displacement))
         for one in others.values():
-            one.add(found)
+            one.add(samples[-1])
     ladder = mean if stepped.pushing and not moving.settled else moving
     halvings = ladder.halvings(LIMIT) if runs.resolved else None
+    of_forces = _force_ladders(given, samples, in_the_mean=ladder is mean)
     return StepError(
         beam=ladder.error(),
         tip=ladder.error(relative_error(ladder.first[:, stepped.tips], ladder.last[:, stepped.tips])),
@@ -108,14 +122,41 @@ def step_error(
         enough=None if halvings is None else stepped.given.step / 2**halvings,
         band=runs.band(),
         seconds=time.perf_counter() - begin,
-        others={kind: one.error() for kind, one in others.items()},
-        unsettled=tuple(kind for kind, one in others.items() if not one.settled),
+        others={kind: MARGIN * one.most for kind, one in of_forces.items()}
+        | {kind: one.error() for kind, one in others.items()},
+        unsettled=(
+            *(kind for kind, one in of_forces.items() if not one.falling),
+            *(kind for kind, one in others.items() if not one.settled),
+        ),
     )
 
 
-def _apart(kind: str, floors: Floors, one: Outputs, finer: Outputs) -> float:
+def _apart(kind: str, floors: Floors, one: Sampled, finer: Sampled) -> float:
     """Difference of two runs in a kind of outputs, as a fraction of the finer run's."""
-    return differences(one, finer, floors, [kind])[kind]
+    return differences(one.outputs, finer.outputs, floors, [kind])[kind]
+
+
+def _force_ladders(
+    given: Sampled, samples: Sequence[Sampled], in_the_mean: bool
+) -> dict[str, Ladder[forces.Histories]]:
+    """What runs say of each kind of the completed forces, of their RMS values where they are compared `in_the_mean`."""
+    own, *others = (_mean(one.forces) if in_the_mean else one.forces for one in (given, *samples))
+    ladders = dict[str, Ladder[forces.Histories]]()
+    for kind in forces.differences(own, others[-1]):
+        ladders[kind] = Ladder(partial(_forces_apart, kind), others[0], own)
+        for one in others[1:]:
+            ladders[kind].add(one)
+    return ladders
+
+
+def _forces_apart(kind: str, one: forces.Histories, finer: forces.Histories) -> float:
+    """Difference of two runs in a kind of forces, as a fraction of the finer run's; 0 where they have none."""
+    return forces.differences(one, finer).get(kind, 0.0)
+
+
+def _mean(of: forces.Histories) -> forces.Histories:
+    """RMS values over time, (1,) each."""
+    return {kind: {name: _rms(force) for name, force in named.items()} for kind, named in of.items()}
 
 
 def _rms(y: Array) -> Array:
@@ -123,26 +164,30 @@ def _rms(y: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(y**2, axis=0, keepdims=True)))
 
 
-def summary(found: StepError | None, reason: str | None = None) -> dict[str, float | str | bool | None]:
+def summary(found: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
     """What summary.json holds under ``step``: the fields of `StepError`, further kinds, ``limit`` and ``reason``.
 
-    Without a figure all are None, and ``reason`` says why.
+    ``not_covered`` lists in words what has no error.  Without a figure all are None, and ``reason`` says why.
     """
     names = [name for name in StepError.__annotations__ if name not in ("others", "unsettled")]
     figures = dict.fromkeys(names) if found is None else {name: getattr(found, name) for name in names}
-    return figures | dict(found.others if found else {}) | {"limit": LIMIT, "reason": reason}
+    more = {"not_covered": list(not_covered), "limit": LIMIT, "reason": reason}
+    return figures | dict(found.others if found else {}) | more
 
 
 def warnings(
     found: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
-    """A line where the step's error exceeds `LIMIT`, or is unknown; signals with their names.
+    """A line where the step's error exceeds `LIMIT`, of other outputs `FAR`, or is unknown; signals with their names.
 
     `natural` (S, f) in Hz are frequencies at S places on the way, ascending.
     """
-    if found.beam <= LIMIT and found.settled:
-        return []
     h = stepping.step
+    if found.beam <= LIMIT and found.settled:
+        far = [f"{_percent(error)} in {FIGURES[kind]}" for kind, error in found.others.items() if error > FAR]
+        return [f"the time step of {h:.4g} s is off by {', '.join(far)}, as steps of {found.finest:.2g} s show"] * any(
+            far
+        )
     size = f"{_percent(found.beam)} along the beam, {_percent(found.tip)} at the tip"
     if found.by == "mean":
         size += " in the mean (motions part after an impact, so they can't be compared instant by instant)"

@@ -78,15 +78,16 @@ def compared(
     responses: Mapping[str, Response],
     measured: Mapping[str, errors.Quantity],
     simulators: Mapping[str, str],
-    measure: errors.Measure = errors.nrms,
+    rigid: Sequence[str] = (),
 ) -> Part:
     """Errors beside the references, of what is `measured`; who simulated ``reduced`` and ``full``.
 
-    Errors that are the full model's own ringing are none: they stand in ``not_judged``, with a line each.
+    Errors that are the full model's own ringing are none: they stand in ``not_judged``, with a line each, which names
+    the contacts of the full model that are `rigid`.
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
-    measures = {"errors": measure, "absolute_errors": errors.absolute_error}
+    measures = {"errors": errors.relative_error, "absolute_errors": errors.absolute_error}
     pairs, unjudged = errors.pairs(responses, quantities=measured), dict[str, ringing.NotJudged]()
     kinds = {kind: errors.of_pairs(pairs, one) for kind, one in measures.items()}
     if full is not None:
@@ -103,7 +104,7 @@ def compared(
             "max_error": None if full is None else float(np.abs(reduced - reference).max()),
             "simulators": {name: simulator for name, simulator in simulators.items() if name in responses},
         },
-        ringing.warnings(unjudged),
+        ringing.warnings(unjudged, rigid),
     )
 
 
@@ -129,9 +130,9 @@ def sampling(excitation: Excitation) -> Part:
     return Part(warnings=resolution.unseen(signals, stepping) + resolution.overshooting(signals, stepping))
 
 
-def reliability(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Part:
-    """References that are `missing`, and whether the reduced motion can be relied on."""
-    absent, doubted = trust.absent(missing), trust.doubted(responses["reduced"])
+def reliability(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> Part:
+    """References that are `missing`, and whether the motion of the reduced system can be relied on."""
+    absent, doubted = trust.absent(missing), trust.doubted(responses["reduced"], ringing.rigid_contacts(system))
     return Part({"no_reference": dict(missing)}, absent, doubted)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.ringing import ALTERNATES, CAUSES, REMEDY, RINGING, alternating, ringing
+from pmr.compare.ringing import ALTERNATES, RINGING, alternating, causes, remedy, ringing
 from pmr.errors.text import rounded
 from pmr.results import Response
 from pmr.simulation.balance import NOTABLE, described
@@ -20,8 +20,10 @@ ALTERNATING = 1e-3
 _CALLED = {"full": "the full model", "ancf": "the ANCF cable"}
 
 
-def distrust(response: Response) -> str | None:
+def distrust(response: Response, rigid: Sequence[str] = ()) -> str | None:
     """Why nothing should be compared with a response, in words; None where nothing speaks against it.
+
+    Names of contacts that are `rigid` stand in the reason.
 
     Its energy has to come from loads and moving rows (`pmr.simulation.balance`).  Of the ANCF cable, whose energy
     leaves out the axial strain, the displacements must not alternate from step to step instead.
@@ -32,10 +34,10 @@ def distrust(response: Response) -> str | None:
         share = alternating(response.displacement)
         if share <= ALTERNATING:
             return None
-        return f"{rounded(100.0 * share)} % of its motion changes its sign with every step: {CAUSES}"
+        return f"{rounded(100.0 * share)} % of its motion changes its sign with every step: {causes(rigid)}"
     if response.surplus <= NOTABLE:
         return None
-    return f"{described(response.surplus)}: {CAUSES}"
+    return f"{described(response.surplus)}: {causes(rigid)}"
 
 
 def absent(missing: Mapping[str, str]) -> list[str]:
@@ -43,15 +45,15 @@ def absent(missing: Mapping[str, str]) -> list[str]:
     return [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in missing.items()]
 
 
-def doubted(reduced: Response) -> list[str]:
-    """A line for each reason why the reduced motion is not to be trusted."""
+def doubted(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
+    """A line for each reason why the reduced motion is not to be trusted; names as for `distrust`."""
     found = []
     if reduced.surplus > NOTABLE:
-        found.append(f"the reduced model's motion is not to be trusted: {distrust(reduced)}")
+        found.append(f"the reduced model's motion is not to be trusted: {distrust(reduced, rigid)}")
     if (share := ringing(reduced.slider_force)) > RINGING:
         found.append(
             f"of the forces of sliders and pads {rounded(100.0 * share)} % {ALTERNATES} in the reduced model: "
-            f"{CAUSES}; {REMEDY}"
+            f"{causes(rigid)}; {remedy(rigid)}"
         )
     return found
 

@@ -207,7 +207,7 @@ def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
         if not name.startswith(tuple(leave_out)):
             digest.update(name.encode() + b"\0" + text.encode() + b"\0")
     numerical = {package: _version(package) for package in _NUMERICAL} | {"python": platform.python_version()}
-    digest.update(repr((numerical, plugins.versions())).encode())
+    digest.update(repr((numerical, plugins.code_digest())).encode())
     return digest.hexdigest()[:16]
 
 

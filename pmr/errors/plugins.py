@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
+from collections.abc import Iterator
 from functools import cache
 from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from pmr.errors import InputError
@@ -61,6 +65,52 @@ def versions() -> list[str]:
     """Distributions that offer something and their versions: what a result depends on beside `pmr`."""
     points = [point for group in GROUPS for point in _points(group)]
     return sorted({f"{point.dist.name} {point.dist.version}" for point in points if point.dist})
+
+
+def code_digest() -> str:
+    """Digest of the versions and all files of installed plug-ins: what stored results depend on beside `pmr`.
+
+    It holds the packages that entry points name, modules beside those that are single files, and what their
+    distributions list as installed.  Files are read once in a process, as their code is.
+    """
+    return _code_digest(tuple(sys.path))
+
+
+@cache
+def _code_digest(path: tuple[str, ...]) -> str:
+    points = _points_on(path)
+    contents = {one for point in points for one in _contents_of(point)}
+    named_by = sorted((point.group, point.name, point.value) for point in points)
+    return hashlib.sha256(repr((named_by, versions(), sorted(contents))).encode()).hexdigest()
+
+
+def _contents_of(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
+    """Names and digests of the files of the package or module that an entry point names, and of its distribution."""
+    listed = (point.dist.files if point.dist else None) or ()
+    files = {Path(str(file.locate())): str(file) for file in listed if ".dist-info/" not in str(file)}
+    for place in _places_of(point.module):
+        inside = place.rglob("*") if place.is_dir() else place.parent.glob("*.py")
+        files |= {file: file.relative_to(place.parent).as_posix() for file in (*inside, place)}
+    for file, name in files.items():
+        if file.is_file() and "__pycache__" not in file.parts:
+            yield name, hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _places_of(module: str) -> list[Path]:
+    """Folders of the outermost regular package of a module, or its file; none where it is not there."""
+    parts = module.split(".")
+    for depth in range(1, len(parts) + 1):
+        try:
+            spec = find_spec(".".join(parts[:depth]))
+        except (ImportError, ValueError):
+            return []
+        if spec is None:
+            return []
+        if spec.submodule_search_locations is not None and (spec.has_location or depth == len(parts)):
+            return [Path(folder) for folder in spec.submodule_search_locations]
+        if spec.submodule_search_locations is None:
+            return [Path(spec.origin)] if spec.has_location and spec.origin else []
+    return []
 
 
 def _points(group: str) -> list[metadata.EntryPoint]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare import far_off
 from pmr.compare.accuracy import order
 from pmr.compare.boom_figures import sections
-from pmr.compare.errors import nrms, relative_error
 from pmr.compare.estimated import (
     ReductionError,
     SimulatedSystem,
@@ -22,6 +22,7 @@ from pmr.compare.estimated import (
 )
 from pmr.compare.judged import parts_of_motion
 from pmr.compare.responses import Simulations, quantities, simulate
+from pmr.compare.ringing import rigid_contacts
 from pmr.compare.second_order import decided
 from pmr.compare.summary import Part, compared, impacts
 from pmr.compare.utilisation import masses, utilisation
@@ -186,13 +187,18 @@ class Bodies:
         sizes = {
             name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()
         }
-        measure = nrms if ALONE in system.bodies else relative_error
         simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
+        beside_full = compared(
+            responses, quantities(scene, responses["reduced"]), simulators, rigid_contacts(self.full.whole)
+        )
+        blows = impacts(system, self.excitation, responses)
+        figures = {**beside_full.figures, **blows.figures, **error.part.figures}
         parts = [
             Part(describe_basis(scene, models_of(self.built), self.bodies)),
-            compared(responses, quantities(scene, responses["reduced"]), simulators, measure),
-            impacts(system, self.excitation, responses),
+            beside_full,
+            blows,
             error.part,
+            Part(warnings=far_off.warnings_of_reduction(figures)),
             sections(scene, responses, sizes, more),
             utilisation(scene, more),
             masses({name: one.model.masses for name, one in self.built.items()}),

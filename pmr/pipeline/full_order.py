@@ -19,6 +19,7 @@ from pmr.compare import cable
 from pmr.compare.booms import bearing
 from pmr.compare.evaluation import Motion, response_of, with_friction
 from pmr.compare.responses import Simulated, full_simulator, repeated
+from pmr.compare.ringing import rigid_contacts
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError, on_first
 from pmr.errors.aside import Aside
@@ -200,7 +201,7 @@ class FullOrder:
                 response = None if found is None else found.response
                 of_all = comm.bcast(None if found is None else found.states)
                 states = {name: one.share(whole.bodies[name].share) for name, one in of_all.items()}
-        if reason := comm.bcast(None if response is None else distrust(response)):
+        if reason := comm.bcast(None if response is None else distrust(response, rigid_contacts(whole))):
             raise SimulationError(reason)
         return response, states
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pmr.compare import far_off, memory
+from pmr.compare import covered, far_off, memory
 from pmr.compare.accuracy import mesh, order
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
@@ -137,7 +137,11 @@ def _run(
     budget = {} if chosen.part is None else {"model": chosen.part}
     budget |= _measured(bodies, motions, budget, measures)
     if outcome is not None and budget:
-        outcome.result.summary["budget"] = budget | outcome.result.summary.get("budget", {})
+        whole: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
+        if isinstance(whole.get("mesh"), Mapping):
+            response = outcome.result.responses["reduced"]
+            whole["mesh_not_covered"] = covered.not_covered(bodies.asked, response, whole["mesh"])
+        outcome.result.summary["budget"] = whole
         further = far_off.warnings(bodies.asked, outcome.result.summary["budget"])
         outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # before hints
     return outcome
@@ -169,7 +173,7 @@ def _outcome(
         Part(warnings=mesh.warnings(scene)),
         Part(places({name: one.structure.outputs for name, one in built.items()})),
         Part(summary_of_walls({name: one.structure.pads.walls for name, one in built.items()})),
-        reliability(motions.references.missing, responses),
+        reliability(motions.references.missing, responses, system),
         theory(scene, responses),
         frequency_part(by_frequency),
     ]
@@ -200,12 +204,13 @@ def _measured(bodies: Bodies, motions: Motions, known: Mapping[str, Any], measur
     def system_of(one: Scene) -> System:
         return _reduced(one, comm).system
 
-    if asked.compare.richer == "none" and measures is None:
+    wanted = asked.compare.richer not in ("auto", "none")
+    if not wanted and measures is None:
         return {}
     model, found = next(iter(bodies.built.values())).model, dict[str, Any]()
     cache = next(iter(bodies.caches.values()), None) if measures is None else cache_in(measures, model)
     with clock.stage("mesh and model"):
-        if asked.compare.richer != "none" or "model" not in known:
+        if wanted or "model" not in known:
             found["model"] = measured(asked, comm, cache, system_of)
         if measures is not None and asked.ordered is None:
             response = None if motions.reduced is None else motions.reduced.first.response

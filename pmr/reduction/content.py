@@ -36,7 +36,7 @@ def content_of(model: FullModel) -> str:
         for part in (model.rigid.coordinates, model.rigid.held, model.output_positions):
             digest.update(part.tobytes())
     names = (model.input_names, model.output_names, model.output_units, tuple(model.matrices))
-    digest.update(repr((names, model.rayleigh, model.reference_frequency, _code(), plugins.versions())).encode())
+    digest.update(repr((names, model.rayleigh, model.reference_frequency, _code(), plugins.code_digest())).encode())
     return hashlib.blake2b(repr(model.comm.allgather(digest.hexdigest())).encode(), digest_size=16).hexdigest()
 
 

@@ -75,11 +75,18 @@ def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
     make = plugins.one_of("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
     if not callable(make):
         raise plugins.refused("pmr.bases", choice.basis)
-    V = np.asarray(make(model, choice), dtype=float)
     first, last = model.M.getOwnershipRange()
+    V, failed = np.empty((0, 0)), ""
+    try:
+        returned = np.asarray(make(model, choice))
+        if returned.dtype.kind in "biuf":
+            V = returned.astype(float)
+    except Exception as error:  # whatever the package does: every rank has to hear of it
+        failed = f"it failed: {error!r}"
     fits = V.ndim == 2 and V.shape[0] == last - first and V.shape[1] > 0 and bool(np.isfinite(V).all())
     if not all(model.comm.allgather(fits)):
-        raise plugins.refused("pmr.bases", choice.basis, f"finite vectors with {last - first} rows here are allowed")
+        allowed = f"finite vectors (n, k) of real numbers with {last - first} rows here are allowed"
+        raise plugins.refused("pmr.bases", choice.basis, failed or allowed)
     return _snapshots(model, V, f"vectors of {choice.basis}")
 
 
@@ -98,6 +105,8 @@ def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: i
     Raises an `InputError` if there are fewer vectors, or one depends on those before it.
     """
     V = np.array(vectors.S.getDenseArray())
+    largest = np.max(model.comm.allgather(np.abs(V).max(axis=0, initial=0.0)), axis=0)
+    V /= np.where(largest > 0.0, largest, 1.0)  # squares neither vanish nor overflow
     if choice.flexibility:
         V = np.hstack([rigid_modes(model), V])
     in_mass = choice.product == "mass"

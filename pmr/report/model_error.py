@@ -17,7 +17,10 @@ OF = {
     "pad_force": "in the pad forces",
     "cylinder_force": "in the cylinder forces",
     "support_force": "in the forces of supports",
+    "reaction": "in the reactions",
 }
+#: What parts other than the model's state besides.
+ALSO = {"frequency": "in the lowest frequencies"}
 
 
 def model(result: RunResult) -> str:
@@ -37,11 +40,9 @@ def model(result: RunResult) -> str:
     off = [f"{percent(found[kind])} {of}" for kind, of in shares.items() if found.get(kind) is not None]
     moved = f"the model is off by {', '.join(off)} over the run; " if off else ""
     most = f" and its largest displacement by {percent(found['largest'])}" if found.get("largest") is not None else ""
-    return (
-        f"{why}Beside {CALLED[found['beside']]} of the same bodies, pads and loads {moved}"
-        f"its two lowest frequencies are off by up to {percent(found['frequency'])} along the path{most}. "
-        f"Not compared: {'; '.join(found['not_covered'])}."
-    )
+    vibrates = f"its two lowest frequencies are off by up to {percent(found['frequency'] or 0.0)} along the path"
+    beside = f"Beside {CALLED[found['beside']]} of the same bodies, pads and loads"
+    return f"{why}{beside} {moved}{vibrates}{most}. Not compared: {'; '.join(found['not_covered'])}."
 
 
 def _chosen(found: Mapping[str, Any]) -> str:
@@ -53,5 +54,5 @@ def key_number(result: RunResult) -> Iterator[KeyNumber]:
     found = result.summary.get("budget", {}).get("model")
     if found is None or found["beside"] is None or found.get("beam") is None:
         return
-    more = f"{along(result)}; lowest frequencies {percent(found['frequency'])}; beside {CALLED[found['beside']]}"
+    more = f"{along(result)}; lowest frequencies {percent(found['frequency'] or 0.0)}; beside {CALLED[found['beside']]}"
     yield KeyNumber(percent(found["beam"]), "the model's own error", more)

@@ -29,6 +29,7 @@ def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
         "Stress": list(stress(result)),
         "Estimate": [estimate(result)],
         "Model": [model_error.model(result)],
+        "Mesh": [mesh(result)],
         "Time step": [step(result)],
         "Speed": list(speed(result)),
         "Published": [published(table)],
@@ -88,9 +89,7 @@ def estimate(result: RunResult) -> str:
     )
     ratio = times_the_true_error(found["beam"], true)
     known = f"; {along(result)} it is {ratio}" if ratio else f"; {of}"
-    left_out = found.get("not_covered")
-    rest = f" It does not cover {'; nor '.join(left_out)}." if left_out else ""
-    return f"{said}{known}.{rest}"
+    return f"{said}{known}.{_not_covered(found.get('not_covered'))}"
 
 
 def step(result: RunResult) -> str:
@@ -98,10 +97,31 @@ def step(result: RunResult) -> str:
     found = result.summary.get("step", {})
     if found.get("beam") is None:
         return ""
-    tip, beam = percent(found["tip"]), percent(found["beam"])
     size = "is" if found["settled"] else "is at least"
     of = ", of the mean motion," if found["by"] == "mean" else ""
-    return f"The error of the time step itself{of} {size} {tip} at the tip and {beam} {along(result)}."
+    rest = _not_covered(found.get("not_covered"))
+    return f"The error of the time step itself{of} {size} {_parts(result, found)}.{rest}"
+
+
+def mesh(result: RunResult) -> str:
+    """What the mesh is off by, and what of the run has no figure for it; empty where nothing is known."""
+    budget = result.summary.get("budget", {})
+    if not isinstance(found := budget.get("mesh"), Mapping) or found.get("beam") is None:
+        return ""
+    return f"The mesh is off by {_parts(result, found)}.{_not_covered(budget.get('mesh_not_covered'))}"
+
+
+def _parts(result: RunResult, part: Mapping[str, Any]) -> str:
+    """What a part of the budget says of displacements, forces and frequencies."""
+    places = {"tip": "at the tip", "beam": along(result)} | model_error.OF | model_error.ALSO
+    known = {kind: part[kind] for kind in places if part.get(kind) is not None}
+    worth = [kind for kind, error in known.items() if error >= TINY or kind in ("tip", "beam")]
+    *first, last = (f"{percent(known[kind])} {places[kind]}" for kind in worth)
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def _not_covered(clauses: Sequence[str] | None) -> str:
+    return f" It does not cover {'; nor '.join(clauses)}." if clauses else ""
 
 
 def speed_ratio(result: RunResult) -> float | None:

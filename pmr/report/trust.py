@@ -11,6 +11,7 @@ from pmr.report.model_error import CALLED as MODELS
 from pmr.report.numbers import SPACE, percent, plain
 from pmr.report.subject import along
 from pmr.results import RunResult
+from pmr.results.reduction_error import reduction_error
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
 
@@ -21,10 +22,11 @@ PARTS = {
     "pad_force": "pad forces",
     "cylinder_force": "cylinder forces",
     "support_force": "supports",
+    "reaction": "reactions",
     "frequency": "lowest frequencies",
 }
-#: Of these the reduction's.
-OF_REDUCTION = ("beam", "pad_force", "cylinder_force", "support_force")
+#: Where the reduction's error is not known.
+NOT_COMPARED = "not known: nothing was compared with a full model"
 #: What measures what the mesh takes.
 NO_MESH = "not known: a run with [accuracy] measures it"
 #: Bars begin at this error.
@@ -38,24 +40,26 @@ def table(result: RunResult) -> Table:
     summary = result.summary
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
     model, mesh = budget.get("model") or {}, budget.get("mesh")
-    beside, reduced = _reduced(result)
+    beside, reduced = reduction_error(summary)
     shares = {
         "model": _off(model),
         "mesh": _off(mesh if isinstance(mesh, dict) else {"beam": mesh}),
-        "time step": _off({"beam": step.get("beam")}),
+        "time step": _off(step),
         "reduction": _off(reduced),
     }
     said = {
         "model": _model(model),
         "mesh": _listed(shares["mesh"]) or budget.get("mesh_reason") or NO_MESH,
         "time step": _listed(shares["time step"]) or f"not known{_reason(step)}",
-        "reduction": f"{beside}: {_listed(shares['reduction'])}" if reduced else beside,
+        "reduction": f"{beside}: {_listed(shares['reduction'])}" if reduced else NOT_COMPARED,
     }
     known = {name: most for name, of in shares.items() if (most := max(of.values(), default=0.0))}
     decades = max(ceil(log10(max(known.values(), default=1.0) / LEAST) - 1e-9), 5)
     walls = [WALLS] if _stressed_beams(result) else []
     missing = {
         "not in the model's bar": model.get("not_covered") or walls,
+        "not in the mesh's bar": budget.get("mesh_not_covered") or (),
+        "not in the time step's bar": step.get("not_covered") or (),
         "not in the reduction's bar": estimate.get("not_covered") or (),
         "not looked at": _between(result),
     }
@@ -76,7 +80,7 @@ def _model(found: Mapping[str, Any]) -> str:
 
 def _off(part: Mapping[str, Any]) -> dict[str, float]:
     """What a part of the budget states, as rows call it, the largest first."""
-    known = {called: part[kind] for kind, called in PARTS.items() if part.get(kind) is not None}
+    known = {called: float(part[kind]) for kind, called in PARTS.items() if part.get(kind) is not None}
     return dict(sorted(known.items(), key=lambda one: -one[1]))
 
 
@@ -84,18 +88,6 @@ def _listed(off: Mapping[str, float]) -> str:
     """Those that are worth a bar, in words; empty where nothing is known."""
     parts = [f"{called} {percent(error)}" for called, error in off.items() if error >= LEAST]
     return ", ".join(parts) or (f"less than {percent(LEAST, 1)}" if off else "")
-
-
-def _reduced(result: RunResult) -> tuple[str, dict[str, float]]:
-    """Beside what the reduction's errors are, and these; forces that jump count between the jumps, or not at all."""
-    summary = result.summary
-    errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
-    found, beside = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")
-    if found.get("beam") is None:
-        return "not known: nothing was compared with a full model", {}
-    kinds = [kind for kind in OF_REDUCTION if kind != "pad_force" or "impacts" not in summary]
-    known = {kind: found.get(f"{kind}_between_kinks", found.get(kind)) for kind in kinds}
-    return beside, {kind: error for kind, error in known.items() if error is not None}
 
 
 def _stressed_beams(result: RunResult) -> bool:

@@ -317,8 +317,10 @@ class Compare(Section):
         description="Models that the reduced one is compared with",
     )
     ancf_elements: Count = Field(default=20, description="Number of elements of the ANCF cable")
-    richer: Literal["none", "next", "beam3d", "shell"] = Field(
-        default="none", description="Richer structural model with which the error of the scene's own one is measured"
+    richer: Literal["auto", "none", "next", "beam3d", "shell"] = Field(
+        default="auto",
+        description="Richer structural model with which the error of the scene's own one is measured; 'auto': by "
+        "`pmr run` beside a shell that takes little time",
     )
     model_tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
         default=0.05,

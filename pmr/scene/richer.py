@@ -28,6 +28,8 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
     is no richer model.
     """
     if scene.compare.richer == "none":
+        raise _none("none", "not measured: compare.richer = 'none' leaves it out")
+    if scene.compare.richer == "auto":
         return _unasked(scene)
     asked, own = scene.compare.richer, [model_of(member) for member in members(scene)]
     known = [ORDER.index(model) for model in own if model in ORDER]
@@ -39,6 +41,8 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
         raise _none(asked, f"{' and '.join(dict.fromkeys(own))} knows as much")
     if any(part.body.box is None for part in scene.sections):
         raise _none(asked, "a box is needed to make one of")
+    if richer == "shell" and any(part.body.section is not None for part in scene.sections):
+        raise _none(asked, "body.section gives stiffnesses that a shell of the box does not have")
     if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
         raise _none(asked, "walls that give way are to be compared with a shell")
     return alike(scene), _with(scene, [richer] * len(own)), richer
@@ -53,7 +57,7 @@ def _unasked(scene: Scene) -> tuple[Scene, Scene, str]:
     by = 1.0 if any(part.body.walls == "give" for part in scene.sections) else COARSE
     if sum(rectangles(part, by) for part in shells.sections) > MOST_RECTANGLES:
         minutes = (FIXED + EACH * sum(rectangles(part, 1.0) for part in shells.sections)) / 60.0
-        raise _none("none", f"not measured; compare.richer = 'shell' measures it, in some {minutes:.2g} minutes")
+        raise _none("auto", f"not measured; compare.richer = 'shell' measures it, in some {minutes:.2g} minutes")
     if by == 1.0:
         return own, shells, called
     parts = []

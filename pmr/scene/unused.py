@@ -47,7 +47,7 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
     What a file takes over from one that it extends, sections from what all have in common, and runs from the grid of a
     study may be of use to others.
     """
-    compared = scene.compare.richer != "none"
+    compared = scene.compare.richer not in ("auto", "none")
     if "sections" not in file.data:
         _refuse_any(file, "", file.data, _of_body(member_at(scene), compared))
     else:

@@ -51,7 +51,7 @@ def full_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     record: dict[str, Scalar] = {"coordinates": size, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]
-        record |= {"e_abs": compare.absolute_error(y, finest), "e_nrms": compare.nrms(y, finest)}
+        record |= {"e_abs": compare.absolute_error(y, finest), "e_nrms": compare.relative_error(y, finest)}
     return TaskResult(record, {"tip": y})
 
 
@@ -60,7 +60,7 @@ def finest(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     case, steps = Case.of(Scene.model_validate(arguments["boom"])), arguments["steps"]
     least = FINER * steps[-1]
     coarser, y = (case.at(case.full, factor * least, round(steps[0] / (factor * least))) for factor in (2.0, 1.0))
-    return TaskResult({"step": compare.nrms(coarser, y) / 3.0}, {"y": y})
+    return TaskResult({"step": compare.relative_error(coarser, y) / 3.0}, {"y": y})
 
 
 def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -80,11 +80,12 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
                 y = case.at(system, factor, round(arguments["steps"][0] / factor))
             except (SimulationError, InputError):
                 continue
-            record[name] = compare.nrms(y, truth.arrays["y"])
+            record[name] = compare.relative_error(y, truth.arrays["y"])
         try:
             runs = [run_from_start(system, case.excitation) for _ in range(REPEATS)]
         except (SimulationError, InputError):
             continue
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / case.boom.time.steps
-        record[f"reduction.{r}"] = compare.nrms(respond(system, runs[0]).displacement, case.response.displacement)
+        moved = respond(system, runs[0]).displacement
+        record[f"reduction.{r}"] = compare.relative_error(moved, case.response.displacement)
     return TaskResult(record, seconds=seconds)

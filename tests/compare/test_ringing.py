@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import one_body
 import pytest
@@ -9,7 +11,17 @@ from driving import driven
 from oracle import flexible, full_body
 
 from pmr.compare.errors import nrms
-from pmr.compare.ringing import RINGING, alternating, ringing, rings
+from pmr.compare.ringing import (
+    RINGING,
+    NotJudged,
+    alternating,
+    causes,
+    remedy,
+    rigid_contacts,
+    ringing,
+    rings,
+    warnings,
+)
 from pmr.compare.saved_model import simulate_saved
 from pmr.pipeline import run
 from pmr.report import errors, sentences
@@ -48,6 +60,24 @@ def test_only_the_reference_is_said_to_ring_where_it_does() -> None:
     assert not rings(shaken, shaken)
     assert not rings(SMOOTH, SMOOTH + 0.5 * RINGING * SIGNS)
     assert not rings(0.5 * SMOOTH, shaken)  # off by more than what rings
+
+
+def test_a_rigid_row_is_blamed_only_where_there_is_one() -> None:
+    """Behind kinks "a rigid row that moves" was said to ring where all pads give way."""
+    row = SimpleNamespace(compliance=0.0, kind="pad", name="mouth")
+    pad, cylinder = (
+        SimpleNamespace(compliance=1e-8, kind="pad", name="tail"),
+        SimpleNamespace(compliance=0.0, kind="cylinder", name="cylinder of fly"),
+    )
+    stiff, flexible = SimpleNamespace(flexibility=None), SimpleNamespace(flexibility=object())
+
+    def named(body: object, *contacts: object) -> list[str]:
+        return rigid_contacts(SimpleNamespace(bodies={"": body}, contacts=contacts))  # type: ignore[arg-type]
+
+    assert named(stiff, pad) == [] and "rigid" not in causes([]) + remedy([])
+    assert named(stiff, row, pad, cylinder) == ["mouth", "cylinder of fly"] and named(flexible, row, pad) == []
+    said = warnings({"pad_force": NotJudged(0.1, 3.0, 0.01)}, named(stiff, pad, cylinder))
+    assert "cylinder of fly is rigid" in said[0] and "pads that give way" not in said[0]
 
 
 @pytest.mark.slow

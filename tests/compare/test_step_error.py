@@ -190,10 +190,11 @@ def test_second_order_is_summed_to_its_end() -> None:
     for k in (2.0, 4.0, 8.0):
         grows.add(k * y)
     assert not grows.settled and grows.halvings(0.5) is None
+    assert not grows.falling and grows.most == pytest.approx(7.0 / 8.0 + 4.0 / 8.0)  # of the finest, and the last one
     noise = Ladder(relative_error, y)
     for k in (1.0, -2.0, 3.0):
         noise.add(y * (1.0 + k * 1e-5))
-    assert noise.settled and noise.error() == pytest.approx(3e-5, rel=0.01)
+    assert noise.settled and noise.falling and noise.error() == pytest.approx(3e-5, rel=0.01)
 
 
 def test_what_the_summary_holds() -> None:
@@ -202,6 +203,15 @@ def test_what_the_summary_holds() -> None:
     assert figures["beam"] == 0.3 and figures["limit"] == LIMIT and figures["reason"] is None
     without = summary(None, "march failed")
     assert without["beam"] is None and without["reason"] == "march failed" and set(without) == set(figures)
+    with_forces = summary(replace(found, others={"reaction": 0.4}, unsettled=("reaction",)), not_covered=["stresses"])
+    assert with_forces == {**figures, "reaction": 0.4, "not_covered": ["stresses"]}
+
+
+def test_a_step_that_is_far_off_in_another_kind_alone_is_a_warning() -> None:
+    found = StepError(1e-3, 1e-3, None, 1e-4, True, "motion", 1e-3, 5.0, 0.1, {"pad_force": 0.05, "velocity": 0.3})
+    (said,) = warnings(found, TimeStepping(1.0, 1e-3), [], np.empty((1, 0)))
+    assert said == "the time step of 0.001 s is off by 30 % in velocities, as steps of 0.0001 s show"
+    assert warnings(replace(found, others={"pad_force": 0.05}), TimeStepping(1.0, 1e-3), [], np.empty((1, 0))) == []
 
 
 COARSE = ["time.end=1.0", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.9],values=[1.25,1.6]}",

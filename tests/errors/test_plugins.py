@@ -7,6 +7,11 @@ from pathlib import Path
 import pytest
 from processes import python
 
+import pmr
+from pmr.errors import environment, plugins
+from pmr.fullmodel.build import full_model
+from pmr.reduction.content import content_of
+
 MODULE = '''
 from typing import Literal
 import numpy as np
@@ -139,3 +144,45 @@ def test_a_model_and_a_basis_of_another_package(tmp_path: Path) -> None:
     (info / "entry_points.txt").write_text("")
     refused = python("-c", UNKNOWN, cwd=tmp_path).stdout
     assert refused.count("\n") == 2 and "body.model = 'thick'" in refused and "reduction.basis = 'shapes'" in refused
+
+
+GROUPS = ["models", "bases", "signals", "exports", "limits"]
+FILES = ["extra/__init__.py", "extra/inner/helper.py", "extra/table.csv"]
+
+
+def installed(folder: Path, group: str, module: str, changed: str = "") -> Path:
+    """A distribution of a package with a folder and a table; its `changed` file differs."""
+    for name in (*FILES, "single.py", "beside.py"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("value = 2\n" if name == changed else "value = 1\n")
+    info = folder / "extra-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: extra\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[pmr.{group}]\nthing = {module}:thing\n")
+    return folder
+
+
+@pytest.mark.parametrize("group", GROUPS)
+@pytest.mark.parametrize(
+    ("module", "files"), [("extra.inner", FILES), ("single", ["single.py", "beside.py"])], ids=["package", "module"]
+)
+def test_stored_results_depend_on_all_files_of_a_plug_in(
+    group: str, module: str, files: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A basis whose code, helper or table changed was taken from the cache as it had been."""
+    digests, of_studies = list[str](), list[str]()
+    for number, changed in enumerate(["", *files, ""]):
+        with monkeypatch.context() as one:
+            one.syspath_prepend(str(installed(tmp_path / str(number), group, module, changed)))
+            digests.append(plugins.code_digest())
+            of_studies.append(environment.code_digest({}))
+    for seen in (digests, of_studies):
+        assert seen[0] == seen[-1]  # wherever it is installed
+        assert len(set(seen)) == len(files) + 1
+
+
+def test_the_cache_depends_on_plug_ins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = full_model(pmr.load_scene("paper_simple", ["mesh.elements=4"]))
+    before = content_of(model)
+    monkeypatch.syspath_prepend(str(installed(tmp_path, "bases", "single")))
+    assert content_of(model) != before

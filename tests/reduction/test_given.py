@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from pmr import pipeline as whole
 from pmr.compare.simulated import simulate
@@ -86,3 +87,43 @@ def test_what_is_no_basis_is_refused(load_scene, tmp_path: Path, name: str) -> N
 def test_basis_and_file_go_together(load_scene, key: str) -> None:
     with pytest.raises(InputError, match="reduction.file.*a file is allowed with basis = 'file'"):
         load_scene("evolved_residual", [key])
+
+
+@pytest.mark.parametrize("flexibility", ["true", "false"])
+def test_vectors_of_any_size_span_what_they_are(load_scene, tmp_path: Path, flexibility: str) -> None:
+    """Squares of entries of 1e-200 are zero, of 1e200 infinite."""
+    model = full_model(load_scene("evolved_residual", SMALL))
+    spans = []
+    for size in (1.0, 1e-200, 1e200):
+        V = size * np.random.default_rng(2).normal(size=(model.size, 5))
+        choice = f"reduction={{{saved(tmp_path, V)},product='mass',coordinates=4,flexibility={flexibility}}}"
+        scene = load_scene("evolved_residual", [*SMALL, choice])
+        spans.append(np.array(build_basis(scene, model, take_snapshots(scene, model)).V.getDenseArray()))
+    np.testing.assert_allclose(spans[1:], [spans[0]] * 2, rtol=1e-9, atol=1e-9 * np.abs(spans[0]).max())
+
+
+def test_vectors_that_move_rigid_supports_are_refused_with_flexibility(load_scene, tmp_path: Path) -> None:
+    """They ended in a ValueError without a key."""
+    choice = f"reduction={{{saved(tmp_path, np.random.default_rng(2).normal(size=(39, 6)))},coordinates=6}}"
+    scene = load_scene("evolved_residual", [*SMALL, choice])
+    with pytest.raises(InputError, match="reduction.basis: vectors that move no rigid support .* support z at 0 m"):
+        whole.reduce(scene)
+
+
+@pytest.mark.slow
+def test_forces_of_rows_that_a_basis_does_not_move_are_not_covered(load_scene, tmp_path: Path) -> None:
+    """Forces of two models with different rows were compared column by column, which their shapes don't allow."""
+    changes = ["mesh.elements=10", "time.end=0.05", "simulation.simulators=['march']", "compare.against=[]"]
+    body = full_model(load_scene("boom_beam", changes)).gather()
+    assert body is not None
+    M, K, C = body.M.toarray(), body.K.toarray(), body.C(1.5).toarray()
+    modes = eigh(K + 1e8 * C.T @ C, M, subset_by_index=(0, 19))[1]
+    lateral = [k for k, name in enumerate(body.row_names) if name in ("mouth left", "mouth right")]
+    V = modes[:, np.abs(C[lateral] @ modes).max(axis=0) < 1e-9 * np.abs(C @ modes).max()]
+    V[np.abs(V) < 1e-9 * np.abs(V).max()] = 0.0
+    choice = f"reduction={{{saved(tmp_path, V)},product='mass',coordinates=6,flexibility=false}}"
+    outcome = whole.run(load_scene("boom_beam", [*changes, choice]))
+    assert outcome is not None
+    estimate = outcome.result.summary["estimate"]
+    assert estimate["pad_force"] > 0.0
+    assert any("force of mouth left" in clause for clause in estimate["not_covered"])

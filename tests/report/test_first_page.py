@@ -303,3 +303,15 @@ def test_where_the_tip_of_a_raised_boom_comes_to_is_said(make_space: MakeSpace) 
     assert low == pytest.approx(3.0, abs=0.02) and high == pytest.approx(3.0 * 3**0.5, abs=0.02)
     assert said.endswith("up") and "out" in said
     assert "tip from the pivot" not in rows(make_space(), "What was asked")
+
+
+def test_figures_without_an_error_are_named_part_by_part(make_space: MakeSpace) -> None:
+    """Reactions and frequencies had no part of the mesh, forces none of the step, and nothing said so."""
+    budget = {"mesh": {"beam": 1e-3, "frequency": 0.04, "reaction": 0.02}, "mesh_not_covered": ["stresses"]}
+    step = {"beam": 1e-4, "pad_force": 0.7, "not_covered": ["cylinder forces"]}
+    found = trust(make_space, budget=budget, step=step, estimate={"frequency": 0.003})
+    said = dict(found.rows)
+    assert said["mesh"] == f"lowest frequencies 4.00{SPACE}%, reactions 2.00{SPACE}%, displacements 0.100{SPACE}%"
+    assert said["time step"] == f"pad forces 70.0{SPACE}%, displacements 0.0100{SPACE}%"
+    assert said["not in the mesh's bar"] == "stresses" and said["not in the time step's bar"] == "cylinder forces"
+    assert f"lowest frequencies 0.300{SPACE}%" in said["reduction"]

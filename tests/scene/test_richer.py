@@ -52,11 +52,21 @@ def test_the_next_richer_model_or_that_asked_for(name: str, asked: str, own: str
         ("boom_solid", "shell", "richest"),
         ("boom_beam", "beam3d", "knows as much"),
         ("paper_evolved", "next", "a box is needed"),
+        ("boom_beam", "none", "compare.richer = 'none' leaves it out"),
     ],
 )
 def test_why_there_is_no_richer_one_is_said(name: str, asked: str, why: str) -> None:
     with pytest.raises(InputError, match=why):
         beside(scene(name, f"compare.richer={asked}"))
+
+
+@pytest.mark.parametrize("asked", ["auto", "shell"])
+def test_stiffnesses_of_a_section_are_not_judged_by_a_shell_of_the_box(asked: str) -> None:
+    """A box reinforced inside has its stiffnesses by body.section: a shell of its walls alone is another body."""
+    moments = "second_moment_y=3e-4, second_moment_z=2e-4, torsion_constant=3e-4"
+    section = f"body.section={{area=0.02, {moments}, shear_area_y=0.01, shear_area_z=0.01}}"
+    with pytest.raises(InputError, match="body.section gives stiffnesses that a shell of the box does not have"):
+        beside(scene("boom_beam", section, f"compare.richer={asked}"))
 
 
 def test_cells_of_the_shell_may_be_said_where_a_beam_is_compared_with_one() -> None:

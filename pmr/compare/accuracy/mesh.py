@@ -4,8 +4,9 @@ Beams with rigid walls are compared with twice as many elements of half the leng
 
 .. math:: e_{mesh} \approx \frac{\lVert y_{l/2} - y_l \rVert}{1 - 2^{-p}}, \qquad p = 2
 
-Beams without shear converge faster, and their part is taken to be larger than it is.  Shells, solids and walls that
-give way are compared with cells twice as long, whose reduction takes half of their own or less:
+Beams without shear converge faster, and their part is taken to be larger than it is.  On elements of more than two
+pads' length they converge more slowly, p = 1: what the pads do then depends on where in an element they are.  Shells,
+solids and walls that give way are compared with cells twice as long, whose reduction takes half of their own or less:
 
 .. math:: e_{mesh} \approx \frac{\lVert y_{2 l} - y_l \rVert}{2^p - 1}, \qquad p = 1
 
@@ -31,10 +32,14 @@ from pmr.scene.members import members
 
 #: Of beams: how many times as short their elements are, and with which power of it they converge.
 FINER, ORDER = 2.0, 2.0
+#: How many times as long as a pad elements of beams may be to converge with `ORDER`; longer ones do with `FIRST_ORDER`.
+LONGEST_ELEMENT = 2.0
 #: Of walls: how many times as long their cells are, and with which power of it they converge.
 COARSER, FIRST_ORDER = 2.0, 1.0
 #: How many times as long as a pad cells of walls may be: on longer ones too little is stated (`docs/accuracy.md`).
 LONGEST = 1.5
+#: Errors that a run measures of its mesh without being asked.
+MEASURED = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction", "frequency")
 #: Places along the body are the same up to this share of its length.
 SAME = 1e-9
 
@@ -56,13 +61,23 @@ def other_mesh(scene: Scene) -> OtherMesh:
     if any(part.mesh.file is not None for part in scene.sections):
         raise InputError("scene", "mesh", None, "a mesh that is read from a file has no other one to be compared with")
     if has_rigid_beams(scene):
-        return OtherMesh(finer_beams(scene), "finer mesh", 1.0 / (1.0 - FINER**-ORDER))
+        order = FIRST_ORDER if has_long_elements(scene) else ORDER
+        return OtherMesh(finer_beams(scene), "finer mesh", 1.0 / (1.0 - FINER**-order))
     return OtherMesh(coarser_walls(scene), "coarser mesh", 1.0 / (COARSER**FIRST_ORDER - 1.0))
 
 
 def has_rigid_beams(scene: Scene) -> bool:
     """Whether all bodies are beams whose walls don't give way."""
     return all(model_of(one) in ("beam2d", "beam3d") and one.part.body.walls == "rigid" for one in members(scene))
+
+
+def has_long_elements(scene: Scene) -> bool:
+    """Whether elements of a beam are longer than `LONGEST_ELEMENT` times its shortest pad that has a length."""
+    return any(
+        one.part.length / one.part.mesh.elements > LONGEST_ELEMENT * ring.length > 0.0
+        for one in members(scene)
+        for ring in one.pads
+    )
 
 
 def finer_beams(scene: Scene) -> Scene:
@@ -98,7 +113,7 @@ def unasked(scene: Scene, beside_own: Callable[[Callable[[], Scene], str], Mappi
     except InputError as error:
         return {"mesh": None, "mesh_reason": error.allowed}
     found = beside_own(lambda: once(other.scene), other.called)
-    kinds = [kind for kind in ("beam", "tip", "pad_force", "cylinder_force") if found.get(kind) is not None]
+    kinds = [kind for kind in MEASURED if found.get(kind) is not None]
     return {"mesh": {kind: other.share * found[kind] for kind in kinds} or None, "mesh_reason": found.get("reason")}
 
 

@@ -64,9 +64,7 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
     Raises
     ------
     InputError
-        If rows depend on each other.
-    ValueError
-        If the basis violates a fixed row.
+        If rows depend on each other, or the basis violates a fixed row.
 
     Notes
     -----
@@ -223,7 +221,9 @@ def _projected(residual: ResidualFlexibility, basis: Basis, provenance: dict[str
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
     violated = set(fixed) - set(satisfied_rows(whole.rows, SATISFIED))
     if violated:
-        raise ValueError(f"the basis violates {', '.join(model.rows.names[i] for i in sorted(violated))}")
+        moved = ", ".join(model.rows.names[i] for i in sorted(violated))
+        allowed = f"vectors that move no rigid support are allowed where flexibility is true; these move {moved}"
+        raise InputError("scene", "reduction.basis", None, allowed)
     return _without_round_off(without_rows(whole, fixed), residual, np.array(basis.V.getDenseArray()))
 
 

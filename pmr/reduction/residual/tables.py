@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.rows import SharedCarriers
+from pmr.errors import InputError, environment
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import times
 from pmr.fem.matrices import local_csr
@@ -29,6 +30,8 @@ _log = logging.getLogger(__name__)
 #: Loads answered at a time for each rank: a few times as many vectors of full length are in memory.  A column costs a
 #: tenth of what it costs alone, and more at a time would not make it cheaper (70,000 coordinates of a shell).
 BLOCK = 64
+#: Bytes from which on the log says what is taken of memory.
+NOTICED = 2**30
 
 
 class Measured:
@@ -152,6 +155,22 @@ def load_flexibility(residual: ResidualFlexibility, carriers: sp.csr_matrix, pat
     return load_powers(residual, carriers, pattern, 1)[0]
 
 
+def check_memory(model: FullModel, carriers: int, powers: int) -> None:
+    """Refuse so many carriers of pads along their paths that what they measure of each other does not fit; collective.
+
+    Their number grows with the length of the path over that of the shortest pad.  Raises an InputError; of what takes
+    more than `NOTICED` the log says so before it is done.
+    """
+    needed = 8 * carriers**2 * (powers + 2)  # bytes; as long as one of them is made symmetric there are two more
+    free = model.comm.bcast(environment.available_memory() if model.comm.rank == 0 else None)
+    said = f"pads have {carriers:,} stations along their paths, which takes about {needed / 1e9:.1f} GB of memory"
+    if free is not None and needed > free:
+        allowed = f"{said}, {free / 1e9:.1f} GB are free; longer pads, or a shorter path, are allowed"
+        raise InputError("scene", "pads.length", None, allowed)
+    if needed > NOTICED and model.comm.rank == 0:
+        _log.warning("%s; longer pads take less", said)
+
+
 def load_powers(
     residual: ResidualFlexibility, carriers: sp.csr_matrix, pattern: Pattern, count: int
 ) -> list[LoadFlexibility]:
@@ -162,6 +181,8 @@ def load_powers(
     Kept for the pairs of loads of a `pattern` (L, L), as `meeting` gives it, or, without one, of any two.
     """
     model = residual.model
+    if pattern is None:
+        check_memory(model, carriers.shape[0], count)
     loads, found = carrier_loads(model, carriers), [OnCarriers(model, carriers, pattern) for _ in range(count)]
     images = images_of(carriers, [P for P in model.mirrors if residual.keeps(P)])
     orbits = Orbits(np.arange(loads.shape[1]), images, model.M)

@@ -120,5 +120,5 @@ def _compared(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> Ta
     record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]
-        record |= {"e_abs": compare.absolute_error(tip, finest), "e_nrms": compare.nrms(tip, finest)}
+        record |= {"e_abs": compare.absolute_error(tip, finest), "e_nrms": compare.relative_error(tip, finest)}
     return TaskResult(record, {"tip": tip})

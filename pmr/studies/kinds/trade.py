@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from pmr import scene as scenes
-from pmr.compare.errors import nrms
+from pmr.compare.errors import relative_error
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulation import Excitation, TimeStepping
@@ -137,7 +137,7 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     coarser, y = (
         observed(form, stepped(given, factor * finest), round(steps[0] / (factor * finest))) for factor in (2.0, 1.0)
     )
-    return TaskResult({"step": nrms(coarser, y) / 3.0}, {"y": y})
+    return TaskResult({"step": relative_error(coarser, y) / 3.0}, {"y": y})
 
 
 def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -167,7 +167,8 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
         for factor, name in zip(arguments["steps"], names, strict=True):
             every = round(arguments["steps"][0] / factor)
             try:
-                record[name] = nrms(one(stepped(case.excitation, factor), every).displacement, truth.arrays["y"])
+                found = one(stepped(case.excitation, factor), every)
+                record[name] = relative_error(found.displacement, truth.arrays["y"])
             except (SimulationError, InputError):
                 continue
         try:
@@ -175,7 +176,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
         except (SimulationError, InputError):
             continue
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / scene.time.steps
-        record[f"reduction.{r}"] = nrms(runs[0].displacement, case.displacement[:, length_outputs(case.full)])
+        record[f"reduction.{r}"] = relative_error(runs[0].displacement, case.displacement[:, length_outputs(case.full)])
         off = np.abs(runs[0].energy - stored)[moving].max(initial=0.0)
         record[f"energy.{r}"] = float(min(off / stored.max(), 1e3))
     return TaskResult(record, seconds=seconds)
@@ -189,7 +190,7 @@ def dissipated(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) ->
         for factor in arguments["steps"]:
             stepping = TimeStepping(given.stepping.end, given.stepping.step * factor, radius)
             y = observed(form, given.with_stepping(stepping), round(arguments["steps"][0] / factor))
-            record[f"rho.{radius:g}.{factor:g}"] = nrms(y, truth)
+            record[f"rho.{radius:g}.{factor:g}"] = relative_error(y, truth)
     return TaskResult(record)
 
 
@@ -207,7 +208,7 @@ def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     finest, record = tip(2 * max(arguments["elements"])), dict[str, Scalar]()
     for count in arguments["elements"]:
         try:
-            record[f"tip.{count}"] = nrms(tip(count), finest)
+            record[f"tip.{count}"] = relative_error(tip(count), finest)
         except InputError:
             record[f"tip.{count}"] = None
     return TaskResult(record)

@@ -7,11 +7,12 @@ import pytest
 
 from pmr.constraints.polynomials import common_breaks
 from pmr.constraints.rows import Rows
+from pmr.errors import InputError, environment
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.pipeline import reduce
 from pmr.reduction.residual.operator import ResidualFlexibility
-from pmr.reduction.residual.tables import BLOCK, load_flexibility, meeting, tables
+from pmr.reduction.residual.tables import BLOCK, check_memory, load_flexibility, meeting, tables
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 
@@ -86,3 +87,19 @@ def test_pairs_of_loads_grow_as_the_mesh_and_not_as_its_square(load_scene) -> No
 def test_two_thousand_elements_are_reduced(load_scene) -> None:
     found = reduce(load_scene("evolved_residual", ["mesh.elements=2000", "compare.against=[]"])).reduced
     assert found.enrichment is not None and found.flexibility and len(found.flexibility.rows.x) == 2001
+
+
+def test_what_short_pads_take_of_memory_is_said_or_refused_before_it_is_done(load_scene, monkeypatch, caplog) -> None:
+    """Pads of 6 mm on a path of 2.5 m have 25,000 stations, of which any two are related: 5 GB were taken silently."""
+    changes = ["mesh.elements=6", "time.end=0.2", "compare.against=[]", "pads.0.length=0.01", "pads.1.length=0.01"]
+    scene = load_scene("boom_beam", changes)
+    monkeypatch.setattr(environment, "available_memory", lambda: 10_000)
+    with pytest.raises(InputError, match=r"pads.length: pads have [\d,]+ stations along their paths"):
+        reduce(scene)
+    monkeypatch.setattr(environment, "available_memory", lambda: 2**40)
+    model = full_model(scene)
+    check_memory(model, 20_000, 2)
+    assert "20,000 stations" in caplog.text and "12.8 GB" in caplog.text
+    caplog.clear()
+    check_memory(model, 2_000, 2)
+    assert not caplog.text

@@ -1,0 +1,49 @@
+"""Which figures of a run have an error in each part of its budget, and which have none."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pmr.compare import forces
+from pmr.results import Response
+from pmr.scene import Scene
+
+#: Share of the largest force below which others are round-off.
+NOTHING = 1e-9
+#: Figures that runs state, by what parts of a budget call their errors.
+FIGURES = {
+    "pad_force": "pad forces",
+    "cylinder_force": "cylinder forces",
+    "support_force": "forces of supports that give way",
+    "reaction": "reactions of rigid supports",
+    "velocity": "velocities",
+    "frequency": "natural frequencies",
+    "stress": "stresses",
+    "probe": "what probes measure",
+}
+#: Error of a reduction, or of forces by the time step, from which a figure is far off.
+FAR = 0.1
+
+
+def figures(scene: Scene, response: Response) -> list[str]:
+    """Kinds of figures beside displacements that a run states; forces that are zero or round-off don't count."""
+    known = forces.histories(response)
+    sizes = {key: max(float(np.abs(one).max(initial=0.0)) for one in each.values()) for key, each in known.items()}
+    bearing = {kind for (kind, _), size in sizes.items() if size > NOTHING * max(sizes.values())}
+    stated = [kind for kind in FIGURES if kind in bearing] + ["frequency"]
+    stated += ["stress"] * (scene.recovery is not None and scene.recovery.stress)
+    return stated + ["probe"] * any(output.kind == "probe" for output in response.outputs)
+
+
+def not_covered(scene: Scene, response: Response, part: Mapping[str, Any], exact: Collection[str] = ()) -> list[str]:
+    """Figures of a run of which a `part` of the budget has no error, in words; those that are `exact` need none."""
+    stated = figures(scene, response)
+    return [FIGURES[kind] for kind in stated if part.get(kind) is None and kind not in exact]
+
+
+def unsettled(kinds: Sequence[str]) -> list[str]:
+    """Kinds of forces that go on changing with smaller steps, in words."""
+    return [f"{FIGURES[kind]} beyond the figure stated: smaller steps go on changing them" for kind in kinds]

@@ -1,0 +1,116 @@
+"""How far forces of two runs are apart, and which figures of a run a part of its budget covers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import pmr
+from pmr.compare import far_off
+from pmr.compare.covered import not_covered
+from pmr.compare.forces import differences, histories
+from pmr.compare.model_part import Motion, model_part
+from pmr.compare.step_error import step_error
+from pmr.scene import load_any
+from pmr.simulation import Excitation
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+QUICK = ["compare.against=[]", "time.end=0.4", "time.step=4e-3", "mesh.elements=8"]
+T = np.linspace(0.0, 1.0, 101)
+PADS = {"left": 3e3 * np.sin(T), "right": 4e3 * np.sin(T)}
+
+
+@pytest.fixture(scope="module")
+def boom():
+    """A beam on pads and its motion."""
+    scene = load_any(WORKFLOWS / "boom_beam.toml", QUICK)
+    return scene, Motion.of(scene, pmr.reduce(scene).system)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-200, 1e200])
+def test_a_kind_is_off_by_the_norm_of_all_of_its_forces(size: float) -> None:
+    """3-4-5: only the left pad is off, by a tenth: 0.1 * 3 / 5."""
+    own = {("pad_force", "N"): {"left": 1.1 * size * PADS["left"], "right": size * PADS["right"]}}
+    reference = {("pad_force", "N"): {name: size * one for name, one in PADS.items()}}
+    assert differences(own, reference) == pytest.approx({"pad_force": 0.06})
+
+
+def test_forces_of_round_off_are_not_off() -> None:
+    """A cylinder that bears 1e-13 N made the mesh "off by 130 %"; one that bears 1 N of 5 kN counts by a thousandth."""
+    noise = np.random.default_rng(1).normal(size=(2, len(T)))
+    for size, least, most in ((1e-13, 0.0, 1e-12), (1.0, 0.1, 1.0), (100.0, 1.0, 2.0)):
+        one, other = ({("pad_force", "N"): PADS, ("cylinder_force", "N"): {"drive": size * of}} for of in noise)
+        assert least <= differences(one, other)["cylinder_force"] <= most
+
+
+def test_moments_are_beside_moments_and_the_larger_error_counts() -> None:
+    reference = {("reaction", "N"): {"x": 1e3 * T}, ("reaction", "N m"): {"ry": 0.2 * T}}
+    own = {("reaction", "N"): {"x": 1.01e3 * T}, ("reaction", "N m"): {"ry": 0.3 * T}}
+    assert differences(own, reference) == pytest.approx({"reaction": 0.5})
+    assert differences({("reaction", "N"): {"z": T}}, reference) == {}
+    nothing = {("reaction", "N"): {"x": 0.0 * T}}
+    assert differences(nothing, nothing) == {}
+
+
+def test_a_mesh_is_measured_by_frequencies_and_reactions_too(boom) -> None:
+    scene, motion = boom
+    response = motion.response
+    others = 1.1 * np.asarray(response.others)
+    other = replace(motion, frequencies=1.2 * motion.frequencies, response=replace(response, others=others))
+    part = model_part(scene, other, motion, "coarser mesh")
+    assert part["frequency"] == pytest.approx(0.2) and part["reaction"] <= 0.1 * (1.0 + 1e-9)
+    still = replace(motion, frequencies=np.zeros_like(motion.frequencies))
+    assert model_part(scene, still, still, "coarser mesh")["frequency"] is None  # rigid-body motions
+
+
+def test_what_a_part_has_no_figure_for_is_named(boom) -> None:
+    scene, motion = boom
+    lacking = not_covered(scene, motion.response, {"beam": 0.1, "frequency": 0.2})
+    assert lacking == ["pad forces", "stresses"]  # its cylinder bears nothing
+    response = replace(motion.response, others=np.full_like(np.asarray(motion.response.others), 1e4))
+    assert "reactions of rigid supports" in not_covered(scene, response, {})
+    plain = scene.model_copy(update={"recovery": None})
+    assert not_covered(plain, motion.response, {"pad_force": 0.0}, exact=("frequency",)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["boom_beam", "boom_three"])
+def test_the_steps_error_of_forces_is_that_beside_far_smaller_steps(name: str) -> None:
+    elements = "mesh.elements=6" if name == "boom_beam" else "section.mesh.elements=3"
+    changes = ["compare.against=[]", "time.end=1.0", elements]
+    scene = load_any(WORKFLOWS / f"{name}.toml", [*changes, "time.step=0.01"])
+    system = pmr.reduce(scene).system
+    error = step_error(system, Excitation.of(scene), complete=lambda response: response)
+    fine = load_any(WORKFLOWS / f"{name}.toml", [*changes, "time.step=0.000625", "time.rho_inf=0.95"])
+    own, reference = (pmr.simulate(one, system) for one in (scene, fine))
+    sampled = {key: {n: f[::16] for n, f in of.items()} for key, of in histories(reference).items()}
+    true = differences(histories(own), sampled)
+    assert set(true) == set(error.others) and "pad_force" in true
+    for kind, size in true.items():
+        if kind not in error.unsettled and size > 1e-6:
+            assert size < error.others[kind] < 2.5 * size
+
+
+def test_a_reduction_that_is_far_off_is_a_warning_by_itself() -> None:
+    far = {"errors": {"reduced_vs_full": {"beam": 0.633, "tip": 0.05, "pad_force": 1.7}}}
+    (said,) = far_off.warnings_of_reduction(far)
+    assert "63 % in displacements, 170 % in pad forces (beside the full model)" in said
+    (said,) = far_off.warnings_of_reduction({"estimate": {"beam": 0.02, "tip": 0.01, "frequency": 0.2}})
+    assert "20 % in natural frequencies (estimated)" in said
+    assert far_off.warnings_of_reduction({"errors": {"reduced_vs_full": {"beam": 0.01, "tip": 0.02}}}) == []
+    assert far_off.warnings_of_reduction(far | {"errors": {"reduced_vs_full": {"beam": 0.01, "pad_force": 0.9}},
+                                                "impacts": {"pad_force": 0.001}}) == []  # fmt: skip
+
+
+def test_the_kind_that_the_mesh_is_off_most_in_is_named() -> None:
+    compare = SimpleNamespace(model_tolerance=0.05)
+    scene = SimpleNamespace(compare=compare, ordered=None)
+    budget = {"mesh": {"beam": 1e-3, "frequency": 0.0712}}
+    assert list(far_off.warnings(scene, budget)) == [  # type: ignore[arg-type]
+        "the mesh is off by up to 7.1 % in natural frequencies, more than compare.model_tolerance = 0.05; a finer one "
+        "is closer"
+    ]
