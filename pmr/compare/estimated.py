@@ -218,6 +218,8 @@ def step_part(scene: Scene, moved: SimulatedSystem, natural: Array, found: step_
     try:
         run = moved.run if found is None and recorded(system, excitation.stepping) else None
         found = found or step_error.step_error(system, excitation, run, complete=complete)
+        if found.band is None:
+            found = step_error.with_band(found, system, excitation)
     except (SimulationError, InputError) as error:
         said = [f"the error of the time step is not known: {error}"]
         return Part({"step": step_error.summary(None, str(error))}, said)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -58,7 +58,7 @@ class StepError:
     settled: bool  # whether the runs approach each other; if not, the error is at least of this size
     by: str  # ``motion``; or ``mean``, of RMS values: rows only push, and the runs part after an impact
     enough: float | None  # s: largest of the steps taken with an error below `LIMIT`
-    band: float  # Hz, above which 1 % of the tip's motion lies, as the finest run has it
+    band: float | None  # Hz, above which 1 % of the tip's motion lies, as the finest run has it; None until `with_band`
     seconds: float  # wall time of all runs
     others: Mapping[str, float] = field(default_factory=dict)  # of further kinds of outputs and forces
     unsettled: tuple[str, ...] = ()  # those of the further kinds in which the runs do not approach each other
@@ -74,8 +74,9 @@ def step_error(
     run: SystemTrajectory | None = None,
     kinds: Sequence[str] = (),
     complete: Callable[[Response], Response] | None = None,
+    band: bool = True,
 ) -> StepError:
-    """Error of the time step, from the start of the excitation.
+    """Error of the time step, from the start of the excitation, with the `band` of the motion if it is wanted.
 
     `march` makes the runs; Exudyn's solver has the same scheme and start.  That with the given step may be known,
     a `run` that chose its parts.  The error of displacements is always found, that of further `kinds` of outputs
@@ -120,7 +121,7 @@ def step_error(
         settled=ladder.settled and runs.resolved,
         by="motion" if ladder is moving else "mean",
         enough=None if halvings is None else stepped.given.step / 2**halvings,
-        band=runs.band(),
+        band=runs.band() if band else None,
         seconds=time.perf_counter() - begin,
         others={kind: MARGIN * one.most for kind, one in of_forces.items()}
         | {kind: one.error() for kind, one in others.items()},
@@ -129,6 +130,13 @@ def step_error(
             *(kind for kind, one in others.items() if not one.settled),
         ),
     )
+
+
+def with_band(error: StepError, system: System, excitation: Excitation) -> StepError:
+    """The same error with the band of the motion, for which the run with the finest step is made once more."""
+    runs = Runs(Stepped(system, excitation))
+    runs.halved = round(np.log2(excitation.stepping.step / error.finest))
+    return replace(error, band=runs.band())
 
 
 def _apart(kind: str, floors: Floors, one: Sampled, finer: Sampled) -> float:
@@ -195,7 +203,8 @@ def warnings(
     at_least = "" if found.settled else "at least "
     parts = [f"the time step of {h:.4g} s {judged} is {at_least}{size}, as steps of {found.finest:.2g} s show"]
     parts += [_load(name, signal, stepping) for name, signal in signals if signal.highest_frequency(0.0, stepping.end)]
-    parts.append(_motion(found.band, h, natural))
+    if found.band is not None:
+        parts.append(_motion(found.band, h, natural))
     if not found.settled:
         parts.append(f"even steps of {found.finest:.2g} s don't settle it")
     elif found.enough is not None:

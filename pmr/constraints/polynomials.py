@@ -76,12 +76,14 @@ def _summed(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
     for end in [*(np.flatnonzero(np.diff(interval)) + 1), len(x)]:
         while first < end:
             at = slice(first, min(first + most, end))
-            c = table.c[:, interval[first]].transpose(0, 2, 1)
-            if few:
-                found[at] = np.einsum("tp,ptm->tm", powers[at], x[at] @ c)
+            c = table.c[:, interval[first]]
+            if few:  # one product for all powers, with the steps last, along which NumPy adds fastest
+                of_powers = (c.reshape(count * m, r) @ x[at].T).reshape(count, m, at.stop - first)
+                of_powers *= powers[at].T[:, None]
+                found[at] = of_powers.sum(axis=0).T
             else:
                 both = powers[at][:, :, None] * x[at, None, :]
-                found[at] = both.reshape(len(both), count * r) @ c.reshape(count * r, m)
+                found[at] = both.reshape(len(both), count * r) @ c.transpose(0, 2, 1).reshape(count * r, m)
             first = at.stop
     return found
 

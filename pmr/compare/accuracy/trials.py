@@ -251,7 +251,7 @@ class Trials:
             system, excitation = self.system(sizes), self.with_steps(steps)
             try:
                 run = self._run(sizes, steps) if recorded(system, excitation.stepping) else None
-                self._step_errors[sizes, steps] = step_error(system, excitation, run, self.wanted)
+                self._step_errors[sizes, steps] = step_error(system, excitation, run, self.wanted, band=False)
             except SimulationError:
                 self._step_errors[sizes, steps] = None
         found = self._step_errors[sizes, steps]
