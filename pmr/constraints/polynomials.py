@@ -44,7 +44,7 @@ def applied(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
     table = table if derivative == 0 else table.derivative(derivative)
     s = within_domain(s, table.x[0], table.x[-1], "slider")
     interval = _interval(table, s)
-    return _summed(table, interval, np.vander(s - table.x[interval], len(table.c)), np.asarray(x, dtype=float))
+    return _summed(table, interval, _powers(s - table.x[interval], len(table.c)), np.asarray(x, dtype=float))
 
 
 def applied_change(table: PPoly, s: Array, x: Array) -> Array:
@@ -52,9 +52,9 @@ def applied_change(table: PPoly, s: Array, x: Array) -> Array:
     s = within_domain(s, table.x[0], table.x[-1], "slider")
     interval, x, count = _interval(table, s), np.asarray(x, dtype=float), len(table.c)
     same, offset = interval[1:] == interval[:-1], table.x[interval[1:]]
-    ends, begins = np.vander(s[1:] - offset, count), np.vander(s[:-1] - offset, count)
+    ends, begins = _powers(s[1:] - offset, count), _powers(s[:-1] - offset, count)
     # of what stays within an interval the change of powers; of the others the powers at the end
-    found = _summed(table, interval[1:], np.where(same[:, None], ends - begins, ends), x)
+    found = _summed(table, interval[1:], np.where(same, ends - begins, ends), x)
     left = np.flatnonzero(~same)
     found[left] -= applied(table, s[left], x[left])
     return found
@@ -65,8 +65,16 @@ def _interval(table: PPoly, s: Array) -> Indices:
     return np.searchsorted(table.x[1:-1], s, side="right")
 
 
+def _powers(x: Array, count: int) -> Array:
+    """(count, T): powers of x, the highest first; `numpy.vander` takes several times as long."""
+    powers = np.ones((count, len(x)))
+    for k in range(count - 1, 0, -1):
+        np.multiply(powers[k], x, out=powers[k - 1])
+    return powers
+
+
 def _summed(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
-    """(T, m): a table's coefficients on each one's interval times `powers` (T, p) of it and x (T, r).
+    """(T, m): a table's coefficients on each one's interval times `powers` (p, T) of it and x (T, r).
 
     Steps in a row on the same interval are taken at once.
     """
@@ -79,10 +87,10 @@ def _summed(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
             c = table.c[:, interval[first]]
             if few:  # one product for all powers, with the steps last, along which NumPy adds fastest
                 of_powers = (c.reshape(count * m, r) @ x[at].T).reshape(count, m, at.stop - first)
-                of_powers *= powers[at].T[:, None]
+                of_powers *= powers[:, None, at]
                 found[at] = of_powers.sum(axis=0).T
             else:
-                both = powers[at][:, :, None] * x[at, None, :]
+                both = powers[:, at].T[:, :, None] * x[at, None, :]
                 found[at] = both.reshape(len(both), count * r) @ c.transpose(0, 2, 1).reshape(count * r, m)
             first = at.stop
     return found

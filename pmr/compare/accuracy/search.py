@@ -22,8 +22,6 @@ Allowed = Mapping[str, float]  # error by kind of output, a fraction
 
 #: Share of what is allowed that one error may have without being the one to be made smaller.
 HALF = 0.5
-#: Share of what the step leaves that a smaller model may differ by, as its own estimate may be a little larger.
-OF_LEFT = 0.9
 #: By how much an error falls at most where a step is halved: the scheme is of second order.
 SECOND_ORDER = 4.0
 
@@ -133,7 +131,7 @@ def _fewest(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
     steps = trials.fewest_resolved(trial.steps)
 
     def enough(sizes: Sizes) -> bool:
-        return share(trials.beside(trial, sizes, steps), left) <= OF_LEFT
+        return share(trials.beside(trial, sizes, steps), left) <= 1.0
 
     low, high = trials.least - 1, trials.elastic(trial.sizes)
     while high - low > 1:
