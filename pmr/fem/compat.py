@@ -126,10 +126,9 @@ logging.getLogger("FFCx").setLevel(logging.WARNING)
 logging.getLogger("UFL").setLevel(logging.WARNING)
 
 
-# So does setuptools of the compiler.
-logging.getLogger().addFilter(
-    lambda record: record.module not in {"dist", "build_ext", "ccompiler", "spawn", "_log", "cmd"}
-)
+# So do setuptools and Python's older distutils, of the compiler that they call; newer ones by a logger of their own.
+logging.getLogger().addFilter(lambda record: "distutils" not in record.pathname)
+logging.getLogger("compilers").setLevel(logging.WARNING)
 
 
 def versions() -> dict[str, str]:
