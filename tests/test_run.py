@@ -127,7 +127,7 @@ def test_odd_scenes_give_finite_results(load_scene, odd: str) -> None:
     outcome = run(load_scene("paper_simple", [*SHORT, "time.end=0.05", "compare.against=['full']", *ODD[odd]]))
     assert outcome is not None
     found = outcome.result.summary["errors"]["reduced_vs_full"]
-    assert all(0.0 <= value <= 1.0 for value in found.values())
+    assert all(np.isfinite(value) and value >= 0.0 for value in found.values())
     exact = {"all coordinates held": 1.0, "no load": 0.0, "slider on the load": 0.0}
     if odd in exact:
         assert found["tip"] == exact[odd]

@@ -31,7 +31,16 @@ RIGHT = "+"
 #: Commands that take no scene and no model, and names of Python that do nothing with one, or what `pmr run` does.
 ELSEWHERE = {"new", "matrices", "schema", "compile"}
 NO_WAY = {
-    *("ConvergenceError", "InputError", "SimulationError", "ReducedModel", "RunResult", "System", "__version__"),
+    *(
+        "ConvergenceError",
+        "InputError",
+        "SimulationError",
+        "ReducedModel",
+        "Response",
+        "RunResult",
+        "System",
+        "__version__",
+    ),
     *("from_matrices", "load_scene", "run"),
 }
 #: Kinds whose runs are short, from which the sample takes, and ways that are left to the whole sweep.

@@ -128,6 +128,37 @@ def reduce(subject: Subject) -> None:
         assert one.row_names == other.row_names
 
 
+def operators(subject: Subject) -> None:
+    """Full operators (n, n) of each body, symmetric, with the coordinates that a run counts."""
+    with refusals():
+        full = pmr.full_model(subject.scene)
+    bodies = full.values() if isinstance(full, dict) else [full]
+    assert sum(body.size for body in bodies) == subject.outcome.result.summary["coordinates"]["full"]
+    for body in bodies:
+        assert all(abs(A - A.T).max() <= 1e-9 * abs(A).max() for A in (body.M, body.K))
+
+
+def project(subject: Subject) -> None:
+    """Galerkin's projection of a body on the vectors of its reduction."""
+    with refusals():
+        reduction, full = pmr.reduce(subject.scene), pmr.full_model(subject.scene)
+    bases, bodies = (one if isinstance(one, dict) else {"": one} for one in (reduction.basis, full))
+    for name, body in bodies.items():
+        with refusals():
+            found = pmr.project(body, bases[name])
+        expected = bases[name].T @ (body.K @ bases[name])
+        np.testing.assert_allclose(found.K, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+
+
+def simulate_with_states(subject: Subject) -> None:
+    """The response of a run, and coordinates of each body at the first and the last step."""
+    with refusals():
+        found = pmr.simulate_with_states(subject.scene, subject.system, [0, subject.scene.time.steps])
+    subject.assert_same(found.response.displacement, found.response.slider_force)
+    sizes = {name: states.p.shape for name, states in found.states.items()}
+    assert sizes == {name: (2, body.size) for name, body in subject.system.bodies.items()}
+
+
 def simulate_in_python(subject: Subject) -> None:
     """The saved and read system and models, as a run has them."""
     models = {name: ReducedModel.load(file) for name, file in subject.models.items()}
@@ -408,7 +439,10 @@ WAYS: dict[str, Way] = {
     },
     "`mpirun -n 2 pmr run`": two_ranks,
     "`pmr.reduce`": reduce,
+    "`pmr.full_model`": operators,
+    "`pmr.project`": project,
     "`pmr.simulate`": simulate_in_python,
+    "`pmr.simulate_with_states`": simulate_with_states,
     "`pmr.Stepper`": stepper,
     "`pmr chart`": chart,
     "`pmr info`": info,
