@@ -17,7 +17,7 @@ from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
 from pmr.studies.field_probes import with_fields
 from pmr.studies.governing import chosen, details
-from pmr.studies.limits import STABILITY, Limit
+from pmr.studies.limits import LEAST, STABILITY, Limit
 from pmr.studies.richer_model import STRESS, UNCOMPARED
 from pmr.studies.stops import Stopping
 from pmr.system.assembly import Assembly
@@ -237,7 +237,7 @@ class Asked:
         before = other.copy()
         before[buckling] = np.minimum(known[count:-1], other[buckling])
         before[-1] /= 1.0 + above * (before[-1] < self.up_to)  # of one that is not met nothing is known
-        margins = [MARGIN_OF_BUCKLING if one.of == "buckling" else MARGIN for one in self.limits] + [MARGIN_OF_BUCKLING]
+        margins = [MARGIN_OF_BUCKLING if one.of in LEAST else MARGIN for one in self.limits] + [MARGIN_OF_BUCKLING]
         return np.asarray(np.array(margins) * np.maximum(np.abs(other - own), np.abs(before - own)))
 
     def of_mesh(self, models: Models, k: int, found: Array) -> Array:

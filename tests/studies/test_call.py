@@ -191,7 +191,7 @@ def test_a_failing_run_is_recorded_and_the_others_go_on(tmp_path: Path) -> None:
     assert found["bad"] == ("failed", broke) and found["good"] == ("done", "")
     assert found["sum"] == found["sum-of-sum"] == ("skipped", f"needs broken, which failed: {broke}")
     assert found["nan"] == ("failed", "ValueError: error = nan is not finite")
-    assert (tmp_path / "runs.csv").read_text().splitlines()[1] == f"bad,failed,{broke},1,,"
+    assert (tmp_path / "runs.csv").read_text().splitlines()[1] == f"bad,failed,{broke},1,,,"
     (bad,) = [r for r in json.loads((tmp_path / "summary.json").read_text())["runs"] if r["key"] == "bad"]
     assert "study_tasks.py" in bad["detail"] and "Traceback" in bad["detail"]
 

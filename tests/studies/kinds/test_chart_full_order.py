@@ -18,17 +18,16 @@ pytestmark = pytest.mark.slow
 TELESCOPE = Path(__file__).with_name("telescope.toml")
 POLYGON = ((2.5, 2.5), (-2.5, 2.5), (-2.5, -2.5), (2.5, -2.5))
 MACHINE = (Mass(name="carrier", mass=14000.0, at=(-0.5, 0.0, -1.0)),)
+#: Without the luffing cylinder and tipping: forces at the pivot are those of reduced models (`test_chart_beside_run`).
 LIMITS = [
     Limit(name="stress", of="stress", most=120e6),
     Limit(name="pads", of="pad", most=40e3),
     Limit(name="cylinders", of="cylinder", most=15e3),
     Limit(name="support", of="support", most=100e3, which=("*luffing*",)),
-    Limit(name="luffing", of="luffing", most=300e3),
     Limit(name="tip", of="deflection", most=0.3),
     Limit(name="expression", of="expression", expression='abs(force["cylinder of fly"]) + 0.1 * load', most=16e3),
     Limit(name="buckling", of="buckling", least=3.0),
     Limit(name="frequency", of="frequency", least=0.5),
-    Limit(name="tipping", of="overturning", factor=1.33, polygon=POLYGON, machine=MACHINE, height=1.5),
 ]
 
 
@@ -59,7 +58,7 @@ def test_the_crane_in_space_by_all_limits() -> None:
     found = beside(crane(), random_places(261)[:count], LIMITS, 1e5)
     known, inside = found.known, found.inside & found.known
     assert found.agreed.sum() >= 0.95 * count
-    assert (known.sum(axis=0) >= np.array([20] * 7 + [15, 20, 20, 8]) * count // 20).all()
+    assert (known.sum(axis=0) >= np.array([20] * 6 + [15, 20, 8]) * count // 20).all()
     assert (inside.sum(axis=0) >= 0.95 * known.sum(axis=0)).all()
     assert (found.error <= 0.05 * found.load)[known].all()
 
