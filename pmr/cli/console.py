@@ -126,7 +126,14 @@ def scene_file(asked: Path) -> Path:
 
 
 def study_file(asked: Path) -> Path:
-    """A study file: the file itself, `study.toml` in a folder, or a workflow by its name; scenes are refused."""
+    """A study file: the file itself, `study.toml` in a folder, or a workflow by its name; scenes are refused.
+
+    The name of an experiment of the paper stands for its script.
+    """
+    from pmr.scene.workflows import experiments
+
+    if not asked.is_file() and (script := experiments().get(str(asked))):
+        return script
     file = _found(asked, "study.toml")
     keys = _keys(file)
     if "kind" not in keys and {"body", "slider", "sections"} & set(keys):

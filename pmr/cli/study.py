@@ -70,15 +70,13 @@ def study(
 
         mpiexec -n 9 python -m mpi4py.futures -m pmr study coordinates    (8 workers)
     """
-    from pmr.scene.workflows import experiments
     from pmr.studies import files
     from pmr.studies.call import compute, save
     from pmr.studies.results import TABLES
 
-    script = experiments().get(str(study_file))
-    if script is not None and not study_file.is_file():
-        _run_experiment(script, out_dir, jobs, overrides or [], only or [], listed)
     found = found_file(study_file)
+    if found.suffix == ".py":
+        _run_experiment(found, out_dir, jobs, overrides or [], only or [], listed)
     if listed:
         for name in files.load(found, overrides or ()).runs:
             say(out, name)
