@@ -13,7 +13,7 @@ from fuzz import faults
 from fuzz.drive import summary, verdicts
 
 ALL = {"scenes": 3000, "studies": 500, "models": 500, "meshes": 200, "names": 100, "structures": 600, "booms": 400}
-FIRST = {"scenes": 12, "studies": 20, "models": 20, "meshes": 7, "names": 1, "structures": 4, "booms": 2}
+FIRST = {"scenes": 12, "studies": 20, "models": 20, "meshes": 7, "names": 1, "structures": 8, "booms": 2}
 COUNTS = ALL if os.environ.get("PMR_SWEEP") == "full" else FIRST
 
 
