@@ -132,7 +132,8 @@ def study_file(asked: Path) -> Path:
     """
     from pmr.scene.workflows import experiments
 
-    if not asked.is_file() and (script := experiments().get(str(asked))):
+    script = experiments().get(str(asked))
+    if script and not asked.is_file():
         return script
     file = _found(asked, "study.toml")
     keys = _keys(file)

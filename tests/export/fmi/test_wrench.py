@@ -17,7 +17,7 @@ from pmr.system.system import System
 
 ROOT = Path(__file__).parents[3]
 NAMES = [f"fly_{name}" for name in ("Fx", "Fy", "Fz", "Mx", "My", "Mz")]
-CYLINDER = 1.5  # m from the pin: holds the base upwards
+FOOT, LUG = np.array([0.5, -1.0]), np.array([1.5, -0.2])  # m, x and z from the pin: hinges of the luffing cylinder
 QUICK = (
     *("compare.against=[]", "section.mesh.elements=6", "time.end=0.02", "time.step=2e-3", "frame.second_order=false"),
     # pads three times as long: tables are as much shorter, which compilers are slow at reading
@@ -50,13 +50,15 @@ def test_a_wrench_at_the_tip_reaches_the_pin(tmp_path: Path) -> None:
         return instance.get(seen)
 
     arm, without = 7.2, at_rest()
-    a = 1.0 / CYLINDER  # the cylinder takes moments about y, and the pin what it presses with too much
+    # The cylinder alone takes moments about y, and the pin what it presses with along its line.
+    x, z = (LUG - FOOT) / np.linalg.norm(LUG - FOOT)
+    thrust = np.array([x, 0.0, z, 0.0, 0.0]) / (LUG[0] * z - LUG[1] * x)  # on the pin, of a moment that lifts by 1 N m
     expected = {
         "Fx": [1.0, 0.0, 0.0, 0.0, 0.0],
         "Fy": [0.0, 1.0, 0.0, 0.0, arm],
-        "Fz": [0.0, 0.0, 1.0 - arm * a, 0.0, 0.0],
+        "Fz": [0.0, 0.0, 1.0, 0.0, 0.0] - arm * thrust,
         "Mx": [0.0, 0.0, 0.0, 1.0, 0.0],
-        "My": [0.0, 0.0, a, 0.0, 0.0],
+        "My": thrust,
         "Mz": [0.0, 0.0, 0.0, 0.0, 1.0],
     }
     size = 100.0
