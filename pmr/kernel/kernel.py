@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,6 +33,25 @@ def variant() -> str:
 def checksum(content: bytes | bytearray) -> int:
     """Checksum of the bytes of a block behind its head."""
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
+
+
+class Failure(IntEnum):
+    """What the kernel's functions return."""
+
+    REFUSED = lib.PMR_REFUSED
+    DEPENDENT = lib.PMR_DEPENDENT
+    UNSETTLED = lib.PMR_UNSETTLED
+    UNCONVERGED = lib.PMR_UNCONVERGED
+    NOT_FINITE = lib.PMR_NOT_FINITE
+    NO_MEMORY = lib.PMR_NO_MEMORY
+
+
+class StepError(SimulationError):
+    """A step or a start that failed: why, and the number of the contact that it is about, or -1."""
+
+    def __init__(self, message: str, failure: Failure, contact: int) -> None:
+        super().__init__(message)
+        self.failure, self.contact = failure, contact
 
 
 class Kernel:
@@ -379,7 +400,36 @@ class State:
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
             lib.PMR_NOT_FINITE: "a coordinate is no finite number",
         }
-        raise SimulationError(f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}")
+        message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"
+        raise StepError(message, Failure(failed), trouble)
+
+
+class BoundStep:
+    """Steps of a state with pointers that are found once, for loops in Python; a call returns what stopped it, or 0.
+
+    A step leads to `motions` (3, n) of the frame, of each of which `rows` (n,) count; without a frame to the drivers
+    u (N,) in the first row of `motions` (3, N).  `values` holds what `observe` found: outputs and forces, by their
+    `numbers` among all outputs and, behind these, all forces.
+    """
+
+    def __init__(self, state: State, numbers: Sequence[int]) -> None:
+        kernel, count = state.kernel, len(numbers)
+        self._state = state
+        self.motions = np.zeros((3, kernel.motions or kernel.drivers))
+        self.rows: Integers = np.ones(self.motions.shape[1], np.int32)
+        self.rates = np.zeros((2, kernel.drivers))  # at both ends of a step
+        self._numbers, self.values = np.array(numbers, np.int32), np.zeros(count)
+        handle, motions = state._state, _pointer(self.motions)
+        if kernel.motions:
+            self.step = partial(lib.pmr_step_in_frame, handle, motions, _integers(self.rows))
+        else:
+            self.step = partial(lib.pmr_step, handle, motions, ffi.NULL)
+        self.step_by_rates = partial(lib.pmr_step, handle, motions, _pointer(self.rates))
+        self.observe = partial(lib.pmr_observe, handle, count, _integers(self._numbers), _pointer(self.values))
+
+    def raise_failure(self, failed: int) -> None:
+        """Raise a StepError for what stopped a step."""
+        self._state._raise_unless_done(failed, f"step {self._state.step_number + 1}")
 
 
 @dataclass(frozen=True)
@@ -446,6 +496,10 @@ def _rows(rows: Integers | None, count: int) -> Any:
     if rows.dtype != np.int32 or rows.shape != (count,) or not rows.flags.c_contiguous:
         raise InputError("state", "rows", rows.shape, f"{(count,)} integers of 32 bits are allowed")
     return ffi.cast("int32_t *", rows.ctypes.data)
+
+
+def _integers(array: Integers) -> Any:
+    return ffi.cast("int32_t *", array.ctypes.data)
 
 
 def _pointer(array: Array | None) -> Any:

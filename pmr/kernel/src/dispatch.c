@@ -114,6 +114,11 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 
 void pmr_outputs(pmr_state *state, double *y, double *forces) { chosen()->outputs(state, y, forces); }
 
+void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values)
+{
+    chosen()->observe(state, count, numbers, values);
+}
+
 void pmr_energy(const pmr_state *state, double *energy) { memcpy(energy, state->energy, 2 * sizeof(double)); }
 
 int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobian)

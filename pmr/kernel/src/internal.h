@@ -151,7 +151,7 @@ struct pmr_state {
     double *limits, *new_friction, *pair_sums;
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
-    double *y;                                       /* (op) */
+    double *y, *all;                                 /* (op), (o + forces) */
     pmr_scheme *scheme;                              /* (levels) */
     int32_t placed, factored, moved, trouble;
     int64_t solves;
@@ -172,6 +172,7 @@ typedef struct {
     int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *,
                            int64_t *, int *);
     void (*outputs)(pmr_state *, double *, double *);
+    void (*observe)(pmr_state *, int, const int32_t *, double *);
     int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);
     int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
     double (*friction)(int, const double *, const double *, const double *, double, double, double, double *);

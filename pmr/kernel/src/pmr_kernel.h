@@ -209,6 +209,8 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 
 /* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
 void pmr_outputs(pmr_state *state, double *y, double *forces);
+/* Some of them, by their numbers (count,): of outputs, and behind these of forces. */
+void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values);
 /* Energy stored and work done since the start, both in J. */
 void pmr_energy(const pmr_state *state, double *energy);
 

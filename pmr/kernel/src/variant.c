@@ -29,5 +29,5 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 
 const pmr_functions PMR_FUNCTIONS = {
     PMR_VARIANT,     state_open,      state_restore, start,     start_from,    step_to, start_in_frame, step_in_frame,
-    advance_signals, advance_sampled, outputs,       linearize, contact_alone, slide,   state_bytes,    state_save,
+    advance_signals, advance_sampled, outputs, observe,      linearize, contact_alone, slide,   state_bytes,    state_save,
 };
