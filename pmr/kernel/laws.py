@@ -17,9 +17,7 @@ Mask = NDArray[np.bool_]
 class ContactError(SimulationError):
     """A complementarity problem without a solution; `row` is the contact that depends on those before it, or None."""
 
-    def __init__(self, row: int | None, why: str) -> None:
-        super().__init__(why)
-        self.row = row
+    row: int | None = None
 
 
 def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> tuple[Array, Mask]:
@@ -53,13 +51,12 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> tuple[Array
         m, *map(_doubles, (A, b)), _integers(only_push), _doubles(forces), _integers(state), _doubles(work), trouble
     )
     if failed == lib.PMR_DEPENDENT:
-        raise ContactError(int(trouble[0]), f"the contact {trouble[0]} depends on those before it")
+        error = ContactError(f"contact {trouble[0]} depends on those before it")
+        error.row = int(trouble[0])
+        raise error
     if failed:
-        raise ContactError(None, UNSETTLED)
+        raise ContactError("which contacts are closed was not settled in 1000 solves")
     return forces, state.astype(bool)
-
-
-UNSETTLED = "which contacts are closed is not settled in 1000 solves"
 
 
 class ContactSearch:
