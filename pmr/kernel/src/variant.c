@@ -16,6 +16,7 @@ static void couple(const pmr_state *st, const pmr_scheme *c, const double *z, co
 static int stand(pmr_state *st);
 INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums);
 
+#include "extrapolation.c"
 #include "friction.c"
 #include "terms.c"
 #include "energy.c"
