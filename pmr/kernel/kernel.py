@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,6 +32,25 @@ def variant() -> str:
 def checksum(content: bytes | bytearray) -> int:
     """Checksum of the bytes of a block behind its head."""
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
+
+
+class Failure(IntEnum):
+    """What the kernel's functions return."""
+
+    REFUSED = lib.PMR_REFUSED
+    DEPENDENT = lib.PMR_DEPENDENT
+    UNSETTLED = lib.PMR_UNSETTLED
+    UNCONVERGED = lib.PMR_UNCONVERGED
+    NOT_FINITE = lib.PMR_NOT_FINITE
+    NO_MEMORY = lib.PMR_NO_MEMORY
+
+
+class StepError(SimulationError):
+    """A step or a start that failed: why, and the number of the contact that it is about, or -1."""
+
+    def __init__(self, message: str, failure: Failure, contact: int) -> None:
+        super().__init__(message)
+        self.failure, self.contact = failure, contact
 
 
 class Kernel:
@@ -379,7 +399,8 @@ class State:
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
             lib.PMR_NOT_FINITE: "a coordinate is no finite number",
         }
-        raise SimulationError(f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}")
+        message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"
+        raise StepError(message, Failure(failed), trouble)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from pmr.kernel.kernel import Kernel
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native.arrays import (
@@ -86,6 +87,16 @@ class SystemForm:
         """(q,): where modes without inertia stand."""
         of_bodies = zip(self.forms.values(), self.starts, strict=False)
         return np.concatenate([start + form.body.quasi_static for form, start in of_bodies])
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """The system as the kernel has it."""
+        return Kernel.of(self.system, self.forms)
+
+    @cached_property
+    def mobility(self) -> Array:
+        """B^T B (i, i) in 1/kg: accelerations of the inputs' points by loads on free bodies."""
+        return block_diag(*(form.body.B.T @ form.body.B for form in self.forms.values()))
 
     @property
     def modal(self) -> System:
