@@ -418,35 +418,6 @@ class Jacobian:
     K: Array
 
 
-def solve_contact(A: Array, b: Array, pushes: NDArray[np.bool_], closed: NDArray[np.bool_]) -> tuple[Array, Any]:
-    """Forces lambda (m,) with w = A lambda - b, of those that push lambda >= 0, w >= 0 and lambda w = 0; else w = 0.
-
-    Returns lambda and which contacts are closed; `closed` is what the search begins with.  A SimulationError is raised
-    where contacts depend on each other.
-    """
-    m = len(b)
-    A, b = np.ascontiguousarray(A, float), np.ascontiguousarray(b, float)
-    forces, work = np.zeros(m), np.zeros(max(1, lib.pmr_contact_work(m)))
-    which, out = np.ascontiguousarray(pushes, np.int32), np.ascontiguousarray(closed, np.int32).copy()
-    integers = [ffi.cast("int32_t *", array.ctypes.data) for array in (which, out)]
-    failed = lib.pmr_contact(
-        m, _pointer(A), _pointer(b), integers[0], _pointer(forces), integers[1], _pointer(work), ffi.NULL
-    )
-    if failed:
-        raise SimulationError(f"the complementarity problem of {m} contacts was not solved ({failed})")
-    return forces, out.astype(bool)
-
-
-def slide_pads(
-    stiffness: Array, old: Array, limits: Array, moved: float, softness: float = 0.0, given: float = 0.0
-) -> Array:
-    """Friction (n,) N of a joint's pads after the old one, that slide by `moved` m (`pmr.system.friction`)."""
-    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, old, limits)]
-    new = np.zeros(len(old))
-    lib.pmr_friction(len(old), *map(_pointer, arrays), moved, softness, given, _pointer(new))
-    return new
-
-
 def _check_room(record: Record, first: int, rows: int) -> None:
     if first < 0 or first + rows > record.steps:
         raise InputError("state", "record", record.steps, f"{first + rows} rows or more are needed")
