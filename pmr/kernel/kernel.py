@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -372,6 +371,15 @@ class State:
             raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
         self._raise_unless_done(failed, "a restored state")
 
+    @property
+    def pointer(self) -> Any:
+        """Its address, for calls of the kernel's functions."""
+        return self._state
+
+    def raise_failure(self, failed: int) -> None:
+        """Raise a StepError for what stopped a step."""
+        self._raise_unless_done(failed, f"step {self.step_number + 1}")
+
     def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
         """Fill an array in place; the kernel refuses what is not finite."""
         array = np.asarray(values, float)
@@ -404,34 +412,6 @@ class State:
         raise StepError(message, Failure(failed), trouble)
 
 
-class BoundStep:
-    """Steps of a state with pointers that are found once, for loops in Python; a call returns what stopped it, or 0.
-
-    A step leads to `motions` (3, n) of the frame, of each of which `rows` (n,) count; without a frame to the drivers
-    u (N,) in the first row of `motions` (3, N).  `values` holds what `observe` found: outputs and forces, by their
-    `numbers` among all outputs and, behind these, all forces.
-    """
-
-    def __init__(self, state: State, numbers: Sequence[int]) -> None:
-        kernel, count = state.kernel, len(numbers)
-        self._state = state
-        self.motions = np.zeros((3, kernel.motions or kernel.drivers))
-        self.rows: Integers = np.ones(self.motions.shape[1], np.int32)
-        self.rates = np.zeros((2, kernel.drivers))  # at both ends of a step
-        self._numbers, self.values = np.array(numbers, np.int32), np.zeros(count)
-        handle, motions = state._state, _pointer(self.motions)
-        if kernel.motions:
-            self.step = partial(lib.pmr_step_in_frame, handle, motions, _integers(self.rows))
-        else:
-            self.step = partial(lib.pmr_step, handle, motions, ffi.NULL)
-        self.step_by_rates = partial(lib.pmr_step, handle, motions, _pointer(self.rates))
-        self.observe = partial(lib.pmr_observe, handle, count, _integers(self._numbers), _pointer(self.values))
-
-    def raise_failure(self, failed: int) -> None:
-        """Raise a StepError for what stopped a step."""
-        self._state._raise_unless_done(failed, f"step {self._state.step_number + 1}")
-
-
 @dataclass(frozen=True)
 class Jacobian:
     """Derivatives of a step from its prediction x = (z*, v*, a*) (3 modes,) to drivers u (N,) at its end.
@@ -445,35 +425,6 @@ class Jacobian:
     D: Array
     L: Array
     K: Array
-
-
-def solve_contact(A: Array, b: Array, pushes: NDArray[np.bool_], closed: NDArray[np.bool_]) -> tuple[Array, Any]:
-    """Forces lambda (m,) with w = A lambda - b, of those that push lambda >= 0, w >= 0 and lambda w = 0; else w = 0.
-
-    Returns lambda and which contacts are closed; `closed` is what the search begins with.  A SimulationError is raised
-    where contacts depend on each other.
-    """
-    m = len(b)
-    A, b = np.ascontiguousarray(A, float), np.ascontiguousarray(b, float)
-    forces, work = np.zeros(m), np.zeros(max(1, lib.pmr_contact_work(m)))
-    which, out = np.ascontiguousarray(pushes, np.int32), np.ascontiguousarray(closed, np.int32).copy()
-    integers = [ffi.cast("int32_t *", array.ctypes.data) for array in (which, out)]
-    failed = lib.pmr_contact(
-        m, _pointer(A), _pointer(b), integers[0], _pointer(forces), integers[1], _pointer(work), ffi.NULL
-    )
-    if failed:
-        raise SimulationError(f"the complementarity problem of {m} contacts was not solved ({failed})")
-    return forces, out.astype(bool)
-
-
-def slide_pads(
-    stiffness: Array, old: Array, limits: Array, moved: float, softness: float = 0.0, given: float = 0.0
-) -> Array:
-    """Friction (n,) N of a joint's pads after the old one, that slide by `moved` m (`pmr.system.friction`)."""
-    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, old, limits)]
-    new = np.zeros(len(old))
-    lib.pmr_friction(len(old), *map(_pointer, arrays), moved, softness, given, _pointer(new))
-    return new
 
 
 def _check_room(record: Record, first: int, rows: int) -> None:
@@ -496,10 +447,6 @@ def _rows(rows: Integers | None, count: int) -> Any:
     if rows.dtype != np.int32 or rows.shape != (count,) or not rows.flags.c_contiguous:
         raise InputError("state", "rows", rows.shape, f"{(count,)} integers of 32 bits are allowed")
     return ffi.cast("int32_t *", rows.ctypes.data)
-
-
-def _integers(array: Integers) -> Any:
-    return ffi.cast("int32_t *", array.ctypes.data)
 
 
 def _pointer(array: Array | None) -> Any:

@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
-from pmr.kernel.kernel import BoundStep, Kernel, Settings, State, StepError
+from pmr.kernel.bound import BoundStep
+from pmr.kernel.kernel import Kernel, Settings, State, StepError
 from pmr.scene.built import force_of
 from pmr.scene.names import SLIDER
 from pmr.scene.signals import Constant, Ramp
@@ -323,7 +324,7 @@ class Stepper:
 
     def _raise_failure(self, failed: int) -> None:
         try:
-            self._bound.raise_failure(failed)
+            self._state.raise_failure(failed)
         except StepError as error:
             raise self._failure(self._where, error) from None
 
