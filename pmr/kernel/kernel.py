@@ -376,9 +376,9 @@ class State:
         """Its address, for calls of the kernel's functions."""
         return self._state
 
-    def raise_failure(self, failed: int) -> None:
-        """Raise a StepError for what stopped a step."""
-        self._raise_unless_done(failed, f"step {self.step_number + 1}")
+    def raise_unless_done(self, failed: int, where: str) -> None:
+        """Raise a StepError for what stopped the kernel, if anything did."""
+        self._raise_unless_done(failed, where)
 
     def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
         """Fill an array in place; the kernel refuses what is not finite."""

@@ -19,6 +19,8 @@ logger = logging.getLogger(__name__)
 #: Angles but that of slewing turn once at most, rad.  A motion that a step takes farther than this share of its range,
 #: or of a turn, jumps; one in a frame that goes on by so much, m or rad, without second rates has no inertia.
 WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
+#: Largest float that is taken at once; what has no such name.
+LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0)
 #: Types of motions with rates that are read at once.
 FLOATS = [float] * 2, [float] * 3
 #: Of a motion: its value, or that with its rate, or with its rate and its second rate.
@@ -63,6 +65,13 @@ class Drivers:
         self._told, self._placed, self._started = set[str](), False, False
         self._begun, self._begun_rows = motions.copy(), rows.copy()  # where the last step ended
 
+        # numbers of motions by their names, and between what floats are taken at once
+        jumps = [JUMP * (high - low) for low, high in self._ranges]
+        limits = {k: (k, *self._ranges[k], jumps[k]) for k in range(first)}
+        self._limits = {name: limits[k] for name, k in self._path_numbers.items()}
+        whole = (-LARGEST, LARGEST, 2.0 * LARGEST)
+        self._unlimited = {name: (k, *whole) for name, k in self._load_numbers.items()}
+
     @property
     def places(self) -> dict[str, float]:
         """Where the paths stand, in m by their names."""
@@ -70,6 +79,8 @@ class Drivers:
 
     def take_path(self, s: Values) -> None:
         """Take where paths lead: within their ranges, or at an end that they are beyond by little."""
+        if type(s) is dict and self._take_floats(s, self._limits):
+            return
         readings = self._read(s, self._path_numbers, "s", "one path coordinate for each path")
         for n, (k, at, rate, second, count) in enumerate(readings):
             low, high = self._ranges[k]
@@ -89,8 +100,23 @@ class Drivers:
             self._placed = True
         self._write(readings)
 
+    def _take_floats(self, values: dict[Any, Any], limits: dict[str | int, tuple[int, float, float, float]]) -> bool:
+        """Whether these are floats within their limits and no jumps, which are then taken in a third of the time."""
+        if self._in_frame or self._in_parts or not self._started:
+            return False
+        written = self._values
+        for name, value in values.items():
+            k, low, high, jump = limits.get(name, NOWHERE)
+            if type(value) is not float or not (low <= value <= high and -jump <= value - written[k] <= jump):
+                return False
+        for name, value in values.items():
+            written[limits[name][0]] = value
+        return True
+
     def take_loads(self, F: Values) -> None:
         """Take loads, as they are or as a frame turns them."""
+        if type(F) is dict and self._take_floats(F, self._unlimited):
+            return
         self._write(self._read(F, self._load_numbers, "F", "one load for each input"))
 
     def take_frame(self, frame: Mapping[str, Motion]) -> None:

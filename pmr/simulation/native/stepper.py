@@ -324,7 +324,7 @@ class Stepper:
 
     def _raise_failure(self, failed: int) -> None:
         try:
-            self._state.raise_failure(failed)
+            self._state.raise_unless_done(failed, self._where)
         except StepError as error:
             raise self._failure(self._where, error) from None
 
