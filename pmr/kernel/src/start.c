@@ -287,6 +287,7 @@ static int start(pmr_state *st, int kind, const double *u, const double *z, cons
     failed = place(st, still, u);
     /* without a step F may be singular, as of rigid contacts: it is solved for below */
     if (failed == PMR_DEPENDENT) failed = PMR_DONE;
+    st->trouble = -1;
     load_bodies(st, u + y->paths);
     if (kind == PMR_GIVEN) {
         copy(st->z, z, y->modes);

@@ -68,8 +68,9 @@ def reason(system: System, error: StepError, x: Array) -> str:
         return f"which of the rows {names} are closed was not settled in {SOLVES} solves"
     if error.failure == Failure.UNCONVERGED:
         return unconverged(system.term_names, system.contacts)
-    if error.failure == Failure.DEPENDENT and error.contact >= 0:
-        return dependence(Assembly(system).at(x).C[: error.contact + 1], system.contact_names)
+    if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which
+        C = Assembly(system).at(x).C
+        return dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
     return "not finite" if error.failure == Failure.NOT_FINITE else str(error)
 
 
