@@ -18,9 +18,9 @@ from pmr.simulation import contact_step
 from pmr.simulation.acceleration import Acceleration
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.recorded import recorded
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.statics import equilibrium
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
