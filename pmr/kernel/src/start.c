@@ -250,7 +250,6 @@ static int begin(pmr_state *st)
     }
     for (n = 0; n < y->modes; n++) st->pulled[n] = 0.0;
     subtract_rows(st, 0, y->contacts, st->pulled);
-    for (n = 0; n < y->modes; n++) st->extra[n] = st->w[n];
     load_bodies(st, st->u + y->paths); /* those of `stand` are those of the step before by now */
     account(st, c);                    /* p enters by its square */
     st->energy[1] = st->energy[2] = 0.0;
