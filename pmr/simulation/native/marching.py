@@ -76,24 +76,30 @@ class March:
         needs = needs_of(form.modal, rigid, places(form.modal, excitation), stepping.rho_inf)
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
+        self._signals: Signals | None
         self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, parts, omega))
-        self._drivers = driver_signals(form, excitation)
+        self._drivers, self._sampling = driver_signals(form, excitation), 0.0
+        frame = form.frame
+        self._frame = frame if frame is not None and frame.drives(excitation) else None
         try:
-            self._signals: Signals | None = Signals(self._drivers)
+            self._signals = Signals(self._drivers if self._frame is None else self._frame.signals)
         except NotImplementedError:
-            self._signals = None
-        self._first_drivers = self._sampled(0, 0, 1)[0]
-        self._start: tuple[Any, ...] = ("rest", self._first_drivers)
+            self._frame = self._signals = None
+        zero = self._sampled(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
+        self._start: tuple[Any, ...] = ("rest", zero)
         if initial:
-            x_rate = rates_of_places(system, excitation)
-            self._start = ("given", self._first_drivers, *start_modes(form, self.x[0], x_rate, initial))
+            modes = start_modes(form, self.x[0], rates_of_places(system, excitation), initial)
+            self._start = ("given", zero, *modes)
         self._begin()
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
 
     def _begin(self) -> None:
         """Bring the state to t = 0."""
         try:
-            self.state.start(*self._start)
+            if self._frame is None:
+                self.state.start(*self._start)
+            else:
+                self.state.start_in_frame(self._start[0], self._start[1], None, *self._start[2:])
         except StepError as error:
             raise self._failed(error, 0) from None
         self._sampling = 0.0  # s, of the steps that follow
@@ -205,7 +211,7 @@ class March:
         begun = perf_counter()
         t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
         u = np.column_stack([np.empty((len(t), 0)), *(signal.value(t) for signal in self._drivers)])
-        self._sampling = getattr(self, "_sampling", 0.0) + perf_counter() - begun
+        self._sampling += perf_counter() - begun
         return u
 
     def _failed(self, error: StepError, step: int) -> SimulationError:
