@@ -21,11 +21,11 @@ from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.marching import March, Steps
 from pmr.simulation.start import InitialState
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import Progress
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
 from pmr.system.friction import Friction
-from pmr.system.statics import equilibrium
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ def observe(
 
 
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
-    """Every body at rest in equilibrium with the loads at t = 0; errors as for `pmr.system.statics.equilibrium`."""
+    """Every body at rest in equilibrium with the loads at t = 0; errors as for `equilibrium`."""
     assembly, states = Assembly(system), {}
     f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
     found = equilibrium(assembly, places(system, excitation)[0], f, c).q
