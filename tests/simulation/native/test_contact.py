@@ -16,17 +16,17 @@ from one_body import displacement, energy, respond
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError, SimulationError
+from pmr.errors import InputError
+from pmr.kernel.kernel import Failure, StepError
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import contact as contact_rows
-from pmr.simulation.native import march as marching
 from pmr.simulation.native.handles import handle
-from pmr.simulation.native.march import without_pull
+from pmr.simulation.native.marching import without_pull
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.start import reason
+from pmr.simulation.native.states import reason
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
 from pmr.system.system import System

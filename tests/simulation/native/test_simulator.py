@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import one_body
@@ -22,7 +21,6 @@ from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import marching
-from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 
 Array = NDArray[np.float64]
