@@ -250,7 +250,6 @@ static int begin(pmr_state *st)
     }
     for (n = 0; n < y->modes; n++) st->pulled[n] = 0.0;
     subtract_rows(st, 0, y->contacts, st->pulled);
-    for (n = 0; n < y->modes; n++) st->extra[n] = st->w[n];
     load_bodies(st, st->u + y->paths); /* those of `stand` are those of the step before by now */
     account(st, c);                    /* p enters by its square */
     st->energy[1] = st->energy[2] = 0.0;
@@ -287,6 +286,7 @@ static int start(pmr_state *st, int kind, const double *u, const double *z, cons
     failed = place(st, still, u);
     /* without a step F may be singular, as of rigid contacts: it is solved for below */
     if (failed == PMR_DEPENDENT) failed = PMR_DONE;
+    st->trouble = -1;
     load_bodies(st, u + y->paths);
     if (kind == PMR_GIVEN) {
         copy(st->z, z, y->modes);
