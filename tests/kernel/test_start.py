@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,10 @@ def test_equilibrium_is_that_of_statics_and_nothing_moves_from_it(how: dict[str,
     np.testing.assert_allclose(state.z, before, atol=1e-8 * np.abs(before).max())
 
 
-def test_multipliers_of_a_given_start_follow_from_the_position() -> None:
+@pytest.mark.parametrize("count", [1, 2])
+def test_multipliers_of_a_given_start_follow_from_the_position(count: int) -> None:
     system = reduced(Nested(2, elements=8), 3)
+    system = replace(system, contacts=system.contacts[:count])
     kernel, forms = kernel_of(system)
     rng, state = np.random.default_rng(4), State(kernel, Settings(1e-3))
     z, v, f = np.zeros(kernel.modes), np.zeros(kernel.modes), rng.normal(size=kernel.inputs)
@@ -96,8 +99,6 @@ def in_modes(system: System, forms: Any, kernel: Any, q: np.ndarray) -> np.ndarr
 
 
 def held_by_a_rigid_row() -> System:
-    from dataclasses import replace
-
     system = reduced(Nested(2, elements=8), 3)
     return replace(system, contacts=(system.contacts[0],))
 

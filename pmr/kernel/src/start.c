@@ -168,7 +168,7 @@ static int find_resting(pmr_state *st, const double *free, double *x)
 {
     const pmr_system *y = st->system;
     const int r = y->modes, m = y->contacts;
-    double *Q = st->scratch, *R = Q + (size_t)m * r, *left = R + (size_t)m * m;
+    double *Q = st->scratch, *left = Q + (size_t)m * r, *R = left + r; /* registers are read of the first two */
     int k, j, n, time;
     memset(R, 0, (size_t)m * m * sizeof(double));
     copy(left, free, r);
