@@ -105,12 +105,14 @@ def test_momenta_and_what_holds_it_are_those_of_the_equations(run: MachineRun) -
         )
 
 
-def test_momenta_change_by_forces_that_are_averaged_as_accelerations_are(run: MachineRun) -> None:
+def test_momenta_change_by_forces_that_are_averaged_as_accelerations_are() -> None:
     """Upwards, where nothing but weight acts, which rises.
 
     Rates are found to 1e-9 of the fastest at worst, also those of the angles, at whose levers all mass is within 3 m.
     """
-    mass = FreeBase(free_boom.scene(*SCENE), free_boom.system(*SOFT)).boom.mass + MASS
+    scene = free_boom.scene(*(change for change in SCENE if "loads" not in change))
+    run = MachineRun(scene, free_boom.system(*SOFT))
+    mass = FreeBase(scene, free_boom.system(*SOFT)).boom.mass + MASS
     h, rho = run.carried.state.settings.step, run.carried.state.settings.rho_inf
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     gamma = 0.5 + af - am
@@ -121,7 +123,7 @@ def test_momenta_change_by_forces_that_are_averaged_as_accelerations_are(run: Ma
         last, smooth = smooth, ((1.0 - af) * force[k] + af * force[k - 1] - am * smooth) / (1.0 - am)
         expected += h * ((1.0 - gamma) * last + gamma * smooth)
         assert momenta[k] == pytest.approx(expected, abs=within)
-    assert np.ptp(force) > 0.1 * np.abs(force).max()
+    assert np.ptp(force) > 0.01 * mass
 
 
 def test_what_it_cannot_carry_is_refused(run: MachineRun) -> None:
