@@ -79,8 +79,9 @@ class March:
             parts = contact_step.levels(omega, stepping)
         self.finest = parts[-1]
         self._schedule = np.array(stepping.schedule, np.int32) if stepping.schedule else None
-        rigid = np.all(Assembly(form.modal).at(places(form.modal, excitation)[0]).F == 0.0, axis=1)
-        needs = needs_of(form.modal, rigid, places(form.modal, excitation), stepping.rho_inf)
+        x = places(form.modal, excitation)
+        rigid = np.all(Assembly(form.modal).at(x[0]).F == 0.0, axis=1)
+        needs = needs_of(form.modal, rigid, x, stepping.rho_inf)
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         self._signals: Signals | None
@@ -93,20 +94,20 @@ class March:
             self._signals = Signals(self._drivers if self._frame is None else self._frame.signals)
         except NotImplementedError:
             self._frame = self._signals = None
-        zero = self._sampled(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
+        zero = self.sampled(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
         self._start: tuple[Any, ...] = ("rest", zero)
         if initial is None and excitation.start == "equilibrium":
             self._start = ("equilibrium", zero)
-            if kernel.modes <= DENSE and self._begin() is None:
+            if kernel.modes <= DENSE and self.begin() is None:
                 return
             initial = static_start(system, excitation)  # which also says what nothing holds
         if initial:
             modes = start_modes(form, self.x[0], rates_of_places(system, excitation), initial)
             self._start = ("given", zero, *modes)
-        if error := self._begin():
+        if error := self.begin():
             raise self._failed(error, 0)
 
-    def _begin(self) -> StepError | None:
+    def begin(self) -> StepError | None:
         """Bring the state to t = 0; the error where that fails."""
         self._sampling = 0.0  # s, of the steps that follow
         try:
@@ -140,7 +141,7 @@ class March:
 
     def again(self) -> float:
         """Take all steps once more from the start, as `run` does, and keep nothing: the solver's seconds."""
-        self._begin()
+        self.begin()
         return self.observe(1, lambda first, steps: None)
 
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
@@ -216,11 +217,11 @@ class March:
             own = None if schedule is None else schedule[taken:end]
             if own is not None:
                 per = int(np.lcm.reduce(own))
-            u = self._sampled(first + taken, first + end, per)
+            u = self.sampled(first + taken, first + end, per)
             done, needed = self.state.advance_sampled(u, per, record, 1 + taken // every, each, own)
             taken, per = taken + done, needed or max(self.state.settings.parts[0], per // 2)
 
-    def _sampled(self, first: int, last: int, per: int) -> Array:
+    def sampled(self, first: int, last: int, per: int) -> Array:
         """Drivers (., N) of some steps at `per` equal parts of each."""
         begun = perf_counter()
         t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
