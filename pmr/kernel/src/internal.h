@@ -145,7 +145,7 @@ struct pmr_state {
     size_t saved;              /* doubles */
     /* workspace */
     double *began, *peak;
-    double *s, *x; /* (P), (blocks): paths, and how far each block is into its interval */
+    double *s, *s_rates, *x; /* (P), (P), (blocks): paths, their rates at the start, places in blocks' intervals */
     int32_t *interval;
     double *C, *H, *A, *factor;
     double *weighted, *excess, *entries, *motion, *pushed;
@@ -172,7 +172,7 @@ typedef struct {
     const char *name;
     int (*state_open)(const pmr_system *, const pmr_settings *, pmr_state **, char *);
     int (*state_restore)(pmr_state *, const void *, size_t, char *);
-    int (*start)(pmr_state *, int, const double *, const double *, const double *);
+    int (*start)(pmr_state *, int, const double *, const double *, const double *, const double *);
     int (*start_from)(pmr_state *, const double *, const double *, const double *, const double *, const double *,
                       const int32_t *);
     int (*step)(pmr_state *, const double *, const double *);
@@ -183,9 +183,8 @@ typedef struct {
                            int64_t *, int *);
     int (*carried_open)(pmr_state *, const pmr_machine *, pmr_carried **);
     int (*carried_needed)(pmr_carried *, const double *, const double *, const double *, const double *, double *);
-    int (*carried_start)(pmr_carried *, double *, const double *, const double *);
-    int (*carried_step)(pmr_carried *, int64_t);
-    void (*carried_look)(pmr_carried *, pmr_carried_view *);
+    int (*carried_start)(pmr_carried *, const double *, const double *, const double *, const pmr_carried_record *);
+    int (*carried_advance)(pmr_carried *, int64_t, int64_t, const pmr_carried_record *, int64_t *);
     void (*outputs)(pmr_state *, double *, double *);
     void (*observe)(pmr_state *, int, const int32_t *, double *);
     int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);

@@ -977,21 +977,32 @@ static int begin_with(pmr_carried *ms, const double *b, const double *z, const d
     const double *modes[3] = {ms->state->z, ms->state->v, ms->accelerations};
     int failed;
     drivers_at(ms, 0, b, b + 12, ms->u);
-    failed = start(ms->state, PMR_GIVEN, ms->u, z, v);
+    failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
     if (failed) return failed;
     accelerate_boom(ms);
     find_needed(ms, 0, b, ms->u + y->paths, modes, needed);
     return PMR_DONE;
 }
 
-static int carried_start(pmr_carried *ms, double *b, const double *z, const double *v)
+static void record_machine(const pmr_carried *ms, const pmr_carried_record *record, int64_t row)
+{
+    record_row(record->motion, row, 18, ms->past.b);
+    record_row(record->held, row, 6, ms->past.held);
+    record_row(record->springs, row, 6, ms->past.whole.springs);
+    record_row(record->momenta, row, 6, ms->past.momenta);
+    record_row(record->inertia, row, ms->machine->inertial_count, ms->inertia);
+}
+
+static int carried_start(pmr_carried *ms, const double *given, const double *z, const double *v,
+                         const pmr_carried_record *record)
 {
     const pmr_machine *m = ms->machine;
     const pmr_system *y = ms->state->system;
     machine_past *past = &ms->past;
     const double *modes[3] = {ms->state->z, ms->state->v, ms->state->v};
-    double none[6], needed[6], matrix[36], second[6], balanced = 0.0;
+    double b[18], none[6], needed[6], matrix[36], second[6], balanced = 0.0;
     int which[6], count = 0, failed, n, j;
+    copy(b, given, 18);
     memset(past, 0, sizeof *past);
     for (n = 0; n < 6; n++)
         if (m->free[n]) which[count++] = n;
@@ -1024,20 +1035,18 @@ static int carried_start(pmr_carried *ms, double *b, const double *z, const doub
     past->fastest[0] = past->fastest[1] = larger(balanced, 1e-100); /* whose square is a number */
     find_fastest(ms, b, past->fastest);
     save_boom(ms);
+    record_machine(ms, record, 0);
     return PMR_DONE;
 }
 
-static int carried_step(pmr_carried *ms, int64_t k)
+static int carried_advance(pmr_carried *ms, int64_t first, int64_t count, const pmr_carried_record *record,
+                           int64_t *taken)
 {
-    const int failed = find_motion_at(ms, k);
-    return failed ? failed : end_machine_step(ms, k);
-}
-
-static void carried_look(pmr_carried *ms, pmr_carried_view *view)
-{
-    view->b = ms->past.b;
-    view->held = ms->past.held;
-    view->springs = ms->past.whole.springs;
-    view->momenta = ms->past.momenta;
-    view->inertia = ms->inertia;
+    for (*taken = 0; *taken < count; ++*taken) {
+        int failed = find_motion_at(ms, first + *taken);
+        if (!failed) failed = end_machine_step(ms, first + *taken);
+        if (failed) return failed;
+        record_machine(ms, record, *taken);
+    }
+    return PMR_DONE;
 }

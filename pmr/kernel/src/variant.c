@@ -2,6 +2,7 @@
    PMR_FUNCTIONS. */
 #include "internal.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -24,8 +25,8 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "substeps.c"
 #include "outputs.c"
 #include "state.c"
-#include "start.c"
 #include "linearize.c"
+#include "start.c"
 #include "advance.c"
 #include "machine.c"
 
@@ -43,8 +44,7 @@ const pmr_functions PMR_FUNCTIONS = {
     .carried_open = carried_open,
     .carried_needed = carried_needed,
     .carried_start = carried_start,
-    .carried_step = carried_step,
-    .carried_look = carried_look,
+    .carried_advance = carried_advance,
     .outputs = outputs,
     .observe = observe,
     .linearize = linearize,

@@ -29,6 +29,8 @@ from pmr.system.system import System
 Array = NDArray[np.float64]
 #: Newton's steps of a machine on its springs, m and rad by which places differ for a derivative, and what is round-off.
 TRIALS, DIFFERENCE, ROUND_OFF = 30, 1e-4, 1e-12
+#: Steps between two looks at the keyboard.
+BLOCK = 1024
 
 
 def with_machine_moved(scene: Scene, system: System) -> tuple[Scene, System]:
@@ -85,22 +87,24 @@ class _Run:
 
     def run(self) -> MachineMotion:
         """Take all steps."""
-        t, carried = self._excitation.times, self._carried
-        values, forces, momenta = np.zeros((3, len(t), 6)), np.zeros((len(t), 6)), np.zeros((len(t), 6))
-        inputs = np.zeros((len(carried.inertia), len(t)))
-        for k in range(len(t)):
-            try:
-                self._begin() if k == 0 else carried.step(k)
-            except StepError as error:
-                s = self._excitation.s[k]
-                where = f"step {k}, t = {t[k]:g} s" if k else f"t = 0 s{places_of(tuple(self._excitation.paths), s)}"
-                raise failed_at(where, self._form, error, places(self._form.modal, self._excitation)[k]) from None
-            except SimulationError as error:
-                raise SimulationError(f"{error}, t = {t[k]:g} s") from None
-            values[:, k], momenta[k], inputs[:, k] = carried.motion, carried.momenta, carried.inertia
-            forces[k] = -(carried.held + carried.springs)
-        by_name = dict(zip(self._inertial, inputs, strict=False))
-        return MachineMotion(self._excitation.stepping.step, values, forces, by_name, momenta)
+        t, carried, started = self._excitation.times, self._carried, False
+        try:
+            self._begin()
+            started = True
+            while carried.number + 1 < len(t):
+                carried.advance(min(BLOCK, len(t) - 1 - carried.number))
+        except StepError as error:
+            k = carried.number + 1 if started else 0
+            s = self._excitation.s[k]
+            where = f"step {k}, t = {t[k]:g} s" if k else f"t = 0 s{places_of(tuple(self._excitation.paths), s)}"
+            raise failed_at(where, self._form, error, places(self._form.modal, self._excitation)[k]) from None
+        return MachineMotion(
+            self._excitation.stepping.step,
+            np.ascontiguousarray(np.moveaxis(carried.motion, 0, 1)),
+            -(carried.held + carried.springs),
+            dict(zip(self._inertial, carried.inertia.T, strict=False)),
+            carried.momenta,
+        )
 
     def _begin(self) -> None:
         """Where springs carry what stands on them if all begins in equilibrium; accelerations are of all together."""
