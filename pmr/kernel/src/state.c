@@ -67,7 +67,7 @@ static size_t scratch_size(const pmr_system *y)
     size_t size = (size_t)y->largest_table + y->mp + y->modes + 64;
     const size_t held = (size_t)y->modes + y->rows;
     if (y->coupled && size < (size_t)y->modes * y->modes) size = (size_t)y->modes * y->modes;
-    if (size < 2 * held * held) size = 2 * held * held; /* of the equilibrium at the start */
+    if (size < 2 * held * (held + 1)) size = 2 * held * (held + 1); /* of the equilibrium at the start */
     return size;
 }
 
