@@ -2,7 +2,7 @@ r"""Terms that vary in time (`pmr.system.terms`) in full order: forces on a step
 
 The factor of S = M + dv D + dq K stays: the forces w of the terms begin with those of the predicted end of the step,
 and with multipliers and motion they are found anew until they no longer change, one more solve a time.  How fast is
-said in `pmr.simulation.native.terms`; two to four times are the rule: such a step costs as many of the others.
+said in src/terms.c of `pmr.kernel`; two to four times are the rule: such a step costs as many of the others.
 """
 
 from __future__ import annotations
