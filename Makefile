@@ -102,6 +102,16 @@ KERNEL_SOURCES := $(wildcard pmr/kernel/src/*.[ch]) pmr/kernel/build.py setup.py
 compiled: # no part of what is listed: make setup does it
 	@.venv/bin/pmr compile || echo "the first run will take longer"
 
+# Wheels with the kernel compiled by zig, each for a system and for all versions of Python from 3.11 on.
+WHEELS := x86_64-linux aarch64-linux x86_64-darwin aarch64-darwin x86_64-windows
+
+.PHONY: wheels
+wheels: $(WHEELS:%=wheel-%) ## dist: wheels for Linux and macOS (x86-64, Arm) and Windows (x86-64), compiled by zig
+
+wheel-%: setup
+	@rm -rf build/wheels/$*
+	@PMR_TARGET=$* .venv/bin/python setup.py -q build --build-base build/wheels/$* bdist_wheel --dist-dir dist
+
 .PHONY: report
 report: setup ## the paper's two cases, full against reduced: reports/paper/report.html and .pdf
 	@.venv/bin/pmr run workflows/paper_simple.toml workflows/paper_evolved.toml --out reports/paper
