@@ -89,7 +89,6 @@ setup: .venv/.ready .venv/.kernel ## install what is missing or changed: Debian 
 	@.venv/bin/python -m pip install -q --no-compile -r requirements/debian.txt
 	@.venv/bin/python -m pip install -q --no-deps --no-build-isolation -e .
 	@rmdir .venv/lib/python3*/site-packages/pmr 2>/dev/null || true # left empty by an earlier installation, it would hide the package
-	@$(MAKE) --no-print-directory compiled
 	@touch $@
 
 # The kernel in C, in place, where its sources have changed.
@@ -97,10 +96,6 @@ KERNEL_SOURCES := $(wildcard pmr/kernel/src/*.[ch]) pmr/kernel/build.py setup.py
 .venv/.kernel: $(KERNEL_SOURCES) | .venv/.ready
 	@.venv/bin/python setup.py -q build_ext --inplace
 	@touch $@
-
-.PHONY: compiled
-compiled: # no part of what is listed: make setup does it
-	@.venv/bin/pmr compile || echo "the first run will take longer"
 
 # Wheels with the kernel compiled by zig, each for a system and for all versions of Python from 3.11 on.
 WHEELS := x86_64-linux aarch64-linux x86_64-darwin aarch64-darwin x86_64-windows

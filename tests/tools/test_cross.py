@@ -1,4 +1,4 @@
-"""C compiled for other systems: a program around the kernel says the same under emulators of these; what wheels hold."""
+"""C compiled for other systems: a program around the kernel says the same under emulators of these."""
 
 from __future__ import annotations
 
