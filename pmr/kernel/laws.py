@@ -99,13 +99,32 @@ class SchemeFactors(NamedTuple):
         return cls(*(getattr(factors, name) for name in cls._fields))
 
 
+class JointCylinder(NamedTuple):
+    """Cylinder of a joint whose pads rub, as a step has it that ends with the multiplier `force`."""
+
+    gives: float = 0.0  # m/N: 1/k; 0 of a rigid one or none
+    compliance: float = 0.0  # m/N: its diagonal entry of the matrix A of the multipliers
+    force: float = 0.0  # N
+    friction: float = 0.0  # N: sum of the pads' friction under which `force` was found
+    drive: float = 0.0  # N: force plus friction at the end of the last step
+
+
 def slide_pads(
-    stiffness: Array, old: Array, limits: Array, moved: float, softness: float = 0.0, given: float = 0.0
+    stiffness: Array, coefficients: Array, forces: Array, old: Array, moved: float, cylinder: JointCylinder
 ) -> Array:
-    """Friction (n,) N of a joint's pads after the old one, that slide by `moved` m (`pmr.system.friction`)."""
-    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, old, limits)]
-    new = np.zeros(len(old))
-    lib.pmr_friction(len(old), *map(_doubles, arrays), moved, softness, given, _doubles(new))
+    """Friction (n,) N at the end of a step of a joint's pads, whose path has moved by `moved` m.
+
+    Parameters
+    ----------
+    stiffness, coefficients : (n,) arrays
+        Along the boom while a pad sticks, in N/m; Coulomb's.
+    forces, old : (n,) arrays, N
+        With which pads press, and their friction at the end of the last step (`pmr.system.friction`).
+    """
+    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, coefficients, forces, old)]
+    limits, new = np.zeros((2, len(old)))
+    joint = ffi.new("pmr_cylinder *", cylinder._asdict())
+    lib.pmr_friction(len(old), *map(_doubles, arrays), moved, joint, *map(_doubles, (limits, new)))
     return new
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plain_step import complementary
 
-from pmr.kernel.laws import ContactError, ContactSearch, SchemeFactors, slide_pads, solve_contact
+from pmr.kernel.laws import ContactError, ContactSearch, JointCylinder, SchemeFactors, slide_pads, solve_contact
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -86,13 +86,18 @@ def test_factors_solve_the_equations_of_the_scheme(rho: float) -> None:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_friction_of_a_joint_solves_its_equation(seed: int) -> None:
-    """x + softness (sum f - given) = moved with f = clip(old + kappa x, -limit, limit), x by bisection."""
+    """Slip x of elements that stick as springs, on a cylinder that gives way less the softer what it pushes is."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 6))
-    kappa, limits = 10.0 ** rng.uniform(4.0, 9.0, n), 10.0 ** rng.uniform(0.0, 5.0, n) * (rng.random(n) < 0.8)
+    kappa, mu = 10.0 ** rng.uniform(4.0, 9.0, n), rng.uniform(0.05, 0.3, n)
+    forces = 10.0 ** rng.uniform(0.0, 6.0, n) * rng.choice([-1.0, 0.0, 1.0], n, p=[0.4, 0.2, 0.4])
+    limits = mu * np.abs(forces)
     old = limits * rng.uniform(-1.0, 1.0, n)
-    moved, given = float(rng.normal() * 1e-3), float(rng.normal() * 1e3)
-    softness = 0.0 if seed % 3 == 0 else float(10.0 ** rng.uniform(-9.0, -6.0))
+    moved, force, given, drive = float(rng.normal() * 1e-3), *(rng.normal(size=3) * 1e3).tolist()
+    gives = 0.0 if seed % 3 == 0 else float(10.0 ** rng.uniform(-9.0, -6.0))
+    soft = float(10.0 ** rng.uniform(-9.0, -6.0))
+    softness = gives * soft / (gives + soft)
+    slides = moved - gives * (force + given - drive)
 
     def friction(x: float) -> np.ndarray:
         return np.clip(old + kappa * x, -limits, limits)
@@ -100,6 +105,7 @@ def test_friction_of_a_joint_solves_its_equation(seed: int) -> None:
     low, high = -1.0, 1.0
     for _ in range(200):
         x = (low + high) / 2.0
-        low, high = (low, x) if x + softness * (friction(x).sum() - given) > moved else (x, high)
-    found = slide_pads(kappa, old, limits, moved, softness, given)
-    np.testing.assert_allclose(found, friction(low), rtol=1e-9, atol=1e-9 * limits.max() + 1e-12 * kappa.max() * 1e-3)
+        low, high = (low, x) if x + softness * (friction(x).sum() - given) > slides else (x, high)
+    cylinder = JointCylinder(gives, gives + soft, force, given, drive)
+    found = slide_pads(kappa, mu, forces, old, moved, cylinder)
+    np.testing.assert_allclose(found, friction(low), rtol=1e-8, atol=1e-9 * limits.max() + 1e-12 * kappa.max() * 1e-3)

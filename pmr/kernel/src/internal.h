@@ -186,7 +186,8 @@ typedef struct {
     int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
     int (*choose_changes)(int, int32_t *, pmr_search *);
     void (*factors)(double, double, pmr_factors *);
-    double (*friction)(int, const double *, const double *, const double *, double, double, double, double *);
+    double (*friction)(int, const double *, const double *, const double *, const double *, double, const pmr_cylinder *,
+                       double *, double *);
     size_t (*state_bytes)(const pmr_state *);
     void (*state_save)(const pmr_state *, void *);
 } pmr_functions;

@@ -258,11 +258,19 @@ typedef struct {
 } pmr_factors;
 /* Factors of a step of h s with the spectral radius rho_inf at infinite frequency. */
 void pmr_scheme_factors(double h, double rho_inf, pmr_factors *factors);
-/* Friction (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
-   and slide at limits (n,) N: f = clip(old + kappa x, -limit, limit), with the slip x of x + softness (sum f - given)
-   = moved. Returns their sum. */
-double pmr_friction(int n, const double *kappa, const double *old, const double *limits, double moved, double softness,
-                    double given, double *f);
+/* Cylinder of a joint whose pads rub. */
+typedef struct {
+    double gives;      /* m/N: 1/k; 0 of a rigid one or none */
+    double compliance; /* m/N: its diagonal entry of A */
+    double force;      /* N: its multiplier */
+    double friction;   /* N: sum of the pads' friction under which that was found */
+    double drive;      /* N: force plus friction at the end of the last step */
+} pmr_cylinder;
+/* Friction f (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
+   and slide at limits (n,) N, coefficients (n,) times the pads' forces (n,) N; from the `old` one (n,) N, where the path
+   of the joint has moved by `moved` m.  Returns their sum. */
+double pmr_friction(int n, const double *kappa, const double *coefficients, const double *forces, const double *old,
+                    double moved, const pmr_cylinder *cylinder, double *limits, double *f);
 
 /* ---- up to here ---- */
 
