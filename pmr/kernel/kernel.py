@@ -241,10 +241,17 @@ class State:
         return int(lib.pmr_state_memory(self._state))
 
     def start(
-        self, kind: Literal["rest", "given", "equilibrium"], u: ArrayLike, z: ArrayLike = (), v: ArrayLike = ()
+        self,
+        kind: Literal["rest", "given", "equilibrium"],
+        u: ArrayLike,
+        z: ArrayLike = (),
+        v: ArrayLike = (),
+        rates: ArrayLike | None = None,
     ) -> None:
         """Begin at t = 0 under drivers u (N,): at rest, at z and v (modes,), or in equilibrium.
 
+        With `rates` (P,) of the paths in m/s, v is corrected where it violates rigid contacts that move, by the change
+        of least kinetic energy.
         A SimulationError is raised where nothing holds the bodies, or contacts depend on each other.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
@@ -252,9 +259,9 @@ class State:
         z, v = (
             self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
         )
-        self._raise_unless_done(
-            lib.pmr_start(self._state, _STARTS[kind], _pointer(drivers), _pointer(z), _pointer(v)), "the start"
-        )
+        moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)
+        pointers = [_pointer(array) for array in (drivers, moving, z, v)]
+        self._raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
 
     def start_from(
         self, u: ArrayLike, z: ArrayLike, v: ArrayLike, a: ArrayLike, multipliers: ArrayLike, closed: ArrayLike

@@ -67,7 +67,12 @@ void pmr_state_view(pmr_state *state, pmr_view *view)
 
 int pmr_start(pmr_state *state, int kind, const double *u, const double *z, const double *v)
 {
-    return chosen()->start(state, kind, u, z, v);
+    return chosen()->start(state, kind, u, NULL, z, v);
+}
+
+int pmr_start_moving(pmr_state *state, int kind, const double *u, const double *rates, const double *z, const double *v)
+{
+    return chosen()->start(state, kind, u, rates, z, v);
 }
 
 int pmr_start_from(pmr_state *state, const double *u, const double *z, const double *v, const double *a,

@@ -145,7 +145,7 @@ struct pmr_state {
     size_t saved;              /* doubles */
     /* workspace */
     double *began, *peak;
-    double *s, *x; /* (P), (blocks): paths, and how far each block is into its interval */
+    double *s, *s_rates, *x; /* (P), (P), (blocks): paths, their rates at the start, places in blocks' intervals */
     int32_t *interval;
     double *C, *H, *A, *factor;
     double *weighted, *excess, *entries, *motion, *pushed;
@@ -172,7 +172,7 @@ typedef struct {
     const char *name;
     int (*state_open)(const pmr_system *, const pmr_settings *, pmr_state **, char *);
     int (*state_restore)(pmr_state *, const void *, size_t, char *);
-    int (*start)(pmr_state *, int, const double *, const double *, const double *);
+    int (*start)(pmr_state *, int, const double *, const double *, const double *, const double *);
     int (*start_from)(pmr_state *, const double *, const double *, const double *, const double *, const double *,
                       const int32_t *);
     int (*step)(pmr_state *, const double *, const double *);

@@ -133,7 +133,11 @@ enum { PMR_AT_REST = 0, PMR_GIVEN = 1, PMR_IN_EQUILIBRIUM = 2 };
    PMR_IN_EQUILIBRIUM: at rest under the loads, v = 0.  Multipliers of contacts that give way follow from the
    position, those of rigid ones from the accelerations. */
 int pmr_start(pmr_state *state, int kind, const double *u, const double *z, const double *v);
-/* The same with accelerations a (r',), multipliers (m,) and which contacts are closed (m,) as they are: how a
+/* The same where paths move by `rates` (P,) m/s: rates v that violate rigid contacts are corrected by the change of
+   least kinetic energy, those of bodies at rest and in equilibrium too. */
+int pmr_start_moving(pmr_state *state, int kind, const double *u, const double *rates, const double *z,
+                     const double *v);
+/* As `pmr_start` with accelerations a (r',), multipliers (m,) and which contacts are closed (m,) as they are: how a
    simulation that another program began goes on. */
 int pmr_start_from(pmr_state *state, const double *u, const double *z, const double *v, const double *a,
                    const double *multipliers, const int32_t *closed);

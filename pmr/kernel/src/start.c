@@ -5,6 +5,9 @@
 #define ALMOST_FREE 1e-8
 #define UNCHANGED 1e-3
 #define BALANCED 1e-9
+/* What is left of a row that depends on those before; violation of a rigid contact by rates that is round-off. */
+#define DEPENDENT_ROW 1e-13
+#define VIOLATED 1e-8
 
 /* Solve A x = b (n) with partial pivoting, x in place of b; 1 if A is singular. */
 static int solve_dense(int n, double *A, double *x)
@@ -159,8 +162,65 @@ static int find_equilibrium(pmr_state *st)
     return PMR_DONE;
 }
 
-/* Multipliers of the contacts that give way from where the bodies stand, of those that push which are closed. */
-static int find_giving(pmr_state *st)
+/* Forces of contacts x (m) that hold the accelerations `free`, by least squares of C^T x = free; 0 where contacts
+   depend on each other.  Rows of C are made orthonormal (Gram and Schmidt, twice): C = R^T Q. */
+static int find_resting(pmr_state *st, const double *free, double *x)
+{
+    const pmr_system *y = st->system;
+    const int r = y->modes, m = y->contacts;
+    double *Q = st->scratch, *R = Q + (size_t)m * r, *left = R + (size_t)m * m;
+    int k, j, n, time;
+    memset(R, 0, (size_t)m * m * sizeof(double));
+    copy(left, free, r);
+    for (k = 0; k < m; k++) {
+        double *q = Q + (size_t)k * r, length;
+        const double *row = st->C + (size_t)k * r, whole = sqrt(dot(row, row, 0, r));
+        copy(q, row, r);
+        for (time = 0; time < 2; time++)
+            for (j = 0; j < k; j++) {
+                const double share = dot(Q + (size_t)j * r, q, 0, r);
+                R[j * m + k] += share;
+                add_share(q, Q + (size_t)j * r, -share, r);
+            }
+        length = sqrt(dot(q, q, 0, r));
+        if (!(length > DEPENDENT_ROW * whole)) return 0;
+        R[k * m + k] = length;
+        for (n = 0; n < r; n++) q[n] /= length;
+        x[k] = dot(q, left, 0, r);
+        add_share(left, q, -x[k], r);
+    }
+    for (k = m - 1; k >= 0; k--) {
+        for (j = k + 1; j < m; j++) x[k] -= R[k * m + j] * x[j];
+        x[k] /= R[k * m + k];
+    }
+    return 1;
+}
+
+/* Whether forces x that let nothing accelerate explain the motion of contacts that give way but for round-off. */
+static int is_resting(pmr_state *st, const double *free, double *x)
+{
+    const pmr_system *y = st->system;
+    int k, l, n;
+    if (!find_resting(st, free, x)) return 0;
+    for (k = 0; k < y->contacts; k++) {
+        const double *row = st->C + (size_t)k * y->modes;
+        double off = st->pushed[k], size = 0.0;
+        if (is_rigid(st, k)) continue;
+        for (n = 0; n < y->modes; n++) {
+            off += row[n] * st->z[n];
+            size += fabs(row[n] * st->z[n]);
+        }
+        for (n = 0; n < y->inputs; n++) size += fabs(st->H[k * y->ip + n] * st->loads[n]);
+        for (l = 0; l < y->contacts; l++) off -= *lower(st->A, y->mp, k, l) * x[l];
+        if (!(fabs(off) <= DBL_EPSILON * y->modes * size)) return 0;
+    }
+    return 1;
+}
+
+/* Multipliers of the contacts that give way from where the bodies stand, of those that push which are closed.  Where
+   these hardly give way, round-off of the motion is much in their forces: of a body that rests under the accelerations
+   `free` without contacts they are those that hold it. */
+static int find_giving(pmr_state *st, const double *free)
 {
     const pmr_system *y = st->system;
     int32_t *giving = st->numbers;
@@ -172,8 +232,16 @@ static int find_giving(pmr_state *st)
                  .closed = st->before_closed,
                  .entries = st->entries,
                  .factored = -1};
-    for (k = 0; k < y->contacts; k++)
+    for (k = 0; k < y->contacts; k++) {
+        st->lambda[k] = 0.0;
+        st->closed[k] = !y->pushes[k];
         if (!is_rigid(st, k)) giving[count++] = k;
+    }
+    if (!count) return PMR_DONE;
+    if (!y->pushing && is_resting(st, free, lambda)) {
+        for (k = 0; k < count; k++) st->lambda[giving[k]] = lambda[giving[k]];
+        return PMR_DONE;
+    }
     factor = F + (size_t)count * count;
     for (k = 0; k < count; k++) {
         const double *row = st->C + giving[k] * y->modes;
@@ -191,10 +259,6 @@ static int find_giving(pmr_state *st)
     if (failed) {
         st->trouble = failed == PMR_DEPENDENT ? giving[c.trouble] : -1;
         return failed;
-    }
-    for (k = 0; k < y->contacts; k++) {
-        st->lambda[k] = 0.0;
-        st->closed[k] = !y->pushes[k];
     }
     for (k = 0; k < count; k++) {
         st->lambda[giving[k]] = lambda[k];
@@ -274,7 +338,39 @@ static int start_from(pmr_state *st, const double *u, const double *z, const dou
     return begin(st);
 }
 
-static int start(pmr_state *st, int kind, const double *u, const double *z, const double *v)
+/* Correct rates that violate rigid contacts which move with their paths by `rates` (P,) m/s, by the change of least
+   kinetic energy, as an impulse of these contacts does it:
+
+       C v + sum s' C_s z = 0,    v += C^T mu */
+static int correct_rates(pmr_state *st, const pmr_scheme *still, const double *rates)
+{
+    const pmr_system *y = st->system;
+    double *off = st->entries, largest_z = 0.0, largest_v = 0.0;
+    int violated = 0, k, n, p;
+    find_slopes(st, still);
+    for (n = 0; n < y->modes; n++) {
+        largest_z = larger(largest_z, fabs(st->z[n]));
+        largest_v = larger(largest_v, fabs(st->v[n]));
+    }
+    for (k = 0; k < y->contacts; k++) {
+        double size = 0.0;
+        off[k] = 0.0;
+        if (!is_rigid(st, k)) continue;
+        for (n = 0; n < y->modes; n++) {
+            double slope = 0.0;
+            for (p = 0; p < y->paths; p++) slope += rates[p] * slopes_of(st, p).C[(size_t)k * y->modes + n];
+            off[k] += st->C[(size_t)k * y->modes + n] * st->v[n] + slope * st->z[n];
+            size += fabs(st->C[(size_t)k * y->modes + n]) * largest_v + fabs(slope) * largest_z;
+        }
+        violated |= fabs(off[k]) > VIOLATED * size;
+    }
+    if (!violated) return PMR_DONE;
+    if (solve_rigid(st, off)) return PMR_DEPENDENT;
+    for (k = 0; k < y->contacts; k++) add_share(st->v, st->C + (size_t)k * y->modes, -off[k], y->modes);
+    return PMR_DONE;
+}
+
+static int start(pmr_state *st, int kind, const double *u, const double *rates, const double *z, const double *v)
 {
     const pmr_system *y = st->system;
     const pmr_scheme *still = st->scheme + st->settings.levels;
@@ -292,10 +388,16 @@ static int start(pmr_state *st, int kind, const double *u, const double *z, cons
         copy(st->v, v, y->modes);
     }
     if (y->registers) combine_terms(st, u + y->paths + y->inputs);
-    failed = kind == PMR_IN_EQUILIBRIUM ? find_equilibrium(st) : find_giving(st);
+    if (kind == PMR_IN_EQUILIBRIUM) failed = find_equilibrium(st);
+    if (!failed && rates) failed = correct_rates(st, still, rates);
     if (failed) return failed;
     begin_terms(st, u + y->paths + y->inputs);
     accelerate(st, u + y->paths, st->accelerated);
+    if (kind != PMR_IN_EQUILIBRIUM) {
+        failed = find_giving(st, st->accelerated);
+        if (failed) return failed;
+        subtract_rows(st, 0, y->contacts, st->accelerated);
+    }
     for (k = 0; k < y->contacts; k++) {
         st->entries[k] = dot(st->C + k * y->modes, st->accelerated, 0, y->modes);
         rigid |= is_rigid(st, k);

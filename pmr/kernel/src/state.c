@@ -124,6 +124,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(began, st->saved);
     NUMBERS(peak, mp);
     NUMBERS(s, y->paths);
+    NUMBERS(s_rates, y->paths);
     NUMBERS(x, y->blocks);
     INTEGERS(interval, y->blocks);
     NUMBERS(C, m * n);

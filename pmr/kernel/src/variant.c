@@ -2,6 +2,7 @@
    PMR_FUNCTIONS. */
 #include "internal.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -24,8 +25,8 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "substeps.c"
 #include "outputs.c"
 #include "state.c"
-#include "start.c"
 #include "linearize.c"
+#include "start.c"
 #include "advance.c"
 
 const pmr_functions PMR_FUNCTIONS = {
