@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.kernel._native import ffi, lib
+from pmr.kernel.block_file import LINE
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -70,6 +72,40 @@ class ContactSearch:
         changes = np.array(wrong, np.int32)
         lib.pmr_choose_changes(len(changes), _integers(changes), self._state)
         return np.asarray(closed ^ changes.astype(bool))
+
+
+class FixedPoint:
+    """Iterates (n,) of a fixed point x = phi(x), extrapolated by generalized conjugate residuals.
+
+    Of a linear phi they end after as many times as its derivative has distinct eigenvalues, however large these are.
+    """
+
+    def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
+        """Store `most` directions; `add_up` adds up inner products where each rank has a part of an iterate."""
+        count = 4 * -(-size // 4)
+        room = np.zeros((4 + 2 * most) * count + LINE // 8)
+        first = -room.ctypes.data % LINE // 8
+        self._size, self._rows = size, room[first : first + (4 + 2 * most) * count].reshape(4 + 2 * most, count)
+        self._state = ffi.new("pmr_iteration *", {"count": count, "measured": count, "most": most})
+        names = ("x", "f", "least_x", "least_f", "directions")
+        for name, row in zip((*names, "changes"), (0, 1, 2, 3, 4, 4 + most), strict=True):
+            setattr(self._state, name, _doubles(self._rows[row:]))
+        if add_up is not None:
+
+            def add(value: Any, _: Any) -> None:
+                value[0] = add_up(value[0])
+
+            self._state.sum = self._add = ffi.callback("void(double *, void *)", add)
+
+    def restart(self) -> None:
+        """Forget all iterates before, as where phi has become another function."""
+        lib.pmr_restart(self._state)
+
+    def next(self, x: Array, phi: Array) -> Array:
+        """The iterate (n,) after x (n,), whose phi(x) (n,) is given."""
+        self._rows[0, : self._size], self._rows[1, : self._size] = x, phi - x
+        lib.pmr_extrapolate(self._state)
+        return self._rows[0, : self._size].copy()
 
 
 class SchemeFactors(NamedTuple):

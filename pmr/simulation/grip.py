@@ -35,15 +35,15 @@ class Grip:
 
 
 def slid(known: Friction, old: Grip, given: Array, s: Array, multipliers: Array, matrix: Array) -> Grip:
-    """After a step to s (J,) m that ends with multipliers (m,) N, found under a friction `given` (n,) N.
+    """After a step to s (J,) m that ends with multipliers (m,) N, found under joints' friction `given` (J,) N.
 
     `matrix` (m, m) is that of the multipliers, of which the diagonal counts.
     """
-    forces, held = np.zeros(len(old.forces)), known.totals(given)
+    forces = np.zeros(len(old.forces))
     driven = np.where(known.cylinders < 0, 0.0, multipliers[known.cylinders])
     for joint, (c, gives) in enumerate(zip(known.cylinders, known.gives, strict=True)):
         own = slice(known.first[joint], known.first[joint + 1])
-        cylinder = JointCylinder(gives, matrix[c, c], driven[joint], held[joint], old.drives[joint])
+        cylinder = JointCylinder(gives, matrix[c, c], driven[joint], given[joint], old.drives[joint])
         pads, moved = known.pads[own], s[joint] - old.s[joint]
         forces[own] = slide_pads(
             known.stiffness[own], known.coefficients[own], multipliers[pads], old.forces[own], moved, cylinder

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from plain_step import complementary
 
-from pmr.kernel.laws import ContactError, ContactSearch, JointCylinder, SchemeFactors, slide_pads, solve_contact
+from pmr.kernel.laws import (
+    ContactError,
+    ContactSearch,
+    FixedPoint,
+    JointCylinder,
+    SchemeFactors,
+    slide_pads,
+    solve_contact,
+)
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -63,6 +74,33 @@ def test_wrong_contacts_change_sides_together_three_times_at_most_without_progre
     assert changed == [[False, True, True]] * 4 + [[False, True, False]] * 2
     assert search.change(closed, np.array([True, False, False])).tolist() == [True, False, False]
     assert search.change(closed, np.array([True, False, True])).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("ranks", [1, 3])
+def test_a_linear_fixed_point_takes_as_many_iterates_as_it_has_eigenvalues(ranks: int) -> None:
+    """phi(x) = b - 50 x in one direction, -3 x in another, 0.5 x elsewhere, which diverges by itself."""
+    rng = np.random.default_rng(1)
+    Q, _ = np.linalg.qr(rng.normal(size=(9, 9)))
+    A, b = Q @ np.diag([-50.0, -3.0, *(7 * [0.5])]) @ Q.T, rng.normal(size=9)
+    own = np.array_split(np.arange(9), ranks)
+    parts = [FixedPoint(len(at), add_up=lambda value, k=k: totals(k, value)) for k, at in enumerate(own)]
+    if ranks == 1:
+        parts = [FixedPoint(9)]
+    barrier, values = threading.Barrier(ranks), np.zeros(ranks)
+
+    def totals(k: int, value: float) -> float:
+        values[k] = value
+        barrier.wait()
+        total = float(values.sum())
+        barrier.wait()
+        return total
+
+    x = np.zeros(9)
+    with ThreadPoolExecutor(ranks) as pool:
+        for _ in range(4):
+            phi = b + A @ x
+            x = np.concatenate(list(pool.map(lambda part, at: part.next(x[at], phi[at]), parts, own)))  # noqa: B023
+    np.testing.assert_allclose(x, np.linalg.solve(np.eye(9) - A, b), rtol=1e-10)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6, 0.9, 1.0])

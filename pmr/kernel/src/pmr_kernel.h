@@ -249,6 +249,20 @@ typedef struct {
 /* Leave in `wrong` (m,), the contacts that pull although they only push or overlap although they are open, those that
    change sides before the next solve.  Returns how many were wrong. */
 int pmr_choose_changes(int m, int32_t *wrong, pmr_search *search);
+/* Iterates of a fixed point x = phi(x), of which the first `measured` numbers count in a residual's size.  All arrays
+   begin on a multiple of 32 bytes, `count` and `measured` are multiples of four. */
+typedef struct {
+    double *x, *f;                /* (count,): iterate and residual phi(x) - x */
+    double *least_x, *least_f;    /* (count,): where the residual was least so far, and that */
+    double *directions, *changes; /* (most, count) */
+    int32_t count, measured, most, pairs, begun;
+    void (*sum)(double *value, void *context); /* NULL; or adds up an inner product of all parts of an iterate */
+    void *context;
+} pmr_iteration;
+/* Forget all iterates before, as where phi has become another function. */
+void pmr_restart(pmr_iteration *iteration);
+/* Replace x, whose residual is f, by the next iterate (extrapolation.c). */
+void pmr_extrapolate(pmr_iteration *iteration);
 /* Factors of generalized-alpha.  With a the acceleration-like variable and z'' the acceleration,
 
        a* = a_from_share a + a_from_force z'',    v* = v + v_from_share a + v_from_force z'',

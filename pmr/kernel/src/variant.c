@@ -30,7 +30,7 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "advance.c"
 
 const pmr_functions PMR_FUNCTIONS = {
-    PMR_VARIANT,     state_open,    state_restore,  start,         start_from,     step_to,     start_in_frame,
-    step_in_frame,   advance_signals, advance_sampled, outputs,    linearize,      contact_alone, choose_changes,
-    factors_alone,   friction_alone, state_bytes,   state_save,
+    PMR_VARIANT,   state_open,      state_restore,   start,       start_from,    step_to,        start_in_frame,
+    step_in_frame, advance_signals, advance_sampled, outputs,     linearize,     contact_alone,  choose_changes,
+    extrapolate,   factors_alone,   friction_alone,  state_bytes, state_save,
 };
