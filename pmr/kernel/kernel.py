@@ -386,6 +386,15 @@ class State:
             raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
         self._raise_unless_done(failed, "a restored state")
 
+    @property
+    def pointer(self) -> Any:
+        """Its address, for calls of the kernel's functions."""
+        return self._state
+
+    def raise_unless_done(self, failed: int, where: str) -> None:
+        """Raise a StepError for what stopped the kernel, if anything did."""
+        self._raise_unless_done(failed, where)
+
     def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
         """Fill an array in place; the kernel refuses what is not finite."""
         array = np.asarray(values, float)

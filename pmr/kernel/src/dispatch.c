@@ -105,6 +105,28 @@ int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *ro
     return chosen()->step_in_frame(state, motions, rows);
 }
 
+int pmr_carried_open(pmr_state *state, const pmr_machine *machine, pmr_carried **carried)
+{
+    return chosen()->carried_open(state, machine, carried);
+}
+
+void pmr_carried_close(pmr_carried *carried) { pmr_free_aligned(carried); }
+
+void pmr_carried_look(pmr_carried *carried, pmr_carried_view *view) { chosen()->carried_look(carried, view); }
+
+int pmr_carried_needed(pmr_carried *carried, const double *b, const double *z, const double *v, const double *a,
+                       double *needed)
+{
+    return chosen()->carried_needed(carried, b, z, v, a, needed);
+}
+
+int pmr_carried_start(pmr_carried *carried, double *b, const double *z, const double *v)
+{
+    return chosen()->carried_start(carried, b, z, v);
+}
+
+int pmr_carried_step(pmr_carried *carried, int64_t k) { return chosen()->carried_step(carried, k); }
+
 int pmr_advance(pmr_state *state, const pmr_signals *signals, int64_t count, int64_t every, const int32_t *parts,
                 const pmr_record *record, int64_t *taken)
 {
@@ -118,6 +140,11 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 }
 
 void pmr_outputs(pmr_state *state, double *y, double *forces) { chosen()->outputs(state, y, forces); }
+
+void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values)
+{
+    chosen()->observe(state, count, numbers, values);
+}
 
 void pmr_energy(const pmr_state *state, double *energy) { memcpy(energy, state->energy, 2 * sizeof(double)); }
 

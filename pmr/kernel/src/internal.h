@@ -153,7 +153,7 @@ struct pmr_state {
     pmr_iteration iteration;
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
-    double *y;                                       /* (op) */
+    double *y, *all;                                 /* (op), (o + forces) */
     pmr_scheme *scheme;                              /* (levels) */
     int32_t placed, factored, moved, trouble;
     int64_t solves;
@@ -173,7 +173,13 @@ typedef struct {
     int (*advance)(pmr_state *, const pmr_signals *, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *);
     int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *,
                            int64_t *, int *);
+    int (*carried_open)(pmr_state *, const pmr_machine *, pmr_carried **);
+    int (*carried_needed)(pmr_carried *, const double *, const double *, const double *, const double *, double *);
+    int (*carried_start)(pmr_carried *, double *, const double *, const double *);
+    int (*carried_step)(pmr_carried *, int64_t);
+    void (*carried_look)(pmr_carried *, pmr_carried_view *);
     void (*outputs)(pmr_state *, double *, double *);
+    void (*observe)(pmr_state *, int, const int32_t *, double *);
     int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);
     int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
     int (*choose_changes)(int, int32_t *, pmr_search *);
@@ -191,6 +197,13 @@ int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u
 void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, double *u, double *along,
                      double *work);
 int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
+/* How a frame, or the base that carries it, is turned: its rotation (3, 3) into axes of the ground, its angular velocity
+   and acceleration in its own axes. */
+typedef struct {
+    double R[9], velocity[3], acceleration[3];
+} pmr_turning;
+
+void pmr_frame_turning(const pmr_system *system, const double *motions, pmr_turning *boom, pmr_turning *base);
 /* How fast the rate of a driver grows within h around t. */
 double pmr_signals_spread(const pmr_signals *signals, int32_t driver, double t, double h);
 

@@ -48,7 +48,9 @@ enum {
     PMR_UNSETTLED = 3,   /* which contacts are closed was not found in 1000 solves */
     PMR_UNCONVERGED = 4, /* forces of terms or friction do not converge within a step */
     PMR_NOT_FINITE = 5,  /* a coordinate is infinite or no number */
-    PMR_NO_MEMORY = 6
+    PMR_NO_MEMORY = 6,
+    PMR_LOST = 7,        /* a machine's motion is not found */
+    PMR_UPRIGHT = 8      /* a machine pitches by 90 degrees, where roll and yaw turn about one axis */
 };
 
 /* Room for a message, with the zero at its end. */
@@ -159,6 +161,61 @@ int pmr_start_in_frame(pmr_state *state, int kind, const double *motions, const 
                        const double *v);
 int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *rows);
 
+/* ---- a machine that carries the frame ---- */
+
+/* A machine below the boom of a system with a frame, whose motion is found with the boom's (machine.c).  Its directions
+   are x, y, z of the pivot along the ground's axes in m, and roll, pitch and yaw in rad.  Arrays stay as long as what is
+   opened with them; those over T steps, t = 0 the first, say what drives it. */
+typedef struct {
+    int32_t sections;        /* S, the base first */
+    int32_t shortened_count; /* G: moments that are quadratic in the modes */
+    int32_t inertial_count;  /* inputs by which the frame accelerates the boom */
+    int32_t axes[3];         /* motions that are accelerations of the pivot along the ground's axes */
+    int32_t free[6];         /* directions that it moves in by itself */
+    double mass, center[3], inertia[3]; /* kg, m from the pivot, kg m^2 about it along its own axes */
+    double stiffness[6], damping[6];
+    double boom_mass, largest_weight;   /* kg, m/s^2 */
+    double place[3], section_inertia[9]; /* m: the base's tail from the pivot; kg m^2: the sum about the tails */
+    const int32_t *section_paths;  /* (S,): motions by which sections move along, less than 0: none */
+    const int32_t *fields;         /* (S, 4, 3): inputs of acceleration fields over 1, x, y, z along x, y, z, or -1 */
+    const int32_t *inertial;       /* (inertial_count,) inputs */
+    const double *masses, *first;  /* (S,) kg, (S, 3) kg m from each tail */
+    const double *loads;           /* (S, 6, i): forces and moments about the tails of all inputs */
+    const double *rotating;        /* (3, r', r') kg */
+    const double *carried;         /* (3, 3, r', r') kg */
+    const int32_t *of_shortened;   /* (G, 3): section, over 1 or x, section over whose extension it is or -1 */
+    const double *shortened;       /* (G, r', r') */
+    const double *motions;         /* (T, 3, n): of the frame, those of the machine left out */
+    const double *rates;           /* (T, n) m/s: of the motions that are paths; at kinks the mean of both sides */
+    const double *given;           /* (T, 3, 6): directions that are held, and what springs stand on */
+    const double *pushed;          /* (T, 6) N and N m: forces and moments on the pivot, along the ground's axes */
+    const double *weight;          /* (T,) m/s^2 */
+} pmr_machine;
+
+typedef struct pmr_carried pmr_carried;
+
+/* Where machine and boom stand. */
+typedef struct {
+    double *b;       /* (3, 6): directions with rates and second rates */
+    double *held;    /* (6,) N, N m: what holds directions that are not free */
+    double *springs; /* (6,): of springs and dampers, by the directions */
+    double *momenta; /* (6,): linear and angular momentum about the ground's origin */
+    double *inertia; /* (inertial_count,): inputs by which the frame accelerates the boom */
+} pmr_carried_view;
+
+/* PMR_REFUSED for a system whose frame has no base that moves or whose contacts push, and for steps in parts. */
+int pmr_carried_open(pmr_state *state, const pmr_machine *machine, pmr_carried **carried);
+void pmr_carried_close(pmr_carried *carried);
+void pmr_carried_look(pmr_carried *carried, pmr_carried_view *view);
+/* What has to hold the machine (6,), by its directions, at t = 0 where it moves as b (3, 6) and the boom as z, v, a
+   (r',). */
+int pmr_carried_needed(pmr_carried *carried, const double *b, const double *z, const double *v, const double *a,
+                       double *needed);
+/* Begin at t = 0 with b (3, 6), whose second rates of free directions are found, and the boom at z and v (r',). */
+int pmr_carried_start(pmr_carried *carried, double *b, const double *z, const double *v);
+/* Take step k, 1 or more. */
+int pmr_carried_step(pmr_carried *carried, int64_t k);
+
 /* ---- signals ---- */
 
 /* Drivers over time as sums of pieces; piece j of driver n counts on breaks[j] <= t < breaks[j + 1], with x = t -
@@ -213,6 +270,8 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 
 /* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
 void pmr_outputs(pmr_state *state, double *y, double *forces);
+/* Some of them, by their numbers (count,): of outputs, and behind these of forces. */
+void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values);
 /* Energy stored and work done since the start, both in J. */
 void pmr_energy(const pmr_state *state, double *energy);
 

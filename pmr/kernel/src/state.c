@@ -172,7 +172,8 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(motions_now, 3 * y->motions);
     NUMBERS(quantities, 2 * y->quantities);
     NUMBERS(y, y->op);
-    NUMBERS(held, 2 * (n + mp));
+    NUMBERS(all, (size_t)y->outputs + y->forces);
+    NUMBERS(held, 3 * (n + mp));
     NUMBERS(slopes, y->paths * m * (n + y->ip + mp));
     NUMBERS(seeds, 13 * n + y->drivers);
     st->scheme = take_room(r, (size_t)levels + 1, sizeof(pmr_scheme));

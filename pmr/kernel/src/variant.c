@@ -28,9 +28,32 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "linearize.c"
 #include "start.c"
 #include "advance.c"
+#include "machine.c"
 
 const pmr_functions PMR_FUNCTIONS = {
-    PMR_VARIANT,   state_open,      state_restore,   start,       start_from,    step_to,        start_in_frame,
-    step_in_frame, advance_signals, advance_sampled, outputs,     linearize,     contact_alone,  choose_changes,
-    extrapolate,   factors_alone,   friction_alone,  state_bytes, state_save,
+    .name = PMR_VARIANT,
+    .state_open = state_open,
+    .state_restore = state_restore,
+    .start = start,
+    .start_from = start_from,
+    .step = step_to,
+    .start_in_frame = start_in_frame,
+    .step_in_frame = step_in_frame,
+    .advance = advance_signals,
+    .advance_sampled = advance_sampled,
+    .carried_open = carried_open,
+    .carried_needed = carried_needed,
+    .carried_start = carried_start,
+    .carried_step = carried_step,
+    .carried_look = carried_look,
+    .outputs = outputs,
+    .observe = observe,
+    .linearize = linearize,
+    .contact = contact_alone,
+    .choose_changes = choose_changes,
+    .extrapolate = extrapolate,
+    .factors = factors_alone,
+    .friction = friction_alone,
+    .state_bytes = state_bytes,
+    .state_save = state_save,
 };
