@@ -169,10 +169,14 @@ int pmr_choose_changes(int m, int32_t *wrong, pmr_search *search)
     return chosen()->choose_changes(m, wrong, search);
 }
 
+void pmr_restart(pmr_iteration *iteration) { iteration->pairs = iteration->begun = 0; }
+
+void pmr_extrapolate(pmr_iteration *iteration) { chosen()->extrapolate(iteration); }
+
 void pmr_scheme_factors(double h, double rho_inf, pmr_factors *factors) { chosen()->factors(h, rho_inf, factors); }
 
-double pmr_friction(int n, const double *kappa, const double *old, const double *limits, double moved, double softness,
-                    double given, double *f)
+double pmr_friction(int n, const double *kappa, const double *coefficients, const double *forces, const double *old,
+                    double moved, const pmr_cylinder *cylinder, double *limits, double *f)
 {
-    return chosen()->friction(n, kappa, old, limits, moved, softness, given, f);
+    return chosen()->friction(n, kappa, coefficients, forces, old, moved, cylinder, limits, f);
 }

@@ -106,14 +106,6 @@ typedef struct {
     int32_t *in_pairs;  /* (pairs, 2) */
 } pmr_scheme;
 
-/* Iterates of `count` numbers, of which the first `measured` count in a residual's size (extrapolation.c). */
-typedef struct {
-    double *x, *f;                /* iterate and residual */
-    double *least_x, *least_f;    /* where the residual was least so far, and that */
-    double *directions, *changes; /* (MOST_PAIRS, count) */
-    int32_t count, measured, pairs, begun;
-} pmr_iteration;
-
 /* What a state is saved with besides its numbers. */
 typedef struct {
     int64_t step;
@@ -190,8 +182,10 @@ typedef struct {
     int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);
     int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
     int (*choose_changes)(int, int32_t *, pmr_search *);
+    void (*extrapolate)(pmr_iteration *);
     void (*factors)(double, double, pmr_factors *);
-    double (*friction)(int, const double *, const double *, const double *, double, double, double, double *);
+    double (*friction)(int, const double *, const double *, const double *, const double *, double, const pmr_cylinder *,
+                       double *, double *);
     size_t (*state_bytes)(const pmr_state *);
     void (*state_save)(const pmr_state *, void *);
 } pmr_functions;

@@ -310,6 +310,20 @@ typedef struct {
 /* Leave in `wrong` (m,), the contacts that pull although they only push or overlap although they are open, those that
    change sides before the next solve.  Returns how many were wrong. */
 int pmr_choose_changes(int m, int32_t *wrong, pmr_search *search);
+/* Iterates of a fixed point x = phi(x), of which the first `measured` numbers count in a residual's size.  All arrays
+   begin on a multiple of 32 bytes, `count` and `measured` are multiples of four. */
+typedef struct {
+    double *x, *f;                /* (count,): iterate and residual phi(x) - x */
+    double *least_x, *least_f;    /* (count,): where the residual was least so far, and that */
+    double *directions, *changes; /* (most, count) */
+    int32_t count, measured, most, pairs, begun;
+    void (*sum)(double *value, void *context); /* NULL; or adds up an inner product of all parts of an iterate */
+    void *context;
+} pmr_iteration;
+/* Forget all iterates before, as where phi has become another function. */
+void pmr_restart(pmr_iteration *iteration);
+/* Replace x, whose residual is f, by the next iterate (extrapolation.c). */
+void pmr_extrapolate(pmr_iteration *iteration);
 /* Factors of generalized-alpha.  With a the acceleration-like variable and z'' the acceleration,
 
        a* = a_from_share a + a_from_force z'',    v* = v + v_from_share a + v_from_force z'',
@@ -323,11 +337,19 @@ typedef struct {
 } pmr_factors;
 /* Factors of a step of h s with the spectral radius rho_inf at infinite frequency. */
 void pmr_scheme_factors(double h, double rho_inf, pmr_factors *factors);
-/* Friction (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
-   and slide at limits (n,) N: f = clip(old + kappa x, -limit, limit), with the slip x of x + softness (sum f - given)
-   = moved. Returns their sum. */
-double pmr_friction(int n, const double *kappa, const double *old, const double *limits, double moved, double softness,
-                    double given, double *f);
+/* Cylinder of a joint whose pads rub. */
+typedef struct {
+    double gives;      /* m/N: 1/k; 0 of a rigid one or none */
+    double compliance; /* m/N: its diagonal entry of A */
+    double force;      /* N: its multiplier */
+    double friction;   /* N: sum of the pads' friction under which that was found */
+    double drive;      /* N: force plus friction at the end of the last step */
+} pmr_cylinder;
+/* Friction f (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
+   and slide at limits (n,) N, coefficients (n,) times the pads' forces (n,) N; from the `old` one (n,) N, where the path
+   of the joint has moved by `moved` m.  Returns their sum. */
+double pmr_friction(int n, const double *kappa, const double *coefficients, const double *forces, const double *old,
+                    double moved, const pmr_cylinder *cylinder, double *limits, double *f);
 
 /* ---- up to here ---- */
 

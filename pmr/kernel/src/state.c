@@ -53,6 +53,8 @@ static void lay_out_iteration(const pmr_system *y, pmr_state *st, room *r)
     it->measured = varies ? y->modes + PMR_UP(y->joints) : 0;
     it->count = varies ? it->measured + PMR_UP(y->pads) : 0;
     count = it->count;
+    it->most = MOST_PAIRS;
+    it->sum = NULL;
     NUMBERS(iteration.x, count);
     NUMBERS(iteration.f, count);
     NUMBERS(iteration.least_x, count);

@@ -50,8 +50,9 @@ const pmr_functions PMR_FUNCTIONS = {
     .linearize = linearize,
     .contact = contact_alone,
     .choose_changes = choose_changes,
+    .extrapolate = extrapolate,
     .factors = factors_alone,
-    .friction = slide,
+    .friction = friction_alone,
     .state_bytes = state_bytes,
     .state_save = state_save,
 };
