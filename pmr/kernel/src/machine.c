@@ -977,7 +977,7 @@ static int begin_with(pmr_carried *ms, const double *b, const double *z, const d
     const double *modes[3] = {ms->state->z, ms->state->v, ms->accelerations};
     int failed;
     drivers_at(ms, 0, b, b + 12, ms->u);
-    failed = start(ms->state, PMR_GIVEN, ms->u, z, v);
+    failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
     if (failed) return failed;
     accelerate_boom(ms);
     find_needed(ms, 0, b, ms->u + y->paths, modes, needed);

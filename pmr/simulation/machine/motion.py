@@ -22,8 +22,8 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.states import failed_at, places_of, start_modes
 from pmr.simulation.needs import needs_of
 from pmr.simulation.start import InitialState
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
-from pmr.system.statics import equilibrium
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
