@@ -16,10 +16,10 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
 
-#: Why a step of a machine fails, where its boom's does not.
+#: Why a machine's step fails at step k, t s, where its boom's does not.
 REASONS = {
-    lib.PMR_LOST: "the machine's motion is not found",
-    lib.PMR_UPRIGHT: "the machine pitches by 90 degrees, where roll and yaw turn about one axis,",
+    lib.PMR_LOST: "the machine's motion is not found at step {k}, t = {t:g} s",
+    lib.PMR_UPRIGHT: "the machine pitches by 90 degrees at t = {t:g} s, where roll and yaw turn about one axis",
 }
 
 
@@ -56,7 +56,7 @@ class Machine:
 
 
 class Carried:
-    """A machine and its boom at one moment; `state` is the boom's.
+    """A machine and its boom, and what is recorded of both at T steps; `state` is the boom's.
 
     An InputError is raised for a boom that it can't carry: on a frame without a base that moves, with contacts that
     only push, in steps of several parts.
@@ -80,15 +80,18 @@ class Carried:
         if lib.pmr_carried_open(state.pointer, self._machine, out):
             allowed = "a frame with a base that moves, contacts that hold both ways and whole steps are allowed"
             raise InputError("machine", "boom", None, allowed)
-        self._carried, view = ffi.gc(out[0], lib.pmr_carried_close), ffi.new("pmr_carried_view *")
-        lib.pmr_carried_look(self._carried, view)
-        sizes = {"b": 18, "held": 6, "springs": 6, "momenta": 6, "inertia": len(machine.inertial)}
-        views = {name: _view(getattr(view, name), size) for name, size in sizes.items()}
-        self.motion: Array = views["b"].reshape(3, 6)  # of its directions, with rates and second rates
-        self.held: Array = views["held"]  # (6,) N, N m: what holds directions that are not free
-        self.springs: Array = views["springs"]  # (6,): of springs and dampers
-        self.momenta: Array = views["momenta"]  # (6,): linear, angular, about the ground's origin
-        self.inertia: Array = views["inertia"]  # inputs by which the frame accelerates the boom
+        self._carried = ffi.gc(out[0], lib.pmr_carried_close)
+        steps, inertial = len(machine.motions), len(machine.inertial)
+        self.number = 0
+        self.motion = np.zeros((steps, 3, 6))  # of its directions, with rates and second rates
+        self.held = np.zeros((steps, 6))  # N, N m: what holds directions that are not free
+        self.springs = np.zeros((steps, 6))  # of springs and dampers
+        self.momenta = np.zeros((steps, 6))  # linear, angular, about the ground's origin
+        self.inertia = np.zeros((steps, inertial))  # inputs by which the frame accelerates the boom
+
+    def _record(self, first: int) -> Any:
+        names = ("motion", "held", "springs", "momenta", "inertia")
+        return ffi.new("pmr_carried_record *", {name: _pointer(getattr(self, name)[first:]) for name in names})
 
     def needed(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
         """What has to hold the machine (6,) at t = 0 for it to move as (3, 6) and the boom's modes as z, v, a."""
@@ -97,32 +100,30 @@ class Carried:
         return forces
 
     def start(self, motion: Array, z: Array, v: Array) -> None:
-        """Begin at t = 0 with motion (3, 6), whose second rates of free directions are found; errors as for `step`."""
-        arrays = [np.array(array, float) for array in (motion, z, v)]
-        self._raise_unless_done(lib.pmr_carried_start(self._carried, *map(_pointer, arrays)), "the start")
+        """Begin at t = 0 with motion (3, 6), whose second rates of free directions are found; errors as for `advance`.
 
-    def step(self, k: int) -> None:
-        """Take step k.
-
-        A StepError is raised where the boom's step fails, a SimulationError where the machine's motion is not found or
-        not finite, or it stands upright.
+        Where it stands is the first row of what is recorded.
         """
-        if failed := lib.pmr_carried_step(self._carried, k):
-            self._raise_unless_done(failed, f"step {k}")
+        self.number = 0
+        arrays = [np.ascontiguousarray(array, float) for array in (motion, z, v)]
+        failed = lib.pmr_carried_start(self._carried, *map(_pointer, arrays), self._record(0))
+        self._raise_unless_done(failed, 0)
 
-    def _raise_unless_done(self, failed: int, where: str) -> None:
+    def advance(self, count: int) -> None:
+        """Take steps and record them; `number` is that of the last.
+
+        A StepError is raised where the boom's step fails, a SimulationError where the machine's motion is not found,
+        or it stands upright.
+        """
+        taken, first = ffi.new("int64_t *"), self.number + 1
+        failed = lib.pmr_carried_advance(self._carried, first, count, self._record(first), taken)
+        self.number += int(taken[0])
+        self._raise_unless_done(failed, self.number + 1)
+
+    def _raise_unless_done(self, failed: int, k: int) -> None:
         if failed in REASONS:
-            raise SimulationError(f"{REASONS[failed]} at {where}")
-        self.state.raise_unless_done(failed, where)
-
-
-def _view(pointer: Any, count: int) -> Array:
-    """Numbers of the kernel as an array that is read only and follows them."""
-    if not count:
-        return np.zeros(0)
-    array = np.frombuffer(ffi.buffer(pointer, 8 * count), np.float64)
-    array.flags.writeable = False
-    return array
+            raise SimulationError(REASONS[failed].format(k=k, t=k * self.state.settings.step))
+        self.state.raise_unless_done(failed, f"step {k}")
 
 
 def _pointer(array: Array) -> Any:

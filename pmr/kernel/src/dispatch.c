@@ -112,20 +112,23 @@ int pmr_carried_open(pmr_state *state, const pmr_machine *machine, pmr_carried *
 
 void pmr_carried_close(pmr_carried *carried) { pmr_free_aligned(carried); }
 
-void pmr_carried_look(pmr_carried *carried, pmr_carried_view *view) { chosen()->carried_look(carried, view); }
-
 int pmr_carried_needed(pmr_carried *carried, const double *b, const double *z, const double *v, const double *a,
                        double *needed)
 {
     return chosen()->carried_needed(carried, b, z, v, a, needed);
 }
 
-int pmr_carried_start(pmr_carried *carried, double *b, const double *z, const double *v)
+int pmr_carried_start(pmr_carried *carried, const double *b, const double *z, const double *v,
+                      const pmr_carried_record *record)
 {
-    return chosen()->carried_start(carried, b, z, v);
+    return chosen()->carried_start(carried, b, z, v, record);
 }
 
-int pmr_carried_step(pmr_carried *carried, int64_t k) { return chosen()->carried_step(carried, k); }
+int pmr_carried_advance(pmr_carried *carried, int64_t first, int64_t count, const pmr_carried_record *record,
+                        int64_t *taken)
+{
+    return chosen()->carried_advance(carried, first, count, record, taken);
+}
 
 int pmr_advance(pmr_state *state, const pmr_signals *signals, int64_t count, int64_t every, const int32_t *parts,
                 const pmr_record *record, int64_t *taken)

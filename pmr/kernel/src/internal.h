@@ -175,9 +175,8 @@ typedef struct {
                            int64_t *, int *);
     int (*carried_open)(pmr_state *, const pmr_machine *, pmr_carried **);
     int (*carried_needed)(pmr_carried *, const double *, const double *, const double *, const double *, double *);
-    int (*carried_start)(pmr_carried *, double *, const double *, const double *);
-    int (*carried_step)(pmr_carried *, int64_t);
-    void (*carried_look)(pmr_carried *, pmr_carried_view *);
+    int (*carried_start)(pmr_carried *, const double *, const double *, const double *, const pmr_carried_record *);
+    int (*carried_advance)(pmr_carried *, int64_t, int64_t, const pmr_carried_record *, int64_t *);
     void (*outputs)(pmr_state *, double *, double *);
     void (*observe)(pmr_state *, int, const int32_t *, double *);
     int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);

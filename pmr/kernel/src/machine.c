@@ -110,12 +110,12 @@ static void add_cross(double factor, const double *a, const double *b, double *s
 /* x of A x = b (3, 3), or of A^T x = b. */
 static void solve_three(const double *A, int transposed, const double *b, double *x)
 {
-    double matrix[9];
+    double matrix[9], room[3 * 5];
     int i, j;
     for (i = 0; i < 3; i++)
         for (j = 0; j < 3; j++) matrix[3 * i + j] = transposed ? A[3 * j + i] : A[3 * i + j];
     for (i = 0; i < 3; i++) x[i] = b[i];
-    if (solve_dense(3, matrix, x)) x[0] = x[1] = x[2] = NAN;
+    if (solve_dense(3, matrix, x, room)) x[0] = x[1] = x[2] = NAN;
 }
 
 /* ---- where the machine stands ---- */
@@ -793,7 +793,7 @@ static int find_motion_at(pmr_carried *ms, int64_t k)
 {
     const machine_past *old = &ms->past;
     const double h = ms->state->settings.step;
-    double rates[6], change[6], matrix[36], fastest[2], smallest = INFINITY;
+    double rates[6], change[6], matrix[36], room[6 * 8], fastest[2], smallest = INFINITY;
     int which[6], count = 0, since = 0, failed, tries, n, j;
     for (n = 0; n < 6; n++)
         if (ms->machine->free[n]) which[count++] = n;
@@ -818,7 +818,7 @@ static int find_motion_at(pmr_carried *ms, int64_t k)
         }
         copy(matrix, old->slope, count * count);
         for (n = 0; n < count; n++) change[n] = -ms->now.left[which[n]];
-        if (solve_dense(count, matrix, change)) return PMR_LOST;
+        if (solve_dense(count, matrix, change, room)) return PMR_LOST;
         find_fastest(ms, ms->now.b, fastest);
         for (n = 0; n < count; n++) {
             error = larger(error, fabs(change[n]) / fastest[which[n] / 3]);
@@ -984,14 +984,25 @@ static int begin_with(pmr_carried *ms, const double *b, const double *z, const d
     return PMR_DONE;
 }
 
-static int carried_start(pmr_carried *ms, double *b, const double *z, const double *v)
+static void record_machine(const pmr_carried *ms, const pmr_carried_record *record, int64_t row)
+{
+    record_row(record->motion, row, 18, ms->past.b);
+    record_row(record->held, row, 6, ms->past.held);
+    record_row(record->springs, row, 6, ms->past.whole.springs);
+    record_row(record->momenta, row, 6, ms->past.momenta);
+    record_row(record->inertia, row, ms->machine->inertial_count, ms->inertia);
+}
+
+static int carried_start(pmr_carried *ms, const double *given, const double *z, const double *v,
+                         const pmr_carried_record *record)
 {
     const pmr_machine *m = ms->machine;
     const pmr_system *y = ms->state->system;
     machine_past *past = &ms->past;
     const double *modes[3] = {ms->state->z, ms->state->v, ms->state->v};
-    double none[6], needed[6], matrix[36], second[6], balanced = 0.0;
+    double b[18], none[6], needed[6], matrix[36], room[6 * 8], second[6], balanced = 0.0;
     int which[6], count = 0, failed, n, j;
+    copy(b, given, 18);
     memset(past, 0, sizeof *past);
     for (n = 0; n < 6; n++)
         if (m->free[n]) which[count++] = n;
@@ -1005,7 +1016,7 @@ static int carried_start(pmr_carried *ms, double *b, const double *z, const doub
     }
     if (failed) return failed;
     for (n = 0; n < count; n++) second[n] = -none[which[n]];
-    if (count && solve_dense(count, matrix, second)) return PMR_LOST;
+    if (count && solve_dense(count, matrix, second, room)) return PMR_LOST;
     for (n = 0; n < count; n++) b[12 + which[n]] = second[n];
     failed = begin_with(ms, b, z, v, needed);
     if (failed) return failed;
@@ -1024,20 +1035,18 @@ static int carried_start(pmr_carried *ms, double *b, const double *z, const doub
     past->fastest[0] = past->fastest[1] = larger(balanced, 1e-100); /* whose square is a number */
     find_fastest(ms, b, past->fastest);
     save_boom(ms);
+    record_machine(ms, record, 0);
     return PMR_DONE;
 }
 
-static int carried_step(pmr_carried *ms, int64_t k)
+static int carried_advance(pmr_carried *ms, int64_t first, int64_t count, const pmr_carried_record *record,
+                           int64_t *taken)
 {
-    const int failed = find_motion_at(ms, k);
-    return failed ? failed : end_machine_step(ms, k);
-}
-
-static void carried_look(pmr_carried *ms, pmr_carried_view *view)
-{
-    view->b = ms->past.b;
-    view->held = ms->past.held;
-    view->springs = ms->past.whole.springs;
-    view->momenta = ms->past.momenta;
-    view->inertia = ms->inertia;
+    for (*taken = 0; *taken < count; ++*taken) {
+        int failed = find_motion_at(ms, first + *taken);
+        if (!failed) failed = end_machine_step(ms, first + *taken);
+        if (failed) return failed;
+        record_machine(ms, record, *taken);
+    }
+    return PMR_DONE;
 }

@@ -194,27 +194,29 @@ typedef struct {
 
 typedef struct pmr_carried pmr_carried;
 
-/* Where machine and boom stand. */
+/* Where steps of a machine are recorded, one row each. */
 typedef struct {
-    double *b;       /* (3, 6): directions with rates and second rates */
-    double *held;    /* (6,) N, N m: what holds directions that are not free */
-    double *springs; /* (6,): of springs and dampers, by the directions */
-    double *momenta; /* (6,): linear and angular momentum about the ground's origin */
-    double *inertia; /* (inertial_count,): inputs by which the frame accelerates the boom */
-} pmr_carried_view;
+    double *motion;  /* (., 3, 6): directions with rates and second rates */
+    double *held;    /* (., 6) N, N m: what holds directions that are not free */
+    double *springs; /* (., 6): of springs and dampers, by the directions */
+    double *momenta; /* (., 6): linear and angular momentum about the ground's origin */
+    double *inertia; /* (., inertial_count): inputs by which the frame accelerates the boom */
+} pmr_carried_record;
 
 /* PMR_REFUSED for a system whose frame has no base that moves or whose contacts push, and for steps in parts. */
 int pmr_carried_open(pmr_state *state, const pmr_machine *machine, pmr_carried **carried);
 void pmr_carried_close(pmr_carried *carried);
-void pmr_carried_look(pmr_carried *carried, pmr_carried_view *view);
 /* What has to hold the machine (6,), by its directions, at t = 0 where it moves as b (3, 6) and the boom as z, v, a
    (r',). */
 int pmr_carried_needed(pmr_carried *carried, const double *b, const double *z, const double *v, const double *a,
                        double *needed);
-/* Begin at t = 0 with b (3, 6), whose second rates of free directions are found, and the boom at z and v (r',). */
-int pmr_carried_start(pmr_carried *carried, double *b, const double *z, const double *v);
-/* Take step k, 1 or more. */
-int pmr_carried_step(pmr_carried *carried, int64_t k);
+/* Begin at t = 0 with b (3, 6), whose second rates of free directions are found, and the boom at z and v (r',); row 0
+   is recorded. */
+int pmr_carried_start(pmr_carried *carried, const double *b, const double *z, const double *v,
+                      const pmr_carried_record *record);
+/* Take `count` steps, the first of which is number `first`, 1 or more; row 0 is that step.  `*taken` were taken. */
+int pmr_carried_advance(pmr_carried *carried, int64_t first, int64_t count, const pmr_carried_record *record,
+                        int64_t *taken);
 
 /* ---- signals ---- */
 

@@ -69,7 +69,7 @@ static size_t scratch_size(const pmr_system *y)
     size_t size = (size_t)y->largest_table + y->mp + y->modes + 64;
     const size_t held = (size_t)y->modes + y->rows;
     if (y->coupled && size < (size_t)y->modes * y->modes) size = (size_t)y->modes * y->modes;
-    if (size < 2 * held * held) size = 2 * held * held; /* of the equilibrium at the start */
+    if (size < 2 * held * (held + 1)) size = 2 * held * (held + 1); /* of the equilibrium at the start */
     return size;
 }
 
@@ -173,7 +173,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(quantities, 2 * y->quantities);
     NUMBERS(y, y->op);
     NUMBERS(all, (size_t)y->outputs + y->forces);
-    NUMBERS(held, 3 * (n + mp));
+    NUMBERS(held, 2 * (n + mp));
     NUMBERS(slopes, y->paths * m * (n + y->ip + mp));
     NUMBERS(seeds, 13 * n + y->drivers);
     st->scheme = take_room(r, (size_t)levels + 1, sizeof(pmr_scheme));

@@ -18,7 +18,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,8 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.states import failed_at, places_of, start_modes
-from pmr.simulation.native.systems import static_start
+from pmr.simulation.native.marching import DENSE
+from pmr.simulation.native.states import failed_at, places_of, start_modes, static_start
 from pmr.simulation.needs import needs_of
 from pmr.simulation.recorded import Recorded, recorded
 from pmr.simulation.start import InitialState
@@ -285,16 +285,24 @@ class Stepper:
         rigid = np.all(Assembly(modal).at(x).F == 0.0, axis=1)
         refuse("march", needs_of(modal, rigid, x[None], self._rho_inf))
         if initial is None and static:
-            initial = static_start(self._system, self._constant(paths, u))
+            if kernel.modes <= DENSE and self._begin("equilibrium") is None:
+                return
+            initial = static_start(self._system, self._constant(paths, u))  # which also says what nothing holds
         x = self._system.coordinates(paths)
-        z, v = start_modes(self._form, x, np.zeros(len(x)), initial or {})
+        if error := self._begin("given", *start_modes(self._form, x, np.zeros(len(x)), initial or {})):
+            raise self._failure("t = 0 s", error)
+
+    def _begin(self, kind: Literal["given", "equilibrium"], *modes: Array) -> StepError | None:
+        """Start the kernel; the error where that fails."""
+        motions = self._bound.motions
         try:
-            if kernel.motions:
-                self._state.start_in_frame("given", motions, self._bound.rows, z, v)
+            if self._state.kernel.motions:
+                self._state.start_in_frame(kind, motions, self._bound.rows, *modes)
             else:
-                self._state.start("given", u, z, v)
+                self._state.start(kind, motions[0], *modes)
         except StepError as error:
-            raise self._failure("t = 0 s", error) from None
+            return error
+        return None
 
     def _constant(self, paths: Mapping[str, float], u: Array) -> Excitation:
         """One step on which nothing changes, under drivers u (N,)."""
