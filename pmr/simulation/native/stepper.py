@@ -35,7 +35,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.marching import DENSE
+from pmr.simulation.native.march import DENSE
 from pmr.simulation.native.states import failed_at, places_of, start_modes, static_start
 from pmr.simulation.needs import needs_of
 from pmr.simulation.recorded import Recorded, recorded
