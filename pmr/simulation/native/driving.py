@@ -49,8 +49,8 @@ class Drivers:
         in_parts: bool,
     ) -> None:
         self.motions, self.rows, self._step = motions, rows, step
-        self._values, self._rates, self._seconds = (memoryview(row) for row in motions)  # type: ignore[arg-type]
-        self._counts = memoryview(rows)  # type: ignore[arg-type]
+        views: list[Any] = [memoryview(array) for array in (*motions, rows)]
+        self._values, self._rates, self._seconds, self._counts = views
         rows[:] = 1
         paths, loads, frame = names  # in the order of motions; no frame: None
         self._in_frame, self._in_parts = frame is not None, in_parts
