@@ -235,7 +235,7 @@ test-sanitized: setup ## the kernel's quick tests with its C under AddressSaniti
 	@CFLAGS="-g -O1 -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=undefined" \
 	    .venv/bin/python setup.py -q build_ext --force --build-lib build/sanitized --build-temp build/sanitized-objects
 	@PMR_KERNEL=build/sanitized LD_PRELOAD="$$(cc -print-file-name=libasan.so) $$(cc -print-file-name=libubsan.so)" \
-	    PMR_KERNEL=build/sanitized ASAN_OPTIONS=detect_leaks=0:abort_on_error=1 PATH="$(CURDIR)/.venv/bin:/usr/bin:$$PATH" \
+	    ASAN_OPTIONS=detect_leaks=0:abort_on_error=1 PATH="$(CURDIR)/.venv/bin:/usr/bin:$$PATH" \
 	    python -m pytest -q -m "not slow" -p other_kernel -p no:cacheprovider tests/kernel </dev/null
 
 .PHONY: test-peers
