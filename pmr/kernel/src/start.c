@@ -278,7 +278,7 @@ static int start_from(pmr_state *st, const double *u, const double *z, const dou
 static int start(pmr_state *st, int kind, const double *u, const double *z, const double *v)
 {
     const pmr_system *y = st->system;
-    const pmr_scheme *still = st->scheme + st->settings.levels;
+    const pmr_scheme *still = st->still;
     int n, failed, rigid = 0, k;
     memset(st->mark, 0, st->saved * sizeof(double));
     copy(st->u, u, y->drivers);

@@ -26,8 +26,11 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "start.c"
 #include "linearize.c"
 #include "advance.c"
+#include "continuous.c"
 
 const pmr_functions PMR_FUNCTIONS = {
-    PMR_VARIANT,     state_open,      state_restore, start,     start_from,    step_to, start_in_frame, step_in_frame,
-    advance_signals, advance_sampled, outputs,       linearize, contact_alone, slide,   state_bytes,    state_save,
+    PMR_VARIANT,   state_open, state_restore,   start,         start_from, step_to,        start_in_frame,
+    step_in_frame, step_led,   advance_signals, advance_sampled, outputs,  linearize,      further_outputs,
+    evaluate_at,   evaluate_along, check_start, state_adjust,  contact_alone, slide,       state_bytes,
+    state_save,
 };
