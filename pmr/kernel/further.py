@@ -1,4 +1,4 @@
-r"""Further outputs of a system: reactions of rigid supports; in a frame the tip in space and the luffing cylinder's force.
+r"""Further outputs of a system: reactions of rigid supports, the tip in space, the force of the luffing cylinder.
 
 With the motions of `pmr.reduced.reactions` and :math:`P = \Phi^T M X X^T` a body presses on its rigid supports with
 
@@ -71,7 +71,8 @@ def supports_of(system: System, name: str, form: Modal) -> Supports:
     body, X = system.reduced[name], form.X
     reactions, r = body.reactions, form.body.size
     if reactions is None or not (system.on_one_path or (reactions.carried is not None and body.carriers is not None)):
-        return Supports((), (), np.zeros((0, body.size)), *np.zeros((2, 0, r)), np.zeros((0, len(body.input_names))))
+        nothing = np.zeros((0, r))
+        return Supports((), (), np.zeros((0, body.size)), nothing, nothing, np.zeros((0, len(body.input_names))))
     n = body.size
     P = reactions.inertia[:, :n] @ X @ X.T
     return Supports(
@@ -91,7 +92,7 @@ def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, 
         return modal
     reactions = body.reactions
     assert reactions is not None  # of a body that has supports
-    outputs, (m, i, o) = np.vstack([modal.outputs, supports.of_modes]), _sizes(modal)
+    outputs, (_, i, o) = np.vstack([modal.outputs, supports.of_modes]), _sizes(modal)
     if system.on_one_path:
         pressed = columns(total(reactions.rows, transposed(body.rows_on(supports.inertia.T)), -1.0), list(form.rows))
         flexibility = modal.flexibility or _no_flexibility(modal)

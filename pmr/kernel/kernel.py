@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,6 +32,25 @@ def variant() -> str:
 def checksum(content: bytes | bytearray) -> int:
     """Checksum of the bytes of a block behind its head."""
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
+
+
+class Failure(IntEnum):
+    """What the kernel's functions return."""
+
+    REFUSED = lib.PMR_REFUSED
+    DEPENDENT = lib.PMR_DEPENDENT
+    UNSETTLED = lib.PMR_UNSETTLED
+    UNCONVERGED = lib.PMR_UNCONVERGED
+    NOT_FINITE = lib.PMR_NOT_FINITE
+    NO_MEMORY = lib.PMR_NO_MEMORY
+
+
+class StepError(SimulationError):
+    """A step or a start that failed: why, and the number of the contact that it is about, or -1."""
+
+    def __init__(self, message: str, failure: Failure, contact: int) -> None:
+        super().__init__(message)
+        self.failure, self.contact = failure, contact
 
 
 class Kernel:
@@ -379,7 +399,8 @@ class State:
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
             lib.PMR_NOT_FINITE: "a coordinate is no finite number",
         }
-        raise SimulationError(f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}")
+        message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"
+        raise StepError(message, Failure(failed), trouble)
 
 
 @dataclass(frozen=True)
@@ -395,35 +416,6 @@ class Jacobian:
     D: Array
     L: Array
     K: Array
-
-
-def solve_contact(A: Array, b: Array, pushes: NDArray[np.bool_], closed: NDArray[np.bool_]) -> tuple[Array, Any]:
-    """Forces lambda (m,) with w = A lambda - b, of those that push lambda >= 0, w >= 0 and lambda w = 0; else w = 0.
-
-    Returns lambda and which contacts are closed; `closed` is what the search begins with.  A SimulationError is raised
-    where contacts depend on each other.
-    """
-    m = len(b)
-    A, b = np.ascontiguousarray(A, float), np.ascontiguousarray(b, float)
-    forces, work = np.zeros(m), np.zeros(max(1, lib.pmr_contact_work(m)))
-    which, out = np.ascontiguousarray(pushes, np.int32), np.ascontiguousarray(closed, np.int32).copy()
-    integers = [ffi.cast("int32_t *", array.ctypes.data) for array in (which, out)]
-    failed = lib.pmr_contact(
-        m, _pointer(A), _pointer(b), integers[0], _pointer(forces), integers[1], _pointer(work), ffi.NULL
-    )
-    if failed:
-        raise SimulationError(f"the complementarity problem of {m} contacts was not solved ({failed})")
-    return forces, out.astype(bool)
-
-
-def slide_pads(
-    stiffness: Array, old: Array, limits: Array, moved: float, softness: float = 0.0, given: float = 0.0
-) -> Array:
-    """Friction (n,) N of a joint's pads after the old one, that slide by `moved` m (`pmr.system.friction`)."""
-    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, old, limits)]
-    new = np.zeros(len(old))
-    lib.pmr_friction(len(old), *map(_pointer, arrays), moved, softness, given, _pointer(new))
-    return new
 
 
 def _check_room(record: Record, first: int, rows: int) -> None:

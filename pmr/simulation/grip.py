@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.friction import slide
+from pmr.kernel.laws import slide_pads
 from pmr.system.contacts import Contact
 from pmr.system.friction import Friction
 
@@ -38,7 +38,7 @@ def slid(known: Friction, old: Grip, given: Array, s: Array, multipliers: Array,
     """After a step to s (J,) m that ends with multipliers (m,) N, found under a friction `given` (n,) N.
 
     `matrix` (m, m) is that of the multipliers, of which the diagonal counts.  As
-    `pmr.simulation.native.friction.rub`, where it is explained.
+    `revise_friction` in pmr/kernel/src/friction.c, where it is explained.
     """
     forces, limits = np.zeros(len(old.forces)), known.coefficients * np.abs(multipliers[known.pads])
     held, driven = known.totals(given), np.where(known.cylinders < 0, 0.0, multipliers[known.cylinders])
@@ -48,5 +48,5 @@ def slid(known: Friction, old: Grip, given: Array, s: Array, multipliers: Array,
             a = max(float(matrix[c, c]) - gives, 0.0)
             softness = gives * a / (gives + a)
             moved -= gives * (driven[joint] + held[joint] - old.drives[joint])
-        slide(known.stiffness[own], old.forces[own], limits[own], moved, softness, held[joint], forces[own])
+        forces[own] = slide_pads(known.stiffness[own], old.forces[own], limits[own], moved, softness, held[joint])
     return Grip(forces, s, driven + known.totals(forces))

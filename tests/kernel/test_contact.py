@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from plain_step import complementary
 
-from pmr.errors import SimulationError
-from pmr.kernel.kernel import slide_pads, solve_contact
+from pmr.kernel.laws import ContactError, ContactSearch, SchemeFactors, slide_pads, solve_contact
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -33,8 +32,56 @@ def test_many_contacts_are_settled() -> None:
 
 
 def test_contacts_that_depend_on_each_other_are_refused() -> None:
-    with pytest.raises(SimulationError, match="complementarity"):
+    with pytest.raises(ContactError, match="contact 1 depends") as error:
         solve_contact(np.ones((2, 2)), np.ones(2), np.zeros(2, bool), np.ones(2, bool))
+    assert error.value.row == 1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_search_whose_forces_the_caller_solves_for_ends_with_the_same_contacts(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    m = int(rng.integers(1, 12))
+    R = rng.normal(size=(m, m + 1))
+    A, b, pushes = R @ R.T, rng.normal(size=m), np.ones(m, bool)
+    search, closed = ContactSearch(), rng.random(m) < 0.5
+    for _ in range(1000):
+        forces = np.zeros(m)
+        forces[closed] = np.linalg.solve(A[np.ix_(closed, closed)], b[closed])
+        wrong = np.where(closed, forces < -1e-12, A @ forces - b < -1e-12)
+        if not wrong.any():
+            break
+        closed = search.change(closed, wrong)
+    expected, which = solve_contact(A, b, pushes, pushes)
+    np.testing.assert_allclose(forces, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max(initial=1e-300))
+    np.testing.assert_array_equal(closed, which)
+
+
+def test_wrong_contacts_change_sides_together_three_times_at_most_without_progress() -> None:
+    """Then the first of them alone, until there are fewer."""
+    search, closed, wrong = ContactSearch(), np.zeros(3, bool), np.array([False, True, True])
+    changed = [search.change(closed, wrong).tolist() for _ in range(6)]
+    assert changed == [[False, True, True]] * 4 + [[False, True, False]] * 2
+    assert search.change(closed, np.array([True, False, False])).tolist() == [True, False, False]
+    assert search.change(closed, np.array([True, False, True])).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, 0.9, 1.0])
+def test_factors_solve_the_equations_of_the_scheme(rho: float) -> None:
+    """Chung and Hulbert 1993, eq. 25, with the step's equations written out for one number."""
+    h, (z, v, a, old, new) = 0.01, np.random.default_rng(0).normal(size=5)
+    a_m, a_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+    gamma, beta = 0.5 + a_f - a_m, (1.0 + a_f - a_m) ** 2 / 4.0
+    a_next = ((1.0 - a_f) * new + a_f * old - a_m * a) / (1.0 - a_m)
+    z_next = z + h * v + h**2 * ((0.5 - beta) * a + beta * a_next)
+    v_next = v + h * ((1.0 - gamma) * a + gamma * a_next)
+    c = SchemeFactors.of(h, rho)
+    assert c.h == h
+    ends = (
+        z + h * v + c.z_from_share * a + c.z_from_force * old + c.z_gain * new,
+        v + c.v_from_share * a + c.v_from_force * old + c.v_gain * new,
+        c.a_from_share * a + c.a_from_force * old + c.gain * new,
+    )
+    np.testing.assert_allclose(ends, (z_next, v_next, a_next), rtol=1e-13)
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -150,10 +150,17 @@ int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobia
 size_t pmr_contact_work(int m) { return m < 0 ? 0 : (size_t)m * m + 4 * (size_t)m + 1; }
 
 int pmr_contact(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed,
-                double *work, int *solves)
+                double *work, int *trouble)
 {
-    return m < 0 ? PMR_REFUSED : chosen()->contact(m, A, b, pushes, lambda, closed, work, solves);
+    return m < 0 ? PMR_REFUSED : chosen()->contact(m, A, b, pushes, lambda, closed, work, trouble);
 }
+
+int pmr_choose_changes(int m, int32_t *wrong, pmr_search *search)
+{
+    return chosen()->choose_changes(m, wrong, search);
+}
+
+void pmr_scheme_factors(double h, double rho_inf, pmr_factors *factors) { chosen()->factors(h, rho_inf, factors); }
 
 double pmr_friction(int n, const double *kappa, const double *old, const double *limits, double moved, double softness,
                     double given, double *f)

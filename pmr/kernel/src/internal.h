@@ -127,6 +127,14 @@ typedef struct {
     int32_t *in_pairs;  /* (pairs, 2) */
 } pmr_scheme;
 
+/* Iterates of `count` numbers, of which the first `measured` count in a residual's size (extrapolation.c). */
+typedef struct {
+    double *x, *f;                /* iterate and residual */
+    double *least_x, *least_f;    /* where the residual was least so far, and that */
+    double *directions, *changes; /* (MOST_PAIRS, count) */
+    int32_t count, measured, pairs, begun;
+} pmr_iteration;
+
 /* What a state is saved with besides its numbers. */
 typedef struct {
     int64_t step;
@@ -134,7 +142,7 @@ typedef struct {
     double largest;      /* N: largest force so far */
     double term_largest; /* largest |w|^2 so far */
     double term_first, term_change, term_shrinks, term_trusted;
-    double gap_largest; /* m: largest gap of friction so far */
+    double gap_largest, rub_largest; /* m and N^2: largest gap and |w|^2 that friction could make so far */
 } pmr_progress;
 
 struct pmr_state {
@@ -153,6 +161,7 @@ struct pmr_state {
     double *w, *old_w, *extra; /* (r'), (4, r'), (r'): forces of terms, of the steps before; with moments of friction */
     double *accelerated;       /* (r') */
     double *friction, *gap;    /* (pads), (mp) */
+    double *joint_sums;        /* (joints) N: friction that the gaps are of */
     double *u, *motions;       /* (N), (4, n): drivers and motions where it stands; how many rows of those count */
     size_t saved;              /* doubles */
     /* workspace */
@@ -169,7 +178,8 @@ struct pmr_state {
     double load_energy, old_load_energy;
     double *acceleration, *before_closed, *before_lambda;
     double *w_new, *w_divided, *z_before; /* (r') */
-    double *limits, *new_friction, *pair_sums;
+    double *limits, *new_moments, *new_sums, *pair_sums;
+    pmr_iteration iteration;
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
     double *y;                                       /* (op) */
@@ -204,6 +214,8 @@ typedef struct {
     int (*check_start)(pmr_state *, const double *, const double *, const double *, const double *, char *);
     int (*state_adjust)(pmr_state *, const pmr_settings *, char *);
     int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
+    int (*choose_changes)(int, int32_t *, pmr_search *);
+    void (*factors)(double, double, pmr_factors *);
     double (*friction)(int, const double *, const double *, const double *, double, double, double, double *);
     size_t (*state_bytes)(const pmr_state *);
     void (*state_save)(const pmr_state *, void *);

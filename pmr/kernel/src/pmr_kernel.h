@@ -272,10 +272,31 @@ int pmr_check_start(pmr_state *state, const double *at, const double *rates, con
 size_t pmr_contact_work(int m);
 /* lambda (m,) of A lambda = b + w with lambda >= 0, w >= 0, lambda w = 0 at those that push and w = 0 at the others.
    A (m, m) symmetric and positive definite; b (m,): how far they would come out beyond their clearances without forces.
-   `closed` (m,) is what it begins with, and tells which are closed.  `*solves`, unless NULL: linear systems solved.
-   PMR_DEPENDENT, PMR_UNSETTLED as for a step. */
+   `closed` (m,) is what it begins with, and tells which are closed.  PMR_DEPENDENT, PMR_UNSETTLED as for a step;
+   `*trouble`, unless NULL, is the number of the contact that PMR_DEPENDENT is about, else -1. */
 int pmr_contact(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed,
-                double *work, int *solves);
+                double *work, int *trouble);
+/* How the same search stands where the caller solves for the forces of closed contacts: fewest contacts that were
+   wrong, and how often all wrong ones may still change sides.  Zeros begin a search. */
+typedef struct {
+    int32_t fewest, chances;
+} pmr_search;
+/* Leave in `wrong` (m,), the contacts that pull although they only push or overlap although they are open, those that
+   change sides before the next solve.  Returns how many were wrong. */
+int pmr_choose_changes(int m, int32_t *wrong, pmr_search *search);
+/* Factors of generalized-alpha.  With a the acceleration-like variable and z'' the acceleration,
+
+       a* = a_from_share a + a_from_force z'',    v* = v + v_from_share a + v_from_force z'',
+       z* = z + h v + z_from_share a + z_from_force z''
+
+   are what a step begins with, and its acceleration adds gain, v_gain and z_gain times itself to them. */
+typedef struct {
+    double h;
+    double gain, v_gain, z_gain;
+    double a_from_force, a_from_share, v_from_force, v_from_share, z_from_force, z_from_share;
+} pmr_factors;
+/* Factors of a step of h s with the spectral radius rho_inf at infinite frequency. */
+void pmr_scheme_factors(double h, double rho_inf, pmr_factors *factors);
 /* Friction (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
    and slide at limits (n,) N: f = clip(old + kappa x, -limit, limit), with the slip x of x + softness (sum f - given)
    = moved. Returns their sum. */

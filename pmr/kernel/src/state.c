@@ -44,6 +44,23 @@ static void lay_out_scheme(const pmr_system *y, pmr_scheme *c, room *r)
     INTEGERS(in_pairs, 2 * y->pairs);
 }
 
+/* Iterates of forces of terms, of friction on cylinders and of its moments, each filled up. */
+static void lay_out_iteration(const pmr_system *y, pmr_state *st, room *r)
+{
+    pmr_iteration *it = &st->iteration;
+    const int varies = y->registers || y->pads;
+    size_t count;
+    it->measured = varies ? y->modes + PMR_UP(y->joints) : 0;
+    it->count = varies ? it->measured + PMR_UP(y->pads) : 0;
+    count = it->count;
+    NUMBERS(iteration.x, count);
+    NUMBERS(iteration.f, count);
+    NUMBERS(iteration.least_x, count);
+    NUMBERS(iteration.least_f, count);
+    NUMBERS(iteration.directions, MOST_PAIRS * count);
+    NUMBERS(iteration.changes, MOST_PAIRS * count);
+}
+
 /* Doubles of `scratch`: of any table's values, of a body's modes, of what outputs take. */
 static size_t scratch_size(const pmr_system *y)
 {
@@ -100,6 +117,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(accelerated, n);
     NUMBERS(friction, y->pads);
     NUMBERS(gap, mp);
+    NUMBERS(joint_sums, y->joints);
     NUMBERS(u, y->drivers);
     NUMBERS(motions, 4 * y->motions);
     st->saved = (r->at - first) / sizeof(double);
@@ -141,7 +159,9 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(w_divided, n);
     NUMBERS(z_before, n);
     NUMBERS(limits, y->pads);
-    NUMBERS(new_friction, y->pads);
+    NUMBERS(new_moments, y->pads);
+    NUMBERS(new_sums, y->joints);
+    lay_out_iteration(y, st, r);
     NUMBERS(pair_sums, pair_width(y));
     NUMBERS(u_next, y->drivers);
     NUMBERS(u_begun, y->drivers);

@@ -16,6 +16,7 @@ static void couple(const pmr_state *st, const pmr_scheme *c, const double *z, co
 static int stand(pmr_state *st);
 INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums);
 
+#include "extrapolation.c"
 #include "friction.c"
 #include "terms.c"
 #include "energy.c"
@@ -29,8 +30,28 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "continuous.c"
 
 const pmr_functions PMR_FUNCTIONS = {
-    PMR_VARIANT,   state_open, state_restore,   start,         start_from, step_to,        start_in_frame,
-    step_in_frame, step_led,   advance_signals, advance_sampled, outputs,  linearize,      further_outputs,
-    evaluate_at,   evaluate_along, check_start, state_adjust,  contact_alone, slide,       state_bytes,
-    state_save,
+    .name = PMR_VARIANT,
+    .state_open = state_open,
+    .state_adjust = state_adjust,
+    .state_restore = state_restore,
+    .state_bytes = state_bytes,
+    .state_save = state_save,
+    .start = start,
+    .start_from = start_from,
+    .start_in_frame = start_in_frame,
+    .step = step_to,
+    .step_in_frame = step_in_frame,
+    .step_led = step_led,
+    .advance = advance_signals,
+    .advance_sampled = advance_sampled,
+    .outputs = outputs,
+    .further = further_outputs,
+    .linearize = linearize,
+    .evaluate = evaluate_at,
+    .evaluate_along = evaluate_along,
+    .check_start = check_start,
+    .contact = contact_alone,
+    .choose_changes = choose_changes,
+    .factors = factors_alone,
+    .friction = slide,
 };

@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from pmr.errors import InputError
+from pmr.kernel.kernel import Kernel
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native.arrays import (
     DAMPING,
     INPUT,
@@ -86,6 +89,24 @@ class SystemForm:
         """(q,): where modes without inertia stand."""
         of_bodies = zip(self.forms.values(), self.starts, strict=False)
         return np.concatenate([start + form.body.quasi_static for form, start in of_bodies])
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """The system as the kernel has it, with a frame of its scene that moves."""
+        return Kernel.of(self.system, self.forms, self.frame)
+
+    @cached_property
+    def frame(self) -> MovingFrame | None:
+        """What drives inputs and terms where the system's scene has a frame; None where that drives others."""
+        try:
+            return MovingFrame.of(self.system)
+        except InputError:
+            return None
+
+    @cached_property
+    def mobility(self) -> Array:
+        """B^T B (i, i) in 1/kg: accelerations of the inputs' points by loads on free bodies."""
+        return block_diag(*(form.body.B.T @ form.body.B for form in self.forms.values()))
 
     @property
     def modal(self) -> System:

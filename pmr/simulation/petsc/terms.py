@@ -19,14 +19,18 @@ from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
+from pmr.simulation.failures import describe_divergence
 from pmr.simulation.grip import Grip, slid
-from pmr.simulation.native.start import unconverged
-from pmr.simulation.native.terms import ACCEPTED, CONVERGED, DIVERGED, LIMIT
 from pmr.simulation.petsc.rows import PathRows
 from pmr.system.friction import Friction
 
 Array = NDArray[np.float64]
 Product = Callable[[Array], Array]
+
+#: Change of forces that counts as none, and the one that is accepted after the last iteration, over the largest so far.
+CONVERGED, ACCEPTED = 1e-11, 1e-8
+#: Iterations of a step at most; a change so many times the largest force, or the first one of the step, diverges.
+LIMIT, DIVERGED = 100, 1e6
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class Terms:
 
     def __init__(self, system: FullSystem) -> None:
         self._comm, self._names = system.comm, system.term_names
-        self._unconverged = unconverged(system.term_names, system.contacts)
+        self._unconverged = describe_divergence(system.term_names, system.contacts, LIMIT)
         self._parts = list[tuple[int, Any, Product | None, Product | None]]()
         names = list(system.bodies)
         for number, term in enumerate(system.terms):

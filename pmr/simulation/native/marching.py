@@ -1,0 +1,236 @@
+"""One simulation of a system by the kernel: its start, its steps block by block, and where its energy comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.kernel.kernel import Failure, Record, Settings, State, StepError
+from pmr.kernel.signals import Signals
+from pmr.scene.simulators import refuse
+from pmr.simulation import balance, contact_step
+from pmr.simulation.blocks import Ended, in_blocks
+from pmr.simulation.excitation import Excitation, places, rates_of_places
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.states import driver_signals, failed_at, places_of, start_modes
+from pmr.simulation.needs import needs_of
+from pmr.simulation.start import InitialState
+from pmr.simulation.stepping import Progress
+from pmr.system.assembly import Assembly
+
+Array = NDArray[np.float64]
+#: Steps between two looks at the clock, the keyboard and the progress; fewer where steps in parts take long.
+BLOCK = 16384
+#: Steps for which drivers are sampled at once: at so many times, of so many steps at least.
+TIMES, FINE = 2048, 64
+#: Numbers that are recorded in the meantime: fewer steps where there are more coordinates.
+RECORDED = 2**22
+
+
+class Steps(NamedTuple):
+    """Some steps in a row; the first of them is the last of those before, or the start.
+
+    Its arrays are valid until the next steps: what is kept is to be copied.
+    """
+
+    z: Array  # (T, modes)
+    v: Array
+    multipliers: Array  # (T, m) N
+    energy: Array  # (T, 2) J: stored, and work since the start
+    drivers: Array  # (T, N)
+    peaks: Array | None = None  # (T, m) N: largest within the step, where it may be made in parts
+    parts: NDArray[np.int32] | None = None  # (T,): of how many
+    impulses: Array | None = None  # (T, m) N s: given in the step, where contacts only push
+    friction: Array | None = None  # (T, n) N: of the pads that rub
+
+    def at(self, rows: NDArray[np.int64] | slice) -> Steps:
+        """Some of them, by their numbers from the first one on."""
+        return Steps._make(None if array is None else array[rows] for array in self)
+
+
+class March:
+    """One simulation; arguments and errors as for `pmr.simulation.SystemSimulator`."""
+
+    def __init__(self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState]) -> None:
+        system, stepping, kernel = form.system, excitation.stepping, form.kernel
+        self.form, self.t = form, excitation.times
+        if system.on_one_path and excitation.paths:
+            (body,) = system.bodies.values()
+            excitation.along(body.domain)  # refused in its own words
+        self.x, self._paths, self._s = places(system, excitation), tuple(excitation.paths), excitation.s
+        self.pushing = ~np.isnan(form.modal.clearance)
+        parts: tuple[int, ...] = (1,)
+        omega = 0.0
+        if self.pushing.any():
+            if not (stepping.parts or stepping.schedule):
+                omega = contact_step.contact_frequency(form.modal, excitation)
+            parts = contact_step.levels(omega, stepping)
+        self.finest = parts[-1]
+        self._schedule = np.array(stepping.schedule, np.int32) if stepping.schedule else None
+        rigid = np.all(Assembly(form.modal).at(places(form.modal, excitation)[0]).F == 0.0, axis=1)
+        needs = needs_of(form.modal, rigid, places(form.modal, excitation), stepping.rho_inf)
+        refuse("march", needs)
+        self._growing = list(needs.rigid_moving)  # nothing damps their forces
+        self._signals: Signals | None
+        self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, parts, omega))
+        self._drivers, self._sampling = driver_signals(form, excitation), 0.0
+        frame = form.frame
+        self._frame = frame if frame is not None and frame.drives(excitation) else None
+        try:
+            self._signals = Signals(self._drivers if self._frame is None else self._frame.signals)
+        except NotImplementedError:
+            self._frame = self._signals = None
+        zero = self._sampled(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
+        self._start: tuple[Any, ...] = ("rest", zero)
+        if initial:
+            modes = start_modes(form, self.x[0], rates_of_places(system, excitation), initial)
+            self._start = ("given", zero, *modes)
+        self._begin()
+        self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
+
+    def _begin(self) -> None:
+        """Bring the state to t = 0."""
+        try:
+            if self._frame is None:
+                self.state.start(*self._start)
+            else:
+                self.state.start_in_frame(self._start[0], self._start[1], None, *self._start[2:])
+        except StepError as error:
+            raise self._failed(error, 0) from None
+        self._sampling = 0.0  # s, of the steps that follow
+
+    def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> Ended:
+        """Take all steps; `take` gets some of them at a time, and the number of the first among these.
+
+        A GrowthError is raised where more than `balance.GROWN` of the largest energy comes from nowhere.
+        """
+        paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
+
+        def taken(first: int, steps: Steps) -> None:
+            nonlocal least
+            at = slice(first, first + len(steps.z))
+            self._stored[at], self._work[at] = steps.energy.T
+            loads = steps.drivers[:, paths : paths + inputs]
+            least = max(least, balance.round_off(self.form.mobility, loads, float(self.t[1])))
+            take(first, steps)
+
+        seconds = self.observe(1, taken, progress)
+        surplus = balance.surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
+        balance.refuse_growth(surplus, "march", self._growing)
+        return Ended(seconds, surplus)
+
+    def again(self) -> float:
+        """Take all steps once more from the start, as `run` does, and keep nothing: the solver's seconds."""
+        self._begin()
+        return self.observe(1, lambda first, steps: None)
+
+    def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
+        """Take all steps; `take` gets each `every`-th, some of them at a time, and the number of the first among these.
+
+        That is the last one of those before, or the start.  The solver's seconds; energy is not checked.
+        """
+        count = (len(self.t) - 1) // every
+        most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
+        record = Record(self.form.kernel, most + 1, self._recorded)
+        room = self._room(record)
+
+        def advance(first: int, last: int) -> None:
+            self._advance((first - 1) * every, last - first, every, record)
+
+        def taken(first: int, last: int) -> None:
+            steps = room.at(slice(last - first + 1))
+            self._check_finite(steps.z, first - 1, every)
+            for forces in (steps.multipliers, steps.peaks):
+                if forces is not None:
+                    without_pull(forces, self.pushing)
+            take(first - 1, steps)
+            for array in room:
+                if array is not None:
+                    array[0] = array[last - first]
+
+        return in_blocks(count + 1, most, self.finest, advance, taken, progress) - self._sampling
+
+    @property
+    def _recorded(self) -> tuple[str, ...]:
+        """What is recorded of each step."""
+        of_parts = ("peaks", "parts") if self.finest > 1 else ()
+        impulses = ("impulses",) if self.pushing.any() else ()
+        friction = ("friction",) if self.form.kernel.pads else ()
+        return ("z", "v", "multipliers", "energy", "drivers", *of_parts, *impulses, *friction)
+
+    def _room(self, record: Record) -> Steps:
+        """Arrays of a record, the first row of which is the state at the start."""
+        arrays: dict[str, Any] = dict(record.arrays)
+        for name, array in arrays.items():
+            if name != "impulses":
+                array[0] = getattr(self.state, "multipliers" if name == "peaks" else name)
+        if "parts" in self._recorded:
+            record.parts[0] = 1
+            arrays["parts"] = record.parts
+        return Steps(**arrays)
+
+    def _advance(self, first: int, rows: int, every: int, record: Record) -> None:
+        """Take the steps after number `first` that fill `rows` of a record from its second on."""
+        steps = rows * every
+        schedule = None if self._schedule is None else self._schedule[first : first + steps]
+        try:
+            if self._signals is not None:
+                self.state.advance(self._signals, steps, record, 1, every, schedule)
+            else:
+                self._advance_sampled(first, steps, every, schedule, record)
+        except StepError as error:
+            if error.failure == Failure.NOT_FINITE:
+                self._check_finite(record["z"][: rows + 1], first // every, every)
+            raise self._failed(error, self.state.step_number + 1) from None
+
+    def _advance_sampled(
+        self, first: int, steps: int, every: int, schedule: NDArray[np.int32] | None, record: Record
+    ) -> None:
+        """The same with samples of the drivers, at as many parts of each step as it needs."""
+        taken, per = 0, self.state.settings.parts[0]
+        while taken < steps:
+            rest = -taken % every  # steps up to the next one that is recorded, where a call ended between two
+            count, each = (every * max(1, max(FINE, TIMES // per) // every), every) if rest == 0 else (rest - 1, rest)
+            if rest == 1:
+                count = each = 1
+            end = min(steps, taken + count)
+            own = None if schedule is None else schedule[taken:end]
+            if own is not None:
+                per = int(np.lcm.reduce(own))
+            u = self._sampled(first + taken, first + end, per)
+            done, needed = self.state.advance_sampled(u, per, record, 1 + taken // every, each, own)
+            taken, per = taken + done, needed or max(self.state.settings.parts[0], per // 2)
+
+    def _sampled(self, first: int, last: int, per: int) -> Array:
+        """Drivers (., N) of some steps at `per` equal parts of each."""
+        begun = perf_counter()
+        t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
+        u = np.column_stack([np.empty((len(t), 0)), *(signal.value(t) for signal in self._drivers)])
+        self._sampling += perf_counter() - begun
+        return u
+
+    def _failed(self, error: StepError, step: int) -> SimulationError:
+        modal = self.form.modal
+        at = {path: self._s[step, k] for k, path in enumerate(self._paths)}
+        return failed_at(self._where(step), self.form, error, modal.coordinates(at))
+
+    def _check_finite(self, recorded: Array, first: int, every: int) -> None:
+        """Raise SimulationError at the first row that is not finite; row 0 is step `first` times `every`."""
+        finite = np.isfinite(recorded).all(axis=1)
+        if not finite.all():
+            where = self._where((first + int(np.argmin(finite))) * every)
+            raise SimulationError(f"march failed at {where}: not finite")
+
+    def _where(self, step: int) -> str:
+        number = f"step {step}, " if step else ""
+        return f"{number}t = {self.t[step]:g} s{places_of(self._paths, self._s[step])}"
+
+
+def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
+    """Rows that only push have round-off of the others' forces at most where they let go: none."""
+    multipliers[:, pushing] = np.maximum(multipliers[:, pushing], 0.0)
