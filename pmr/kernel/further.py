@@ -68,9 +68,10 @@ class Supports:
 
 def supports_of(system: System, name: str, form: Modal) -> Supports:
     """Reactions of a body's rigid supports in its modes."""
-    body, X = system.reduced[name], form.X
-    reactions, r = body.reactions, form.body.size
-    if reactions is None or not (system.on_one_path or (reactions.carried is not None and body.carriers is not None)):
+    body, X, r = system.bodies[name], form.X, form.body.size
+    reactions = body.reactions if isinstance(body, ReducedModel) else None
+    carried = reactions is not None and reactions.carried is not None and body.carriers is not None
+    if not isinstance(body, ReducedModel) or reactions is None or not (system.on_one_path or carried):
         nothing = np.zeros((0, r))
         return Supports((), (), np.zeros((0, body.size)), nothing, nothing, np.zeros((0, len(body.input_names))))
     n = body.size
@@ -87,8 +88,8 @@ def supports_of(system: System, name: str, form: Modal) -> Supports:
 
 def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, supports: Supports) -> ReducedModel:
     """The body in its modes with reactions as outputs behind its own, by modes, loads and multipliers."""
-    body = system.reduced[name]
-    if not supports.names:
+    body = system.bodies[name]
+    if not supports.names or not isinstance(body, ReducedModel):
         return modal
     reactions = body.reactions
     assert reactions is not None  # of a body that has supports
@@ -132,7 +133,7 @@ def support_arrays(
     rates, first = np.zeros((r, width)), np.cumsum([0, *(len(of.names) for of in supports)])
     for of, place, at in zip(supports, modes, first, strict=False):
         rates[place.start : place.start + of.of_rates.shape[1], at : at + len(of.names)] = of.of_rates.T
-    names, entries, values, counts = list(system.reduced), [np.zeros((0, 2), np.int64)], [np.zeros(0)], [0]
+    names, entries, values, counts = list(system.bodies), [np.zeros((0, 2), np.int64)], [np.zeros(0)], [0]
     for term in system.terms:
         bodies = [names.index(name) for name in term.bodies]
         X, count = scipy.linalg.block_diag(*(forms[k].X for k in bodies)), 0
@@ -202,9 +203,8 @@ def frame_output_arrays(
     arrays |= dict.fromkeys(("tip_place", "cylinder_hinges", "cylinder_moments"), np.zeros(0))
     sources = 0
     if scene is not None and scene.frame is not None and motions:
-        outputs = sum(len(body.outputs) for body in system.reduced.values())
-        last = [*system.reduced.values()][-1]
-        kinds, first = list(kinds_of(last)), outputs - len(last.outputs)
+        outputs, last = len(system.output_names), [*system.bodies.values()][-1]
+        kinds, first = list(kinds_of(last)), outputs - last.outputs.shape[0]
         tip = [first + kinds.index(f"tip {axis}") if f"tip {axis}" in kinds else -1 for axis in "xyz"]
         place = np.array(scene.frame.place) + [scene.sections[-1].length, 0.0, 0.0]
         arrays |= {"tip_numbers": np.array([*tip, len(scene.sections) - 1]), "tip_place": place}
