@@ -37,10 +37,15 @@ class SystemData:
     modes: dict[str, slice]  # of each body, round_up up
 
 
-def system_data(system: System, forms: Mapping[str, Modal], frame: Frame | None = None) -> SystemData:
-    """Write a system whose bodies have these modal forms, and a frame that moves, as arrays."""
-    supports = [supports_of(system, name, form) for name, form in forms.items()]
-    reduced = _in_modes(system, forms, supports)
+def system_data(
+    system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reduced: Combined | None = None
+) -> SystemData:
+    """Write a system whose bodies have these modal forms, and a frame that moves, as arrays.
+
+    `reduced` is what `in_modes` makes of both, where that is there already; without reactions of supports.
+    """
+    supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
+    reduced = reduced or in_modes(system, forms, supports)
     modal, rows = reduced.system, arrange(reduced.system)
     used = np.concatenate([part.modes.start + np.arange(part.body.size) for part in rows.parts])
     motions = 0 if frame is None else len(frame.drivers)
@@ -97,13 +102,16 @@ class Outputs:
         return int(first), int(second)
 
 
-def _in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports]) -> Combined:
-    """The system in its modes, with rings of pads as few contacts, and with reactions as outputs of its bodies."""
+def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> Combined:
+    """The system in its bodies' modes, with rings of pads as few contacts; on one path without carriers.
+
+    With `supports` of all bodies their reactions are outputs behind those of each body.
+    """
     bodies = {}
-    for (name, form), of in zip(forms.items(), supports, strict=True):
+    for number, (name, form) in enumerate(forms.items()):
         carriers = None if system.on_one_path else system.bodies[name].carriers
         modal = replace(form.body, carriers=carriers and carriers.on(form.X).with_rows(form.rows))
-        bodies[name] = with_reactions(system, name, form, modal, of)
+        bodies[name] = with_reactions(system, name, form, modal, supports[number]) if supports else modal
     motions = {name: form.X for name, form in forms.items()}
     terms = tuple(term.on(motions) for term in system.terms)
     return combined(System(bodies, system.contacts, terms=terms))

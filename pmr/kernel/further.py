@@ -66,12 +66,12 @@ class Supports:
     inputs: Array  # (h, i)
 
 
-def supports_of(system: System, name: str, form: Modal) -> Supports:
-    """Reactions of a body's rigid supports in its modes."""
+def supports_of(system: System, name: str, form: Modal, wanted: bool = True) -> Supports:
+    """Reactions of a body's rigid supports in its modes; none where they are not wanted."""
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
     carried = reactions is not None and reactions.carried is not None and body.carriers is not None
-    if not isinstance(body, ReducedModel) or reactions is None or not (system.on_one_path or carried):
+    if not wanted or not isinstance(body, ReducedModel) or reactions is None or not (system.on_one_path or carried):
         nothing = np.zeros((0, r))
         return Supports((), (), np.zeros((0, body.size)), nothing, nothing, np.zeros((0, len(body.input_names))))
     n = body.size

@@ -17,6 +17,7 @@ from pmr.kernel.block_file import LINE, pack, seal
 from pmr.kernel.data import Modal, system_data
 from pmr.kernel.frame import Frame
 from pmr.kernel.signals import Signals
+from pmr.system.rings import Combined
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -90,12 +91,19 @@ class Kernel:
             setattr(self, name, getattr(sizes, name))
 
     @classmethod
-    def of(cls, system: System, forms: Mapping[str, Modal], frame: Frame | None = None) -> Kernel:
+    def of(
+        cls,
+        system: System,
+        forms: Mapping[str, Modal],
+        frame: Frame | None = None,
+        reduced: Combined | None = None,
+    ) -> Kernel:
         """Make one of a system whose bodies have these modal forms (`pmr.simulation.modal.modal_form`).
 
-        With a frame that moves (`pmr.simulation.moving.MovingFrame`) its motions drive it.
+        With a frame that moves (`pmr.simulation.moving.MovingFrame`) its motions drive it.  `reduced` as for
+        `pmr.kernel.data.system_data`.
         """
-        data = system_data(system, forms, frame)
+        data = system_data(system, forms, frame, reduced)
         block = pack(data.arrays)
         seal(block, checksum(block[LINE:]))
         return cls(block, data.used_modes)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from pmr.errors import InputError
+from pmr.kernel.data import in_modes
 from pmr.kernel.kernel import Kernel
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.modal import ModalForm, modal_form
@@ -32,7 +33,7 @@ from pmr.simulation.native.arrays import (
 from pmr.simulation.native.simd import LANES, aligned, padded
 from pmr.system.contacts import ALONE
 from pmr.system.friction import Friction
-from pmr.system.rings import Combined, combined
+from pmr.system.rings import Combined
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -93,7 +94,7 @@ class SystemForm:
     @cached_property
     def kernel(self) -> Kernel:
         """The system as the kernel has it, with a frame of its scene that moves."""
-        return Kernel.of(self.system, self.forms, self.frame)
+        return Kernel.of(self.system, self.forms, self.frame, self.combined)
 
     @cached_property
     def frame(self) -> MovingFrame | None:
@@ -116,14 +117,7 @@ class SystemForm:
     @cached_property
     def combined(self) -> Combined:
         """The same, and what tells the forces of all contacts."""
-        bodies = {}
-        for name, form in self.forms.items():
-            carriers = None if self.system.on_one_path else self.system.bodies[name].carriers
-            on_modes = None if carriers is None else carriers.on(form.X).with_rows(form.rows)
-            bodies[name] = replace(form.body, carriers=on_modes)
-        motions = {name: form.X for name, form in self.forms.items()}
-        terms = tuple(term.on(motions) for term in self.system.terms)
-        return combined(System(bodies, self.system.contacts, terms=terms))
+        return in_modes(self.system, self.forms)
 
     def forces(self, multipliers: Array, friction: Array | None) -> Array:
         """Of all contacts, (..., m) N: what reaches the bodies, and in cylinders the friction of their joints' pads."""
