@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
+from pmr.kernel.block_file import lines
 from pmr.kernel.frame import Frame, frame_arrays
 from pmr.kernel.further import (
     NEGLIGIBLE,
@@ -22,6 +23,7 @@ from pmr.kernel.further import (
     with_reactions,
 )
 from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
+from pmr.scene.pivot import CYLINDER
 from pmr.system.rings import Combined, combined
 from pmr.system.system import System
 
@@ -34,7 +36,9 @@ class SystemData:
 
     arrays: dict[str, NDArray[Any] | str]
     used_modes: NDArray[np.int64]  # (r,): where modes stand among all, and not what fills them up
-    modes: dict[str, slice]  # of each body, round_up up
+    modes: dict[str, slice]  # of each body, filled up
+    rows: Arrangement
+    further: tuple[tuple[str, str, bool], ...]  # name and unit of each further output, and whether it is a motion
 
 
 def system_data(
@@ -56,16 +60,22 @@ def system_data(
     modes, reactions = [part.modes for part in rows.parts], [name for of in supports for name in of.names]
     arrays |= support_arrays(system, supports, [*forms.values()], modes, round_up(len(reactions)) + LANES)
     scene = None if frame is None else frame.scene
-    arrays |= frame_output_arrays(scene, system, rows.paths, reactions, motions)
+    of_frame, further = frame_output_arrays(scene, system, rows.paths, reactions, motions)
+    arrays |= of_frame
     shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
     arrays |= {
         "shares": _fill_rows(shares, len(rows.F)),
-        "names_drivers": "\n".join([*rows.paths, *system.input_names, *system.term_names]),
-        "names_outputs": "\n".join(system.output_names),
-        "names_contacts": "\n".join(modal.contact_names),
-        "names_forces": "\n".join(system.contact_names),
+        "names_drivers": lines([*rows.paths, *system.input_names, *system.term_names]),
+        "names_outputs": lines(system.output_names),
+        "names_contacts": lines(modal.contact_names),
+        "names_forces": lines(system.contact_names),
+        "names_further": lines(further),
     }
-    return SystemData(arrays, used, {name: part.modes for name, part in zip(forms, rows.parts, strict=True)})
+    units = [unit for of in supports for unit in of.units]
+    others = [(name, "N" if name == CYLINDER else "m", name != CYLINDER) for name in further[len(reactions) :]]
+    modes_of = {name: part.modes for name, part in zip(forms, rows.parts, strict=True)}
+    listed = (*((name, unit, False) for name, unit in zip(reactions, units, strict=True)), *others)
+    return SystemData(arrays, used, modes_of, rows, listed)
 
 
 @dataclass(frozen=True)

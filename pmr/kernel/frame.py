@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.kernel.block_file import lines
 from pmr.scene.scene import Scene
 
 #: Kinds of quantities in the order in which src/internal.h numbers them.
@@ -61,7 +62,7 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> dict[str, NDArray
         "products": frame.numbers,
         "first_product": frame.first,
         "factors": frame.factors,
-        "names_motions": "\n".join(frame.drivers),
+        "names_motions": lines(frame.drivers),
     }
 
 

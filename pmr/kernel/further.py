@@ -196,8 +196,8 @@ def luffing_cylinder(scene: Scene, paths: Sequence[str], numbers: Mapping[str, i
 
 def frame_output_arrays(
     scene: Scene | None, system: System, paths: Sequence[str], reactions: Sequence[str], motions: int
-) -> Arrays:
-    """Arrays of the tip and the cylinder of a scene with a frame; empty ones without."""
+) -> tuple[Arrays, list[str]]:
+    """Arrays of the tip and the cylinder of a scene with a frame, empty ones without; names of further outputs."""
     integers, names = np.zeros(0, np.int64), list[str]()
     arrays: Arrays = dict.fromkeys(("tip_numbers", "cylinder_sources", "cylinder_pin"), integers)
     arrays |= dict.fromkeys(("tip_place", "cylinder_hinges", "cylinder_moments"), np.zeros(0))
@@ -221,8 +221,5 @@ def frame_output_arrays(
                 "cylinder_pin": np.array(cylinder.pin),
             }
             names.append(CYLINDER)
-    return {
-        **arrays,
-        "further": np.array([len(reactions), int(bool(names)), sources]),
-        "names_further": "\n".join([*reactions, *names]),
-    }
+    arrays["further"] = np.array([len(reactions), int(bool(names)), sources])
+    return arrays, [*reactions, *names]

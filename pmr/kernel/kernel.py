@@ -139,7 +139,8 @@ class Kernel:
         """Names in their order."""
         count = ffi.new("size_t *")
         text = lib.pmr_system_names(self._system, kind.encode(), count)
-        return tuple(ffi.buffer(text, count[0])[:].decode().split("\n")) if count[0] else ()
+        lines = ffi.buffer(text, count[0])[:].split(b"\n") if count[0] else []
+        return tuple(line.decode("unicode_escape") for line in lines)
 
 
 @dataclass(frozen=True)
@@ -355,7 +356,7 @@ class State:
         return y, forces
 
     def further(self) -> Array:
-        """Further outputs (further,) where it stands, `Kernel.names` "further": reactions of rigid supports, the tip."""
+        """Further outputs (further,) where it stands: reactions of rigid supports, in a frame the tip and cylinder."""
         further = np.zeros(self.kernel.further)
         lib.pmr_further(self._state, _pointer(further))
         return further

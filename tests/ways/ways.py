@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import one_body
 import scipy.io
-from export.fmi.libraries import Instance, compiled
+from export.fmi.libraries import Instance, loaded
 from fuzz import toml
 from modelica_text import declared_array
 from numpy.typing import NDArray
@@ -336,7 +336,7 @@ def fmu(subject: Subject) -> None:
     with refusals():
         made = contents(subject.system, recorded(subject.system, "system.npz"), "body", "3")
     given, expected = (_table(made.texts[f"resources/reference_{one}.csv"]) for one in ("in", "out"))
-    instance = Instance(compiled(made, subject.out("fmu"), "3"))
+    instance = Instance(loaded(made, subject.out("fmu"), "3"))
     t, inputs, outputs = given.pop("time"), list(given), [name for name in expected if name != "time"]
     rows = np.column_stack(list(given.values()))
     instance.initialise(inputs, rows[0])

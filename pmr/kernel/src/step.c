@@ -260,7 +260,7 @@ static int advance(pmr_state *st, const pmr_scheme *c, const double *f, const do
     failed = find_multipliers(st, c);
     if (failed) return failed;
     if (y->pushing) remember_forces(st, c);
-    if (!y->whole) {
+    if (!y->whole || y->coupled) {
         for (n = 0; n < y->modes; n += VL) V(st->pulled + n) = CV(st->push + n);
         subtract_rows(st, 0, y->contacts, st->pulled);
         for (n = 0; n < y->modes; n += VL) {

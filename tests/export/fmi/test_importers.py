@@ -22,7 +22,6 @@ from processes import called
 from benchmarks.fmu import Timed
 from pmr import scene
 from pmr.export.fmi import fmu
-from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import PLATFORMS
 from pmr.export.fmi.reference import reference
@@ -241,7 +240,7 @@ def test_the_boom_of_the_manual_is_driven_under_fmpy(fmpy: Path, tmp_path: Path)
     loads: dict[str, SignalBase] = {name: Ramp(times=(0.0, 1.0), values=(at, at)) for name, at in starting}
     loads["fly.extension"] = Held(step=h, values=tuple(acceleration.tolist()))
     paths = {"middle": Ramp(times=(0.0, 1.0), values=(0.6, 0.6)), "fly": Ramp(times=t.tolist(), values=s.tolist())}
-    given = Excitation(paths, loads, reference(Drivers.of(arrangement(system)), known).stepping)
+    given = Excitation(paths, loads, reference(Drivers.of(system), known).stepping)
     run = systems.simulate(system, given, systems.static_start(system, given))
     tip = systems.displacements(system, run)["fly"][-1, -1]
     force = run.forces[-1, system.contact_names.index("cylinder of fly")]

@@ -65,7 +65,7 @@ EXPORT void *fmi2Instantiate(const char *name, fmi2Type type, const char *guid, 
     if (instance) instance->unit = unit_open(guid, resources, type == fmi2ModelExchange, why);
     if (!instance || !instance->unit) {
         if (callbacks && callbacks->logger)
-            callbacks->logger(callbacks->environment, name, fmi2Error, "logStatusError", "%s", why);
+            callbacks->logger(callbacks->environment, name, fmi2Error, "logStatusError", why);
         free(instance);
         return NULL;
     }
@@ -286,7 +286,7 @@ EXPORT fmi2Status fmi2SetRealInputDerivatives(void *c, const Reference *referenc
     Instance *instance = c;
     size_t n;
     for (n = 0; n < count; n++) {
-        int is_input = references[n] >= DRIVEN && references[n] < instance->unit->drivers + DRIVEN;
+        int is_input = references[n] >= DRIVEN && references[n] < DRIVEN + (Reference)instance->unit->drivers;
         Reference rate = references[n] + (is_input ? orders[n] * instance->unit->drivers : 0);
         if (orders[n] < 1 || orders[n] > 3 || !is_input)
             return refused(instance, "first to third derivatives of inputs are allowed");

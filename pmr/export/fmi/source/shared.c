@@ -110,6 +110,14 @@ static int has_token(const pmr_system *system, const char *token)
     return text && strlen(token) == count && !memcmp(text, token, count);
 }
 
+/* Why a file is none, without what a log of FMI 2.0 would take for a format. */
+static void say_plainly(char *why, size_t room, const char *path, const char *reason)
+{
+    snprintf(why, room, "resources/" FILE_NAME " (%s): %s", path, reason);
+    for (; *why; why++)
+        if (*why == '%') *why = '_';
+}
+
 static Shared *read_system(const char *token, const char *folder, char *why, size_t room)
 {
     Shared *shared = calloc(1, sizeof *shared);
@@ -119,7 +127,7 @@ static Shared *read_system(const char *token, const char *folder, char *why, siz
     if (shared && path && (shared->memory = read_file(path, &block, &bytes)))
         failed = pmr_system_open(block, bytes, &shared->system, reason);
     if (failed)
-        snprintf(why, room, "resources/" FILE_NAME " (%s): %s", path ? path : "no resources", reason);
+        say_plainly(why, room, path ? path : "no resources", reason);
     else if (!has_token(shared->system, token)) {
         snprintf(why, room, "the token is that of another model");
         failed = 1;

@@ -1,3 +1,4 @@
+/* A unit: its system, its start, steps and saved states. */
 #include "unit.h"
 
 #include <math.h>
@@ -5,25 +6,20 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Angles but that of slewing turn once at most, rad; inputs that a step leaves farther than this share of their range,
-   or of a turn, jump; and a motion in a frame that goes on by so much, m or rad, without second rates has no inertia. */
-#define WHOLE_TURN 6.283185307179586
+/* Inputs that a step leaves farther than this share of their range, or of a turn, jump; and a motion in a frame that goes
+   on by so much, m or rad, without second rates has no inertia. */
 #define JUMP 0.1
 #define LEFT_OUT 1e-6
-/* Changes over which derivatives of rates are differences: of paths and angles in m and rad; of all else, in which
-   rates are linear. */
-#define SMALL 1e-5
-#define LARGE 1e6
 
 enum { OMEGA, TOLERANCE, RESOLVED, MOST_PARTS, BEYOND_ENDS };
 
-static const double *numbers(const Unit *unit, const char *name)
+const double *unit_numbers(const Unit *unit, const char *name)
 {
     int64_t count;
     return pmr_system_numbers(unit->system, name, &count);
 }
 
-static const int32_t *integers(const Unit *unit, const char *name)
+const int32_t *unit_integers(const Unit *unit, const char *name)
 {
     int64_t count;
     return pmr_system_integers(unit->system, name, &count);
@@ -32,12 +28,6 @@ static const int32_t *integers(const Unit *unit, const char *name)
 int refuse(Unit *unit, const char *why)
 {
     snprintf(unit->message, sizeof unit->message, "%s", why);
-    return 1;
-}
-
-static int refuse_reference(Unit *unit, const char *why, unsigned reference)
-{
-    snprintf(unit->message, sizeof unit->message, "value reference %u: %s", reference, why);
     return 1;
 }
 
@@ -73,8 +63,8 @@ static int is_sound(Unit *unit)
     if (counts[0] != 4 + 4 * (int64_t)unit->drivers || counts[1] != 2 * counts[3] || counts[2] != 5 ||
         counts[4] != unit->drivers || counts[5] != 1)
         return 0;
-    modes = integers(unit, "unit_modes");
-    kinds = integers(unit, "unit_kinds");
+    modes = unit_integers(unit, "unit_modes");
+    kinds = unit_integers(unit, "unit_kinds");
     for (k = 0; k < unit->modes; k++)
         if (modes[k] < 0 || modes[k] >= unit->sizes.modes) return 0;
     for (k = 0; k < unit->drivers; k++)
@@ -93,7 +83,7 @@ static int count_levels(const double *settings, double step)
 
 static void set_settings(Unit *unit, double step, double rho_inf)
 {
-    const double *settings = numbers(unit, "unit_settings");
+    const double *settings = unit_numbers(unit, "unit_settings");
     unit->settings.step = step;
     unit->settings.rho_inf = rho_inf;
     unit->settings.levels = count_levels(settings, step);
@@ -101,7 +91,7 @@ static void set_settings(Unit *unit, double step, double rho_inf)
 
 static int open_state(Unit *unit, char *why, size_t room)
 {
-    const double *settings = numbers(unit, "unit_settings"), *start = numbers(unit, "unit_start");
+    const double *settings = unit_numbers(unit, "unit_settings"), *start = unit_numbers(unit, "unit_start");
     char reason[PMR_MESSAGE];
     int k;
     for (k = 0; k < 16; k++) unit->parts[k] = 1 << k;
@@ -165,7 +155,7 @@ Unit *unit_open(const char *token, const char *folder, int model_exchange, char 
     snprintf(why, 400, "no memory is left");
     if (!is_sound(unit))
         snprintf(why, 400, "resources/system.pmr: variables of a unit are missing or damaged");
-    else if (model_exchange && !integers(unit, "unit_exchange")[0])
+    else if (model_exchange && !unit_integers(unit, "unit_exchange")[0])
         snprintf(why, 400, "rigid rows or friction leave no differential equation: Co-Simulation is allowed");
     else if (!open_memory(unit) && !open_state(unit, why, 400)) {
         unit_reset(unit);
@@ -187,32 +177,32 @@ void unit_close(Unit *unit)
 
 /* ---- where it stands ---- */
 
-static void changed(Unit *unit) { unit->stands = unit->known_outputs = unit->known_rates = unit->known_derivatives = 0; }
+void unit_changed(Unit *unit) { unit->stands = unit->known_outputs = unit->known_rates = unit->known_derivatives = 0; }
 
 int unit_reset(Unit *unit)
 {
     memset(unit->variables, 0, unit->at.all * sizeof(double));
-    memcpy(unit->variables, numbers(unit, "unit_start"), unit->at.states * sizeof(double));
+    memcpy(unit->variables, unit_numbers(unit, "unit_start"), unit->at.states * sizeof(double));
     memset(unit->given, 0, 2 * (size_t)unit->modes * sizeof(double));
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
     memset(unit->second, 0, (size_t)unit->drivers * sizeof(double));
     memset(unit->warned, 0, (size_t)unit->drivers * sizeof(int32_t));
     unit->started = 0;
-    changed(unit);
+    unit_changed(unit);
     return 0;
 }
 
 /* Modes among all that the kernel has, which are zero where they are no modes, and back. */
-static void fill_modes(const Unit *unit, const double *from, double *to)
+void fill_modes(const Unit *unit, const double *from, double *to)
 {
-    const int32_t *modes = integers(unit, "unit_modes");
+    const int32_t *modes = unit_integers(unit, "unit_modes");
     int k;
     for (k = 0; k < unit->modes; k++) to[modes[k]] = from[k];
 }
 
-static void pick_modes(const Unit *unit, const double *from, double *to)
+void pick_modes(const Unit *unit, const double *from, double *to)
 {
-    const int32_t *modes = integers(unit, "unit_modes");
+    const int32_t *modes = unit_integers(unit, "unit_modes");
     int k;
     for (k = 0; k < unit->modes; k++) to[k] = from[modes[k]];
 }
@@ -224,7 +214,7 @@ static void read_states(Unit *unit)
 }
 
 /* Why the kernel failed, with the paths. */
-static int failed_with(Unit *unit, int failed)
+int unit_failed(Unit *unit, int failed)
 {
     char where[160] = "", row[80] = "";
     size_t used = 0;
@@ -256,7 +246,7 @@ static int failed_with(Unit *unit, int failed)
 /* Paths may lie a little beyond their ends. */
 static int check_paths(Unit *unit, const double *drivers)
 {
-    const double *ends = numbers(unit, "path_ends"), share = numbers(unit, "unit_settings")[BEYOND_ENDS];
+    const double *ends = unit_numbers(unit, "path_ends"), share = unit_numbers(unit, "unit_settings")[BEYOND_ENDS];
     int p;
     for (p = 0; p < unit->sizes.paths; p++) {
         const double low = ends[2 * p], high = ends[2 * p + 1], beyond = share * (high - low);
@@ -274,7 +264,7 @@ static int adjust(Unit *unit, double step, double rho_inf)
 {
     char why[PMR_MESSAGE];
     const pmr_settings *now = &unit->settings;
-    if (now->step == step && now->rho_inf == rho_inf && now->levels == count_levels(numbers(unit, "unit_settings"), step))
+    if (now->step == step && now->rho_inf == rho_inf && now->levels == count_levels(unit_numbers(unit, "unit_settings"), step))
         return 0;
     set_settings(unit, step, rho_inf);
     return pmr_state_adjust(unit->state, &unit->settings, why) ? refuse(unit, why) : 0;
@@ -304,8 +294,8 @@ static int begin(Unit *unit)
                                  : pmr_start(unit->state, kinds[kind], driven, z, v);
     if (failed && kind == 1)
         return refuse(unit, "no static start: nothing holds the body against the loads, or rows depend on each other");
-    if (failed) return failed_with(unit, failed);
-    changed(unit);
+    if (failed) return unit_failed(unit, failed);
+    unit_changed(unit);
     unit->stands = 1;
     read_states(unit);
     return 0;
@@ -320,15 +310,15 @@ int unit_start(Unit *unit)
 }
 
 /* While nothing has begun, states and outputs are those with which it would. */
-static int prepare(Unit *unit) { return !unit->started && !unit->stands ? begin(unit) : 0; }
+int unit_prepare(Unit *unit) { return !unit->started && !unit->stands ? begin(unit) : 0; }
 
 /* ---- steps ---- */
 
 /* Warn of inputs before a step, once each. */
 static void check_inputs(Unit *unit)
 {
-    const int32_t *kinds = integers(unit, "unit_kinds");
-    const double *ends = numbers(unit, "path_ends"), *u = unit->variables + DRIVEN;
+    const int32_t *kinds = unit_integers(unit, "unit_kinds");
+    const double *ends = unit_numbers(unit, "path_ends"), *u = unit->variables + DRIVEN;
     int n;
     for (n = 0; n < unit->drivers; n++) {
         const double second = fabs(u[2 * unit->drivers + n]) + fabs(u[3 * unit->drivers + n]), off = unit->off[n];
@@ -366,252 +356,15 @@ int unit_advance(Unit *unit, double time, double duration)
     for (k = 0; k < (int)count; k++) {
         const double since = k * step;
         pmr_lead_on(led, n, since + step, 3, driven);
-        changed(unit);
+        unit_changed(unit);
         if (check_paths(unit, driven)) return 1;
         failed = pmr_step_led(unit->state, led, since);
-        if (failed) return failed_with(unit, failed);
+        if (failed) return unit_failed(unit, failed);
         u[TIME] = time + (k + 1) * step;
     }
     unit->stands = 1;
     read_states(unit);
     return 0;
-}
-
-/* ---- values ---- */
-
-static void put_states(Unit *unit, const double *z, const double *v)
-{
-    fill_modes(unit, z, unit->view.z);
-    fill_modes(unit, v, unit->view.v);
-}
-
-/* Outputs and forces: of a step as it found them, else by the inputs and states that were set. */
-static int find_outputs(Unit *unit)
-{
-    double *u = unit->variables, *outputs = u + unit->at.outputs, *further = outputs + unit->sizes.outputs;
-    const pmr_values values = {.outputs = outputs, .further = further, .forces = u + unit->at.forces, .closed = unit->closed};
-    int failed;
-    if (unit->known_outputs) return 0;
-    if (unit->stands) {
-        pmr_outputs(unit->state, outputs, u + unit->at.forces);
-        if (unit->sizes.further) pmr_further(unit->state, further);
-    } else {
-        failed = pmr_evaluate(unit->state, u + DRIVEN, 0, &values);
-        if (failed) return failed_with(unit, failed);
-    }
-    unit->known_outputs = 1;
-    return 0;
-}
-
-static int find_derivatives(Unit *unit)
-{
-    double *u = unit->variables, *to = u + unit->at.derivatives;
-    const pmr_values values = {.accelerations = unit->work, .closed = unit->closed};
-    int failed;
-    if (unit->known_derivatives) return 0;
-    failed = pmr_evaluate(unit->state, u + DRIVEN, 0, &values);
-    if (failed) return failed_with(unit, failed);
-    memcpy(to, u + unit->at.states + unit->modes, (size_t)unit->modes * sizeof(double));
-    pick_modes(unit, unit->work, to + unit->modes);
-    unit->known_derivatives = 1;
-    return 0;
-}
-
-/* Rates of outputs and further ones with drivers (4 N), whose rates are the seed, and v as the rate of z, in `rates`; of
-   forces, which have none, they are zero. */
-static int find_rates(Unit *unit, const double *driven, int hold, double *rates)
-{
-    double *v = unit->work + 6 * (size_t)unit->sizes.modes, *nothing = v + unit->sizes.modes;
-    const pmr_values values = {.outputs = rates, .further = rates + unit->sizes.outputs, .closed = unit->closed};
-    int failed;
-    memcpy(v, unit->view.v, (size_t)unit->sizes.modes * sizeof(double));
-    memset(nothing, 0, (size_t)unit->sizes.modes * sizeof(double));
-    failed = pmr_evaluate_along(unit->state, driven, driven + unit->drivers, v, nothing, hold, &values);
-    return failed ? failed_with(unit, failed) : 0;
-}
-
-static int find_all_rates(Unit *unit)
-{
-    if (unit->known_rates) return 0;
-    if (find_rates(unit, unit->variables + DRIVEN, 0, unit->variables + unit->at.rates)) return 1;
-    unit->known_rates = 1;
-    return 0;
-}
-
-int get_variables(Unit *unit, const unsigned *references, size_t count, double *values)
-{
-    const Numbers *at = &unit->at;
-    size_t n;
-    for (n = 0; n < count; n++) {
-        const unsigned reference = references[n];
-        if (reference >= at->all) return refuse_reference(unit, "no such variable", reference);
-        if (reference >= at->states) {
-            if (prepare(unit)) return 1;
-            if (reference >= at->rates && reference < at->forces ? find_all_rates(unit)
-                : reference >= at->outputs                       ? find_outputs(unit)
-                                           : reference >= at->derivatives && find_derivatives(unit))
-                return 1;
-        }
-        values[n] = unit->variables[reference];
-    }
-    return 0;
-}
-
-/* Why a variable can't have a value, or NULL. */
-static const char *impossible(const Unit *unit, unsigned reference, double value)
-{
-    if (!isfinite(value)) return "a finite number is allowed";
-    if (reference >= DRIVEN && reference < DRIVEN + (unsigned)unit->drivers &&
-        integers(unit, "unit_kinds")[reference - DRIVEN] == ANGLE && fabs(value) > WHOLE_TURN)
-        return "an angle of at most one turn is allowed, in rad";
-    return NULL;
-}
-
-int set_variables(Unit *unit, const unsigned *references, size_t count, const double *values)
-{
-    const Numbers *at = &unit->at;
-    size_t n;
-    for (n = 0; n < count; n++) {
-        const unsigned reference = references[n];
-        const int is_parameter = reference >= at->internal_step && reference < at->states;
-        const int is_state = reference >= at->states && reference < at->derivatives;
-        const char *why;
-        if (reference == TIME || reference >= at->derivatives) return refuse_reference(unit, "it can be read only", reference);
-        if ((is_parameter || is_state) && unit->started)
-            return refuse_reference(unit, "parameters and states are fixed once the start is made", reference);
-        if ((why = impossible(unit, reference, values[n]))) return refuse_reference(unit, why, reference);
-        if (reference < DRIVEN + (unsigned)unit->drivers) {
-            double *off = unit->off + (reference - DRIVEN);
-            *off = fmax(*off, fabs(values[n] - unit->variables[reference]));
-        }
-        if (is_state) {
-            unit->given[reference - at->states] = values[n];
-            changed(unit);
-        } else if (unit->variables[reference] != values[n]) {
-            unit->variables[reference] = values[n];
-            changed(unit);
-        }
-    }
-    return 0;
-}
-
-static int check_count(Unit *unit, size_t count)
-{
-    return count == 2 * (size_t)unit->modes ? 0 : refuse(unit, "another number of states is asked for than there is");
-}
-
-int get_states(Unit *unit, double *states, size_t count)
-{
-    if (check_count(unit, count) || prepare(unit)) return 1;
-    memcpy(states, unit->variables + unit->at.states, count * sizeof(double));
-    return 0;
-}
-
-int set_states(Unit *unit, const double *states, size_t count)
-{
-    if (check_count(unit, count)) return 1;
-    memcpy(unit->variables + unit->at.states, states, count * sizeof(double));
-    put_states(unit, states, states + unit->modes);
-    changed(unit);
-    return 0;
-}
-
-int get_derivatives(Unit *unit, double *derivatives, size_t count)
-{
-    if (check_count(unit, count) || prepare(unit) || find_derivatives(unit)) return 1;
-    memcpy(derivatives, unit->variables + unit->at.derivatives, count * sizeof(double));
-    return 0;
-}
-
-int get_nominals(Unit *unit, double *nominals, size_t count)
-{
-    if (check_count(unit, count)) return 1;
-    memcpy(nominals, numbers(unit, "unit_nominal"), count * sizeof(double));
-    return 0;
-}
-
-/* ---- derivatives along a seed ---- */
-
-/* Rates change along a seed (4 N, and 2 r' of z and v) of drivers of one kind, and z and v, as differences say. */
-static int add_rate_changes(Unit *unit, const double *seed, const double *z, const double *v, int moving, double *answer)
-{
-    const int n = 4 * unit->drivers, r = unit->sizes.modes, o = unit->outputs;
-    const int32_t *kinds = integers(unit, "unit_kinds");
-    double *old = unit->work + 2 * r, *driven = unit->work + 8 * (size_t)r, *rates = driven + n, largest = 0.0, h;
-    int side, k, failed = 0;
-    for (k = 0; k < n; k++)
-        if ((kinds[k % unit->drivers] != OTHER) == moving) largest = fmax(largest, fabs(seed[k]));
-    for (k = 0; k < r && !moving; k++) largest = fmax(largest, fmax(fabs(z[k]), fabs(v[k])));
-    if (largest == 0.0) return 0;
-    h = (moving ? SMALL : LARGE) / largest;
-    memcpy(old, unit->view.z, (size_t)r * sizeof(double));
-    memcpy(old + r, unit->view.v, (size_t)r * sizeof(double));
-    for (side = -1; side <= 1 && !failed; side += 2) {
-        for (k = 0; k < n; k++)
-            driven[k] = unit->variables[DRIVEN + k] +
-                        ((kinds[k % unit->drivers] != OTHER) == moving ? side * h * seed[k] : 0.0);
-        for (k = 0; k < r && !moving; k++) {
-            unit->view.z[k] = old[k] + side * h * z[k];
-            unit->view.v[k] = old[r + k] + side * h * v[k];
-        }
-        failed = find_rates(unit, driven, 1, rates);
-        for (k = 0; k < o; k++) answer[k] += side * rates[k] / (2.0 * h);
-    }
-    memcpy(unit->view.z, old, (size_t)r * sizeof(double));
-    memcpy(unit->view.v, old + r, (size_t)r * sizeof(double));
-    return failed;
-}
-
-/* All that changes along a seed (variables), in `answer` (variables). */
-static int differentiate_all(Unit *unit, const double *seed, int rates, double *answer)
-{
-    const Numbers *at = &unit->at;
-    const int r = unit->sizes.modes;
-    double *z = unit->work, *v = z + r, *accelerations = v + 4 * r;
-    const pmr_values values = {.accelerations = accelerations,
-                               .outputs = answer + at->outputs,
-                               .further = answer + at->outputs + unit->sizes.outputs,
-                               .forces = answer + at->forces,
-                               .closed = unit->closed};
-    int failed;
-    memset(z, 0, 2 * (size_t)r * sizeof(double));
-    fill_modes(unit, seed + at->states, z);
-    fill_modes(unit, seed + at->states + unit->modes, v);
-    failed = pmr_evaluate_along(unit->state, unit->variables + DRIVEN, seed + DRIVEN, z, v, 0, &values);
-    if (failed) return failed_with(unit, failed);
-    memcpy(answer + at->derivatives, seed + at->states + unit->modes, (size_t)unit->modes * sizeof(double));
-    pick_modes(unit, accelerations, answer + at->derivatives + unit->modes);
-    if (!rates) return 0;
-    return add_rate_changes(unit, seed + DRIVEN, z, v, 0, answer + at->rates) ||
-           add_rate_changes(unit, seed + DRIVEN, z, v, 1, answer + at->rates);
-}
-
-int differentiate(Unit *unit, const unsigned *unknowns, size_t unknown_count, const unsigned *knowns,
-                  size_t known_count, const double *seed, double *answer)
-{
-    const Numbers *at = &unit->at;
-    double *of, *to;
-    int rates = 0, failed;
-    size_t n;
-    for (n = 0; n < known_count; n++) {
-        const int is_input = knowns[n] >= DRIVEN && knowns[n] < at->internal_step;
-        if (!is_input && !(knowns[n] >= at->states && knowns[n] < at->derivatives))
-            return refuse_reference(unit, "derivatives with respect to states and inputs are known", knowns[n]);
-    }
-    for (n = 0; n < unknown_count; n++) {
-        if (unknowns[n] < at->derivatives || unknowns[n] >= at->all)
-            return refuse_reference(unit, "derivatives of outputs and of the states' rates are known", unknowns[n]);
-        rates |= unknowns[n] >= at->rates && unknowns[n] < at->forces;
-    }
-    if (prepare(unit)) return 1;
-    of = calloc(2 * (size_t)at->all, sizeof(double));
-    if (!of) return refuse(unit, "no memory is left");
-    to = of + at->all;
-    for (n = 0; n < known_count; n++) of[knowns[n]] += seed[n];
-    failed = differentiate_all(unit, of, rates, to);
-    for (n = 0; n < unknown_count && !failed; n++) answer[n] = to[unknowns[n]];
-    free(of);
-    return failed;
 }
 
 /* ---- saved states ---- */
@@ -680,7 +433,7 @@ int unit_restore(Unit *unit, const void *state)
     memcpy(unit->variables, at + sizeof head, own);
     memcpy(unit->given, at + sizeof head + own, given);
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
-    changed(unit);
+    unit_changed(unit);
     unit->started = (int)head.started;
     if (!unit->started) return 0;
     if (pmr_state_restore(unit->state, at + sizeof head + own + given, pmr_state_bytes(unit->state), why)) return refuse(unit, why);

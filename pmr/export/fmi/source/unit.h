@@ -28,6 +28,8 @@
 #endif
 
 enum { OTHER, PATH, ANGLE, SLEWING };
+/* Angles but that of slewing turn once at most, rad. */
+#define WHOLE_TURN 6.283185307179586
 
 /* Value references. */
 enum { TIME = 0, DRIVEN = 1 }; /* all drivers, then their rates of order one to three */
@@ -78,6 +80,15 @@ int unit_save(Unit *unit, void **state);
 int unit_restore(Unit *unit, const void *state);
 int unit_is_state(Unit *unit, const void *bytes, size_t count);
 
+/* Parts of these. */
 int refuse(Unit *unit, const char *why);
+int unit_failed(Unit *unit, int failed); /* with why the kernel failed */
+int unit_prepare(Unit *unit);            /* while nothing has begun, states and outputs are those with which it would */
+void unit_changed(Unit *unit);           /* states or inputs were set */
+const double *unit_numbers(const Unit *unit, const char *name);
+const int32_t *unit_integers(const Unit *unit, const char *name);
+/* Modes among all that the kernel has, which are zero where they are no modes, and back. */
+void fill_modes(const Unit *unit, const double *from, double *to);
+void pick_modes(const Unit *unit, const double *from, double *to);
 
 #endif
