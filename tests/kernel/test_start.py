@@ -11,8 +11,8 @@ from nested import Nested, reduced
 
 from pmr.errors import SimulationError
 from pmr.kernel.kernel import Settings, State
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
-from pmr.system.statics import equilibrium
 from pmr.system.system import System
 
 

@@ -40,6 +40,21 @@ static int solve_dense(int n, double *A, double *x)
     return 0;
 }
 
+/* The same with a step of refinement, without which soft and stiff rows blur each other; A (2, n, n) and `work` (n). */
+static int solve_refined(int n, double *A, double *x, double *work)
+{
+    double *whole = A + (size_t)n * n;
+    int i, j;
+    memcpy(whole, A, (size_t)n * n * sizeof(double));
+    copy(work, x, n);
+    if (solve_dense(n, A, x)) return 1;
+    for (i = 0; i < n; i++)
+        for (j = 0; j < n; j++) work[i] -= whole[(size_t)i * n + j] * x[j];
+    if (solve_dense(n, whole, work)) return 1;
+    for (i = 0; i < n; i++) x[i] += work[i];
+    return 0;
+}
+
 /* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F. */
 static int is_rigid(const pmr_state *st, int k)
 {
@@ -84,7 +99,7 @@ static int solve_held(pmr_state *st, double floor, const double *forces, int loa
         for (l = 0; l < y->contacts; l++) row[r + l] = -st->A[(k > l ? k : l) * y->mp + (k > l ? l : k)];
         if (loaded) x[r + k] = y->clearance[k] - st->pushed[k];
     }
-    return solve_dense(size, A, x);
+    return solve_refined(size, A, x, st->held + 2 * (r + y->mp));
 }
 
 /* Contacts that pull although they only push, or would have to push although they are open: their number, each
@@ -250,7 +265,6 @@ static int begin(pmr_state *st)
     }
     for (n = 0; n < y->modes; n++) st->pulled[n] = 0.0;
     subtract_rows(st, 0, y->contacts, st->pulled);
-    for (n = 0; n < y->modes; n++) st->extra[n] = st->w[n];
     load_bodies(st, st->u + y->paths); /* those of `stand` are those of the step before by now */
     account(st, c);                    /* p enters by its square */
     st->energy[1] = st->energy[2] = 0.0;
@@ -287,6 +301,7 @@ static int start(pmr_state *st, int kind, const double *u, const double *z, cons
     failed = place(st, still, u);
     /* without a step F may be singular, as of rigid contacts: it is solved for below */
     if (failed == PMR_DEPENDENT) failed = PMR_DONE;
+    st->trouble = -1;
     load_bodies(st, u + y->paths);
     if (kind == PMR_GIVEN) {
         copy(st->z, z, y->modes);

@@ -172,7 +172,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(values, y->op + y->hp + y->forces);
     NUMBERS(changes, y->op + y->hp + y->forces);
     NUMBERS(shown, y->reactions + 4);
-    NUMBERS(held, 2 * (n + mp));
+    NUMBERS(held, 3 * (n + mp));
     NUMBERS(slopes, y->paths * m * (n + y->ip + mp));
     NUMBERS(seeds, 13 * n + y->drivers);
     st->scheme = take_room(r, (size_t)levels + 1, sizeof(pmr_scheme));

@@ -221,10 +221,15 @@ static void begin_terms(pmr_state *st, const double *amplitudes)
 {
     const pmr_system *y = st->system;
     int k, n;
-    if (y->pads) begin_friction(st);
+    for (n = 0; n < y->modes; n++) st->extra[n] = 0.0;
+    if (y->pads) {
+        begin_friction(st);
+        subtract_moments(st, st->lambda + y->contacts, st->extra);
+    }
     if (!y->registers) return;
     combine_terms(st, amplitudes);
     find_terms(st, st->z, st->v, st->w);
+    for (n = 0; n < y->modes; n += VL) V(st->extra + n) += CV(st->w + n);
     for (k = 0; k < 4; k++)
         for (n = 0; n < y->modes; n += VL) V(st->old_w + (size_t)k * y->modes + n) = CV(st->w + n);
 }

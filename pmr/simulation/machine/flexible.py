@@ -23,8 +23,8 @@ from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.start import begin, places_of
 from pmr.simulation.native.stepped import outputs_of, step_observed, step_of
 from pmr.simulation.start import InitialState
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
-from pmr.system.statics import equilibrium
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ class Flexible:
         return self.frame.find(drivers)
 
     def at_rest(self, base: Array) -> Mapping[str, InitialState]:
-        """Every body in equilibrium with the loads at t = 0; errors as for `pmr.system.statics.equilibrium`."""
+        """Every body in equilibrium with the loads at t = 0; errors as for `equilibrium`."""
         found = equilibrium(self.assembly, self._march.x[0], *self.inputs(0, base)).q
         states = dict[str, InitialState]()
         for name, body in self.form.system.bodies.items():

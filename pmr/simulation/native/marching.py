@@ -17,7 +17,7 @@ from pmr.simulation import balance, contact_step
 from pmr.simulation.blocks import Ended, in_blocks
 from pmr.simulation.excitation import Excitation, places, rates_of_places
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.states import driver_signals, failed_at, places_of, start_modes
+from pmr.simulation.native.states import driver_signals, failed_at, places_of, start_modes, static_start
 from pmr.simulation.needs import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
@@ -30,6 +30,8 @@ BLOCK = 16384
 TIMES, FINE = 2048, 64
 #: Numbers that are recorded in the meantime: fewer steps where there are more coordinates.
 RECORDED = 2**22
+#: Modes up to which the kernel finds the equilibrium at the start; of more, statics with sparse matrices does.
+DENSE = 400
 
 
 class Steps(NamedTuple):
@@ -54,9 +56,14 @@ class Steps(NamedTuple):
 
 
 class March:
-    """One simulation; arguments and errors as for `pmr.simulation.SystemSimulator`."""
+    """One simulation; arguments and errors as for `pmr.simulation.SystemSimulator`.
 
-    def __init__(self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState]) -> None:
+    Without initial states it starts as the excitation says.
+    """
+
+    def __init__(
+        self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
+    ) -> None:
         system, stepping, kernel = form.system, excitation.stepping, form.kernel
         self.form, self.t = form, excitation.times
         if system.on_one_path and excitation.paths:
@@ -77,6 +84,7 @@ class March:
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         self._signals: Signals | None
+        self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
         self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, parts, omega))
         self._drivers, self._sampling = driver_signals(form, excitation), 0.0
         frame = form.frame
@@ -87,22 +95,28 @@ class March:
             self._frame = self._signals = None
         zero = self._sampled(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
         self._start: tuple[Any, ...] = ("rest", zero)
+        if initial is None and excitation.start == "equilibrium":
+            self._start = ("equilibrium", zero)
+            if kernel.modes <= DENSE and self._begin() is None:
+                return
+            initial = static_start(system, excitation)  # which also says what nothing holds
         if initial:
             modes = start_modes(form, self.x[0], rates_of_places(system, excitation), initial)
             self._start = ("given", zero, *modes)
-        self._begin()
-        self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
+        if error := self._begin():
+            raise self._failed(error, 0)
 
-    def _begin(self) -> None:
-        """Bring the state to t = 0."""
+    def _begin(self) -> StepError | None:
+        """Bring the state to t = 0; the error where that fails."""
+        self._sampling = 0.0  # s, of the steps that follow
         try:
             if self._frame is None:
                 self.state.start(*self._start)
             else:
                 self.state.start_in_frame(self._start[0], self._start[1], None, *self._start[2:])
         except StepError as error:
-            raise self._failed(error, 0) from None
-        self._sampling = 0.0  # s, of the steps that follow
+            return error
+        return None
 
     def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> Ended:
         """Take all steps; `take` gets some of them at a time, and the number of the first among these.

@@ -11,9 +11,10 @@ from pmr.constraints.dependence import of_rows
 from pmr.errors import SimulationError
 from pmr.kernel.kernel import Failure, StepError
 from pmr.scene.signals import Constant, SignalBase
-from pmr.simulation.excitation import Excitation, in_order
+from pmr.simulation.excitation import Excitation, in_order, places
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.start import InitialState, consistent_start
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact
 from pmr.system.friction import joints_of
@@ -56,6 +57,27 @@ def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str,
     return z, v
 
 
+def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
+    """Every body at rest in equilibrium with the loads at t = 0; errors as for `equilibrium`."""
+    assembly, states = Assembly(system), {}
+    f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
+    found = equilibrium(assembly, places(system, excitation)[0], f, c).q
+    for name, body in system.bodies.items():
+        q = np.zeros(body.size)
+        q[assembly.free[name]] = found[assembly.coordinates[name]]
+        states[name] = InitialState(q, np.zeros(body.size))
+    return states
+
+
+def start_of(
+    system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
+) -> Mapping[str, InitialState]:
+    """Of each body at t = 0: what is given, else at rest or in equilibrium, as the excitation says."""
+    if initial is not None or excitation.start == "rest":
+        return initial or {}
+    return static_start(system, excitation)
+
+
 def failed_at(where: str, form: SystemForm, error: StepError, x: Array) -> SimulationError:
     """A step's failure in words of the system; its contacts' sides are at x (sides,) m."""
     return SimulationError(f"march failed at {where}: {reason(form.modal, error, x)}")
@@ -68,8 +90,9 @@ def reason(system: System, error: StepError, x: Array) -> str:
         return f"which of the rows {names} are closed was not settled in {SOLVES} solves"
     if error.failure == Failure.UNCONVERGED:
         return unconverged(system.term_names, system.contacts)
-    if error.failure == Failure.DEPENDENT and error.contact >= 0:
-        return dependence(Assembly(system).at(x).C[: error.contact + 1], system.contact_names)
+    if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which
+        C = Assembly(system).at(x).C
+        return dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
     return "not finite" if error.failure == Failure.NOT_FINITE else str(error)
 
 

@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import applied, columns, select_rows
 from pmr.simulation.blocks import Block, Ended, Recorder, Take
-from pmr.simulation.excitation import Excitation, places
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.marching import March, Steps
+from pmr.simulation.native.states import start_of as start_of
+from pmr.simulation.native.states import static_start as static_start
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
-from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
 from pmr.system.friction import Friction
-from pmr.system.statics import equilibrium
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ def simulate(
     Arguments and errors as for `pmr.simulation.SystemSimulator`.  `seconds` is the time of the steps in modal
     coordinates; compiling (once on a machine), diagonalising and the way back to q are not in it.
     """
-    return simulate_form(SystemForm.of(system), excitation, initial, progress, every)
+    return simulate_form(SystemForm.of(system), excitation, initial or {}, progress, every)
 
 
 def simulate_form(
@@ -64,9 +64,9 @@ def simulate_form(
     progress: Progress | None = None,
     every: int = 1,
 ) -> SystemTrajectory:
-    """The same of a system in modal form; simulations of one form share its tables."""
+    """The same of a system in modal form, by default from the start of the excitation; simulations share its kernel."""
     recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
-    march = March(form, excitation, initial or {})
+    march = March(form, excitation, initial)
     return recorder.trajectory(follow(march, excitation, recorder, progress))
 
 
@@ -123,7 +123,7 @@ def observe(
     rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as for
     `pmr.simulation.SystemSimulator`.
     """
-    march, system = March(form, excitation, start_of(form.system, excitation)), form.system
+    march, system = March(form, excitation), form.system
     count, chosen = excitation.stepping.steps // every + 1, by_body(system, outputs)
     sizes = {name: len(np.arange(system.bodies[name].outputs.shape[0])[own]) for name, own in chosen.items()}
     y, forces, evaluated = np.empty((count, sum(sizes.values()))), np.empty((count, len(system.contacts))), 0.0
@@ -150,27 +150,6 @@ def observe(
 
     seconds = march.observe(every, taken)
     return Observation(march.t[::every], y, forces, seconds + evaluated)
-
-
-def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
-    """Every body at rest in equilibrium with the loads at t = 0; errors as for `pmr.system.statics.equilibrium`."""
-    assembly, states = Assembly(system), {}
-    f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
-    found = equilibrium(assembly, places(system, excitation)[0], f, c).q
-    for name, body in system.bodies.items():
-        q = np.zeros(body.size)
-        q[assembly.free[name]] = found[assembly.coordinates[name]]
-        states[name] = InitialState(q, np.zeros(body.size))
-    return states
-
-
-def start_of(
-    system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
-) -> Mapping[str, InitialState]:
-    """Of each body at t = 0: what is given, else at rest or in equilibrium, as the excitation says."""
-    if initial is not None or excitation.start == "rest":
-        return initial or {}
-    return static_start(system, excitation)
 
 
 def displacements(

@@ -21,9 +21,9 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.term_arrays import independent, signals
 from pmr.simulation.start import InitialState
+from pmr.simulation.statics.buckling import buckling_factors
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.buckling import buckling_factors
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import System, SystemTrajectory
 from pmr.system.terms import Term

@@ -19,9 +19,9 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.simulation.statics.equilibrium import ROUND_OFF_OF_K, saddle_point_solver
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
-from pmr.system.statics import ROUND_OFF_OF_K, saddle_point_solver
 from pmr.system.terms import added
 
 Array = NDArray[np.float64]

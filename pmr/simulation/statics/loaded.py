@@ -24,6 +24,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from pmr.kernel.laws import ContactSearch
 from pmr.system.definite import Free, first_singular, root
 
 Array = NDArray[np.float64]
@@ -336,8 +337,7 @@ class Loaded:
             form = self._closed
             found = form.responses(np.array([load]))[0]
             return State(load, found[:o], found[o : o + m], form)
-        closed, tried = self._last.copy(), set[bytes]()
-        fewest, chances = m + 1, 3
+        closed, tried, search = self._last.copy(), set[bytes](), ContactSearch()
         for _ in range(MOST_SETS):
             form = self._form(closed)
             found = form.responses(np.array([load]))[0]
@@ -354,9 +354,7 @@ class Loaded:
                 self._last = closed
                 return state
             tried.add(closed.tobytes())
-            chances = 3 if wrong.sum() < fewest else chances - 1
-            fewest = min(fewest, int(wrong.sum()))
-            closed = closed ^ (wrong if chances >= 0 else np.arange(m) == np.argmax(wrong))
+            closed = search.change(closed, wrong)
         return State(load, np.full(o, np.nan), np.full(m, np.nan), form)
 
     def _wrong(self, state: State, beyond: Array) -> Mask:

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.system.loaded import Form
+from pmr.simulation.statics.loaded import Form
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ r"""Equilibrium of a system of bodies under constant loads, at given places.
     C q + H f - F \lambda = g \text{ where a contact is closed}, \quad \lambda = 0 \text{ where it is open}
 
 with the clearances g and the system's terms at their amplitudes c.
-Contacts that only push are closed where they push and open where a gap is left; the ones that are wrong change sides,
-all at once as long as that leaves fewer wrong ones, then the first one alone (docs/pads.md has the proof that this
-ends).  A body that open contacts leave free for the moment is held by its mass times a frequency far below all others;
-the last solve has none of that.
+Contacts that only push are closed where they push and open where a gap is left; of the ones that are wrong the kernel
+says which change sides (`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).  A body that open
+contacts leave free for the moment is held by its mass times a frequency far below all others; the last solve has none
+of that.
 
 Terms may make K indefinite while contacts are open that close later, and then changing sides need not end.  So where
 it does not, the energy is minimised in steps, each with a share of omega^2 M added and its force at the last q taken
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from pmr.errors import InputError
+from pmr.kernel.laws import ContactSearch
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
 
@@ -36,8 +37,8 @@ Mask = NDArray[np.bool_]
 
 #: Share of the lowest omega^2 that holds bodies which nothing else holds; what it may change of an equilibrium.
 ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
-#: Solves in which all wrong contacts may change sides without leaving fewer wrong ones, and solves in all.
-CHANCES, LIMIT = 3, 1000
+#: Solves at most.
+LIMIT = 1000
 #: Shares of the lowest omega^2 with which an equilibrium is approached where K is indefinite while contacts are open
 #: that close later, one after the other, steps with each, and solves in each: with a large share a step is sure to
 #: have a solution, with a small one it is long.
@@ -104,18 +105,13 @@ class _Contacts:
         The contacts `closed` are so at first; after `limit` solves some may still be on the wrong side.
         """
         closed = self.all_closed if closed is None else closed
-        fewest, chances = len(closed) + 1, CHANCES
+        search = ContactSearch()
         for _ in range(limit):
             found = self.solve_closed(K, push, closed)
             wrong = self._wrong(found)
             if not wrong.any():
                 break
-            if wrong.sum() < fewest:
-                fewest, chances = int(wrong.sum()), CHANCES
-            else:
-                chances -= 1
-            changing = wrong if chances >= 0 else np.arange(len(wrong)) == np.argmax(wrong)
-            closed = closed ^ changing
+            closed = search.change(closed, wrong)
         return found
 
     def solve_closed(self, K: sp.csr_matrix, push: Array, closed: Mask) -> Equilibrium:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from pmr.simulation.statics.loaded import Equations, Form, Loaded
 from pmr.studies.searches import Search, first_load, searched
 from pmr.system.definite import Free, first_singular, root
-from pmr.system.loaded import Equations, Form, Loaded
 
 Array = np.ndarray
 
