@@ -44,9 +44,7 @@ class Library:
 
 def library(model: ReducedModel, folder: Path, version: str) -> Library:
     """The FMU of a body alone."""
-    return loaded(
-        contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version), folder, version
-    )
+    return loaded(contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version), folder, version)
 
 
 def loaded(unit: Contents, folder: Path, version: str) -> Library:
