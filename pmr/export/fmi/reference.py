@@ -16,6 +16,7 @@ from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.variables import STARTS, Variable
 from pmr.scene.built import force_of
 from pmr.scene.signals import SignalBase
+from pmr.scene.signals.base import Strand
 from pmr.simulation import cubics
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation, in_order
@@ -94,6 +95,12 @@ class Pieces(SignalBase):
 
     step: float  # s
     rates: tuple[tuple[float, ...], ...]  # (4, T)
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        x = np.array(self.rates)
+        breaks, polynomials = self.step * np.arange(x.shape[1]), x[::-1].T / [6.0, 2.0, 1.0, 1.0]
+        return (Strand(breaks, np.ascontiguousarray(polynomials)),)
 
     def value(self, t: ArrayLike) -> Array:
         at, (x, x1, x2, x3) = self._pieces(t)
