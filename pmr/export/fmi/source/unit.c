@@ -13,18 +13,6 @@
 
 enum { OMEGA, TOLERANCE, RESOLVED, MOST_PARTS, BEYOND_ENDS };
 
-const double *unit_numbers(const Unit *unit, const char *name)
-{
-    int64_t count;
-    return pmr_system_numbers(unit->system, name, &count);
-}
-
-const int32_t *unit_integers(const Unit *unit, const char *name)
-{
-    int64_t count;
-    return pmr_system_integers(unit->system, name, &count);
-}
-
 int refuse(Unit *unit, const char *why)
 {
     snprintf(unit->message, sizeof unit->message, "%s", why);
@@ -47,15 +35,16 @@ static void line_of(const Unit *unit, const char *list, int number, char *text, 
 /* Whether the arrays that are read here are there, and as long as they have to be. */
 static int is_sound(Unit *unit)
 {
-    static const char *const reals[] = {"unit_start", "unit_nominal", "unit_settings"};
-    static const char *const whole[] = {"unit_modes", "unit_kinds", "unit_exchange"};
-    int64_t counts[6];
-    const int32_t *modes, *kinds;
+    int64_t counts[6], ends;
     int k;
-    for (k = 0; k < 3; k++)
-        if (!pmr_system_numbers(unit->system, reals[k], counts + k)) return 0;
-    for (k = 0; k < 3; k++)
-        if (!pmr_system_integers(unit->system, whole[k], counts + 3 + k)) return 0;
+    unit->first = pmr_system_numbers(unit->system, "unit_start", counts);
+    unit->nominal = pmr_system_numbers(unit->system, "unit_nominal", counts + 1);
+    unit->limits = pmr_system_numbers(unit->system, "unit_settings", counts + 2);
+    unit->where = pmr_system_integers(unit->system, "unit_modes", counts + 3);
+    unit->kinds = pmr_system_integers(unit->system, "unit_kinds", counts + 4);
+    unit->exchange = pmr_system_integers(unit->system, "unit_exchange", counts + 5);
+    unit->ends = pmr_system_numbers(unit->system, "path_ends", &ends);
+    if (!unit->first || !unit->nominal || !unit->limits || !unit->where || !unit->kinds || !unit->exchange) return 0;
     pmr_system_sizes(unit->system, &unit->sizes);
     unit->drivers = unit->sizes.motions ? unit->sizes.motions : unit->sizes.drivers;
     unit->modes = (int)counts[3];
@@ -63,12 +52,10 @@ static int is_sound(Unit *unit)
     if (counts[0] != 4 + 4 * (int64_t)unit->drivers || counts[1] != 2 * counts[3] || counts[2] != 5 ||
         counts[4] != unit->drivers || counts[5] != 1)
         return 0;
-    modes = unit_integers(unit, "unit_modes");
-    kinds = unit_integers(unit, "unit_kinds");
     for (k = 0; k < unit->modes; k++)
-        if (modes[k] < 0 || modes[k] >= unit->sizes.modes) return 0;
+        if (unit->where[k] < 0 || unit->where[k] >= unit->sizes.modes) return 0;
     for (k = 0; k < unit->drivers; k++)
-        if (kinds[k] < OTHER || kinds[k] > SLEWING || (kinds[k] == PATH) != (k < unit->sizes.paths)) return 0;
+        if (unit->kinds[k] < OTHER || unit->kinds[k] > SLEWING || (unit->kinds[k] == PATH) != (k < unit->sizes.paths)) return 0;
     return 1;
 }
 
@@ -83,7 +70,7 @@ static int count_levels(const double *settings, double step)
 
 static void set_settings(Unit *unit, double step, double rho_inf)
 {
-    const double *settings = unit_numbers(unit, "unit_settings");
+    const double *settings = unit->limits;
     unit->settings.step = step;
     unit->settings.rho_inf = rho_inf;
     unit->settings.levels = count_levels(settings, step);
@@ -91,7 +78,7 @@ static void set_settings(Unit *unit, double step, double rho_inf)
 
 static int open_state(Unit *unit, char *why, size_t room)
 {
-    const double *settings = unit_numbers(unit, "unit_settings"), *start = unit_numbers(unit, "unit_start");
+    const double *settings = unit->limits, *start = unit->first;
     char reason[PMR_MESSAGE];
     int k;
     for (k = 0; k < 16; k++) unit->parts[k] = 1 << k;
@@ -155,7 +142,7 @@ Unit *unit_open(const char *token, const char *folder, int model_exchange, char 
     snprintf(why, 400, "no memory is left");
     if (!is_sound(unit))
         snprintf(why, 400, "resources/system.pmr: variables of a unit are missing or damaged");
-    else if (model_exchange && !unit_integers(unit, "unit_exchange")[0])
+    else if (model_exchange && !unit->exchange[0])
         snprintf(why, 400, "rigid rows or friction leave no differential equation: Co-Simulation is allowed");
     else if (!open_memory(unit) && !open_state(unit, why, 400)) {
         unit_reset(unit);
@@ -177,12 +164,12 @@ void unit_close(Unit *unit)
 
 /* ---- where it stands ---- */
 
-void unit_changed(Unit *unit) { unit->stands = unit->known_outputs = unit->known_rates = unit->known_derivatives = 0; }
+void unit_changed(Unit *unit) { unit->stands = unit->known_outputs = unit->known_further = unit->known_rates = unit->known_derivatives = 0; }
 
 int unit_reset(Unit *unit)
 {
     memset(unit->variables, 0, unit->at.all * sizeof(double));
-    memcpy(unit->variables, unit_numbers(unit, "unit_start"), unit->at.states * sizeof(double));
+    memcpy(unit->variables, unit->first, unit->at.states * sizeof(double));
     memset(unit->given, 0, 2 * (size_t)unit->modes * sizeof(double));
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
     memset(unit->second, 0, (size_t)unit->drivers * sizeof(double));
@@ -195,16 +182,14 @@ int unit_reset(Unit *unit)
 /* Modes among all that the kernel has, which are zero where they are no modes, and back. */
 void fill_modes(const Unit *unit, const double *from, double *to)
 {
-    const int32_t *modes = unit_integers(unit, "unit_modes");
     int k;
-    for (k = 0; k < unit->modes; k++) to[modes[k]] = from[k];
+    for (k = 0; k < unit->modes; k++) to[unit->where[k]] = from[k];
 }
 
 void pick_modes(const Unit *unit, const double *from, double *to)
 {
-    const int32_t *modes = unit_integers(unit, "unit_modes");
     int k;
-    for (k = 0; k < unit->modes; k++) to[k] = from[modes[k]];
+    for (k = 0; k < unit->modes; k++) to[k] = from[unit->where[k]];
 }
 
 static void read_states(Unit *unit)
@@ -246,7 +231,7 @@ int unit_failed(Unit *unit, int failed)
 /* Paths may lie a little beyond their ends. */
 static int check_paths(Unit *unit, const double *drivers)
 {
-    const double *ends = unit_numbers(unit, "path_ends"), share = unit_numbers(unit, "unit_settings")[BEYOND_ENDS];
+    const double *ends = unit->ends, share = unit->limits[BEYOND_ENDS];
     int p;
     for (p = 0; p < unit->sizes.paths; p++) {
         const double low = ends[2 * p], high = ends[2 * p + 1], beyond = share * (high - low);
@@ -264,7 +249,7 @@ static int adjust(Unit *unit, double step, double rho_inf)
 {
     char why[PMR_MESSAGE];
     const pmr_settings *now = &unit->settings;
-    if (now->step == step && now->rho_inf == rho_inf && now->levels == count_levels(unit_numbers(unit, "unit_settings"), step))
+    if (now->step == step && now->rho_inf == rho_inf && now->levels == count_levels(unit->limits, step))
         return 0;
     set_settings(unit, step, rho_inf);
     return pmr_state_adjust(unit->state, &unit->settings, why) ? refuse(unit, why) : 0;
@@ -317,8 +302,8 @@ int unit_prepare(Unit *unit) { return !unit->started && !unit->stands ? begin(un
 /* Warn of inputs before a step, once each. */
 static void check_inputs(Unit *unit)
 {
-    const int32_t *kinds = unit_integers(unit, "unit_kinds");
-    const double *ends = unit_numbers(unit, "path_ends"), *u = unit->variables + DRIVEN;
+    const int32_t *kinds = unit->kinds;
+    const double *ends = unit->ends, *u = unit->variables + DRIVEN;
     int n;
     for (n = 0; n < unit->drivers; n++) {
         const double second = fabs(u[2 * unit->drivers + n]) + fabs(u[3 * unit->drivers + n]), off = unit->off[n];

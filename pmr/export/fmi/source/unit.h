@@ -46,12 +46,14 @@ typedef struct {
     pmr_view view;
     pmr_sizes sizes;
     pmr_settings settings;
+    const double *first, *nominal, *limits, *ends; /* arrays of the system's file: start, nominal, settings, path_ends */
+    const int32_t *where, *kinds, *exchange;       /* modes, kinds, exchange */
     Numbers at;
     int32_t parts[16]; /* of steps, ascending */
     int drivers, modes, outputs; /* N, r, and outputs with further ones */
     int started;                 /* initialisation is over */
     int stands;                  /* states and inputs are those that the last step or start has led to */
-    int known_outputs, known_rates, known_derivatives;
+    int known_outputs, known_further, known_rates, known_derivatives;
     double *memory, *variables, *given, *off, *second, *work;
     int32_t *warned, *closed;
     char message[400], warning[400];
@@ -85,8 +87,6 @@ int refuse(Unit *unit, const char *why);
 int unit_failed(Unit *unit, int failed); /* with why the kernel failed */
 int unit_prepare(Unit *unit);            /* while nothing has begun, states and outputs are those with which it would */
 void unit_changed(Unit *unit);           /* states or inputs were set */
-const double *unit_numbers(const Unit *unit, const char *name);
-const int32_t *unit_integers(const Unit *unit, const char *name);
 /* Modes among all that the kernel has, which are zero where they are no modes, and back. */
 void fill_modes(const Unit *unit, const double *from, double *to);
 void pick_modes(const Unit *unit, const double *from, double *to);

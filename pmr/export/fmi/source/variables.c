@@ -23,21 +23,25 @@ static void put_states(Unit *unit, const double *z, const double *v)
     fill_modes(unit, v, unit->view.v);
 }
 
-/* Outputs and forces: of a step as it found them, else by the inputs and states that were set. */
-static int find_outputs(Unit *unit)
+/* Outputs and forces, or with `further` the further outputs: of a step as it found them, else by the inputs and states
+   that were set. */
+static int find_outputs(Unit *unit, int further)
 {
-    double *u = unit->variables, *outputs = u + unit->at.outputs, *further = outputs + unit->sizes.outputs;
-    const pmr_values values = {.outputs = outputs, .further = further, .forces = u + unit->at.forces, .closed = unit->closed};
+    double *u = unit->variables, *outputs = u + unit->at.outputs, *others = outputs + unit->sizes.outputs;
+    const pmr_values values = {.outputs = outputs, .further = others, .forces = u + unit->at.forces, .closed = unit->closed};
     int failed;
-    if (unit->known_outputs) return 0;
-    if (unit->stands) {
-        pmr_outputs(unit->state, outputs, u + unit->at.forces);
-        if (unit->sizes.further) pmr_further(unit->state, further);
-    } else {
+    if (further ? unit->known_further : unit->known_outputs) return 0;
+    if (!unit->stands) {
         failed = pmr_evaluate(unit->state, u + DRIVEN, 0, &values);
         if (failed) return unit_failed(unit, failed);
+        unit->known_further = unit->known_outputs = 1;
+    } else if (further) {
+        pmr_further(unit->state, others);
+        unit->known_further = 1;
+    } else {
+        pmr_outputs(unit->state, outputs, u + unit->at.forces);
+        unit->known_outputs = 1;
     }
-    unit->known_outputs = 1;
     return 0;
 }
 
@@ -79,6 +83,7 @@ static int find_all_rates(Unit *unit)
 int get_variables(Unit *unit, const unsigned *references, size_t count, double *values)
 {
     const Numbers *at = &unit->at;
+    const unsigned first_further = at->outputs + (unsigned)unit->sizes.outputs;
     size_t n;
     for (n = 0; n < count; n++) {
         const unsigned reference = references[n];
@@ -86,7 +91,8 @@ int get_variables(Unit *unit, const unsigned *references, size_t count, double *
         if (reference >= at->states) {
             if (unit_prepare(unit)) return 1;
             if (reference >= at->rates && reference < at->forces ? find_all_rates(unit)
-                : reference >= at->outputs                       ? find_outputs(unit)
+                : reference >= at->outputs
+                    ? find_outputs(unit, reference >= first_further && reference < at->rates)
                                            : reference >= at->derivatives && find_derivatives(unit))
                 return 1;
         }
@@ -100,7 +106,7 @@ static const char *impossible(const Unit *unit, unsigned reference, double value
 {
     if (!isfinite(value)) return "a finite number is allowed";
     if (reference >= DRIVEN && reference < DRIVEN + (unsigned)unit->drivers &&
-        unit_integers(unit, "unit_kinds")[reference - DRIVEN] == ANGLE && fabs(value) > WHOLE_TURN)
+        unit->kinds[reference - DRIVEN] == ANGLE && fabs(value) > WHOLE_TURN)
         return "an angle of at most one turn is allowed, in rad";
     return NULL;
 }
@@ -164,7 +170,7 @@ int get_derivatives(Unit *unit, double *derivatives, size_t count)
 int get_nominals(Unit *unit, double *nominals, size_t count)
 {
     if (check_count(unit, count)) return 1;
-    memcpy(nominals, unit_numbers(unit, "unit_nominal"), count * sizeof(double));
+    memcpy(nominals, unit->nominal, count * sizeof(double));
     return 0;
 }
 
@@ -174,7 +180,7 @@ int get_nominals(Unit *unit, double *nominals, size_t count)
 static int add_rate_changes(Unit *unit, const double *seed, const double *z, const double *v, int moving, double *answer)
 {
     const int n = 4 * unit->drivers, r = unit->sizes.modes, o = unit->outputs;
-    const int32_t *kinds = unit_integers(unit, "unit_kinds");
+    const int32_t *kinds = unit->kinds;
     double *old = unit->work + 2 * r, *driven = unit->work + 8 * (size_t)r, *rates = driven + n, largest = 0.0, h;
     int side, k, failed = 0;
     for (k = 0; k < n; k++)
