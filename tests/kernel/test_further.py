@@ -64,7 +64,7 @@ def moved() -> Moved:
 
 @pytest.mark.slow
 def test_reactions_are_what_balances_the_body(moved: Moved) -> None:
-    r"""Phi^T (B f + w - M q'' - D q' - K q - C^T lambda) with accelerations of the whole body, in its own coordinates."""
+    r"""Phi^T (B f + w - M q" - D q' - K q - C^T lambda) with accelerations by the whole system."""
     system, state, assembly = moved.system, moved.state, Assembly(moved.system)
     f, c = np.split(state.drivers[len(system.paths) :], [len(system.input_names)])
     q, v = moved.coordinates(state.z), moved.coordinates(state.v)

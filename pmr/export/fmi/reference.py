@@ -126,9 +126,9 @@ def _followed(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excita
     def piece(number: int) -> Pieces:
         return Pieces(step=step, rates=tuple(map(tuple, inputs[:, :, number].tolist())))
 
-    paths = {name: piece(k) for k, name in enumerate(drivers.shown_paths)}
+    paths = dict(excitation.paths) | {name: piece(k) for k, name in enumerate(drivers.shown_paths)}
     loads = {name: piece(drivers.first_load + k) for k, name in enumerate(drivers.loads)}
-    return replace(excitation, paths=excitation.paths | paths, loads=loads)
+    return replace(excitation, paths=paths, loads=loads)
 
 
 def led_on(drivers: Drivers, excitation: Excitation) -> Array:

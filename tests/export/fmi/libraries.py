@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import ctypes
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
@@ -94,6 +95,11 @@ class Instance:
             raise CallError(self.said[-1])
         self.c = ctypes.c_void_p(made_instance)
 
+    def free(self) -> None:
+        free = getattr(self.library.functions, f"fmi{self.library.version}FreeInstance")
+        free.restype = None
+        free(self.c)
+
     def call(self, name: str, *arguments: object) -> None:
         if getattr(self.library.functions, f"fmi{self.library.version}{name}")(self.c, *arguments) != 0:
             raise CallError(self.said[-1])
@@ -179,3 +185,24 @@ class Instance:
             self.call(f"{verb}Real", of, count, pointer)
         else:
             self.call(f"{verb}Float64", of, count, pointer, count)
+
+
+def follow_reference(unit: Contents, library: Library) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Outputs under the inputs of the reference that a unit carries, and the reference's, at its instants."""
+    given, expected = (_table(unit.texts[f"resources/reference_{part}.csv"]) for part in ("in", "out"))
+    instance, t, instants = Instance(library), given.pop("time"), expected.pop("time")
+    rows = np.column_stack(list(given.values()))
+    instance.initialise(list(given), rows[0])
+    outputs = [instance.get(list(expected))]
+    for k in range(len(rows) - 1):
+        instance.set(list(given), rows[k])
+        instance.step(t[k], t[k + 1] - t[k])
+        outputs.append(instance.get(list(expected)))
+    shown = np.array(outputs)[np.searchsorted(t, instants - 1e-9)]
+    return dict(zip(expected, shown.T, strict=True)), expected
+
+
+def _table(text: str) -> dict[str, Array]:
+    """Columns of comma-separated values by their names."""
+    head, *rows = csv.reader(text.splitlines())
+    return dict(zip(head, np.array(rows, float).T, strict=True))
