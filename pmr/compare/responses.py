@@ -29,7 +29,7 @@ from pmr.simulation import Excitation, TimeStepping, contact_step, exudyn
 from pmr.simulation.blocks import Block, Recorder
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.marching import March
+from pmr.simulation.native.march import March
 from pmr.simulation.pivot import with_forces_on_machine
 from pmr.simulation.stepping import Progress
 from pmr.system.states import BodyStates, states_of

@@ -243,10 +243,17 @@ class State:
         return int(lib.pmr_state_memory(self._state))
 
     def start(
-        self, kind: Literal["rest", "given", "equilibrium"], u: ArrayLike, z: ArrayLike = (), v: ArrayLike = ()
+        self,
+        kind: Literal["rest", "given", "equilibrium"],
+        u: ArrayLike,
+        z: ArrayLike = (),
+        v: ArrayLike = (),
+        rates: ArrayLike | None = None,
     ) -> None:
         """Begin at t = 0 under drivers u (N,): at rest, at z and v (modes,), or in equilibrium.
 
+        With `rates` (P,) of the paths in m/s, v is corrected where it violates rigid contacts that move, by the change
+        of least kinetic energy.
         A SimulationError is raised where nothing holds the bodies, or contacts depend on each other.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
@@ -254,9 +261,9 @@ class State:
         z, v = (
             self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
         )
-        self._raise_unless_done(
-            lib.pmr_start(self._state, _STARTS[kind], _pointer(drivers), _pointer(z), _pointer(v)), "the start"
-        )
+        moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)
+        pointers = [_pointer(array) for array in (drivers, moving, z, v)]
+        self._raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
 
     def start_from(
         self, u: ArrayLike, z: ArrayLike, v: ArrayLike, a: ArrayLike, multipliers: ArrayLike, closed: ArrayLike
@@ -409,6 +416,15 @@ class State:
         if failed == lib.PMR_REFUSED:
             raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
         self._raise_unless_done(failed, "a restored state")
+
+    @property
+    def pointer(self) -> Any:
+        """Its address, for calls of the kernel's functions."""
+        return self._state
+
+    def raise_unless_done(self, failed: int, where: str) -> None:
+        """Raise a StepError for what stopped the kernel, if anything did."""
+        self._raise_unless_done(failed, where)
 
     def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
         """Fill an array in place; the kernel refuses what is not finite."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.kernel._native import ffi, lib
+from pmr.kernel.block_file import LINE
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -72,6 +74,40 @@ class ContactSearch:
         return np.asarray(closed ^ changes.astype(bool))
 
 
+class FixedPoint:
+    """Iterates (n,) of a fixed point x = phi(x), extrapolated by generalized conjugate residuals.
+
+    Of a linear phi they end after as many times as its derivative has distinct eigenvalues, however large these are.
+    """
+
+    def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
+        """Store `most` directions; `add_up` adds up inner products where each rank has a part of an iterate."""
+        count = 4 * -(-size // 4)
+        room = np.zeros((4 + 2 * most) * count + LINE // 8)
+        first = -room.ctypes.data % LINE // 8
+        self._size, self._rows = size, room[first : first + (4 + 2 * most) * count].reshape(4 + 2 * most, count)
+        self._state = ffi.new("pmr_iteration *", {"count": count, "measured": count, "most": most})
+        names = ("x", "f", "least_x", "least_f", "directions")
+        for name, row in zip((*names, "changes"), (0, 1, 2, 3, 4, 4 + most), strict=True):
+            setattr(self._state, name, _doubles(self._rows[row:]))
+        if add_up is not None:
+
+            def add(value: Any, _: Any) -> None:
+                value[0] = add_up(value[0])
+
+            self._state.sum = self._add = ffi.callback("void(double *, void *)", add)
+
+    def restart(self) -> None:
+        """Forget all iterates before, as where phi has become another function."""
+        lib.pmr_restart(self._state)
+
+    def next(self, x: Array, phi: Array) -> Array:
+        """The iterate (n,) after x (n,), whose phi(x) (n,) is given."""
+        self._rows[0, : self._size], self._rows[1, : self._size] = x, phi - x
+        lib.pmr_extrapolate(self._state)
+        return self._rows[0, : self._size].copy()
+
+
 class SchemeFactors(NamedTuple):
     """Factors of generalized-alpha with steps of `h` s.
 
@@ -99,13 +135,32 @@ class SchemeFactors(NamedTuple):
         return cls(*(getattr(factors, name) for name in cls._fields))
 
 
+class JointCylinder(NamedTuple):
+    """Cylinder of a joint whose pads rub, as a step has it that ends with the multiplier `force`."""
+
+    gives: float = 0.0  # m/N: 1/k; 0 of a rigid one or none
+    compliance: float = 0.0  # m/N: its diagonal entry of the matrix A of the multipliers
+    force: float = 0.0  # N
+    friction: float = 0.0  # N: sum of the pads' friction under which `force` was found
+    drive: float = 0.0  # N: force plus friction at the end of the last step
+
+
 def slide_pads(
-    stiffness: Array, old: Array, limits: Array, moved: float, softness: float = 0.0, given: float = 0.0
+    stiffness: Array, coefficients: Array, forces: Array, old: Array, moved: float, cylinder: JointCylinder
 ) -> Array:
-    """Friction (n,) N of a joint's pads after the old one, that slide by `moved` m (`pmr.system.friction`)."""
-    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, old, limits)]
-    new = np.zeros(len(old))
-    lib.pmr_friction(len(old), *map(_doubles, arrays), moved, softness, given, _doubles(new))
+    """Friction (n,) N at the end of a step of a joint's pads, whose path has moved by `moved` m.
+
+    Parameters
+    ----------
+    stiffness, coefficients : (n,) arrays
+        Along the boom while a pad sticks, in N/m; Coulomb's.
+    forces, old : (n,) arrays, N
+        With which pads press, and their friction at the end of the last step (`pmr.system.friction`).
+    """
+    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, coefficients, forces, old)]
+    limits, new = np.zeros((2, len(old)))
+    joint = ffi.new("pmr_cylinder *", cylinder._asdict())
+    lib.pmr_friction(len(old), *map(_doubles, arrays), moved, joint, *map(_doubles, (limits, new)))
     return new
 
 

@@ -63,7 +63,7 @@ def script_data(system: System, source: str) -> Arrays:
         if ALONE in system.bodies:
             body.ensure_whole(source)
     scene, equations, assembly = recorded(system, source), Equations(system), Assembly(system)
-    if any(name.startswith(INERTIA) for name in system.input_names):
+    if any(name.startswith(INERTIA) for body in system.bodies.values() for name in body.input_names):
         allowed = "a scene without a frame is allowed in a script; `pmr run` and `pmr simulate` simulate one by Exudyn"
         raise InputError(source, "frame", None, allowed)
     excitation = scene.excitation

@@ -68,15 +68,15 @@ static int find_position_forces(pmr_state *st, int hold, int32_t *closed)
             st->pushed[k] -= st->gap[k];
             for (j = y->contacts; j < y->rows; j++) st->pushed[k] -= st->A[j * y->mp + k] * st->lambda[j];
         }
-    if (hold) {
+    if (hold || !y->pushing) {
         for (k = 0; k < y->contacts; k++) {
-            st->closed[k] = closed[k] != 0;
+            st->closed[k] = !hold || closed[k] != 0;
             x[k] = dot(st->C + k * y->modes, st->z, 0, y->modes) + st->pushed[k] - y->clearance[k];
         }
         failed = solve_giving(st, x);
         copy(st->lambda, x, y->contacts);
     } else {
-        failed = find_giving(st);
+        failed = find_giving(st, NULL); /* what it leaves out is for contacts that hold both ways */
     }
     if (failed) return failed;
     for (k = 0; k < y->contacts; k++) {
@@ -131,8 +131,8 @@ static int find_changes(pmr_state *st, const double *at, const double *seed_at, 
         if (!y->coupled) d.forces[n] -= y->damping[n] * dv[n];
         for (k = 0; y->coupled && k < r; k++) d.forces[n] -= y->damping[(size_t)k * r + n] * dv[k];
     }
-    observe(st, sets, d.z, du + y->paths, d.lambda, du, all);
-    observe(st, sets + 1, d.z, du + y->paths, d.lambda, du, reactions);
+    find_outputs(st, sets, d.z, du + y->paths, d.lambda, du, all);
+    find_outputs(st, sets + 1, d.z, du + y->paths, d.lambda, du, reactions);
     add_supports(y, d.v, amplitudes, d.z, d.v, reactions);
     add_supports(y, NULL, of_terms, st->z, st->v, reactions);
     forces_of(st, d.lambda, NULL, reactions + y->hp);

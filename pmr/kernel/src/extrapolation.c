@@ -12,8 +12,12 @@
 #define MOST_PAIRS 32
 #define DEPENDENT_SHARE 1e-10
 
-/* Forget all pairs, as where phi has become another function. */
-static void restart_iteration(pmr_iteration *it) { it->pairs = it->begun = 0; }
+static double inner(const pmr_iteration *it, const double *a, const double *b)
+{
+    double value = dot(a, b, 0, it->measured);
+    if (it->sum) it->sum(&value, it->context);
+    return value;
+}
 
 /* to += share from. */
 INLINE void add_share(double *to, const double *from, double share, int count)
@@ -25,21 +29,21 @@ INLINE void add_share(double *to, const double *from, double share, int count)
 /* Store the last direction, with its change made orthogonal to the changes before (Gram and Schmidt, twice). */
 static void store_direction(pmr_iteration *it)
 {
-    const int k = it->pairs == MOST_PAIRS ? 0 : it->pairs, count = it->count, measured = it->measured;
+    const int k = it->pairs == it->most ? 0 : it->pairs, count = it->count;
     double *p = it->directions + (size_t)k * count, *q = it->changes + (size_t)k * count, size, left;
     int n, j, time;
     for (n = 0; n < count; n += VL) {
         V(p + n) = CV(it->x + n) - CV(it->least_x + n);
         V(q + n) = CV(it->f + n) - CV(it->least_f + n);
     }
-    size = dot(q, q, 0, measured);
+    size = inner(it, q, q);
     for (time = 0; time < 2; time++)
         for (j = 0; j < k; j++) {
-            const double *of_j = it->changes + (size_t)j * count, share = -dot(of_j, q, 0, measured);
+            const double *of_j = it->changes + (size_t)j * count, share = -inner(it, of_j, q);
             add_share(p, it->directions + (size_t)j * count, share, count);
             add_share(q, of_j, share, count);
         }
-    left = dot(q, q, 0, measured);
+    left = inner(it, q, q);
     it->pairs = 0;
     if (!(left > DEPENDENT_SHARE * DEPENDENT_SHARE * size)) return;
     left = 1.0 / sqrt(left);
@@ -57,7 +61,7 @@ static void extrapolate(pmr_iteration *it)
     if (it->begun) store_direction(it);
     it->begun = 1;
     for (j = 0; j < it->pairs; j++) {
-        const double *q = it->changes + (size_t)j * it->count, share = -dot(q, it->f, 0, it->measured);
+        const double *q = it->changes + (size_t)j * it->count, share = -inner(it, q, it->f);
         add_share(it->x, it->directions + (size_t)j * it->count, share, it->count);
         add_share(it->f, q, share, it->count);
     }

@@ -52,6 +52,31 @@ static double slide(int count, const double *kappa, const double *old, const dou
     return total;
 }
 
+/* Largest friction of a pad that presses with a force. */
+INLINE double friction_limit(double coefficient, double force) { return coefficient * fabs(force); }
+
+/* New friction of a joint's pads after the old one, with their limits, where the joint's path has moved so far; returns
+   its sum. */
+static double slide_joint(int count, const double *kappa, const double *old, const double *limits, double moved,
+                          const pmr_cylinder *c, double *f)
+{
+    double softness = 0.0;
+    if (c->gives > 0.0) {
+        const double soft = larger(c->compliance - c->gives, 0.0); /* as more friction lets it slide less */
+        softness = c->gives * soft / (c->gives + soft);
+        moved -= c->gives * (c->force + c->friction - c->drive);
+    }
+    return slide(count, kappa, old, limits, moved, softness, c->friction, f);
+}
+
+static double friction_alone(int n, const double *kappa, const double *coefficients, const double *forces,
+                             const double *old, double moved, const pmr_cylinder *c, double *limits, double *f)
+{
+    int j;
+    for (j = 0; j < n; j++) limits[j] = friction_limit(coefficients[j], forces[j]);
+    return slide_joint(n, kappa, old, limits, moved, c, f);
+}
+
 static double total_friction(const pmr_system *y, const double *friction, int joint)
 {
     double sum = 0.0;
@@ -90,24 +115,22 @@ static void find_friction(pmr_state *st)
     int i, j;
     for (j = 0; j < y->pads; j++) {
         const double *row = st->C + (size_t)(y->contacts + j) * y->modes;
-        const double limit = y->pad_coefficients[j] * fabs(st->lambda[y->pad_contacts[j]]),
+        const double limit = friction_limit(y->pad_coefficients[j], st->lambda[y->pad_contacts[j]]),
                      moment = y->pad_arms[j] * limit;
         st->limits[j] = limit;
         square += moment * moment * dot(row, row, 0, y->modes);
     }
     for (i = 0; i < y->joints; i++) {
-        const double gives = y->joint_gives[i], given = st->joint_sums[i];
-        const int first = y->first_pad[i], count = y->first_pad[i + 1] - first;
-        double softness = 0.0, moved = st->s[y->joint_paths[i]] - st->travelled[i];
-        if (gives > 0.0) {
-            const int k = y->joint_cylinders[i];
-            const double soft = larger(st->A[k * y->mp + k] - gives, 0.0); /* as more friction lets it slide less */
-            softness = gives * soft / (gives + soft);
-            moved -= gives * (st->lambda[k] + given - st->drives[i]);
-            for (j = first; j < first + count; j++) gap += gives * st->limits[j];
+        const int first = y->first_pad[i], count = y->first_pad[i + 1] - first, k = y->joint_cylinders[i];
+        pmr_cylinder c = {.gives = y->joint_gives[i], .friction = st->joint_sums[i], .drive = st->drives[i]};
+        if (c.gives > 0.0) {
+            c.compliance = st->A[k * y->mp + k];
+            c.force = st->lambda[k];
+            for (j = first; j < first + count; j++) gap += c.gives * st->limits[j];
         }
-        st->new_sums[i] = slide(count, y->pad_stiffness + first, st->old_friction + first, st->limits + first, moved,
-                                softness, given, st->friction + first);
+        st->new_sums[i] =
+            slide_joint(count, y->pad_stiffness + first, st->old_friction + first, st->limits + first,
+                        st->s[y->joint_paths[i]] - st->travelled[i], &c, st->friction + first);
     }
     find_moments(st, st->friction, st->new_moments);
     st->progress.gap_largest = larger(st->progress.gap_largest, gap);

@@ -127,14 +127,6 @@ typedef struct {
     int32_t *in_pairs;  /* (pairs, 2) */
 } pmr_scheme;
 
-/* Iterates of `count` numbers, of which the first `measured` count in a residual's size (extrapolation.c). */
-typedef struct {
-    double *x, *f;                /* iterate and residual */
-    double *least_x, *least_f;    /* where the residual was least so far, and that */
-    double *directions, *changes; /* (MOST_PAIRS, count) */
-    int32_t count, measured, pairs, begun;
-} pmr_iteration;
-
 /* What a state is saved with besides its numbers. */
 typedef struct {
     int64_t step;
@@ -166,7 +158,7 @@ struct pmr_state {
     size_t saved;              /* doubles */
     /* workspace */
     double *began, *peak;
-    double *s, *x; /* (P), (blocks): paths, and how far each block is into its interval */
+    double *s, *s_rates, *x; /* (P), (P), (blocks): paths, their rates at the start, places in blocks' intervals */
     int32_t *interval;
     double *C, *H, *A, *factor;
     double *weighted, *excess, *entries, *motion, *pushed;
@@ -182,7 +174,7 @@ struct pmr_state {
     pmr_iteration iteration;
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
-    double *y;                                       /* (op) */
+    double *y, *all;                                 /* (op), (o + forces) */
     double *values, *changes, *shown;                /* (op + hp + forces): outputs, reactions, forces; along a seed; (further) */
     pmr_scheme *scheme, *still;                      /* (levels), and without a step, for which A is F */
     int32_t opened;                                  /* levels that there is room for */
@@ -195,7 +187,7 @@ typedef struct {
     const char *name;
     int (*state_open)(const pmr_system *, const pmr_settings *, pmr_state **, char *);
     int (*state_restore)(pmr_state *, const void *, size_t, char *);
-    int (*start)(pmr_state *, int, const double *, const double *, const double *);
+    int (*start)(pmr_state *, int, const double *, const double *, const double *, const double *);
     int (*start_from)(pmr_state *, const double *, const double *, const double *, const double *, const double *,
                       const int32_t *);
     int (*step)(pmr_state *, const double *, const double *);
@@ -205,7 +197,12 @@ typedef struct {
     int (*advance)(pmr_state *, const pmr_signals *, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *);
     int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *,
                            int64_t *, int *);
+    int (*carried_open)(pmr_state *, const pmr_machine *, pmr_carried **);
+    int (*carried_needed)(pmr_carried *, const double *, const double *, const double *, const double *, double *);
+    int (*carried_start)(pmr_carried *, const double *, const double *, const double *, const pmr_carried_record *);
+    int (*carried_advance)(pmr_carried *, int64_t, int64_t, const pmr_carried_record *, int64_t *);
     void (*outputs)(pmr_state *, double *, double *);
+    void (*observe)(pmr_state *, int, const int32_t *, double *);
     int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);
     void (*further)(pmr_state *, double *);
     int (*evaluate)(pmr_state *, const double *, int, const pmr_values *);
@@ -215,8 +212,10 @@ typedef struct {
     int (*state_adjust)(pmr_state *, const pmr_settings *, char *);
     int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
     int (*choose_changes)(int, int32_t *, pmr_search *);
+    void (*extrapolate)(pmr_iteration *);
     void (*factors)(double, double, pmr_factors *);
-    double (*friction)(int, const double *, const double *, const double *, double, double, double, double *);
+    double (*friction)(int, const double *, const double *, const double *, const double *, double, const pmr_cylinder *,
+                       double *, double *);
     size_t (*state_bytes)(const pmr_state *);
     void (*state_save)(const pmr_state *, void *);
 } pmr_functions;
@@ -231,6 +230,13 @@ int pmr_frame_derivatives(const pmr_system *system, const double *motions, doubl
    values alone. */
 void pmr_frame_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,
                        const double *changes, double *further, double *along);
+/* How a frame, or the base that carries it, is turned: its rotation (3, 3) into axes of the ground, its angular velocity
+   and acceleration in its own axes. */
+typedef struct {
+    double R[9], velocity[3], acceleration[3];
+} pmr_turning;
+
+void pmr_frame_turning(const pmr_system *system, const double *motions, pmr_turning *boom, pmr_turning *base);
 /* How fast the rate of a driver grows within h around t. */
 double pmr_signals_spread(const pmr_signals *signals, int32_t driver, double t, double h);
 

@@ -250,7 +250,7 @@ static void predict_seed(const pmr_state *st, const pmr_scheme *c, seed *d)
 static void seed_outputs(pmr_state *st, const seed *d)
 {
     const pmr_observed set = of_outputs(st->system);
-    observe(st, &set, d->z, d->u ? d->u + st->system->paths : NULL, d->lambda, d->u, d->y);
+    find_outputs(st, &set, d->z, d->u ? d->u + st->system->paths : NULL, d->lambda, d->u, d->y);
 }
 
 static void store_column(double *to, size_t columns, size_t column, const double *from, size_t count)

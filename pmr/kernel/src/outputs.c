@@ -13,8 +13,8 @@ static pmr_observed of_reactions(const pmr_system *y)
 
 /* Outputs of a set (its width), of z, f (or NULL: none) and multipliers of the state; with `change` (rows) of what a
    seed makes of z, f, multipliers and, unless NULL, drivers u. */
-static void observe(pmr_state *st, const pmr_observed *set, const double *z, const double *f, const double *change,
-                    const double *u, double *out)
+static void find_outputs(pmr_state *st, const pmr_observed *set, const double *z, const double *f, const double *change,
+                         const double *u, double *out)
 {
     const pmr_system *y = st->system;
     const double *lambda = change ? change : st->lambda;
@@ -71,7 +71,7 @@ static void outputs(pmr_state *st, double *y_out, double *forces)
     const pmr_observed set = of_outputs(y);
     if (forces) forces_of(st, st->lambda, st->friction, forces);
     if (!y_out) return;
-    observe(st, &set, st->z, st->u + y->paths, NULL, NULL, st->y);
+    find_outputs(st, &set, st->z, st->u + y->paths, NULL, NULL, st->y);
     copy(y_out, st->y, y->outputs);
 }
 
@@ -95,8 +95,8 @@ static void find_all(pmr_state *st, double *values)
     const pmr_system *y = st->system;
     const pmr_observed sets[2] = {of_outputs(y), of_reactions(y)};
     const double *f = st->u + y->paths;
-    observe(st, sets, st->z, f, NULL, NULL, values);
-    observe(st, sets + 1, st->z, f, NULL, NULL, values + y->op);
+    find_outputs(st, sets, st->z, f, NULL, NULL, values);
+    find_outputs(st, sets + 1, st->z, f, NULL, NULL, values + y->op);
     add_supports(y, st->v, f + y->inputs, st->z, st->v, values + y->op);
     forces_of(st, st->lambda, st->friction, values + y->op + y->hp);
 }
@@ -107,4 +107,17 @@ static void further_outputs(pmr_state *st, double *further)
     find_all(st, st->values);
     copy(further, st->values + y->op, y->reactions);
     if (y->motions) pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL);
+}
+
+/* Some outputs and forces, by their numbers among all outputs and, behind these, all forces. */
+static void observe(pmr_state *st, int count, const int32_t *numbers, double *values)
+{
+    const int o = st->system->outputs;
+    int moved = 0, forces = 0, k;
+    for (k = 0; k < count; k++) {
+        moved |= numbers[k] < o;
+        forces |= numbers[k] >= o;
+    }
+    outputs(st, moved ? st->all : NULL, forces ? st->all + o : NULL);
+    for (k = 0; k < count; k++) values[k] = st->all[numbers[k]];
 }

@@ -53,6 +53,8 @@ static void lay_out_iteration(const pmr_system *y, pmr_state *st, room *r)
     it->measured = varies ? y->modes + PMR_UP(y->joints) : 0;
     it->count = varies ? it->measured + PMR_UP(y->pads) : 0;
     count = it->count;
+    it->most = MOST_PAIRS;
+    it->sum = NULL;
     NUMBERS(iteration.x, count);
     NUMBERS(iteration.f, count);
     NUMBERS(iteration.least_x, count);
@@ -67,7 +69,7 @@ static size_t scratch_size(const pmr_system *y)
     size_t size = (size_t)y->largest_table + y->mp + y->modes + 64;
     const size_t held = (size_t)y->modes + y->rows;
     if (y->coupled && size < (size_t)y->modes * y->modes) size = (size_t)y->modes * y->modes;
-    if (size < 2 * held * held) size = 2 * held * held; /* of the equilibrium at the start */
+    if (size < 2 * held * (held + 1)) size = 2 * held * (held + 1); /* of the equilibrium at the start */
     return size;
 }
 
@@ -124,6 +126,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(began, st->saved);
     NUMBERS(peak, mp);
     NUMBERS(s, y->paths);
+    NUMBERS(s_rates, y->paths);
     NUMBERS(x, y->blocks);
     INTEGERS(interval, y->blocks);
     NUMBERS(C, m * n);
@@ -172,6 +175,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(values, y->op + y->hp + y->forces);
     NUMBERS(changes, y->op + y->hp + y->forces);
     NUMBERS(shown, y->reactions + 4);
+    NUMBERS(all, (size_t)y->outputs + y->forces);
     NUMBERS(held, 3 * (n + mp));
     NUMBERS(slopes, y->paths * m * (n + y->ip + mp));
     NUMBERS(seeds, 13 * n + y->drivers);

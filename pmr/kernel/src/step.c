@@ -180,7 +180,7 @@ static int find_multipliers(pmr_state *st, const pmr_scheme *c)
             }
         }
         if (again == SETTLED && y->pushing && release(st, c)) {
-            restart_iteration(&st->iteration); /* the step leads elsewhere */
+            pmr_restart(&st->iteration); /* the step leads elsewhere */
             if (y->quasi_static) forget_quasi_static(st, c);
             if (y->coupled) { /* anew: what was taken back acts on all modes of a body */
                 free_motion(st, c);

@@ -72,7 +72,7 @@ static void expect_terms(pmr_state *st, const pmr_scheme *c, const double *ampli
     const size_t r = y->modes;
     int n;
     copy(st->z_before, st->z, y->modes);
-    restart_iteration(&st->iteration);
+    pmr_restart(&st->iteration);
     if (!y->registers) return;
     combine_terms(st, amplitudes);
     for (n = 0; n < y->modes; n += VL) {

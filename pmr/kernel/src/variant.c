@@ -2,6 +2,7 @@
    PMR_FUNCTIONS. */
 #include "internal.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -24,34 +25,41 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "substeps.c"
 #include "outputs.c"
 #include "state.c"
-#include "start.c"
 #include "linearize.c"
+#include "start.c"
 #include "advance.c"
+#include "machine.c"
 #include "continuous.c"
 
 const pmr_functions PMR_FUNCTIONS = {
     .name = PMR_VARIANT,
     .state_open = state_open,
-    .state_adjust = state_adjust,
     .state_restore = state_restore,
-    .state_bytes = state_bytes,
-    .state_save = state_save,
     .start = start,
     .start_from = start_from,
-    .start_in_frame = start_in_frame,
     .step = step_to,
+    .start_in_frame = start_in_frame,
     .step_in_frame = step_in_frame,
-    .step_led = step_led,
     .advance = advance_signals,
     .advance_sampled = advance_sampled,
+    .carried_open = carried_open,
+    .carried_needed = carried_needed,
+    .carried_start = carried_start,
+    .carried_advance = carried_advance,
     .outputs = outputs,
-    .further = further_outputs,
+    .observe = observe,
     .linearize = linearize,
+    .contact = contact_alone,
+    .choose_changes = choose_changes,
+    .extrapolate = extrapolate,
+    .factors = factors_alone,
+    .friction = friction_alone,
+    .state_bytes = state_bytes,
+    .state_save = state_save,
+    .state_adjust = state_adjust,
+    .step_led = step_led,
+    .further = further_outputs,
     .evaluate = evaluate_at,
     .evaluate_along = evaluate_along,
     .check_start = check_start,
-    .contact = contact_alone,
-    .choose_changes = choose_changes,
-    .factors = factors_alone,
-    .friction = slide,
 };

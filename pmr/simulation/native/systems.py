@@ -1,7 +1,7 @@
 r"""The compiled simulator of any system: generalized-alpha in the modal coordinates of each body.
 
 The bodies' M, K and D never change, so each is diagonalised once; the multipliers of the contacts are all that couples
-them, one m x m solve a step (`pmr.simulation.native.step`, docs/system_of_bodies.md).  A body may be reduced or of full
+them, one m x m solve a step (`pmr.kernel`, docs/system_of_bodies.md).  A body may be reduced or of full
 order, up to some thousand coordinates: the same loop is the reference of what a reduction leaves out.
 """
 
@@ -19,7 +19,7 @@ from pmr.constraints.polynomials import applied, columns, select_rows
 from pmr.simulation.blocks import Block, Ended, Recorder, Take
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.marching import March, Steps
+from pmr.simulation.native.march import March, Steps
 from pmr.simulation.native.states import start_of as start_of
 from pmr.simulation.native.states import static_start as static_start
 from pmr.simulation.start import InitialState
@@ -52,7 +52,7 @@ def simulate(
     """Simulate all bodies from t = 0 on and keep each `every`-th step.
 
     Arguments and errors as for `pmr.simulation.SystemSimulator`.  `seconds` is the time of the steps in modal
-    coordinates; compiling (once on a machine), diagonalising and the way back to q are not in it.
+    coordinates; diagonalising and the way back to q are not in it.
     """
     return simulate_form(SystemForm.of(system), excitation, initial or {}, progress, every)
 

@@ -94,6 +94,7 @@ class Integrator:
         grip = state.grip
         rubbed = self._terms.rubbed(self.constraint.rows, state.multipliers, grip)
         if self._terms:
+            self._terms.begin_step()
             w = self._terms.forces(ahead.q, ahead.v, c) + rubbed.force
         while True:
             scaled = ahead.q / self._q_gain
@@ -107,15 +108,18 @@ class Integrator:
             multipliers = self.constraint.multipliers(motion - rubbed.gap)
             b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
             if w is not None:
-                old, times = w, times + 1
-                grip = self._terms.slid(state.grip, grip, c, multipliers, self.constraint.matrix)
-                given, rubbed = rubbed, self._terms.rubbed(self.constraint.rows, multipliers, grip)
-                w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + rubbed.force
-                if not (self._terms.settled(old, w, times, rubbed) and self._terms.at_rest(given, rubbed)):
+                times += 1
+                grip = self._terms.slid(state.grip, rubbed, c, multipliers, self.constraint.matrix)
+                new = self._terms.rubbed(self.constraint.rows, multipliers, grip)
+                new_w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + new.force
+                if not (self._terms.settled(w, new_w, times, new) and self._terms.at_rest(rubbed, new)):
+                    w, rubbed = self._terms.extrapolate(w, rubbed, new_w, new)
                     continue
+                w, rubbed = new_w, new
             back = pushing.release(self.constraint.rows, self._factors)
             if back is None:
                 break
+            self._terms.begin_step()
             ahead, free = Prediction(ahead.q + back.q, ahead.v + back.v, ahead.a + back.a), None
         acceleration = b - scaled
         a = ahead.a + self._factors.gain * acceleration

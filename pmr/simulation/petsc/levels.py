@@ -1,6 +1,6 @@
 """Steps of full models in as many parts as a schedule says, or as pads that only push take: a factor for each length.
 
-The parts of each step are those that a reduced model's forces asked for (`pmr.simulation.native.levels`).  In
+The parts of each step are those that a reduced model's forces asked for (src/substeps.c of `pmr.kernel`).  In
 full order the same estimate asks for more and tells less: the walls under pads are light, so that every impact rings
 in them.
 """

@@ -20,7 +20,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import marching
+from pmr.simulation.native import march as marching
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 
 Array = NDArray[np.float64]

@@ -276,7 +276,8 @@ static int begin(Unit *unit)
     if (kind == 2 && pmr_check_start(unit->state, driven, driven + unit->drivers, z, v, why) == PMR_REFUSED)
         return refuse(unit, why);
     failed = unit->sizes.motions ? pmr_start_in_frame(unit->state, kinds[kind], driven, NULL, z, v)
-                                 : pmr_start(unit->state, kinds[kind], driven, z, v);
+             : kind == 1        ? pmr_start_moving(unit->state, kinds[kind], driven, driven + unit->drivers, z, v)
+                                : pmr_start(unit->state, kinds[kind], driven, z, v);
     if (failed && kind == 1)
         return refuse(unit, "no static start: nothing holds the body against the loads, or rows depend on each other");
     if (failed) return unit_failed(unit, failed);
