@@ -241,7 +241,8 @@ static number cylinder_force(const course *c, const double *values, const double
     const number at[2] = {minus(times(constant(lug[0]), co), times(constant(lug[1]), s)),
                           plus(times(constant(lug[0]), s), times(constant(lug[1]), co))};
     const number x = minus(at[0], constant(foot[0])), z = minus(at[1], constant(foot[1]));
-    const number square = plus(times(x, x), times(z, z)), length = {sqrt(square.at), 0.5 * square.along / sqrt(square.at)};
+    const number square = plus(times(x, x), times(z, z)),
+                 length = {sqrt(square.at), 0.5 * square.along / sqrt(square.at)};
     const number arm = times(minus(times(z, at[0]), times(x, at[1])), inverse(length));
     number moment = constant(0.0);
     int k, p;

@@ -97,8 +97,9 @@ struct pmr_system {
     const double *tip_place;         /* (3) m, without extensions */
     const double *cylinder_hinges;   /* (4) m: x and z of foot and lug */
     const int32_t *cylinder_sources; /* (sources): outputs, behind them reactions, behind them forces of contacts */
-    const double *cylinder_moments;  /* (sources, 1 + P): moment about the pivot of a unit of each, m, and by each path */
-    const int32_t *cylinder_pin;     /* (3): reactions of a pin along x and z, less than 0: none; source at the lug */
+    const double
+        *cylinder_moments;       /* (sources, 1 + P): moment about the pivot of a unit of each, m, and by each path */
+    const int32_t *cylinder_pin; /* (3): reactions of a pin along x and z, less than 0: none; source at the lug */
 };
 
 /* A set of outputs: what it is of modes, loads and multipliers. */
@@ -175,9 +176,9 @@ struct pmr_state {
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
     double *y, *all;                                 /* (op), (o + forces) */
-    double *values, *changes, *shown;                /* (op + hp + forces): outputs, reactions, forces; along a seed; (further) */
-    pmr_scheme *scheme, *still;                      /* (levels), and without a step, for which A is F */
-    int32_t opened;                                  /* levels that there is room for */
+    double *values, *changes, *shown; /* (op + hp + forces): outputs, reactions, forces; along a seed; (further) */
+    pmr_scheme *scheme, *still;       /* (levels), and without a step, for which A is F */
+    int32_t opened;                   /* levels that there is room for */
     int32_t placed, factored, moved, trouble;
     int64_t solves;
 };
@@ -214,8 +215,8 @@ typedef struct {
     int (*choose_changes)(int, int32_t *, pmr_search *);
     void (*extrapolate)(pmr_iteration *);
     void (*factors)(double, double, pmr_factors *);
-    double (*friction)(int, const double *, const double *, const double *, const double *, double, const pmr_cylinder *,
-                       double *, double *);
+    double (*friction)(int, const double *, const double *, const double *, const double *, double,
+                       const pmr_cylinder *, double *, double *);
     size_t (*state_bytes)(const pmr_state *);
     void (*state_save)(const pmr_state *, void *);
 } pmr_functions;

@@ -242,7 +242,8 @@ static int take_settings(pmr_state *st, const pmr_settings *given, char *why)
 static int state_adjust(pmr_state *st, const pmr_settings *given, char *why)
 {
     if (check_settings(st->system, given, why)) return PMR_REFUSED;
-    if (given->levels > st->opened) return pmr_say(why, "levels = %d: there is room for %d", given->levels, st->opened), 1;
+    if (given->levels > st->opened)
+        return pmr_say(why, "levels = %d: there is room for %d", given->levels, st->opened), 1;
     return take_settings(st, given, why);
 }
 

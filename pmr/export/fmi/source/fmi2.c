@@ -52,7 +52,8 @@ EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 EXPORT fmi2Status fmi2SetDebugLogging(void *c, int on, size_t count, const char *const categories[])
 {
-    (void)c, (void)on, (void)count, (void)categories; /* errors and warnings are logged, and there is nothing else to log */
+    (void)c, (void)on, (void)count,
+        (void)categories; /* errors and warnings are logged, and there is nothing else to log */
     return fmi2OK;
 }
 
@@ -113,10 +114,7 @@ EXPORT fmi2Status fmi2Terminate(void *c)
     return fmi2OK;
 }
 
-EXPORT fmi2Status fmi2Reset(void *c)
-{
-    return status_of(c, unit_reset(((Instance *)c)->unit));
-}
+EXPORT fmi2Status fmi2Reset(void *c) { return status_of(c, unit_reset(((Instance *)c)->unit)); }
 
 EXPORT fmi2Status fmi2GetReal(void *c, const Reference *references, size_t count, double *values)
 {
@@ -133,7 +131,8 @@ EXPORT fmi2Status fmi2GetInteger(void *c, const Reference *references, size_t co
     Instance *instance = c;
     size_t n;
     for (n = 0; n < count; n++) {
-        if (references[n] != instance->unit->at.start) return refused(instance, "the only integer is the kind of start");
+        if (references[n] != instance->unit->at.start)
+            return refused(instance, "the only integer is the kind of start");
         values[n] = (int)instance->unit->variables[instance->unit->at.start];
     }
     return fmi2OK;
@@ -152,16 +151,16 @@ EXPORT fmi2Status fmi2SetInteger(void *c, const Reference *references, size_t co
     return fmi2OK;
 }
 
-#define NO_VARIABLES_OF(KIND, VALUE)                                                                          \
-    EXPORT fmi2Status fmi2Get##KIND(void *c, const Reference *references, size_t count, VALUE *values)       \
-    {                                                                                                         \
-        (void)references, (void)values;                                                                       \
-        return count ? refused(c, "there are no variables of this type") : fmi2OK;                            \
-    }                                                                                                         \
-    EXPORT fmi2Status fmi2Set##KIND(void *c, const Reference *references, size_t count, const VALUE *values) \
-    {                                                                                                         \
-        (void)references, (void)values;                                                                       \
-        return count ? refused(c, "there are no variables of this type") : fmi2OK;                            \
+#define NO_VARIABLES_OF(KIND, VALUE)                                                                                   \
+    EXPORT fmi2Status fmi2Get##KIND(void *c, const Reference *references, size_t count, VALUE *values)                 \
+    {                                                                                                                  \
+        (void)references, (void)values;                                                                                \
+        return count ? refused(c, "there are no variables of this type") : fmi2OK;                                     \
+    }                                                                                                                  \
+    EXPORT fmi2Status fmi2Set##KIND(void *c, const Reference *references, size_t count, const VALUE *values)           \
+    {                                                                                                                  \
+        (void)references, (void)values;                                                                                \
+        return count ? refused(c, "there are no variables of this type") : fmi2OK;                                     \
     }
 NO_VARIABLES_OF(Boolean, int)
 NO_VARIABLES_OF(String, char *)
@@ -219,7 +218,8 @@ EXPORT fmi2Status fmi2GetDirectionalDerivative(void *c, const Reference *unknown
                                                const Reference *knowns, size_t known_count, const double *seed,
                                                double *answer)
 {
-    return status_of(c, differentiate(((Instance *)c)->unit, unknowns, unknown_count, knowns, known_count, seed, answer));
+    return status_of(c,
+                     differentiate(((Instance *)c)->unit, unknowns, unknown_count, knowns, known_count, seed, answer));
 }
 
 /* Model Exchange: continuous throughout, no event is ever indicated. */

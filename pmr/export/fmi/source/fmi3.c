@@ -31,7 +31,8 @@ static fmi3Status refused(Instance *instance, const char *why)
     return status_of(instance, refuse(instance->unit, why));
 }
 
-static Instance *instance_of(const char *token, const char *resources, int model_exchange, void *environment, Logger logger)
+static Instance *instance_of(const char *token, const char *resources, int model_exchange, void *environment,
+                             Logger logger)
 {
     char why[400] = "no memory is left";
     Instance *instance = calloc(1, sizeof *instance);
@@ -56,7 +57,8 @@ EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT fmi3Status fmi3SetDebugLogging(void *c, bool on, size_t count, const char *const categories[])
 {
-    (void)c, (void)on, (void)count, (void)categories; /* errors and warnings are logged, and there is nothing else to log */
+    (void)c, (void)on, (void)count,
+        (void)categories; /* errors and warnings are logged, and there is nothing else to log */
     return fmi3OK;
 }
 
@@ -81,7 +83,8 @@ EXPORT void *fmi3InstantiateScheduledExecution(const char *name, const char *tok
                                                bool logging, void *environment, Logger logger, void *clock_update,
                                                void *lock, void *unlock)
 {
-    (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)clock_update, (void)lock, (void)unlock;
+    (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)clock_update, (void)lock,
+        (void)unlock;
     if (logger) logger(environment, fmi3Error, "logStatusError", "Co-Simulation and Model Exchange are allowed");
     return NULL;
 }
@@ -103,17 +106,14 @@ EXPORT fmi3Status fmi3EnterInitializationMode(void *c, bool tolerance_defined, d
     return time_is(instance, start);
 }
 
-EXPORT fmi3Status fmi3ExitInitializationMode(void *c)
-{
-    return status_of(c, unit_start(((Instance *)c)->unit));
-}
+EXPORT fmi3Status fmi3ExitInitializationMode(void *c) { return status_of(c, unit_start(((Instance *)c)->unit)); }
 
 /* Modes between which nothing happens: all is continuous, and no event is ever indicated. */
-#define NOTHING_HAPPENS(NAME)           \
-    EXPORT fmi3Status fmi3##NAME(void *c) \
-    {                                   \
-        (void)c;                        \
-        return fmi3OK;                  \
+#define NOTHING_HAPPENS(NAME)                                                                                          \
+    EXPORT fmi3Status fmi3##NAME(void *c)                                                                              \
+    {                                                                                                                  \
+        (void)c;                                                                                                       \
+        return fmi3OK;                                                                                                 \
     }
 NOTHING_HAPPENS(EnterEventMode)
 NOTHING_HAPPENS(Terminate)
@@ -123,10 +123,7 @@ NOTHING_HAPPENS(EvaluateDiscreteStates)
 NOTHING_HAPPENS(EnterContinuousTimeMode)
 NOTHING_HAPPENS(EnterStepMode)
 
-EXPORT fmi3Status fmi3Reset(void *c)
-{
-    return status_of(c, unit_reset(((Instance *)c)->unit));
-}
+EXPORT fmi3Status fmi3Reset(void *c) { return status_of(c, unit_reset(((Instance *)c)->unit)); }
 
 EXPORT fmi3Status fmi3GetFloat64(void *c, const Reference *references, size_t count, double *values, size_t size)
 {
@@ -145,7 +142,8 @@ EXPORT fmi3Status fmi3GetInt64(void *c, const Reference *references, size_t coun
     Instance *instance = c;
     size_t n;
     for (n = 0; n < count; n++) {
-        if (references[n] != instance->unit->at.start || size != count) return refused(instance, "the only integer is the kind of start");
+        if (references[n] != instance->unit->at.start || size != count)
+            return refused(instance, "the only integer is the kind of start");
         values[n] = (int64_t)instance->unit->variables[instance->unit->at.start];
     }
     return fmi3OK;
@@ -164,16 +162,17 @@ EXPORT fmi3Status fmi3SetInt64(void *c, const Reference *references, size_t coun
     return fmi3OK;
 }
 
-#define NO_VARIABLES_OF(KIND, VALUE)                                                                                     \
-    EXPORT fmi3Status fmi3Get##KIND(void *c, const Reference *references, size_t count, VALUE *values, size_t size)     \
-    {                                                                                                                    \
-        (void)references, (void)values, (void)size;                                                                      \
-        return count ? refused(c, "there are no variables of this type") : fmi3OK;                                       \
-    }                                                                                                                    \
-    EXPORT fmi3Status fmi3Set##KIND(void *c, const Reference *references, size_t count, const VALUE *values, size_t size) \
-    {                                                                                                                    \
-        (void)references, (void)values, (void)size;                                                                      \
-        return count ? refused(c, "there are no variables of this type") : fmi3OK;                                       \
+#define NO_VARIABLES_OF(KIND, VALUE)                                                                                   \
+    EXPORT fmi3Status fmi3Get##KIND(void *c, const Reference *references, size_t count, VALUE *values, size_t size)    \
+    {                                                                                                                  \
+        (void)references, (void)values, (void)size;                                                                    \
+        return count ? refused(c, "there are no variables of this type") : fmi3OK;                                     \
+    }                                                                                                                  \
+    EXPORT fmi3Status fmi3Set##KIND(void *c, const Reference *references, size_t count, const VALUE *values,           \
+                                    size_t size)                                                                       \
+    {                                                                                                                  \
+        (void)references, (void)values, (void)size;                                                                    \
+        return count ? refused(c, "there are no variables of this type") : fmi3OK;                                     \
     }
 NO_VARIABLES_OF(Float32, float)
 NO_VARIABLES_OF(Int8, int8_t)
@@ -279,7 +278,8 @@ EXPORT fmi3Status fmi3GetDirectionalDerivative(void *c, const Reference *unknown
                                                size_t seed_size, double *answer, size_t answer_size)
 {
     if (seed_size != known_count || answer_size != unknown_count) return refused(c, "all variables are scalars");
-    return status_of(c, differentiate(((Instance *)c)->unit, unknowns, unknown_count, knowns, known_count, seed, answer));
+    return status_of(c,
+                     differentiate(((Instance *)c)->unit, unknowns, unknown_count, knowns, known_count, seed, answer));
 }
 
 EXPORT fmi3Status fmi3GetAdjointDerivative(void *c, const Reference *unknowns, size_t unknown_count,
@@ -292,23 +292,24 @@ EXPORT fmi3Status fmi3GetAdjointDerivative(void *c, const Reference *unknowns, s
 }
 
 /* Clocks: there are none. */
-#define NO_CLOCKS_1(NAME, TYPE_0) \
-    EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0) \
-    { \
-        (void)references, (void)value_0; \
-        return count ? refused(c, "there are no clocks") : fmi3OK; \
+#define NO_CLOCKS_1(NAME, TYPE_0)                                                                                      \
+    EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0)                  \
+    {                                                                                                                  \
+        (void)references, (void)value_0;                                                                               \
+        return count ? refused(c, "there are no clocks") : fmi3OK;                                                     \
     }
-#define NO_CLOCKS_2(NAME, TYPE_0, TYPE_1) \
+#define NO_CLOCKS_2(NAME, TYPE_0, TYPE_1)                                                                              \
     EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0, TYPE_1 *value_1) \
-    { \
-        (void)references, (void)value_0, (void)value_1; \
-        return count ? refused(c, "there are no clocks") : fmi3OK; \
+    {                                                                                                                  \
+        (void)references, (void)value_0, (void)value_1;                                                                \
+        return count ? refused(c, "there are no clocks") : fmi3OK;                                                     \
     }
-#define NO_CLOCKS_3(NAME, TYPE_0, TYPE_1, TYPE_2) \
-    EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0, TYPE_1 *value_1, TYPE_2 *value_2) \
-    { \
-        (void)references, (void)value_0, (void)value_1, (void)value_2; \
-        return count ? refused(c, "there are no clocks") : fmi3OK; \
+#define NO_CLOCKS_3(NAME, TYPE_0, TYPE_1, TYPE_2)                                                                      \
+    EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0, TYPE_1 *value_1, \
+                                 TYPE_2 *value_2)                                                                      \
+    {                                                                                                                  \
+        (void)references, (void)value_0, (void)value_1, (void)value_2;                                                 \
+        return count ? refused(c, "there are no clocks") : fmi3OK;                                                     \
     }
 NO_CLOCKS_3(GetIntervalFraction, uint64_t, uint64_t, int)
 NO_CLOCKS_2(GetIntervalDecimal, double, int)
@@ -387,7 +388,8 @@ EXPORT fmi3Status fmi3GetOutputDerivatives(void *c, const Reference *references,
     size_t n;
     for (n = 0; n < count; n++) {
         Reference rate = references[n] + instance->unit->outputs;
-        if (orders[n] != 1 || references[n] < instance->unit->at.outputs || references[n] >= instance->unit->at.rates || size != count)
+        if (orders[n] != 1 || references[n] < instance->unit->at.outputs || references[n] >= instance->unit->at.rates ||
+            size != count)
             return refused(instance, "first derivatives of displacements are known");
         if (get_variables(instance->unit, &rate, 1, values + n)) return status_of(instance, 1);
     }

@@ -26,14 +26,16 @@ static Shared *first;
 static char busy;
 static void enter(void)
 {
-    while (__atomic_test_and_set(&busy, __ATOMIC_ACQUIRE)) {}
+    while (__atomic_test_and_set(&busy, __ATOMIC_ACQUIRE)) {
+    }
 }
 static void leave(void) { __atomic_clear(&busy, __ATOMIC_RELEASE); }
 #else
 static volatile long busy;
 static void enter(void)
 {
-    while (_InterlockedExchange(&busy, 1)) {}
+    while (_InterlockedExchange(&busy, 1)) {
+    }
 }
 static void leave(void) { _InterlockedExchange(&busy, 0); }
 #endif
@@ -149,7 +151,8 @@ Shared *shared_open(const char *token, const char *folder, char *why, size_t roo
 {
     Shared *shared;
     enter();
-    for (shared = first; shared && strcmp(shared->token, token); shared = shared->next) {}
+    for (shared = first; shared && strcmp(shared->token, token); shared = shared->next) {
+    }
     if (!shared && (shared = read_system(token, folder, why, room))) {
         shared->next = first;
         first = shared;

@@ -55,14 +55,16 @@ static int is_sound(Unit *unit)
     for (k = 0; k < unit->modes; k++)
         if (unit->where[k] < 0 || unit->where[k] >= unit->sizes.modes) return 0;
     for (k = 0; k < unit->drivers; k++)
-        if (unit->kinds[k] < OTHER || unit->kinds[k] > SLEWING || (unit->kinds[k] == PATH) != (k < unit->sizes.paths)) return 0;
+        if (unit->kinds[k] < OTHER || unit->kinds[k] > SLEWING || (unit->kinds[k] == PATH) != (k < unit->sizes.paths))
+            return 0;
     return 1;
 }
 
 /* Equal parts of a step as a run makes them: powers of two, up to what resolves an impact (pmr.simulation.contact_step). */
 static int count_levels(const double *settings, double step)
 {
-    const double needed = fmin(fmax(ceil(step * settings[OMEGA] / settings[RESOLVED] - 1e-9), 1.0), settings[MOST_PARTS]);
+    const double needed =
+        fmin(fmax(ceil(step * settings[OMEGA] / settings[RESOLVED] - 1e-9), 1.0), settings[MOST_PARTS]);
     int levels = 1;
     while ((1 << (levels - 1)) < needed && levels < 16) levels++;
     return levels;
@@ -164,7 +166,10 @@ void unit_close(Unit *unit)
 
 /* ---- where it stands ---- */
 
-void unit_changed(Unit *unit) { unit->stands = unit->known_outputs = unit->known_further = unit->known_rates = unit->known_derivatives = 0; }
+void unit_changed(Unit *unit)
+{
+    unit->stands = unit->known_outputs = unit->known_further = unit->known_rates = unit->known_derivatives = 0;
+}
 
 int unit_reset(Unit *unit)
 {
@@ -213,16 +218,18 @@ int unit_failed(Unit *unit, int failed)
     switch (failed) {
     case PMR_DEPENDENT:
         if (pmr_state_trouble(unit->state) >= 0) line_of(unit, "contacts", pmr_state_trouble(unit->state), row, 80);
-        snprintf(unit->message, sizeof unit->message, "at %s the row %s depends on others, or nothing holds it", where, row);
+        snprintf(unit->message, sizeof unit->message, "at %s the row %s depends on others, or nothing holds it", where,
+                 row);
         return 1;
     case PMR_UNSETTLED:
         snprintf(unit->message, sizeof unit->message, "at %s it was not settled which pads are closed", where);
         return 1;
     case PMR_UNCONVERGED:
-        return refuse(unit, unit->sizes.pads ? "friction, or forces of second order, do not converge: pads stick and slide, close "
-                                               "and open again and again within a step, or it is too long"
-                                             : "the forces of second order do not converge: shorter steps help where tension, "
-                                               "pressure or spin change the stiffness of a step as much as it is");
+        return refuse(unit, unit->sizes.pads
+                                ? "friction, or forces of second order, do not converge: pads stick and slide, close "
+                                  "and open again and again within a step, or it is too long"
+                                : "the forces of second order do not converge: shorter steps help where tension, "
+                                  "pressure or spin change the stiffness of a step as much as it is");
     case PMR_NOT_FINITE: return refuse(unit, "the state is not finite: loads may have been none");
     default: return refuse(unit, "what drives the system is not finite");
     }
@@ -249,8 +256,7 @@ static int adjust(Unit *unit, double step, double rho_inf)
 {
     char why[PMR_MESSAGE];
     const pmr_settings *now = &unit->settings;
-    if (now->step == step && now->rho_inf == rho_inf && now->levels == count_levels(unit->limits, step))
-        return 0;
+    if (now->step == step && now->rho_inf == rho_inf && now->levels == count_levels(unit->limits, step)) return 0;
     set_settings(unit, step, rho_inf);
     return pmr_state_adjust(unit->state, &unit->settings, why) ? refuse(unit, why) : 0;
 }
@@ -276,8 +282,8 @@ static int begin(Unit *unit)
     if (kind == 2 && pmr_check_start(unit->state, driven, driven + unit->drivers, z, v, why) == PMR_REFUSED)
         return refuse(unit, why);
     failed = unit->sizes.motions ? pmr_start_in_frame(unit->state, kinds[kind], driven, NULL, z, v)
-             : kind == 1        ? pmr_start_moving(unit->state, kinds[kind], driven, driven + unit->drivers, z, v)
-                                : pmr_start(unit->state, kinds[kind], driven, z, v);
+             : kind == 1         ? pmr_start_moving(unit->state, kinds[kind], driven, driven + unit->drivers, z, v)
+                                 : pmr_start(unit->state, kinds[kind], driven, z, v);
     if (failed && kind == 1)
         return refuse(unit, "no static start: nothing holds the body against the loads, or rows depend on each other");
     if (failed) return unit_failed(unit, failed);
@@ -313,8 +319,9 @@ static void check_inputs(Unit *unit)
         if (range > 0.0 && off > JUMP * range)
             what = "it jumps, which excites what no boom does: set it at the end of each step, in m or rad";
         else if (unit->sizes.motions && range > 0.0 && off > LEFT_OUT && second == 0.0 && unit->second[n] == 0.0)
-            what = "it moves without a second rate, so the inertia of what moves is left out: set its rates of order one "
-                   "and two";
+            what =
+                "it moves without a second rate, so the inertia of what moves is left out: set its rates of order one "
+                "and two";
         if (what && !unit->warned[n]) {
             snprintf(unit->warning, sizeof unit->warning, "value reference %d: %s", DRIVEN + n, what);
             unit->warned[n] = 1;
@@ -336,7 +343,8 @@ int unit_advance(Unit *unit, double time, double duration)
     if (duration == 0.0) return 0;
     if (!(count < 1e9)) return refuse(unit, "a communication step of less than 1e9 internal steps is allowed");
     check_inputs(unit);
-    if (!(fabs(duration / count - step) <= 1e-9 * step)) step = duration / count; /* else it is round-off of the times */
+    if (!(fabs(duration / count - step) <= 1e-9 * step))
+        step = duration / count; /* else it is round-off of the times */
     if (adjust(unit, step, u[unit->at.rho_inf]) || check_paths(unit, driven)) return 1;
     memcpy(led, driven, 4 * (size_t)n * sizeof(double));
     for (k = 0; k < (int)count; k++) {
@@ -422,7 +430,8 @@ int unit_restore(Unit *unit, const void *state)
     unit_changed(unit);
     unit->started = (int)head.started;
     if (!unit->started) return 0;
-    if (pmr_state_restore(unit->state, at + sizeof head + own + given, pmr_state_bytes(unit->state), why)) return refuse(unit, why);
+    if (pmr_state_restore(unit->state, at + sizeof head + own + given, pmr_state_bytes(unit->state), why))
+        return refuse(unit, why);
     unit->stands = (int)head.stands;
     read_states(unit);
     return 0;

@@ -46,10 +46,11 @@ typedef struct {
     pmr_view view;
     pmr_sizes sizes;
     pmr_settings settings;
-    const double *first, *nominal, *limits, *ends; /* arrays of the system's file: start, nominal, settings, path_ends */
-    const int32_t *where, *kinds, *exchange;       /* modes, kinds, exchange */
+    const double *first, *nominal, *limits,
+        *ends;                               /* arrays of the system's file: start, nominal, settings, path_ends */
+    const int32_t *where, *kinds, *exchange; /* modes, kinds, exchange */
     Numbers at;
-    int32_t parts[16]; /* of steps, ascending */
+    int32_t parts[16];           /* of steps, ascending */
     int drivers, modes, outputs; /* N, r, and outputs with further ones */
     int started;                 /* initialisation is over */
     int stands;                  /* states and inputs are those that the last step or start has led to */

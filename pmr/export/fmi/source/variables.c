@@ -28,7 +28,8 @@ static void put_states(Unit *unit, const double *z, const double *v)
 static int find_outputs(Unit *unit, int further)
 {
     double *u = unit->variables, *outputs = u + unit->at.outputs, *others = outputs + unit->sizes.outputs;
-    const pmr_values values = {.outputs = outputs, .further = others, .forces = u + unit->at.forces, .closed = unit->closed};
+    const pmr_values values = {
+        .outputs = outputs, .further = others, .forces = u + unit->at.forces, .closed = unit->closed};
     int failed;
     if (further ? unit->known_further : unit->known_outputs) return 0;
     if (!unit->stands) {
@@ -91,8 +92,7 @@ int get_variables(Unit *unit, const unsigned *references, size_t count, double *
         if (reference >= at->states) {
             if (unit_prepare(unit)) return 1;
             if (reference >= at->rates && reference < at->forces ? find_all_rates(unit)
-                : reference >= at->outputs
-                    ? find_outputs(unit, reference >= first_further && reference < at->rates)
+                : reference >= at->outputs ? find_outputs(unit, reference >= first_further && reference < at->rates)
                                            : reference >= at->derivatives && find_derivatives(unit))
                 return 1;
         }
@@ -120,7 +120,8 @@ int set_variables(Unit *unit, const unsigned *references, size_t count, const do
         const int is_parameter = reference >= at->internal_step && reference < at->states;
         const int is_state = reference >= at->states && reference < at->derivatives;
         const char *why;
-        if (reference == TIME || reference >= at->derivatives) return refuse_reference(unit, "it can be read only", reference);
+        if (reference == TIME || reference >= at->derivatives)
+            return refuse_reference(unit, "it can be read only", reference);
         if ((is_parameter || is_state) && unit->started)
             return refuse_reference(unit, "parameters and states are fixed once the start is made", reference);
         if ((why = impossible(unit, reference, values[n]))) return refuse_reference(unit, why, reference);
@@ -177,7 +178,8 @@ int get_nominals(Unit *unit, double *nominals, size_t count)
 /* ---- derivatives along a seed ---- */
 
 /* Rates change along a seed (4 N, and 2 r' of z and v) of drivers of one kind, and z and v, as differences say. */
-static int add_rate_changes(Unit *unit, const double *seed, const double *z, const double *v, int moving, double *answer)
+static int add_rate_changes(Unit *unit, const double *seed, const double *z, const double *v, int moving,
+                            double *answer)
 {
     const int n = 4 * unit->drivers, r = unit->sizes.modes, o = unit->outputs;
     const int32_t *kinds = unit->kinds;
