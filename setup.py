@@ -47,7 +47,8 @@ class BuildKernel(build_ext):
             objects += self.compiler.compile(
                 units, self.build_temp, include_dirs=ext.include_dirs, extra_postargs=ext.extra_compile_args
             )
-            self.compiler.link_shared_object(objects, library, libraries=ext.libraries)
+            stripped = ["-Wl,-s"] if sys.platform == "linux" else []
+            self.compiler.link_shared_object(objects, library, libraries=ext.libraries, extra_postargs=stripped)
             return
         output = self.get_ext_fullpath(ext.name)
         os.makedirs(os.path.dirname(output), exist_ok=True)
