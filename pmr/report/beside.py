@@ -62,5 +62,5 @@ def _draw(result: RunResult) -> None:
 def _write(folder: Path, summaries: Sequence[dict[str, Any]]) -> None:
     from pmr.report.document import write_report
 
-    final = [replace(one, summary=summary) for (one, _), summary in zip(_drawn, summaries, strict=True)]
+    final = [replace(result, summary=summary) for (result, _), summary in zip(_drawn, summaries, strict=True)]
     write_report(final, folder, [figures for _, figures in _drawn])
