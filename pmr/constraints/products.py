@@ -8,7 +8,7 @@ With rows C(s) = b(s) U, values U X (K, c) on the carriers and R = U Q U^T (K, K
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import same_degree
-from pmr.constraints.rows import Row, dense_entries
+from pmr.constraints.rows import Row, gather
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -36,10 +36,15 @@ class RowPolynomials:
     def of(cls, rows: Sequence[Row]) -> RowPolynomials:
         """Rows that have their carriers and breaks in common."""
         degree = same_degree(*(row.coefficients for row in rows))
-        entries = [replace(row, coefficients=c).entries for row, c in zip(rows, degree, strict=True)]
-        touched, coefficients = dense_entries(sp.vstack(entries, format="csr"), len(rows) * len(degree[0]))
-        k, w = touched.shape
-        return cls(rows[0].breaks, touched, coefficients.reshape(len(rows), len(degree[0]), k, w))
+        n, interval = rows[0].carriers.shape[0], np.arange(len(rows[0].breaks) - 1)
+        touching = [interval[:, None] * n + row.touched for row in rows]
+        different, place, touched = gather(np.concatenate(touching, axis=None), n, len(interval))
+        coefficients = np.zeros((len(rows), len(degree[0]), *touched.shape))
+        for of_row, c, numbers in zip(coefficients, degree, touching, strict=True):
+            at = place[np.searchsorted(different, numbers)]
+            for l in range(at.shape[1]):
+                of_row[:, interval, at[:, l]] += c[:, :, l]
+        return cls(rows[0].breaks, touched, coefficients)
 
     def times(self, X: Array) -> PPoly:
         """C(s) X, values (m, c), from U X (K, c) on the carriers."""

@@ -146,6 +146,21 @@ def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: 
     return Row(name, breaks, carriers, touched.reshape(dofs.shape), coefficients)
 
 
+def gather(touching: Indices, n: int, k: int) -> tuple[Indices, Indices, Indices]:
+    """Columns out of n that each of k intervals touches, from its number times n plus each column, in any order.
+
+    Returned are all of these once, ascending, the place of each among those of its interval, and the columns (k, w):
+    an interval that touches fewer repeats its last one.
+    """
+    different = np.unique(touching)
+    interval, width = different // n, np.bincount(different // n, minlength=k)
+    place = np.arange(len(different)) - np.repeat(np.cumsum(width) - width, width)
+    columns = np.zeros((k, max(1, int(width.max(initial=0)))), np.int64)
+    columns[interval, place] = different % n
+    missing = np.arange(columns.shape[1]) >= width[:, None]
+    return different, place, np.where(missing, columns.max(axis=1, keepdims=True), columns)
+
+
 def dense_entries(entries: sp.csr_matrix, powers: int) -> tuple[Indices, Array]:
     """Columns that each of k intervals touches (k, d) and coefficients there (powers, k, d): `Row.entries` undone."""
     every, (height, n) = sp.csr_matrix(entries, copy=True), entries.shape
@@ -153,15 +168,10 @@ def dense_entries(entries: sp.csr_matrix, powers: int) -> tuple[Indices, Array]:
     every = every.tocoo()
     k = height // powers
     touching = (every.row % k).astype(np.int64) * n + every.col
-    columns = np.unique(touching)  # of one interval after the other
-    interval, width = columns // n, np.bincount(columns // n, minlength=k)
-    place = np.arange(len(columns)) - np.repeat(np.cumsum(width) - width, width)
-    touched = np.zeros((k, max(1, int(width.max(initial=0)))), np.int64)
-    touched[interval, place] = columns % n
+    different, place, touched = gather(touching, n, k)
     coefficients = np.zeros((powers, *touched.shape))
-    coefficients[every.row // k, every.row % k, place[np.searchsorted(columns, touching)]] = every.data
-    last = np.arange(touched.shape[1]) >= width[:, None]  # intervals that touch fewer repeat one, with zeros
-    return np.where(last, touched.max(axis=1, keepdims=True), touched), coefficients
+    coefficients[every.row // k, every.row % k, place[np.searchsorted(different, touching)]] = every.data
+    return touched, coefficients
 
 
 def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) -> Row:

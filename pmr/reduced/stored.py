@@ -13,7 +13,7 @@ A file of an earlier version has all arrays, which are read as they are.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +23,21 @@ from pmr.files import records
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.soundness import misfit
 
-if TYPE_CHECKING:
-    from pmr.reduced.model import ReducedModel
-
 Array = NDArray[np.float64]
 #: Where square matrices are written as triangles, and the least size from which on they are.
 TRIANGLES, LEAST = "carriers.", 8
 _SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
 
 
-def arrays(model: ReducedModel, prefix: str = "") -> dict[str, NDArray[Any]]:
+class Carried(Protocol):
+    """A dataclass that has rows on carriers (`pmr.reduced.model.ReducedModel`)."""
+
+    @property
+    def carriers(self) -> CarriedRows | None:
+        """Rows on carriers, if there are any."""
+
+
+def arrays(model: Carried, prefix: str = "") -> dict[str, NDArray[Any]]:
     """Arrays of a file that holds the model, by names behind `prefix`."""
     found = records.arrays(model)
     sound = model.carriers is not None and not _fault(model.carriers)
@@ -107,6 +112,7 @@ def _square(triangle: NDArray[Any], sign: float) -> Array:
     n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
     if triangle.shape != (n * (n + 1) // 2,):
         raise ValueError(f"{triangle.shape} is no triangle of a matrix")
-    found = np.zeros((n, n))
-    found[np.tril_indices(n)] = triangle
-    return np.tril(found, -1).T * sign + found
+    square, below = np.empty((n, n)), np.tri(n, dtype=bool)
+    square.T[below] = sign * triangle
+    square[below] = triangle
+    return square
