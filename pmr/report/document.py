@@ -10,7 +10,6 @@ from typing import Any
 
 import jinja2
 
-from pmr.errors.environment import uncollected
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report import paper
@@ -24,7 +23,6 @@ KIND = "Simulation report"
 _log = logging.getLogger(__name__)
 
 
-@uncollected()
 def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[Figures] = ()) -> ReportFiles:
     """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
 
@@ -58,7 +56,6 @@ def _anchor(number: int) -> str:
     return f"case-{number}"
 
 
-@uncollected()
 def write(text: str, folder: Path) -> ReportFiles:
     """Write a page as both files."""
     with fresh(folder, REPORT_FILES) as new:
