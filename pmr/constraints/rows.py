@@ -7,7 +7,7 @@ polynomial that touches a few of them on each interval.  A slider holds the inte
 carriers are the coordinates themselves, its weights the shape functions of one element, C1 for cubic Hermite elements.
 A pad that slides over a mesh touches thousands of coordinates, but only through K weighted means.  What a full model
 has to know of the path, its compliance U R U^T say, is then K static solves, however fine the mesh is.
-Where several rows together touch fewer than K coordinates, as pads on a beam do, these are their common carriers.
+Where several rows together touch fewer than K / 2 coordinates, as pads on a beam do, these are their common carriers.
 """
 
 from __future__ import annotations
@@ -251,7 +251,7 @@ class Rows:
 class SharedCarriers:
     """Rows on common carriers."""
 
-    # (K, n): what the rows touch, each different carrier once; single coordinates where these are fewer
+    # (K, n): what the rows touch, each different carrier once; single coordinates where these are less than half as many
     carriers: sp.csr_matrix
     rows: tuple[Row, ...]  # each on these carriers
 
@@ -282,7 +282,9 @@ def _shared(rows: Sequence[Row], size: int) -> SharedCarriers:
     U = sp.vstack(new, format="csr")
     on_common = [replace(row, carriers=U, touched=numbers) for row, numbers in zip(rows, touched, strict=True)]
     coordinates = np.unique(U.indices)
-    return SharedCarriers(U, tuple(on_common)) if U.shape[0] <= len(coordinates) else _single(on_common, coordinates)
+    if 2 * len(coordinates) >= U.shape[0]:  # mirror images among the carriers of a mesh may be worth as much
+        return SharedCarriers(U, tuple(on_common))
+    return _single(on_common, coordinates)
 
 
 def _single(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:

@@ -82,8 +82,9 @@ def test_rows_share_each_carrier_that_they_touch() -> None:
 
 
 def test_rows_that_touch_few_coordinates_share_these() -> None:
-    """Of five rows with fifteen carriers and more that lie on twelve coordinates."""
-    rows = [random_row("a"), carried_row("b"), carried_row("c", factor=2.0), carried_row("d"), random_row("e")]
+    """Of seven rows with 25 carriers and more that lie on twelve coordinates."""
+    pads = [carried_row(f"pad {factor}", factor=factor) for factor in (1.0, 2.0, 3.0, 5.0, 7.0)]
+    rows = [random_row("a"), *pads, random_row("b")]
     touched = np.unique(np.concatenate([(abs(row.carriers)).indices[row.carriers.data != 0.0] for row in rows]))
     shared = Rows(tuple(rows), 12).shared
     assert np.array_equal(shared.carriers.toarray(), np.eye(12)[touched])
