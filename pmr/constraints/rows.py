@@ -251,7 +251,7 @@ class Rows:
 class SharedCarriers:
     """Rows on common carriers."""
 
-    # (K, n): what the rows touch, each different carrier once; single coordinates where these are less than half as many
+    # (K, n): what the rows touch, each different one once; single coordinates where these are less than half as many
     carriers: sp.csr_matrix
     rows: tuple[Row, ...]  # each on these carriers
 
