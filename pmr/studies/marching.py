@@ -44,13 +44,15 @@ def motion(system: System, excitation: Excitation) -> Motion:
     form = SystemForm.of(system)
     run = run_from_start(form, excitation)
     lengths, each = _lengths(system), list(systems.displacements(system, run).values())
-    moved = each[0] if len(each) == 1 else np.hstack(each)
-    moved = moved if lengths.all() else moved[:, lengths]  # copies take as long as the steps
+    displacements = each[0] if len(each) == 1 else np.hstack(each)
+    displacements = displacements if lengths.all() else displacements[:, lengths]  # copies take as long as the steps
 
     def strained() -> Array:
-        return np.asarray(np.sum([_strain(one, run.bodies[name]) for name, one in form.forms.items()], 0))
+        return np.asarray(
+            np.sum([_strain(form_of_body, run.bodies[name]) for name, form_of_body in form.forms.items()], 0)
+        )
 
-    return Motion(moved, strained, run.surplus)
+    return Motion(displacements, strained, run.surplus)
 
 
 def _strain(form: ModalForm, run: Trajectory) -> Array:
