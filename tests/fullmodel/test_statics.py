@@ -41,9 +41,7 @@ def test_answers_are_those_of_the_motions_that_the_rows_leave(load_scene, solver
     solve.destroy()
 
 
-@pytest.mark.parametrize(
-    ("code", "said"), [(-13, "no memory"), (-10, "scene: body: .* singular")]
-)
+@pytest.mark.parametrize(("code", "said"), [(-13, "no memory"), (-10, "scene: body: .* singular")])
 def test_no_memory_is_not_called_a_singular_stiffness(
     load_scene, monkeypatch: pytest.MonkeyPatch, code: int, said: str
 ) -> None:
