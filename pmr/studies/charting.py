@@ -238,7 +238,9 @@ class Asked:
         before = other.copy()
         before[buckling] = np.minimum(known[count:-1], other[buckling])
         before[-1] /= 1.0 + above * (before[-1] < self.up_to)  # of one that is not met nothing is known
-        margins = [MARGIN_OF_BUCKLING if one.of in LEAST else 2.0 * MARGIN for one in self.limits] + [MARGIN_OF_BUCKLING]
+        margins = [MARGIN_OF_BUCKLING if one.of in LEAST else 2.0 * MARGIN for one in self.limits] + [
+            MARGIN_OF_BUCKLING
+        ]
         return np.asarray(np.array(margins) * np.maximum(np.abs(other - own), np.abs(before - own)))
 
     def of_mesh(self, models: Models, k: int, found: Array) -> Array:
