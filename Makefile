@@ -89,7 +89,6 @@ setup: .venv/.ready .venv/.kernel ## install what is missing or changed: Debian 
 	@.venv/bin/python -m pip install -q --no-compile -r requirements/debian.txt
 	@.venv/bin/python -m pip install -q --no-deps --no-build-isolation -e .
 	@rmdir .venv/lib/python3*/site-packages/pmr 2>/dev/null || true # left empty by an earlier installation, it would hide the package
-	@$(MAKE) --no-print-directory compiled
 	@touch $@
 
 # The kernel in C, in place, where its sources have changed.
@@ -98,9 +97,15 @@ KERNEL_SOURCES := $(wildcard pmr/kernel/src/*.[ch]) pmr/kernel/build.py setup.py
 	@.venv/bin/python setup.py -q build_ext --inplace
 	@touch $@
 
-.PHONY: compiled
-compiled: # no part of what is listed: make setup does it
-	@.venv/bin/pmr compile || echo "the first run will take longer"
+# Wheels with the kernel compiled by zig, each for a system and for all versions of Python from 3.11 on.
+WHEELS := x86_64-linux aarch64-linux x86_64-darwin aarch64-darwin x86_64-windows
+
+.PHONY: wheels
+wheels: $(WHEELS:%=wheel-%) ## dist: wheels for Linux and macOS (x86-64, Arm) and Windows (x86-64), compiled by zig
+
+wheel-%: setup
+	@rm -rf build/wheels/$*
+	@PMR_TARGET=$* .venv/bin/python setup.py -q build --build-base build/wheels/$* bdist_wheel --dist-dir dist
 
 .PHONY: report
 report: setup ## the paper's two cases, full against reduced: reports/paper/report.html and .pdf

@@ -1,24 +1,42 @@
 """Build of the kernel in C, and the scenes that a wheel carries; all else stands in pyproject.toml.
 
-Where no compiler is, the one of ziglang, a requirement of the build, is taken.
+The compiler of the system is taken for the system itself.  Where there is none, and for another system, which the
+environment variable PMR_TARGET names (`tools.cross.TARGETS`), that of ziglang is, a requirement of the build.
 """
 
 import os
-import platform
 import shutil
 import sys
 import sysconfig
 
 from setuptools import setup
+from setuptools.command.bdist_wheel import bdist_wheel
+from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
-compiler = (os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc").split()[0]
-if not shutil.which(compiler):
-    # for any processor of its kind: zig compiles for the one it runs on by default
-    own = {"x86_64": " -mcpu=x86_64", "aarch64": " -mcpu=generic"}.get(platform.machine(), "")
-    os.environ["CC"] = f"{sys.executable} -m ziglang cc{own}"
-    os.environ["LDSHARED"] = f"{sys.executable} -m ziglang cc{own} -shared"
-    os.environ["LDCXXSHARED"] = os.environ["LDSHARED"]
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+from tools import cross  # noqa: E402  (a build in isolation does not look for modules here)
+
+COMPILER = (os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc").split()[0]
+#: The system that zig compiles for; none where the compiler of this one does.
+TARGET = os.environ.get("PMR_TARGET") or (None if shutil.which(COMPILER) else cross.host())
+
+
+class BuildKernel(build_ext):
+    """The extension module of the kernel, by zig where it is to be."""
+
+    def get_ext_filename(self, fullname: str) -> str:
+        if TARGET is None:
+            return super().get_ext_filename(fullname)
+        return os.path.join(*fullname.split(".")) + cross.TARGETS[TARGET].extension
+
+    def build_extension(self, ext) -> None:
+        if TARGET is None:
+            return super().build_extension(ext)
+        output = self.get_ext_fullpath(ext.name)
+        os.makedirs(os.path.dirname(output), exist_ok=True)
+        cross.compile_extension(TARGET, ext.sources, output, ext.include_dirs, ext.extra_compile_args, self.build_temp)
 
 
 class BuildWithWorkflows(build_py):
@@ -31,4 +49,17 @@ class BuildWithWorkflows(build_py):
             shutil.copytree("workflows", target, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
 
 
-setup(cffi_modules=["pmr/kernel/build.py:ffi"], cmdclass={"build_py": BuildWithWorkflows})
+class StableWheel(bdist_wheel):
+    """A wheel for all versions of Python from the lowest on that pmr runs with."""
+
+    def finalize_options(self) -> None:
+        self.py_limited_api = "cp311"
+        if "PMR_TARGET" in os.environ:
+            self.plat_name = cross.TARGETS[os.environ["PMR_TARGET"]].wheel
+        super().finalize_options()
+
+
+setup(
+    cffi_modules=["pmr/kernel/build.py:ffi"],
+    cmdclass={"build_ext": BuildKernel, "build_py": BuildWithWorkflows, "bdist_wheel": StableWheel},
+)

@@ -18,12 +18,10 @@ from typing import Any
 from benchmarks import (
     approaches,
     chart,
-    compiling,
     fmu,
     growth,
     kernel,
     latency,
-    limit,
     messages,
     offline,
     peer,
@@ -36,7 +34,6 @@ from pmr.errors import environment
 from pmr.fem.compat import versions as fenicsx_versions
 
 PEER_ELEMENTS = (50, 1000)
-STEPS = 1_000_000
 REPEATS = {False: 5, True: 9}
 
 
@@ -44,12 +41,10 @@ def sections(long: bool, earlier: Path | None = None) -> Mapping[str, Callable[[
     """What there is to measure, by name; the quick ones first."""
     repeats = REPEATS[long]
     return {
-        "limit": limit.measure,
-        "latency": lambda: latency.measure(STEPS),
+        "latency": latency.measure,
         "kernel": kernel.measure,
         "growth": lambda: growth.measure(long),
         "fmu": lambda: fmu.measure(repeats),
-        "compiling": compiling.measure,
         "waited for": lambda: waited_for.measure(long, earlier),
         "chart": chart.measure,
         "peer": lambda: [peer.measure(elements, repeats) for elements in PEER_ELEMENTS],

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.scale import own_memory
-from pmr.report.figures.canvas import MUTED, WIDE, key, log_axis, octave_axis, sheet
+from pmr.report.figures.canvas import WIDE, key, log_axis, octave_axis, sheet
 from pmr.report.numbers import power_of_ten
 from pmr.report.studies.curves import SERIES, dots, log_x
 
@@ -30,25 +30,6 @@ def growth(found: Mapping[str, Any]) -> Figure:
         _both_logarithmic(ax, size, ns)
         ax.set_xlabel(label)
         ax.set_ylabel("Time of a step (ns)")
-    return figure
-
-
-def limit(found: Mapping[str, Any]) -> Figure:
-    """Time of a step above its three lower bounds."""
-    figure, axes = sheet(WIDE, 2.4)
-    ax, sizes = axes[0, 0], found["sizes"]
-    r = np.array([size["r"] for size in sizes], float)
-    step = np.array([size["step_ns"] for size in sizes])
-    handles = ax.plot(r, step, label="a step", **dots(1, 3.4))
-    for number, name in enumerate(("flops", "bytes", "chain")):
-        bound = [size["least_ns"][name] for size in sizes]
-        colour, dash = ("#0072b2", "#00664b", MUTED)[number], ((0, (4, 2)), (0, (1, 1.5)), "-")[number]
-        handles += ax.plot(r, bound, label=f"least by {name}", color=colour, linestyle=dash, linewidth=1.1)
-    everything = np.concatenate([step, *(list(size["least_ns"].values()) for size in sizes)])
-    _both_logarithmic(ax, r, everything)
-    ax.set_xlabel("Modes r (–)")
-    ax.set_ylabel("Time (ns)")
-    key(figure, handles)
     return figure
 
 

@@ -1,72 +1,35 @@
-"""One step: how long it takes, how long at worst, in a compiled loop and from Python."""
+"""One step of a stepper from Python: how long it takes, and how long at worst."""
 
 from __future__ import annotations
 
-import ctypes
 import time
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks import beams
-from pmr.simulation.native.part import step_on_tables
 from pmr.simulation.native.stepper import Stepper
 
 Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
-PYTHON_CALLS = 100_000
+CALLS = 100_000
 #: Of the slider's way to and fro, taken again and again.
 STEPS = 15_000
 QUANTILES = {"median": 0.5, "p99": 0.99, "p99.9": 0.999, "worst": 1.0}
 
-_clock_gettime = ctypes.CDLL(None).clock_gettime
-_clock_gettime.argtypes, _clock_gettime.restype = [ctypes.c_int, ctypes.c_void_p], ctypes.c_int
-_MONOTONIC = time.CLOCK_MONOTONIC
 
-
-@njit
-def _march(arguments: Any, s: Array, f: Array, y: Array, stamps: Stamps) -> int:
-    """A time stamp before the first step and after each one."""
-    now = np.zeros(2, np.int64)
-    for n in range(len(stamps)):
-        _clock_gettime(_MONOTONIC, now.ctypes)
-        stamps[n] = now[0] * 1_000_000_000 + now[1]
-        if n + 1 < len(stamps):
-            k = n % len(s)
-            failed = step_on_tables(*arguments, s[k], f[k], y)
-            if failed:
-                return failed
-    return 0
-
-
-@njit
-def _nothing(stamps: Stamps) -> None:
-    """What the clock itself takes."""
-    now = np.zeros(2, np.int64)
-    for n in range(len(stamps)):
-        _clock_gettime(_MONOTONIC, now.ctypes)
-        stamps[n] = now[0] * 1_000_000_000 + now[1]
-
-
-def measure(steps: int, python_calls: int = PYTHON_CALLS) -> dict[str, Any]:
+def measure(calls: int = CALLS) -> dict[str, Any]:
     """Nanoseconds of a step, the clock's own taken off, for several models and outputs."""
-    stamps = np.zeros(steps + 1, np.int64)
-    _nothing(stamps)
-    _nothing(stamps)
-    clock = float(np.median(np.diff(stamps)))
     bodies = {"r = 20": beams.plain(20), "r = 20, two rows held": beams.reduced("evolved")}
     bodies |= {"r = 6": beams.plain(6), "r = 6, residual flexibility": beams.flexible(6)}
-    found = {}
+    times = {}
     for name, body in bodies.items():
         count = len(body.output_positions)
         for outputs, chosen in {"tip": [count - 1], f"{count} outputs": list(range(count))}.items():
-            compiled = _compiled(Stepper(body, *_start(), outputs=chosen), len(chosen), stamps) - clock
-            python = _from_python(Stepper(body, *_start(), outputs=chosen), python_calls)
-            found[f"{name}, {outputs}"] = {"compiled": _quantiles(compiled), "python": _quantiles(python)}
-    return {"steps": steps, "python_calls": python_calls, "clock_ns": clock, "ns": found}
+            steps = _from_python(Stepper(body, *_start(), outputs=chosen), calls)
+            times[f"{name}, {outputs}"] = _quantiles(steps)
+    return {"calls": calls, "ns": times}
 
 
 def _start() -> tuple[float, float, Array]:
@@ -77,15 +40,6 @@ def _start() -> tuple[float, float, Array]:
 def _inputs() -> tuple[Array, Array]:
     drive = beams.sliding(STEPS)
     return np.ascontiguousarray(drive.s[1:, 0]), drive.f[1:]
-
-
-def _compiled(stepper: Stepper, outputs: int, stamps: Stamps) -> Array:
-    s, f = _inputs()
-    y = np.zeros(outputs)
-    failed = _march(stepper.arguments, s, f, y, stamps[:1000])
-    failed = failed or _march(stepper.arguments, s, f, y, stamps)
-    assert failed == 0 and np.isfinite(y).all()
-    return np.diff(stamps).astype(float)
 
 
 def _from_python(stepper: Stepper, calls: int) -> Array:

@@ -98,35 +98,28 @@ def _ways(name: str, size: str, case: Mapping[str, Any]) -> Grid:
 
 def latency(found: Mapping[str, Any], prefix: str) -> Chapter:
     """One step."""
-    grids = []
-    for kind, title, count in (
-        ("compiled", "In a compiled loop", found["steps"]),
-        ("python", "Called from Python", found["python_calls"]),
-    ):
-        rows = tuple(
-            (name, *(quantity(1e-9 * times[kind][q], "s") for q in ("median", "p99", "p99.9", "worst")))
-            for name, times in found["ns"].items()
-        )
-        caption = f"{title}, {plain(count)} steps, the clock's own time taken off."
-        grids.append(Grid(caption, ("model and outputs", "median", "99 %", "99.9 %", "worst"), rows))
+    rows = tuple(
+        (name, *(quantity(1e-9 * times[q], "s") for q in ("median", "p99", "p99.9", "worst")))
+        for name, times in found["ns"].items()
+    )
+    caption = f"Called from Python, {plain(found['calls'])} steps, the clock's own time taken off."
+    columns = ("model and outputs", "median", "99 %", "99.9 %", "worst")
     first = found["ns"]["r = 20, tip"]
     return Chapter(
         anchor=prefix,
         title="",
-        headline=f"{quantity(1e-9 * first['compiled']['median'], 's', 2)} a step with 20 coordinates.",
+        headline=f"{quantity(1e-9 * first['median'], 's', 2)} a step with 20 coordinates.",
         key_numbers=[
-            KeyNumber(quantity(1e-9 * first["compiled"]["median"], "s"), "one step, 20 coordinates, median"),
-            KeyNumber(quantity(1e-9 * first["compiled"]["p99"], "s"), "99 of 100 steps take less"),
-            KeyNumber(_times(1e6 / first["compiled"]["median"]), "faster than the step of 1 ms"),
+            KeyNumber(quantity(1e-9 * first["median"], "s"), "one step, 20 coordinates, median"),
+            KeyNumber(quantity(1e-9 * first["p99"], "s"), "99 of 100 steps take less"),
+            KeyNumber(_times(1e6 / first["median"]), "faster than the step of 1 ms"),
         ],
         paragraphs=[
             "Each step is timed on its own while the slider moves all the time, so that rows are evaluated in every "
-            f"step. The clock (clock_gettime, {plain(found['clock_ns'])}{SPACE}ns a look) empties the processor's "
-            "pipeline, so a step by itself takes longer than one of many in a row. The worst of a million is the "
-            "operating system's doing: another process had the core. Real-time kernels and isolated cores are the "
-            "remedy; the step itself allocates nothing and makes no system call."
+            "step. The worst is the operating system's doing: another process had the core. Real-time kernels and "
+            "isolated cores are the remedy; the step itself allocates nothing and makes no system call."
         ],
-        blocks=[Block("Latency", grids=tuple(grids))],
+        blocks=[Block("Latency", grids=(Grid(caption, columns, rows),))],
     )
 
 
@@ -200,54 +193,6 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
     )
 
 
-def limit(found: Mapping[str, Any], prefix: str) -> Chapter:
-    """Distance to what the core can do."""
-    counted = found["a_mode"]
-    rows = tuple(
-        (
-            plain(size["r"]),
-            quantity(1e-9 * size["step_ns"], "s"),
-            *(quantity(1e-9 * size["least_ns"][name], "s") for name in ("flops", "bytes", "chain")),
-            _times(size["factor"]),
-        )
-        for size in found["sizes"]
-    )
-    worst = max(found["sizes"], key=lambda size: size["factor"])
-    best_rate = 1.0 / found["flop_ns"]
-    rate = 1.0 / min(size["byte_ns"] for size in found["sizes"])
-    caption = "Time of a step, and the least that arithmetic, memory and the chain of dependent operations allow."
-    return Chapter(
-        anchor=prefix,
-        title="",
-        headline=f"At most {_times(worst['factor'])} the least time that the core allows.",
-        key_numbers=[
-            KeyNumber(_times(worst["factor"]), f"the least possible time, at worst (r = {worst['r']})"),
-            KeyNumber(f"{significant(best_rate)}{SPACE}Gflop/s", "multiply-adds in registers"),
-            KeyNumber(f"{significant(rate)}{SPACE}GB/s", "triad in the first-level cache"),
-        ],
-        paragraphs=[
-            f"A step with one moving row does {counted['flops']} flops and moves {counted['bytes']} bytes for each "
-            f"mode (r rounded up to a multiple of four): 6 flops for the row's cubic, 2 for its product with the "
-            "motion, 31 for the end of the step and the prediction of the next; 15 numbers are read and 7 written, all "
-            f"of them in the first-level cache ({counted['working_set']} bytes a mode). "
-            f"Besides, the multiplier of a step needs that of the one before: {counted['chain']} operations that wait "
-            "for one another, and r/8 more to sum up the product, each of which takes "
-            f"{quantity(1e-9 * found['operation_ns'], 's')} on this core.",
-            "What is left above the largest of the three: the scalars of a step (finding the interval, the Schur "
-            "complement's polynomial and its reciprocal, addresses, loop ends), a few hundred instructions that no "
-            "mode shares, and two ways through the store buffer from one step to the next. It weighs where there are "
-            "few modes, and is gone where there are many.",
-        ],
-        blocks=[
-            Block(
-                "Distance to the limit",
-                rows=((drawing(f"{prefix}-limit", figures.limit, caption, found),),),
-                grids=(Grid(caption, ("r", "a step", "flops", "bytes", "chain", "factor"), rows),),
-            )
-        ],
-    )
-
-
 def peer(found: list[Mapping[str, Any]], prefix: str) -> Chapter:
     """Beside pyMOR."""
     known = [one for one in found if one["installed"]]
@@ -290,27 +235,6 @@ def peer(found: list[Mapping[str, Any]], prefix: str) -> Chapter:
             "M, D, K, inputs, outputs and the moving rows as exact cubics; pyMOR's that of M and K."
         ],
         blocks=blocks,
-    )
-
-
-def compiling(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
-    """Compile times."""
-    rows = tuple(
-        (loop, *(quantity(times[loop], "s") for times in found.values())) for loop in next(iter(found.values()))
-    )
-    total = sum(found["empty cache"].values())
-    return Chapter(
-        anchor=prefix,
-        title="",
-        headline=f"{quantity(total, 's', 2)} once on a machine, then nothing to speak of.",
-        blocks=[
-            Block(
-                "First call of each loop",
-                text="Compiled on the first call and kept on disk. The first loop includes what Numba itself needs to "
-                "start; a process compiles no more than it uses.",
-                grids=(Grid("Wall time of the first call.", ("loop", *found), rows),),
-            )
-        ],
     )
 
 
@@ -426,8 +350,6 @@ PAGES: Mapping[str, tuple[str, Callable[[Any, str], Chapter]]] = {
     "latency": ("One step", latency),
     "fmu": ("An FMU's step", fmu),
     "growth": ("Cost against size", growth),
-    "limit": ("Distance to the machine's limit", limit),
-    "compiling": ("Compiling", compiling),
     "waited for": ("What is waited for", waited_for),
     "chart": ("A load chart", chart),
     "peer": ("POD and projection beside pyMOR", peer),

@@ -56,7 +56,7 @@ class Place:
 
     def pmr(self, *arguments: str) -> Taken:
         """A command of pmr."""
-        variables = {"NUMBA_CACHE_DIR": str(self.folder / self.caches), "OMP_NUM_THREADS": "1"}
+        variables = {"OMP_NUM_THREADS": "1"}
         variables["ZIG_GLOBAL_CACHE_DIR"] = str(self.folder / "zig")
         variables["PYTHONDONTWRITEBYTECODE"] = ""  # modules stay compiled from one command to the next, as for any user
         return taken_by(self.folder, variables, self.interpreter, "-m", "pmr", *arguments)
@@ -181,8 +181,7 @@ def make(target: str) -> Callable[[Place], Taken]:
     return lambda _: taken_by(ROOT, {}, "make", "-s", target)
 
 
-MODULES = "FEniCSx, PETSc, SciPy, Numba, matplotlib and WeasyPrint take 1.5 s to load, and 1.7 s to draw a report"
-NUMBA = "Numba compiles for some 8 s, in two processes"
+MODULES = "FEniCSx, PETSc, SciPy, matplotlib and WeasyPrint take 1.5 s to load, and 1.7 s to draw a report"
 UNITS = {"wall": "s", "processor": "s", "memory": "B", "ratio": ""}
 MINE, THREE = "pmr run of pmr new boom", "pmr run boom_three"
 TOLERANCE = "--tolerance 1% on pads that push, beside the run"
@@ -192,11 +191,11 @@ EXPORT = ("export", "reports/mine/reduced.npz", "--to", "fmu")
 ROWS = (
     Row("pmr --help", 0.3, 1.3, run("--help"), turns=3, command=True),
     Row("pmr info", 0.8, 1.7, run("info"), turns=3, command=True),
-    Row(f"{MINE}, {FIRST}", 8.0, 35.0, run("run", "mine"), NUMBA, command=True),
+    Row(f"{MINE}, {FIRST}", 8.0, 35.0, run("run", "mine"), command=True),
     Row(f"{MINE}, later", 8.0, 23.0, run("run", "mine"), MODULES, turns=3, command=True),
     Row("report of that run", 2.0, 6.0, report, kind="processor"),
     Row("first FMU", 10.0, 97.0, run(*EXPORT), kind="processor", command=True),
-    Row(f"{THREE}, {FIRST}", 7.5, 49.0, run("run", "boom_three"), NUMBA, command=True),
+    Row(f"{THREE}, {FIRST}", 7.5, 49.0, run("run", "boom_three"), command=True),
     Row(f"{THREE}, first after pmr compile", 7.5, 49.0, compiled("run", "boom_three"), MODULES),
     Row(f"{THREE}, later", 5.0, 11.5, run("run", "boom_three"), MODULES, turns=3, command=True),
     Row(TOLERANCE, 2.0, 20.0, tolerance, turns=3),

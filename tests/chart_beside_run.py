@@ -25,13 +25,13 @@ from pmr.simulation.excitation import places
 from pmr.simulation.native import systems
 from pmr.simulation.pivot import with_forces_on_machine
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, with_hook
+from pmr.simulation.statics.loaded import States
 from pmr.studies import shared
 from pmr.studies.allowed import Place
 from pmr.studies.charting import allowed, postures
 from pmr.studies.figures import boom_arguments
 from pmr.studies.limits import Limit
 from pmr.system.assembly import Assembly
-from pmr.system.loaded import States
 
 Array = NDArray[np.float64]
 POLYGON = ((2.0, 1.6), (-2.2, 1.6), (-2.2, -1.6), (2.0, -1.6))

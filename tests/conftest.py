@@ -18,9 +18,8 @@ import pytest
 from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
-from pmr.errors import aside
 from pmr.reduced.model import ReducedModel
-from pmr.report import paper
+from pmr.report import background, paper
 from pmr.report.blocks import Drawing, drawing
 from pmr.report.motion import album
 from pmr.scene import Scene
@@ -121,7 +120,7 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
         return Drawing(name, "<svg></svg>", caption)
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
-    monkeypatch.setattr(aside, "_saves_time", lambda: False)  # another process would draw
+    monkeypatch.setattr(background, "has_free_core", lambda: False)  # another process would draw
     monkeypatch.setattr(album, "develop", lambda shots: [b""] * len(shots))
 
 

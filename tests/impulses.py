@@ -8,9 +8,9 @@ generalized-alpha scheme for constrained mechanical systems, Multibody System Dy
 from __future__ import annotations
 
 import numpy as np
+from generalized_alpha import GeneralizedAlpha
 from numpy.typing import NDArray
 
-from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]

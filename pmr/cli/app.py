@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
-import gc
 import logging
 import warnings
 from typing import Annotated, Any
@@ -88,8 +86,6 @@ def _before_any_command(
 
 def main() -> None:
     """Entry point: a line and exit code 2 for bad input, 1 for a solver that failed."""
-    environment.collected_seldom()
-    atexit.register(gc.freeze)  # what is left at the end goes with the process: to look through it takes a second
     prepare_streams()
     warnings.filterwarnings("ignore", "A NumPy version")  # of SciPy; what comes of it is said below
     handler = RichHandler(console=err, show_path=False)

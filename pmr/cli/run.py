@@ -38,7 +38,7 @@ from pmr.files.swap import fresh, removed
 if TYPE_CHECKING:
     from pmr.errors.environment import Progress as Report
     from pmr.pipeline import Outcome
-    from pmr.report.beside import Beside
+    from pmr.report.background import BackgroundReport
     from pmr.report.marks import Row
     from pmr.scene import Scene
 
@@ -115,26 +115,19 @@ def run(
         environment.check_installed("dolfinx")
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])
+    from pmr.report.background import BackgroundReport
     from pmr.results import RESULT_FILES
 
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
         ensure_writable(where, RESULT_FILES)
     outcomes = []
-    with environment.uncollected(keep=True):
+    with BackgroundReport() as report:
         import numpy as np
 
-        import pmr.compare.judged  # noqa: F401 (what the other process needs too, and does without MPI)
-        from pmr.errors.aside import worked_aside
-        from pmr.report.beside import Beside
-        from pmr.simulation.native import ahead
-    with worked_aside() as aside:
-        for system in dict.fromkeys(ahead.system_like(scene) for *_, scene in loaded):
-            aside.ask(ahead.compile_for, system)
-        report = Beside(aside)
-        with environment.uncollected(keep=True):
-            from pmr.errors.environment import Clock
-            from pmr.files.users import users_folder
-            from pmr.pipeline import run as run_scene
+        from pmr.errors.environment import Clock
+        from pmr.files.users import users_folder
+        from pmr.pipeline import run as run_scene
+
         first = rank() == 0
         for name, file, scene in loaded:
             where = folder if len(loaded) == 1 else folder / name
@@ -149,7 +142,6 @@ def run(
                         cache=cache,
                         measures=measures,
                         keep=partial(_save, where, folder, report),
-                        aside=aside,
                     )
                 except InputError as error:
                     _tell_hints(scene)
@@ -186,7 +178,7 @@ def _tell_hints(scene: Scene) -> None:
         tell(err, f"warning: {hint}")
 
 
-def _save(folder: Path, of_all: Path, report: Beside, outcome: Outcome) -> None:
+def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome) -> None:
     """Everything but the report, which comes later: the one that is there belongs to the old results and goes.
 
     So does that of all scenes in the folder `of_all`.

@@ -29,19 +29,19 @@ STEPS = 20_000
 
 
 def loads_carried(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
-    """What contacts and loads press on the carriers and inputs of each body with, (S, K + i) in N."""
-    found, first = {}, 0
+    """Forces of contacts and loads on the carriers and inputs of each body, (S, K + i) in N."""
+    forces, first = {}, 0
     for name, body in system.reduced.items():
         rows = [system.row(side.place) for side in system.sides if side.place.body == name]
         last = first + len(body.input_names)
         assert body.carriers is not None
-        found[name] = pressing(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
+        forces[name] = pressing(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
         first = last
-    return found
+    return forces
 
 
 def pressing(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
-    """What rows press with on their carriers in a run, and its loads (T, i): (S, K + i) in N, at up to `STEPS` steps.
+    """Forces of rows on their carriers in a run, and its loads (T, i): (S, K + i) in N, at up to `STEPS` steps.
 
     The path coordinates of the run are those of each row (T, m) in m.
     """
@@ -50,7 +50,7 @@ def pressing(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads:
 
 
 def pressed(carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array) -> sp.csr_matrix:
-    """What rows at x (T, m) m press with on their carriers, by their multipliers (T, m) N, and loads: (T, K + i) in N.
+    """Forces of rows at x (T, m) m on their carriers, by multipliers (T, m) N, and loads: (T, K + i) in N.
 
     Sparse, for a row touches few carriers at a time.
     """
@@ -61,9 +61,9 @@ def pressed(carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: A
         on, shares = [*on, touched], [*shares, -b * force[:, None]]
     columns, entries = np.hstack(on), np.hstack(shares)
     ends = columns.shape[1] * np.arange(T + 1)
-    found = sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (T, K + loads.shape[1]))
-    found.sum_duplicates()  # rows may touch the same ones
-    return found
+    forces = sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (T, K + loads.shape[1]))
+    forces.sum_duplicates()  # rows may touch the same ones
+    return forces
 
 
 def lifting(forces: Array) -> bool:
@@ -78,7 +78,7 @@ def settled(error: float, apart: float) -> bool:
 
 
 def scatter(peaks: Sequence[float]) -> str:
-    """What is said of the largest forces, in N, that nearly equal models have of pads that land and lift off.
+    """Sentence about the largest forces, in N, of pads that land and lift off in nearly equal models.
 
     Empty where they have the same to three digits.
     """

@@ -36,7 +36,7 @@ def on_the_way(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
 
 
 def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
-    """Of the first two joints that have a path of their own and move, within its bounds, every contact closed.
+    """Lowest frequencies over the first two joints that move on paths of their own, every contact closed.
 
     All other such joints are where they start; None where fewer than two move.  With second order the boom rests at its
     steepest angle.
@@ -58,8 +58,8 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
     if system.terms:
         placed = {name: np.broadcast_to(at, (MAPPED, MAPPED)).ravel() for name, at in extensions.items()}
         c = amplitudes_at_rest(boom, placed, steepest(boom))
-    found = Assembly(system).frequencies(x.reshape(-1, x.shape[-1]), 1, c)[:, 0]
-    return FrequencyMap((first, second), a, b, found.reshape(MAPPED, MAPPED))
+    lowest = Assembly(system).frequencies(x.reshape(-1, x.shape[-1]), 1, c)[:, 0]
+    return FrequencyMap((first, second), a, b, lowest.reshape(MAPPED, MAPPED))
 
 
 def _follows(boom: Scene, name: str) -> bool:
@@ -67,22 +67,27 @@ def _follows(boom: Scene, name: str) -> bool:
     return joint is not None and joint.follows is not None
 
 
-def beside_published(boom: Scene, found: Frequencies) -> Part:
+def beside_published(boom: Scene, frequencies: Frequencies) -> Part:
     """``published_frequencies``: the first one where it is published, and what each model has there.
 
     What is published beyond this boom's reach is left out, with a line.
     """
     published = boom.published.frequencies if boom.published else ()
-    low, high, slack = found.along[0], found.along[-1], BESIDE * found.along[-1]
-    within = [one for one in published if low - slack <= one.reach <= high + slack]
+    low, high, slack = frequencies.along[0], frequencies.along[-1], BESIDE * frequencies.along[-1]
+    within = [frequency for frequency in published if low - slack <= frequency.reach <= high + slack]
     rows = [
-        {"reach": one.reach, "published": one.first}
-        | {model: float(np.interp(one.reach, found.along, f[:, 0])) for model, f in found.models.items()}
-        for one in within
+        {"reach": frequency.reach, "published": frequency.first}
+        | {
+            model: float(np.interp(frequency.reach, frequencies.along, f[:, 0]))
+            for model, f in frequencies.models.items()
+        }
+        for frequency in within
     ]
-    beyond = ", ".join(f"{one.reach:g}" for one in published if one not in within)
-    said = f"published frequencies at a reach of {beyond} m are left out: this boom reaches {low:.6g} to {high:.6g} m"
-    return Part({"published_frequencies": rows} if rows else {}, [said] if beyond else [])
+    beyond = ", ".join(f"{frequency.reach:g}" for frequency in published if frequency not in within)
+    warning = (
+        f"published frequencies at a reach of {beyond} m are left out: this boom reaches {low:.6g} to {high:.6g} m"
+    )
+    return Part({"published_frequencies": rows} if rows else {}, [warning] if beyond else [])
 
 
 def sections(
@@ -98,19 +103,19 @@ def sections(
     """
     if ALONE in boom.bodies:
         return Part(dict(more.get(ALONE, {})))
-    reduced, full, found = responses["reduced"], responses.get("full"), []
+    reduced, full, rows = responses["reduced"], responses.get("full"), []
     for name in boom.names:
-        columns, said = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
+        columns, figures = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
         if full is not None:
             error = relative_error(reduced.displacement[:, columns], full.displacement[:, columns])
-            said |= {"errors": {"reduced_vs_full": {"beam": error}}}
-        found.append(said | dict(more.get(name, {})))
-    peaks = [(one["name"], one["stress_peak"]) for one in found if "stress_peak" in one]
+            figures |= {"errors": {"reduced_vs_full": {"beam": error}}}
+        rows.append(figures | dict(more.get(name, {})))
+    peaks = [(row["name"], row["stress_peak"]) for row in rows if "stress_peak" in row]
     if not peaks:
-        return Part({"sections": found})
+        return Part({"sections": rows})
     highest = {
-        model: max(({"section": name, **peak[model]} for name, peak in peaks), key=lambda one: float(one["value"]))
+        model: max(({"section": name, **peak[model]} for name, peak in peaks), key=lambda row: float(row["value"]))
         for model in peaks[0][1]
     }
     most = {model: peak["value"] for model, peak in highest.items()}
-    return Part({"sections": found, "max_von_mises": most, "stress_peak": highest})
+    return Part({"sections": rows, "max_von_mises": most, "stress_peak": highest})

@@ -29,7 +29,7 @@ BESIDE_KINK = 2.0
 
 
 def quantities(excitation: Excitation, response: Response) -> Mapping[str, Quantity]:
-    """What is compared: the last section's tip, all lines, the forces of each kind, and these between kinks.
+    """Quantities that are compared: the last section's tip, all lines, forces of each kind, and these between kinks.
 
     At a kink of an extension a force is as high as its step is short or its cylinder stiff: such steps are left out
     ``_between_kinks``, where there are any.
@@ -37,15 +37,15 @@ def quantities(excitation: Excitation, response: Response) -> Mapping[str, Quant
     last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
     at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
     away = np.all([np.abs(t - kink) > BESIDE_KINK * stepping.step for kink in at], axis=0)
-    found: dict[str, Quantity] = {
-        "tip": lambda one: one.of("tip", body=last),
-        "beam": lambda one: one.displacement,
+    measures: dict[str, Quantity] = {
+        "tip": lambda response: response.of("tip", body=last),
+        "beam": lambda response: response.displacement,
     }
     for kind in dict.fromkeys(force_kinds(response)):
-        found[kind] = partial(_forces, kind, slice(None))
+        measures[kind] = partial(_forces, kind, slice(None))
         if at:
-            found[f"{kind}_between_kinks"] = partial(_forces, kind, away)
-    return found
+            measures[f"{kind}_between_kinks"] = partial(_forces, kind, away)
+    return measures
 
 
 def _forces(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
@@ -57,8 +57,8 @@ def _forces(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> 
 
 
 def force_kinds(response: Response) -> list[str]:
-    """Of each force: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
-    return [f"{one.kind}_force" for one in response.outputs if one.is_force]
+    """Kind of each force: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
+    return [f"{output.kind}_force" for output in response.outputs if output.is_force]
 
 
 def bearing(system: Joined[Any]) -> list[int]:
@@ -66,13 +66,21 @@ def bearing(system: Joined[Any]) -> list[int]:
 
     Forces of rigid supports are reactions.
     """
-    kept = [(k, one) for k, one in enumerate(system.contacts) if one.kind != STRAIGHT and not is_reaction(one)]
+    bearing_contacts = [
+        (k, contact)
+        for k, contact in enumerate(system.contacts)
+        if contact.kind != STRAIGHT and not is_reaction(contact)
+    ]
     alone = ALONE in system.bodies
-    return [k for k, one in kept if not alone or one.inner.path is not None or one.clearance is not None]
+    return [
+        k
+        for k, contact in bearing_contacts
+        if not alone or contact.inner.path is not None or contact.clearance is not None
+    ]
 
 
 def force_kinds_of(system: Joined[Any]) -> tuple[str, ...]:
-    """Of the springs of all bodies and the contacts that bear; all forces of a body alone count as those of pads."""
+    """Kinds of forces of the springs of all bodies and of the contacts that bear; of a body alone all are of pads."""
     springs = [kind for body in system.bodies.values() for kind in called(body).kinds[1]]
     kinds = [*springs, *(system.contacts[k].kind for k in bearing(system))]
     return tuple("pad_force" if ALONE in system.bodies else f"{kind}_force" for kind in kinds)
@@ -86,11 +94,11 @@ def tip_columns(system: Joined[Any]) -> list[int]:
 
 
 def tip_names(boom: Scene) -> set[str]:
-    """What displacements of the last section's tip are called."""
+    """Names of displacements of the last section's tip."""
     last = boom.sections[-1]
     return {named(last.name, last.observe.tip_along(direction)) for direction in "yz"}
 
 
 def columns_of(section: str, response: Response) -> list[int]:
     """Columns of the displacements of a section."""
-    return [k for k, one in enumerate(response.outputs) if one.body == section and one.kind in ("beam", "tip")]
+    return [k for k, output in enumerate(response.outputs) if output.body == section and output.kind in ("beam", "tip")]

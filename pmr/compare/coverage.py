@@ -79,7 +79,7 @@ def jumps_damped(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]],
 def not_covered(
     model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping, count: int | None = None
 ) -> list[str]:
-    """What the estimate with all enrichment modes, or the first `count`, leaves out, a clause each.
+    """Effects that the estimate with all enrichment modes, or the first `count`, leaves out, a clause each.
 
     Signals come with their names.
 
@@ -104,8 +104,8 @@ def _classical(model: ReducedModel) -> bool:
 
 def _beyond(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
     tones = [part.highest_frequency(0.0, stepping.end) for part in signal.parts]
-    seen = max((_at_the_steps(tone, stepping.step) for tone in tones), default=0.0)
-    if seen > top:
+    aliased_tone = max((_at_the_steps(tone, stepping.step) for tone in tones), default=0.0)
+    if aliased_tone > top:
         yield f"what {name}, {max(tones):.4g} Hz, excites beyond the highest enrichment mode, {top:.4g} Hz"
     elif (share := _share_above(signal, stepping, top)) > BEYOND:
         percent = rounded(100.0 * share)
@@ -125,6 +125,6 @@ def _share_above(signal: SignalBase, stepping: TimeStepping, top: float) -> floa
     x = signal.value(stepping.times)
     x = x - np.linspace(x[0], x[-1], len(x))
     power = np.abs(np.fft.rfft(x)) ** 2
-    whole = float(power.sum())
+    total = float(power.sum())
     above = np.fft.rfftfreq(len(x), stepping.step) > top
-    return float(np.sqrt(power[above].sum() / whole)) if whole > 0.0 else 0.0
+    return float(np.sqrt(power[above].sum() / total)) if total > 0.0 else 0.0

@@ -30,8 +30,11 @@ FAR = 0.1
 
 def figures(scene: Scene, response: Response) -> list[str]:
     """Kinds of figures beside displacements that a run states; forces that are zero or round-off don't count."""
-    known = forces.histories(response)
-    sizes = {key: max(float(np.abs(one).max(initial=0.0)) for one in each.values()) for key, each in known.items()}
+    histories = forces.histories(response)
+    sizes = {
+        key: max(float(np.abs(history).max(initial=0.0)) for history in each.values())
+        for key, each in histories.items()
+    }
     bearing = {kind for (kind, _), size in sizes.items() if size > NOTHING * max(sizes.values())}
     stated = [kind for kind in FIGURES if kind in bearing] + ["frequency"]
     stated += ["stress"] * (scene.recovery is not None and scene.recovery.stress)

@@ -56,7 +56,7 @@ def nrms(signal: Array, reference: Array) -> float:
 
 
 def relative_error(signal: Array, reference: Array) -> float:
-    """What e_NRMS is the smaller one of, beside 1: so an error that grows differs from one that is large.
+    """Error relative to the reference, of which e_NRMS is the smaller one beside 1: it tells growth from size.
 
     Of any size: where squares would leave the range of numbers, the reference's largest value is the unit of both.
     Where the reference is zero throughout: 0 if the signal is too, 1 otherwise.  Raises ValueError if the shapes
@@ -78,7 +78,7 @@ def relative_error(signal: Array, reference: Array) -> float:
 
 
 def _lengths(values: Array) -> Any:
-    """Of each component over all steps."""
+    """Length of each component over all steps."""
     return np.sqrt(np.einsum("t...,t...->...", values, values))
 
 
@@ -97,7 +97,7 @@ def absolute_error(signal: Array, reference: Array) -> float:
 
 def refuse_infinite(*values: Array) -> None:
     """Raises SimulationError if anything is not finite."""
-    if not all(np.isfinite(largest(one, None)) for one in values):
+    if not all(np.isfinite(largest(array, None)) for array in values):
         raise SimulationError("what was simulated is not finite: loads or motions are too large to be computed with")
 
 
@@ -107,7 +107,7 @@ def largest(values: Array, axis: int | None = 0) -> Any:
 
 
 def quantities_of(tips: int, along: slice) -> Mapping[str, Quantity]:
-    """What is compared: the last `tips` columns are the tip's, those `along` the beam may be among them."""
+    """Quantities that are compared: the last `tips` columns are the tip's, those `along` the beam may be among them."""
     return {
         "tip": lambda response: response.displacement[:, -tips:],
         "beam": lambda response: response.displacement[:, along],
@@ -136,9 +136,9 @@ def errors(
     return of_pairs(pairs(responses, order, quantities), measure)
 
 
-def of_pairs(found: Mapping[str, Mapping[str, Pair]], measure: Measure) -> dict[str, dict[str, float]]:
-    """The same of `pairs`."""
-    return {between: {name: measure(*both) for name, both in of.items()} for between, of in found.items()}
+def of_pairs(pairs_of_models: Mapping[str, Mapping[str, Pair]], measure: Measure) -> dict[str, dict[str, float]]:
+    """Errors of pairs of signals, as from `pairs`."""
+    return {between: {name: measure(*pair) for name, pair in of.items()} for between, of in pairs_of_models.items()}
 
 
 def pairs(
@@ -148,59 +148,69 @@ def pairs(
 ) -> dict[str, dict[str, Pair]]:
     """What `errors` compares: signal and reference, (T, o) each, by pair and quantity; round-off counts as zero."""
     present = [name for name in order if name in responses]
-    found = dict[str, dict[str, Pair]]()
+    pairs_of_models = dict[str, dict[str, Pair]]()
     least = max((response.round_off for response in responses.values()), default=0.0)
     least_force = max((response.force_round_off for response in responses.values()), default=0.0)
     for a, b in combinations(present, 2):
-        one, other = _without_round_off(*with_common_forces(responses[a], responses[b]), least, least_force)
-        found[f"{a}_vs_{b}"] = {name: (what(one), what(other)) for name, what in quantities.items()}
-        found[f"{a}_vs_{b}"] |= _others(responses[a], responses[b], least_force)
-    return found
+        compared_response, reference = _without_round_off(
+            *with_common_forces(responses[a], responses[b]), least, least_force
+        )
+        pairs_of_models[f"{a}_vs_{b}"] = {
+            name: (what(compared_response), what(reference)) for name, what in quantities.items()
+        }
+        pairs_of_models[f"{a}_vs_{b}"] |= _others(responses[a], responses[b], least_force)
+    return pairs_of_models
 
 
-def _others(one: Response, other: Response, force: float) -> dict[str, Pair]:
+def _others(response: Response, reference: Response, force: float) -> dict[str, Pair]:
     """Other outputs that both know, with zeros where nothing happens beside those of the same unit.
 
     Reactions are nothing up to `force` in N, or N m, either.
     """
-    units = dict(zip(one.other_names, one.other_units, strict=True))
-    pairs = {name: (one.other(name), other.other(name)) for name in units if name in other.other_names}
+    units = dict(zip(response.other_names, response.other_units, strict=True))
+    pairs = {name: (response.other(name), reference.other(name)) for name in units if name in reference.other_names}
     sizes = {name: max(float(largest(values)) for values in pair) for name, pair in pairs.items()}
     for name, pair in pairs.items():
-        least = RELATIVE_FLOOR * max(size for beside, size in sizes.items() if units[beside] == units[name])
+        least = RELATIVE_FLOOR * max(size for other_name, size in sizes.items() if units[other_name] == units[name])
         least = max(least, force) if units[name] in ("N", "N m") else least
         pairs[name] = pair if sizes[name] > least else (np.zeros_like(pair[0]), np.zeros_like(pair[1]))
     return pairs
 
 
-def with_common_forces(one: Response, other: Response) -> tuple[Response, Response]:
+def with_common_forces(first: Response, second: Response) -> tuple[Response, Response]:
     """Both with the forces that both know, in one order, where both say which is which."""
-    if not (one.force_names and other.force_names) or one.force_names == other.force_names:
-        return one, other
-    common = [name for name in one.force_names if name in other.force_names]
+    if not (first.force_names and second.force_names) or first.force_names == second.force_names:
+        return first, second
+    common = [name for name in first.force_names if name in second.force_names]
 
-    found = [response.with_forces([response.force_names.index(name) for name in common]) for response in (one, other)]
-    return found[0], found[1]
+    aligned = [
+        response.with_forces([response.force_names.index(name) for name in common]) for response in (first, second)
+    ]
+    return aligned[0], aligned[1]
 
 
-def _without_round_off(one: Response, other: Response, least: float, force: float) -> tuple[Response, Response]:
+def _without_round_off(
+    compared_response: Response, reference: Response, least: float, force: float
+) -> tuple[Response, Response]:
     """Both with zeros where neither exceeds round-off: such displacements (m) and forces (N) are nobody's error."""
-    x, y = settled(one.displacement, other.displacement, least)
-    size = max(float(largest(response.slider_force, None)) for response in (one, other))
-    f, g = settled(one.slider_force, other.slider_force, max(force, ROUND_OFF * size))
-    return replace(one, displacement=x, slider_force=f), replace(other, displacement=y, slider_force=g)
+    x, y = settled(compared_response.displacement, reference.displacement, least)
+    size = max(float(largest(response.slider_force, None)) for response in (compared_response, reference))
+    f, g = settled(compared_response.slider_force, reference.slider_force, max(force, ROUND_OFF * size))
+    return replace(compared_response, displacement=x, slider_force=f), replace(
+        reference, displacement=y, slider_force=g
+    )
 
 
-def settled(one: Array, other: Array, round_off: float | Array) -> tuple[Array, Array]:
+def settled(signal: Array, reference: Array, round_off: float | Array) -> tuple[Array, Array]:
     """Two signals (T, o) with zeros in the columns in which neither exceeds round-off, which each may have its own."""
-    moves = np.maximum(largest(one), largest(other)) > round_off
+    moves = np.maximum(largest(signal), largest(reference)) > round_off
     if moves.all():
-        return one, other
-    return np.where(moves, one, 0.0), np.where(moves, other, 0.0)
+        return signal, reference
+    return np.where(moves, signal, 0.0), np.where(moves, reference, 0.0)
 
 
 def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> float:
-    r"""What of an output in m may be round-off alone, where loads (T, i) in N act for `end` seconds.
+    r"""Displacement in m that may be round-off alone, where loads (T, i) in N act for `end` seconds.
 
     .. math:: 10^{-11} \max_o \lVert O_o^T \rVert \sum_i \lVert B_i \rVert \max_t |f_i|, \qquad
         \lVert x \rVert^2 = x^T \big(K + (2 \pi / t_e)^2 M\big)^{-1} x
@@ -214,7 +224,7 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
 
 
 def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
-    """As `round_off`, of each output that is neither in m nor in N, (k,) in its unit."""
+    """Round-off as in `round_off`, of each output that is neither in m nor in N, (k,) in its unit."""
     return ROUND_OFF * _moved(bodies, loads, end, other_outputs)
 
 
@@ -227,12 +237,12 @@ def _moved(bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: C
         reach += np.inf if A is None else _reach(A, body, loads[:, first:last])
         sizes.append(np.zeros(np.count_nonzero(chosen)) if A is None else _norms(A, dense(body.outputs)[chosen]))
         first = last
-    found = np.concatenate(sizes)
-    return found * reach if np.isfinite(reach) else np.zeros_like(found)
+    sizes_of_outputs = np.concatenate(sizes)
+    return sizes_of_outputs * reach if np.isfinite(reach) else np.zeros_like(sizes_of_outputs)
 
 
 def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> float:
-    r"""What of a force in N may be round-off alone: as `round_off`, of outputs that are forces and of sliders' rows.
+    r"""Force in N that may be round-off alone: as `round_off`, of outputs that are forces and of sliders' rows.
 
     A row's is at most that share of :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}`,
     with C and G at the path coordinate s in m.
@@ -253,15 +263,15 @@ def _released(body: SlidingBody, end: float) -> Array | None:
     """K + (2 pi / end)^2 M, with what supports hold held; None where the body is large."""
     if body.size > LARGEST_COMPLIANCE or not end > 0.0:
         return None
-    found = dense(body.K + (2.0 * np.pi / end) ** 2 * body.M)
+    stiffness = dense(body.K + (2.0 * np.pi / end) ** 2 * body.M)
     held = list(body.held.values())
-    found[held] = found[:, held] = 0.0
-    found[held, held] = HOLDS
-    return found
+    stiffness[held] = stiffness[:, held] = 0.0
+    stiffness[held, held] = HOLDS
+    return stiffness
 
 
 def _norms(A: Array, rows: Array) -> Array:
-    """Of rows (r, n), sqrt(x A^-1 x^T) each."""
+    """Norm sqrt(x A^-1 x^T) of each of the rows (r, n)."""
     return np.asarray(np.sqrt(np.maximum(np.einsum("rn,nr->r", rows, np.linalg.solve(A, rows.T)), 0.0)))
 
 

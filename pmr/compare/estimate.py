@@ -83,7 +83,7 @@ class Estimate:
 
     @property
     def tip(self) -> float:
-        """That of the tip."""
+        """Error of the tip."""
         return self.of("tip")
 
     @property
@@ -94,7 +94,7 @@ class Estimate:
 
 def no_estimate(models: Models) -> str | None:
     """Why errors of bodies with these models can't be estimated, in words; None where they can."""
-    return next((f"{name}: {why}" if name else why for name, one in models.items() if (why := _lacking(one))), None)
+    return next((f"{name}: {why}" if name else why for name, model in models.items() if (why := _lacking(model))), None)
 
 
 def _lacking(model: ReducedModel) -> str | None:
@@ -137,7 +137,7 @@ class _Simulated:
 
 @dataclass(frozen=True)
 class _Difference:
-    """What a richer model has beyond a model; its run; kinds of outputs on which two of them disagree."""
+    """Motion of a richer model beyond a model; its run; kinds of outputs on which two of them disagree."""
 
     missing: Outputs
     better: _Simulated
@@ -165,16 +165,19 @@ def estimate(
     if why := no_estimate(models):
         raise ValueError(f"no estimate: {why}")
     first = _Simulated.of(system, excitation, run, response)
-    own, floors = first.outputs, Floors.of(system, excitation, first.run.forces)
+    outputs_of_run, floors = first.outputs, Floors.of(system, excitation, first.run.forces)
     difference = _attached(models, first, excitation, floors)
-    better = own.plus(difference.missing)
-    kinds = [kind for kind in dict.fromkeys((*KINDS, *own.kinds)) if kind != "probe"]
-    largest, of_probes = differences(own, better, floors, kinds), probe_differences(own, better, floors)
+    better = outputs_of_run.plus(difference.missing)
+    kinds = [kind for kind in dict.fromkeys((*KINDS, *outputs_of_run.kinds)) if kind != "probe"]
+    largest, of_probes = (
+        differences(outputs_of_run, better, floors, kinds),
+        probe_differences(outputs_of_run, better, floors),
+    )
     largest |= {"probe": float(of_probes.max())} if len(of_probes) else {}
     unknown = {kind: coverage.UNSETTLED[kind] for kind in difference.unsettled}
     indicator, error = None, difference.missing.displacement
     for model in [models[ALONE]] if ALONE in models else []:
-        if why := _no_forces(model, excitation, own, better):
+        if why := _no_forces(model, excitation, outputs_of_run, better):
             unknown.setdefault("pad_force", why)
         body, motion = along_path(difference.better.system, difference.better.run, excitation)
         indicator = chi(body, motion, excitation.forces(body.input_names), model.size)
@@ -187,24 +190,24 @@ def estimate(
         },
         probes={} if "probe" in unknown else probes,
         error=error,
-        tips=own.tips,
+        tips=outputs_of_run.tips,
         seconds=time.perf_counter() - begin,
         by="attachment",
         enrichment=difference.enrichment,
         chi=indicator,
-        bodies=_along(system, own.displacement, error),
+        bodies=_along(system, outputs_of_run.displacement, error),
         unknown=unknown,
         scatter=difference.scatter,
     )
 
 
-def _no_forces(model: ReducedModel, excitation: Excitation, own: Outputs, better: Outputs) -> str | None:
+def _no_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, better: Outputs) -> str | None:
     """Why forces of a body alone have no estimate; None where they have one."""
     if impulsive(model, excitation):
         return coverage.IMPACTS
     if model.moving and coverage.jumps_damped(model, excitation.signals, excitation.stepping.end):
         return coverage.JUMPS
-    return coverage.RINGING if own.force.size and rings(own.force, better.force) else None
+    return coverage.RINGING if of_run.force.size and rings(of_run.force, better.force) else None
 
 
 def _attached(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
@@ -241,18 +244,20 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
         return _Difference(missing, better, count, named)
     other = richer(0)
     kinds = tuple(dict.fromkeys((*KINDS, *first.outputs.kinds)))
-    own, apart = (differences(one.outputs, better.outputs, floors, kinds) for one in (first, other))
-    unknown = [kind for kind in kinds if not settled(own[kind], apart[kind])]
+    errors_of_first, apart = (
+        differences(richer_run.outputs, better.outputs, floors, kinds) for richer_run in (first, other)
+    )
+    unknown = [kind for kind in kinds if not settled(errors_of_first[kind], apart[kind])]
     if "pad_force" not in unknown:  # which all other forces balance
         unknown = [kind for kind in unknown if kind in KINDS]
-    peaks = [float(one.run.forces[:, pushing].max()) for one in (first, better, other)]
+    peaks = [float(richer_run.run.forces[:, pushing].max()) for richer_run in (first, better, other)]
     # Where they disagree on forces, what they differ by in displacements has to be within the estimate's margin.
     stricter = SETTLED / (MARGIN - 1.0) if "pad_force" in unknown else 1.0
     for kind in ("beam", "tip"):
-        if not settled(own[kind], stricter * apart[kind]):
-            raise UnsettledError(own[kind], apart[kind], peaks)
-    said = scatter(peaks) if "pad_force" in unknown else ""
-    return _Difference(missing, better, count, named, unknown, said)
+        if not settled(errors_of_first[kind], stricter * apart[kind]):
+            raise UnsettledError(errors_of_first[kind], apart[kind], peaks)
+    scatter_text = scatter(peaks) if "pad_force" in unknown else ""
+    return _Difference(missing, better, count, named, unknown, scatter_text)
 
 
 def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
@@ -261,23 +266,23 @@ def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
     return extended(model, min(count, most)) if min(count, most) else model
 
 
-def _named(own: Response, better: Response, excitation: Excitation) -> dict[str, float]:
+def _named(response: Response, better: Response, excitation: Excitation) -> dict[str, float]:
     """Errors by name, of reactions and probes, and of forces of each kind between kinks."""
-    both, measured = {"reduced": own, "full": better}, quantities(excitation, own)
-    return compare.errors(both, compare.relative_error, quantities=measured)["reduced_vs_full"]
+    responses, measured = {"reduced": response, "full": better}, quantities(excitation, response)
+    return compare.errors(responses, compare.relative_error, quantities=measured)["reduced_vs_full"]
 
 
 def _along(system: System, displacement: Array, error: Array) -> dict[str, float]:
     """Error along each of several bodies, with margin."""
-    first, found = 0, dict[str, float]()
+    first, errors = 0, dict[str, float]()
     for name, body in system.bodies.items() if len(system.bodies) > 1 else ():
-        own = slice(first, first := first + int(np.count_nonzero(length_outputs(body))))
-        found[name] = MARGIN * compare.relative_error(displacement[:, own], (displacement + error)[:, own])
-    return found
+        columns = slice(first, first := first + int(np.count_nonzero(length_outputs(body))))
+        errors[name] = MARGIN * compare.relative_error(displacement[:, columns], (displacement + error)[:, columns])
+    return errors
 
 
 def _probes(system: System) -> list[str]:
-    return [named(name, one) for name, body in system.bodies.items() for one in called(body).others]
+    return [named(name, probe) for name, body in system.bodies.items() for probe in called(body).others]
 
 
 def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Estimate:
@@ -292,15 +297,15 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
     terms = () if system.terms_of is None else system.terms_of({ALONE: better})
     systems = [system, replace(System.of(better), terms=terms)]
     of_better = estimate({ALONE: better}, systems[1], excitation)
-    own, other, lacking = _with_common_forces(*(_Simulated.of(one, excitation) for one in systems))
-    floors, known = Floors.of(systems[1], excitation), dict(of_better.errors)
-    found = differences(own, other, floors)
-    of_probes = dict(zip(_probes(systems[0]), probe_differences(own, other, floors).tolist(), strict=True))
+    of_model, other, lacking = _with_common_forces(*(_Simulated.of(simulated, excitation) for simulated in systems))
+    floors, errors_of_better = Floors.of(systems[1], excitation), dict(of_better.errors)
+    apart = differences(of_model, other, floors)
+    of_probes = dict(zip(_probes(systems[0]), probe_differences(of_model, other, floors).tolist(), strict=True))
     left_out = {"left out": coverage.LEFT_OUT.format(", ".join(lacking))} if lacking else {}
     return Estimate(
-        errors={kind: found[kind] + size for kind, size in known.items() if kind in found},
+        errors={kind: apart[kind] + size for kind, size in errors_of_better.items() if kind in apart},
         probes={name: of_probes[name] + size for name, size in of_better.probes.items()},
-        error=other.displacement - own.displacement + of_better.error,
+        error=other.displacement - of_model.displacement + of_better.error,
         tips=other.tips,
         seconds=time.perf_counter() - begin,
         by="other model",
@@ -308,12 +313,12 @@ def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Es
     )
 
 
-def _with_common_forces(one: _Simulated, other: _Simulated) -> tuple[Outputs, Outputs, list[str]]:
+def _with_common_forces(first_run: _Simulated, second_run: _Simulated) -> tuple[Outputs, Outputs, list[str]]:
     """Outputs with the forces that both know, and names of the others: rows that a basis doesn't move are left out."""
-    names = [each.response.force_names for each in (one, other)]
+    names = [each.response.force_names for each in (first_run, second_run)]
     common = [name for name in names[1] if name in names[0]]
     first, second = (
-        replace(each.outputs, force=each.outputs.force[:, [own.index(name) for name in common]], forces=())
-        for each, own in zip((one, other), names, strict=True)
+        replace(each.outputs, force=each.outputs.force[:, [force_names.index(name) for name in common]], forces=())
+        for each, force_names in zip((first_run, second_run), names, strict=True)
     )
     return first, second, [name for name in dict.fromkeys(sum(names, ())) if name not in common]

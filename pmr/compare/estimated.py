@@ -57,12 +57,12 @@ class ReductionError:
     sections: Mapping[str, float] = field(default_factory=dict)  # along each section of a boom, fractions
 
     def of_section(self, name: str) -> dict[str, Any]:
-        """What is said of one section."""
+        """Figures of one section."""
         return {"estimate": self.sections[name]} if name in self.sections else {}
 
 
 def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
-    """Whether it takes another model of the same body to tell the error (`pmr.compare.estimate.by_other`)."""
+    """Does it take another model of the same body to tell the error (`pmr.compare.estimate.by_other`)?"""
     return scene.reduction.estimate and estimate.no_estimate({ALONE: reduced}) is not None
 
 
@@ -75,7 +75,7 @@ def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
 
 def reduction_error(
     scene: Scene,
-    moved: SimulatedSystem,
+    simulated: SimulatedSystem,
     clock: Clock,
     other: ReducedModel | None = None,
     found: estimate.Estimate | None = None,
@@ -84,30 +84,30 @@ def reduction_error(
 
     `moved` is the bodies' system with what drove it.  One that is `found` already is not computed again.
     """
-    system, excitation = moved.system, moved.excitation
+    system, excitation = simulated.system, simulated.excitation
     models = system.modal
-    asked = all(part.reduction.estimate for part in scene.sections)
+    is_wanted = all(part.reduction.estimate for part in scene.sections)
     telling = models if other is None else {ALONE: other}
 
     def make() -> estimate.Estimate:
         if other is not None:
             return estimate.by_other(system, other, excitation)
-        return found or estimate.estimate(models, system, excitation, moved.run, moved.response)
+        return found or estimate.estimate(models, system, excitation, simulated.run, simulated.response)
 
     failed, scattered = "", list[str]()
-    if asked and estimate.no_estimate(telling) is None:
+    if is_wanted and estimate.no_estimate(telling) is None:
         found, failed, scattered = _made(clock, make)
     if found is None:
         figures = dict.fromkeys((*KINDS, *_FIGURES)) | {"reason": failed or estimate.no_estimate(models)}
-        said = warnings(models, excitation.stepping, None) + scattered
-        return ReductionError(Part({"estimate": figures} if asked else {}, said))
+        messages = warnings(models, excitation.stepping, None) + scattered
+        return ReductionError(Part({"estimate": figures} if is_wanted else {}, messages))
     held = any(body.reactions is not None for body in system.bodies.values())
     left_out = [*_left_out(telling, system, excitation, found.enrichment), *[coverage.REACTIONS] * held]
     left_out += [*[coverage.MACHINE] * moves_by_itself(scene), *found.unknown.values()]
-    said = warnings(models, excitation.stepping, found) + coverage.warnings(left_out)
-    said += [found.scatter] if found.scatter else []
+    messages = warnings(models, excitation.stepping, found) + coverage.warnings(left_out)
+    messages += [found.scatter] if found.scatter else []
     figures = summary(found, left_out) | {"frequency": _frequency_error(models, system, excitation)}
-    part = Part({"estimate": figures} if asked else {}, said)
+    part = Part({"estimate": figures} if is_wanted else {}, messages)
     return ReductionError(part, envelope(estimate.MARGIN * found.error[:, list(found.tips)]), found.bodies)
 
 
@@ -118,15 +118,15 @@ def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitat
     steps = steps_of(excitation)
     x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
     richer = system.with_bodies({name: extended(model) for name, model in models.items()})
-    own, better = (Assembly(one).frequencies(x, FREQUENCIES, c) for one in (system, richer))
-    apart = frequency_error(own, better)
+    lowest, better = (Assembly(compared_system).frequencies(x, FREQUENCIES, c) for compared_system in (system, richer))
+    apart = frequency_error(lowest, better)
     return None if apart is None else estimate.MARGIN * apart
 
 
 def _left_out(
     models: Mapping[str, ReducedModel], system: System, excitation: Excitation, count: int | None
 ) -> list[str]:
-    """What an estimate with up to `count` enrichment modes leaves out, a clause each."""
+    """Effects that an estimate with up to `count` enrichment modes leaves out, a clause each."""
     stressed = [coverage.SECOND_ORDER] * (bool(system.terms) and not all(map(knows_matrices, models.values())))
     if ALONE in models:
         return [*stressed, *coverage.not_covered(models[ALONE], excitation.signals, excitation.stepping, count)]
@@ -144,12 +144,12 @@ class SimulatedSystem:
     response: Response | None = None  # what it says in that motion, if known
 
     @classmethod
-    def of(cls, system: System, excitation: Excitation, made: Simulations) -> SimulatedSystem:
-        """As the simulators of a scene moved it, in the parts of a step that they took."""
-        run = made.first.run
+    def of(cls, system: System, excitation: Excitation, simulations: Simulations) -> SimulatedSystem:
+        """System as the simulators of a scene moved it, in the parts of a step that they took."""
+        run = simulations.first.run
         if run is None:
             return cls(system, excitation)
-        return cls(system, excitation.with_stepping(made.made), run, made.first.own)
+        return cls(system, excitation.with_stepping(simulations.made), run, simulations.first.own)
 
     @cached_property
     def run(self) -> SystemTrajectory:
@@ -162,71 +162,72 @@ def _made(clock: Clock, make: Callable[[], estimate.Estimate]) -> tuple[estimate
         with clock.stage("estimate"):
             return make(), "", []
     except (SimulationError, InputError) as error:  # other simulators may do what march refuses
-        said = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
-        return None, str(error).removeprefix("estimate: "), said  # the clock's stage
+        messages = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
+        return None, str(error).removeprefix("estimate: "), messages  # the clock's stage
 
 
-def summary(found: estimate.Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
-    """What summary.json holds: fractions by kind of output, ``probes`` by their names, ``chi``, ``largest``
-    (m), ``seconds``; ``not_covered`` lists in words what the estimate leaves out.
+def summary(estimated: estimate.Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
+    """Figures of summary.json: fractions by kind of output, ``probes`` by their names, ``chi``, ``largest``
 
     Of what has no estimate all are None.
     """
-    figures = {name: getattr(found, name) for name in _FIGURES if name != "not_covered"}
-    return dict.fromkeys(KINDS) | dict(found.errors) | figures | {"not_covered": list(not_covered)}
+    figures = {name: getattr(estimated, name) for name in _FIGURES if name != "not_covered"}
+    return dict.fromkeys(KINDS) | dict(estimated.errors) | figures | {"not_covered": list(not_covered)}
 
 
 def warnings(
     models: Mapping[str, ReducedModel], stepping: TimeStepping, estimated: estimate.Estimate | None
 ) -> list[str]:
-    """What a user should know about a run, a line each."""
+    """Warnings about coordinates that are too few, or an estimate that is in doubt."""
     beam, chi = (0.0, 0.0) if estimated is None else (estimated.of("beam"), estimated.chi or 0.0)
-    found = []
+    messages = []
     if beam > 0.0 and chi > REACHED:
-        found.append(f"load or slide excite the first truncated mode (chi = {chi:.2f}): more coordinates help most")
+        messages.append(f"load or slide excite the first truncated mode (chi = {chi:.2f}): more coordinates help most")
     for model in [models[ALONE]] if ALONE in models else []:
         fastest = stepping.step * float(np.sqrt(np.max(modal_form(model).omega2, initial=0.0)))
         if stepping.rho_inf == 1.0 and fastest > RESOLVED and model.moving:
-            found.append(
+            messages.append(
                 f"the step does not resolve the highest mode (h omega = {rounded(fastest)}) and rho_inf = 1 damps "
                 "nothing: with a moving slider this can grow; a smaller step, rho_inf < 1 or fewer coordinates help"
             )
-    return found
+    return messages
 
 
 def envelope(error: Array) -> Array:
-    """What signals (T, o) stay within for two periods of their oscillation around each time."""
+    """Width within which signals (T, o) stay for two periods of their oscillation around each time."""
     signs = np.signbit(error)
     crossings = np.count_nonzero(signs[1:] != signs[:-1], axis=0)
-    found = np.empty_like(error)
+    width = np.empty_like(error)
     for k, count in enumerate(crossings):
         size = min(len(error), 4 * len(error) // max(int(count), 1))
-        found[:, k] = maximum_filter1d(np.abs(error[:, k]), size)
-    return found
+        width[:, k] = maximum_filter1d(np.abs(error[:, k]), size)
+    return width
 
 
-def step_part(scene: Scene, moved: SimulatedSystem, natural: Array, found: step_error.StepError | None = None) -> Part:
+def step_part(
+    scene: Scene, simulated: SimulatedSystem, natural: Array, found: step_error.StepError | None = None
+) -> Part:
     """``step``: the time step's error; `natural` (S, f) in Hz are frequencies along the way.
 
     One that is `found` already is not computed again.  Where the step was searched by its error, nothing is said.
     """
-    system, excitation = moved.system, moved.excitation
+    system, excitation = simulated.system, simulated.excitation
     if scene.simulation.simulators[0] != "march":
-        moved = SimulatedSystem(system, excitation := Excitation.of(scene))
+        simulated = SimulatedSystem(system, excitation := Excitation.of(scene))
     impacts = ALONE in system.reduced and impulsive(system.reduced[ALONE], excitation)
     complete = None if impacts else partial(with_forces_on_machine, scene)
     try:
-        run = moved.run if found is None and recorded(system, excitation.stepping) else None
+        run = simulated.run if found is None and recorded(system, excitation.stepping) else None
         found = found or step_error.step_error(system, excitation, run, complete=complete)
         if found.band is None:
             found = step_error.with_band(found, system, excitation)
     except (SimulationError, InputError) as error:
-        said = [f"the error of the time step is not known: {error}"]
-        return Part({"step": step_error.summary(None, str(error))}, said)
+        messages = [f"the error of the time step is not known: {error}"]
+        return Part({"step": step_error.summary(None, str(error))}, messages)
     searched = scene.accuracy is not None
-    said = [] if searched else step_error.warnings(found, excitation.stepping, excitation.signals, natural)
-    response = moved.response or respond(system, moved.run)
+    messages = [] if searched else step_error.warnings(found, excitation.stepping, excitation.signals, natural)
+    response = simulated.response or respond(system, simulated.run)
     exact = ("frequency", *["pad_force"] * impacts)  # no step is in frequencies, and impacts have a line of their own
     lacking = covered.not_covered(scene, with_forces_on_machine(scene, response), found.others, exact)
     lacking = [coverage.IMPACTS] * impacts + lacking + covered.unsettled(found.unsettled)
-    return Part({"step": step_error.summary(found, not_covered=lacking)}, said)
+    return Part({"step": step_error.summary(found, not_covered=lacking)}, messages)

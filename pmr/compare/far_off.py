@@ -19,12 +19,12 @@ CALLED = covered.FIGURES | {"beam": "displacements", "tip": "displacements of th
 
 def warnings_of_reduction(summary: Mapping[str, Any]) -> list[str]:
     """A line where the reduced model is off by more than `covered.FAR` beside the full one, or as it is estimated."""
-    beside, errors = reduction_error(summary)
+    source, errors = reduction_error(summary)
     far = {kind: error for kind, error in errors.items() if error > covered.FAR}
     if not far:
         return []
-    said = ", ".join(f"{_percent(error)} in {CALLED[kind]}" for kind, error in far.items())
-    return [f"the reduced model is off by {said} ({beside}): it has too few coordinates, or its motion grows"]
+    errors_text = ", ".join(f"{_percent(error)} in {CALLED[kind]}" for kind, error in far.items())
+    return [f"the reduced model is off by {errors_text} ({source}): it has too few coordinates, or its motion grows"]
 
 
 def _percent(error: float) -> str:
@@ -43,7 +43,7 @@ def warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
         better = 'body.walls = "give" adds the compliance of walls under pads' if giving else "a richer model is closer"
         yield f"the model is off by up to {rounded(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"
     if scene.ordered is None and isinstance(mesh, Mapping) and mesh:
-        kind, most = max(mesh.items(), key=lambda one: one[1])
+        kind, most = max(mesh.items(), key=lambda item: item[1])
         if most > allowed:
             where = CALLED.get(kind, kind)
             yield f"the mesh is off by up to {rounded(100.0 * most)} % in {where}, {beyond}; a finer one is closer"

@@ -18,17 +18,26 @@ def part(scene: Scene, response: Response) -> Part:
     cycles (`pmr.results.fatigue`), of each component by itself.  ``life`` is how often the whole spectrum may
     come until D is 1; None for ever.
     """
-    asked = scene.fatigue
-    if asked is None:
+    settings = scene.fatigue
+    if settings is None:
         return Part()
-    line = SNLine(asked.slope, asked.reference, asked.cut_off or 0.0)
-    found = dict[str, float]()
-    for one in response.outputs:
-        if one.kind == "probe" and one.unit == "Pa":
-            counted = cycles(response.t, response.other(one.name))
-            done = [step.cycles * line.damage(step.factor * counted[:, 0], counted[:, 2]) for step in asked.lines]
-            found[one.name] = sum(done)
-    worst_first = sorted(found, key=lambda name: -found[name])
-    rows = [{"name": n, "damage": found[n], "life": 1.0 / found[n] if found[n] > 0.0 else None} for n in worst_first]
-    failed = [f"{n} fails by fatigue: its damage is {found[n]:.3g}, and 1 is allowed" for n in worst_first[:1]]
-    return Part({"fatigue": rows}, grave=failed if max(found.values(), default=0.0) > 1.0 else [])
+    line = SNLine(settings.slope, settings.reference, settings.cut_off or 0.0)
+    damage_of_probe = dict[str, float]()
+    for output in response.outputs:
+        if output.kind == "probe" and output.unit == "Pa":
+            counted = cycles(response.t, response.other(output.name))
+            done = [step.cycles * line.damage(step.factor * counted[:, 0], counted[:, 2]) for step in settings.lines]
+            damage_of_probe[output.name] = sum(done)
+    worst_first = sorted(damage_of_probe, key=lambda name: -damage_of_probe[name])
+    rows = [
+        {
+            "name": n,
+            "damage": damage_of_probe[n],
+            "life": 1.0 / damage_of_probe[n] if damage_of_probe[n] > 0.0 else None,
+        }
+        for n in worst_first
+    ]
+    failed = [
+        f"{n} fails by fatigue: its damage is {damage_of_probe[n]:.3g}, and 1 is allowed" for n in worst_first[:1]
+    ]
+    return Part({"fatigue": rows}, grave=failed if max(damage_of_probe.values(), default=0.0) > 1.0 else [])

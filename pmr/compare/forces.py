@@ -44,17 +44,17 @@ def histories(response: Response) -> Histories:
 
 
 def differences(
-    one: Mapping[tuple[str, str], Mapping[str, Array]], reference: Mapping[tuple[str, str], Mapping[str, Array]]
+    forces: Mapping[tuple[str, str], Mapping[str, Array]], reference: Mapping[tuple[str, str], Mapping[str, Array]]
 ) -> dict[str, float]:
     """Errors by kind, fractions, of the forces that both have; the larger one where a kind has forces and moments.
 
     Kinds of which all forces of the reference are zero are left out.
     """
     pairs = dict[tuple[str, str], tuple[float, float]]()
-    for key in (key for key in one if key in reference):
-        names = [name for name in one[key] if name in reference[key]]
+    for key in (key for key in forces if key in reference):
+        names = [name for name in forces[key] if name in reference[key]]
         if names:
-            y, r = (np.array([of[key][name] for name in names]) for of in (one, reference))
+            y, r = (np.array([of[key][name] for name in names]) for of in (forces, reference))
             scale = float(np.abs(r).max(initial=0.0)) or 1.0  # squares neither vanish nor overflow
             pairs[key] = scale * float(np.linalg.norm((y - r) / scale)), scale * float(np.linalg.norm(r / scale))
     errors = dict[str, float]()

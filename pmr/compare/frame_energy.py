@@ -52,16 +52,16 @@ class InSpace:
 
     @property
     def unexplained(self) -> Array:
-        """What of the change of energy is nobody's work, (T,) J: damping takes it, or it is an error of the step."""
+        """Change of energy that is nobody's work, (T,) J: damping takes it, or it is an error of the step."""
         return self.energy - self.energy[0] - self.drives - self.others
 
 
 def in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory) -> InSpace:
-    """Of a scene with a frame; work is that of each step's means, which is of second order in the step."""
+    """Energy of a scene with a frame; work is that of each step's means, which is of second order in the step."""
     account = _Account(scene, run)
     for name, body in system.bodies.items():
         account.add_fields(name, body, system)
-    terms, amplitudes = {one.name: one for one in frame_terms(scene)}, excitation.amplitudes(system.term_names)
+    terms, amplitudes = {term.name: term for term in frame_terms(scene)}, excitation.amplitudes(system.term_names)
     for term, c in zip(system.terms, amplitudes.T, strict=True):
         account.add_term(terms[term.name], term, c)
     for number, name in enumerate(scene.names):
@@ -76,9 +76,15 @@ def energy(scene: Scene, system: System, excitation: Excitation, run: SystemTraj
     """
     if scene.frame is None:
         return Part()
-    found = in_space(scene, system, excitation, run or run_from_start(system, excitation))
-    ends = {"change": found.energy[-1] - found.energy[0], "drives": found.drives[-1], "others": found.others[-1]}
-    return Part({"energy": {key: float(one) for key, one in ends.items()} | {"lost": -float(found.unexplained[-1])}})
+    energies = in_space(scene, system, excitation, run or run_from_start(system, excitation))
+    ends = {
+        "change": energies.energy[-1] - energies.energy[0],
+        "drives": energies.drives[-1],
+        "others": energies.others[-1],
+    }
+    return Part(
+        {"energy": {key: float(value) for key, value in ends.items()} | {"lost": -float(energies.unexplained[-1])}}
+    )
 
 
 @dataclass(frozen=True)
@@ -103,14 +109,14 @@ class _Account:
 
     def add_fields(self, name: str, body: SlidingBody, system: System) -> None:
         """Moments of a body; what inertia loads do in the frame is nobody's work in space."""
-        found, moved = self.moments[name], self._run.bodies[name]
+        moments, motion = self.moments[name], self._run.bodies[name]
         for column, of_input in enumerate(body.input_names):
             if of_input.startswith(INERTIA):
                 field, b = of_input.removeprefix(INERTIA), np.asarray(body.B)[:, column]
                 at = slice(None), OVER.index(field[1:]), "xyz".index(field[0])
-                found.u[at], found.rate[at] = moved.q @ b, moved.v @ b
+                moments.u[at], moments.rate[at] = motion.q @ b, motion.v @ b
                 load = self._run.loads[:, system.input_names.index(input_of(name, of_input))]
-                self.others -= mean(load) * np.diff(found.u[at])
+                self.others -= mean(load) * np.diff(moments.u[at])
 
     def add_term(self, of: FrameTerm, term: Term, c: Array) -> None:
         """One of second order with amplitudes c (T,)."""
@@ -137,12 +143,12 @@ class _Account:
             )
             self.drives -= mean(c * bent * longer / length) * np.diff(self._run.t)
             bent, rate = -bent / length, -rate / length + bent * longer / length**2
-        found, over = self.moments[of.carried or of.bodies[0]], OVER.index(of.component[1:])
-        found.u[:, over, 0] += bent
-        found.rate[:, over, 0] += rate
+        moments, over = self.moments[of.carried or of.bodies[0]], OVER.index(of.component[1:])
+        moments.u[:, over, 0] += bent
+        moments.rate[:, over, 0] += rate
 
     def add_momentum(self, number: int, of: _Moments) -> None:
-        """What is linear in the displacements of the section with that number."""
+        """Add moments that are linear in the displacements of the section with that number."""
         t, omega, gravity = self._run.t, self._turning.velocity, self._scene.gravity
         weight = (gravity.signal.value(t) if gravity else 0.0 * t)[:, None] * self._turning.up
         V = _speeds(self._scene, omega, number, t)
@@ -166,18 +172,18 @@ def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
 
 def _of_base(frame: Frame, t: Array) -> Array:
     """How fast the pivot moves along axes of the ground, (T, 3) m/s; what is given as an acceleration is integrated."""
-    found = np.zeros((len(t), 3))
+    velocity = np.zeros((len(t), 3))
     if frame.base is not None:
         for k, axis in enumerate("xyz"):
             if axis in frame.base.motions:
-                found[:, k] += frame.base.motions[axis].rate(t)
+                velocity[:, k] += frame.base.motions[axis].rate(t)
             if axis in frame.base.accelerations:
-                found[:, k] += _since_start(mean(frame.base.accelerations[axis].value(t)) * np.diff(t))
-    return found
+                velocity[:, k] += _since_start(mean(frame.base.accelerations[axis].value(t)) * np.diff(t))
+    return velocity
 
 
 def _sum(a: Array, b: Array) -> Array:
-    """Of the products of all entries at each time, (T,)."""
+    """Sum of the products of all entries at each time, (T,)."""
     return np.asarray(np.einsum("tij,tij->t", a, b))
 
 

@@ -89,8 +89,8 @@ def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_
     while len(roots) < count:
         x = _STEP * np.arange(first, first + _AT_ONCE + 1)
         values = _residual(x, share)
-        found = np.flatnonzero((values[:-1] == 0.0) | (values[:-1] * values[1:] < 0.0))
-        for i in found[: count - len(roots)]:
+        sign_changes = np.flatnonzero((values[:-1] == 0.0) | (values[:-1] * values[1:] < 0.0))
+        for i in sign_changes[: count - len(roots)]:
             root = x[i] if values[i] == 0.0 else brentq(_residual, x[i], x[i + 1], args=(share,), xtol=1e-14)
             roots.append(float(root))
         first += _AT_ONCE
@@ -122,7 +122,7 @@ def frequency_response(
 
     An InputError is raised where a contact only pushes.
     """
-    if pushing := [one.name for one in system.contacts if one.clearance is not None]:
+    if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
         allowed = f"contacts that hold both ways are allowed: {', '.join(pushing)} only push"
         raise InputError("scene", "observe.frequency_response", True, allowed)
     assembly = Assembly(system)
@@ -131,14 +131,14 @@ def frequency_response(
     which = [k for k, name in enumerate(names) if name in tips]
     f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
     omega = 2.0 * np.pi * np.append(0.0, f)
-    moved = np.array([assembly.answers(rows.at(k), omega, c[k])[:, which] for k in range(len(along))])
-    static = moved[:, 0].real
+    answers = np.array([assembly.answers(rows.at(k), omega, c[k])[:, which] for k in range(len(along))])
+    static = answers[:, 0].real
     furthest = np.abs(static).max(axis=0).argmax(axis=0)  # of each load, the direction in which it moves the tip
     inputs = np.arange(len(system.input_names))
     return FrequencyResponse(
         along,
         f,
-        np.abs(moved[:, 1:])[:, :, furthest, inputs],
+        np.abs(answers[:, 1:])[:, :, furthest, inputs],
         static[:, furthest, inputs],
         damped=bool(assembly.D.count_nonzero()),
         outputs=tuple(names[which[k]] for k in furthest),
@@ -147,18 +147,18 @@ def frequency_response(
     )
 
 
-def frequency_part(found: FrequencyResponse | None) -> Part:
+def frequency_part(response: FrequencyResponse | None) -> Part:
     """``frequency_response``: of each load static and largest gain, and where that is, at each place."""
-    if found is None:
+    if response is None:
         return Part()
-    figures: dict[str, Any] = {"s": found.s.tolist(), "damped": found.damped, "gain": {}}
-    for k, name in enumerate(found.inputs):
-        peak = found.gain[:, :, k].argmax(axis=1)
+    figures: dict[str, Any] = {"s": response.s.tolist(), "damped": response.damped, "gain": {}}
+    for k, name in enumerate(response.inputs):
+        peak = response.gain[:, :, k].argmax(axis=1)
         figures["gain"][name] = {
-            "output": found.outputs[k],
-            "unit": found.units[k],
-            "static": found.static[:, k].tolist(),
-            "largest": found.gain[np.arange(len(peak)), peak, k].tolist() if found.damped else None,
-            "at": found.f[peak].tolist(),
+            "output": response.outputs[k],
+            "unit": response.units[k],
+            "static": response.static[:, k].tolist(),
+            "largest": response.gain[np.arange(len(peak)), peak, k].tolist() if response.damped else None,
+            "at": response.f[peak].tolist(),
         }
     return Part({"frequency_response": figures})

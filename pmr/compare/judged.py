@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from pmr.compare import boom_figures, fatigue, frame_energy, luffing_cylinder, moving_frame, pad_forces, ropes, summary
 from pmr.compare.estimated import SimulatedSystem
 from pmr.compare.responses import Simulations
@@ -44,12 +42,11 @@ def parts_of_motion(
     moved: SimulatedSystem,
     made: Simulations,
     natural: Frequencies,
-    step: Callable[[], Part],
+    step: Part,
 ) -> list[Part]:
     """Forces of contacts and supports, the step's error, published frequencies, and how fine the sampling is.
 
-    `made` is what simulators say of `moved`; `natural` are frequencies on the way; `step` says what its error is, and
-    is asked last, as that may still be computed elsewhere.
+    `made` is what simulators say of `moved`; `natural` are frequencies on the way; `step` says what its error is.
     """
     excitation, system = Excitation.of(scene), moved.system
     omega = contact_step.contact_frequency(system, excitation)
@@ -63,4 +60,4 @@ def parts_of_motion(
         moving_frame.frame(scene, system, excitation, natural),
         frame_energy.energy(scene, system, excitation, made.first.run),
     ]
-    return [*parts_of_forces(scene, system, made.first.response), step(), *others]
+    return [*parts_of_forces(scene, system, made.first.response), step, *others]

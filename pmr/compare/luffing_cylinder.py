@@ -29,5 +29,7 @@ def part(scene: Scene, response: Response) -> Part:
     angle, force = scene.frame.angles[0], response.other(CYLINDER)
     length, arm = scene.frame.cylinder.length(angle.value(t))
     speed = arm * angle.rate(t)
-    found = {"force": force, "length": length, "speed": speed, "power": force * speed}
-    return Part({"luffing_cylinder": {key: Extremes.of(one, t, along).summary() for key, one in found.items()}})
+    histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
+    return Part(
+        {"luffing_cylinder": {key: Extremes.of(history, t, along).summary() for key, history in histories.items()}}
+    )

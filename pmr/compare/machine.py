@@ -21,14 +21,16 @@ def with_machine(scene: Scene, response: Response) -> Response:
     ``[frame.base]``; free directions without a spring have none.
     """
     motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
-    found: dict[str, Samples] = {key: one.samples for key, one in motions.items() if isinstance(one, Found)}
-    if not found:
+    free_motions: dict[str, Samples] = {
+        key: motion.samples for key, motion in motions.items() if isinstance(motion, Found)
+    }
+    if not free_motions:
         return response
-    places, rates = (np.stack([one.values[order] for one in found.values()], axis=1) for order in (0, 1))
-    pressing = {key: one.force for key, one in found.items() if one.force.any()}
+    places, rates = (np.stack([motion.values[order] for motion in free_motions.values()], axis=1) for order in (0, 1))
+    pressing = {key: motion.force for key, motion in free_motions.items() if motion.force.any()}
     forces = np.stack(list(pressing.values()), axis=1) if pressing else places[:, :0]
-    names = [f"{MACHINE} {key}" for key in found]
-    units = ["rad" if key.startswith("r") else "m" for key in found]
+    names = [f"{MACHINE} {key}" for key in free_motions]
+    units = ["rad" if key.startswith("r") else "m" for key in free_motions]
     held = [reaction_of(f"{MACHINE} {key}") for key in pressing]
     turned = ["N m" if key.startswith("r") else "N" for key in pressing]
     count = 2 * len(names) + len(held)
@@ -36,8 +38,8 @@ def with_machine(scene: Scene, response: Response) -> Response:
     return replace(
         response,
         others=np.hstack([before, places, rates, forces]),
-        other_names=(*response.other_names, *names, *(f"rate of {one}" for one in names), *held),
-        other_units=(*response.other_units, *units, *(f"{one}/s" for one in units), *turned),
+        other_names=(*response.other_names, *names, *(f"rate of {motion}" for motion in names), *held),
+        other_units=(*response.other_units, *units, *(f"{motion}/s" for motion in units), *turned),
         kinds=(*response.kinds, *[MACHINE] * (2 * len(names)), *["reaction"] * len(held)),
         bodies=(*response.bodies, *[scene.names[0]] * count),
     )

@@ -49,11 +49,11 @@ def check(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = 
 
     Raises InputError with what would fit.
     """
-    for said in warnings(scene, size, outputs):
+    for message in warnings(scene, size, outputs):
         total = needed(scene, size, outputs)
         if free is not None and total > free:
             fitting = scene.time.steps * free // total
-            allowed = f"{said}, {free / 1e9:.1f} GB are free; at most about {fitting:,} steps are allowed"
+            allowed = f"{message}, {free / 1e9:.1f} GB are free; at most about {fitting:,} steps are allowed"
             raise InputError("scene", "time.step", scene.time.step, allowed)
         if tell:
-            _log.warning("%s", said)
+            _log.warning("%s", message)

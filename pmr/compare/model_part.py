@@ -51,7 +51,7 @@ IMPACTS = "impacts of pads that lift off and close again, which differ from mode
 
 @dataclass(frozen=True)
 class Motion:
-    """What one model says of a run."""
+    """Motion of one model in a run."""
 
     frequencies: Array  # (P, f) Hz
     moved: Array  # (P, 3, f): squares of what the outputs of each mode move along x, y, z
@@ -59,7 +59,7 @@ class Motion:
 
     @classmethod
     def of(cls, scene: Scene, system: System, response: Response | None = None) -> Motion:
-        """With frequencies at `PLACES` places, and a `response` where that is known.
+        """Frequencies at `PLACES` places, and a `response` where there is one.
 
         Else an `InputError` is raised where the motion grows without bound.
         """
@@ -71,30 +71,30 @@ class Motion:
             with refused_growth(scene):
                 response = marched(scene, system, excitation)
         assembly, kinds = Assembly(system), [kind for body in system.bodies.values() for kind in body.output_kinds]
-        frequencies, moved, along = list[Array](), list[Array](), assembly.along(x)
+        frequencies, motions, along = list[Array](), list[Array](), assembly.along(x)
         for k, amplitudes in enumerate(c):
             omega, phi = assembly.modes(along.at(k), MODES, amplitudes)
             frequencies.append(omega / (2.0 * np.pi))
             shapes = assembly.outputs @ phi
             rows = ([kind in (f"beam {d}", f"tip {d}") for kind in kinds] for d in DIRECTIONS)
-            moved.append(np.array([(shapes[which] ** 2).sum(axis=0) for which in rows]))
-        return cls(np.array(frequencies), np.array(moved), response)
+            motions.append(np.array([(shapes[which] ** 2).sum(axis=0) for which in rows]))
+        return cls(np.array(frequencies), np.array(motions), response)
 
-    def lowest(self, known: Array) -> Array:
+    def lowest(self, directions: Array) -> Array:
         """The lowest frequencies (P, 2) Hz of modes that move most in `known` directions, (3,) of True or False."""
-        every, share = self.moved.sum(axis=1), self.moved[:, known].sum(axis=1)
+        every, share = self.moved.sum(axis=1), self.moved[:, directions].sum(axis=1)
         mine = (share >= KNOWN * every) & (share > NOTHING * share.max(axis=1, keepdims=True))
-        if not self.moved[:, ~known].any():
+        if not self.moved[:, ~directions].any():
             mine[:] = True  # torsion, too, which moves no output
-        found = np.full((len(mine), FREQUENCIES), np.nan)
+        lowest_of_places = np.full((len(mine), FREQUENCIES), np.nan)
         for k, of_place in enumerate(mine):
             those = self.frequencies[k, of_place][:FREQUENCIES]
-            found[k, : len(those)] = those
-        return found
+            lowest_of_places[k, : len(those)] = those
+        return lowest_of_places
 
     def histories(self, kind: str) -> dict[str, Array]:
-        """Of all outputs of a kind by their names, each (T,)."""
-        numbers = {one.name: k for k, one in enumerate(self.response.outputs) if one.kind == kind}
+        """Histories of all outputs of a kind by their names, each (T,)."""
+        numbers = {output.name: k for k, output in enumerate(self.response.outputs) if output.kind == kind}
         return {name: self.response.column(k) for name, k in numbers.items()}
 
     @property
@@ -106,48 +106,53 @@ class Motion:
 
     def at_places_of(self, other: Motion) -> dict[str, Array]:
         """Displacements along bodies where another one has them, by its names; between places linear."""
-        places, found = dict[tuple[str, str], list[tuple[float, Array]]](), dict[str, Array]()
-        for k, one in enumerate(self.response.outputs):
-            if one.kind == "beam" and one.place is not None:
-                places.setdefault((one.body, one.direction), []).append((one.place, self.response.column(k)))
-        for one in other.response.outputs:
-            mine = sorted(places.get((one.body, one.direction), ()), key=lambda at: at[0])
-            if one.kind == "beam" and one.place is not None and mine and mine[0][0] <= one.place <= mine[-1][0]:
+        places, displacements = dict[tuple[str, str], list[tuple[float, Array]]](), dict[str, Array]()
+        for k, output in enumerate(self.response.outputs):
+            if output.kind == "beam" and output.place is not None:
+                places.setdefault((output.body, output.direction), []).append((output.place, self.response.column(k)))
+        for output in other.response.outputs:
+            mine = sorted(places.get((output.body, output.direction), ()), key=lambda at: at[0])
+            if (
+                output.kind == "beam"
+                and output.place is not None
+                and mine
+                and mine[0][0] <= output.place <= mine[-1][0]
+            ):
                 x = np.array([at for at, _ in mine])
-                k = int(np.clip(np.searchsorted(x, one.place), 1, max(1, len(x) - 1)))
+                k = int(np.clip(np.searchsorted(x, output.place), 1, max(1, len(x) - 1)))
                 before, after = mine[k - 1], mine[min(k, len(x) - 1)]
-                share = (one.place - before[0]) / (after[0] - before[0]) if after[0] > before[0] else 0.0
-                found[one.name] = (1.0 - share) * before[1] + share * after[1]
-        return found
+                share = (output.place - before[0]) / (after[0] - before[0]) if after[0] > before[0] else 0.0
+                displacements[output.name] = (1.0 - share) * before[1] + share * after[1]
+        return displacements
 
 
 def steps_of(excitation: Excitation) -> list[int]:
-    """Those at which all paths together are nearest to `PLACES` places from shortest to longest."""
+    """Steps at which all paths together are nearest to `PLACES` places from shortest to longest."""
     reach = excitation.s.reshape(len(excitation.times), -1).sum(axis=1)
     at = np.linspace(reach.min(), reach.max(), PLACES)
-    return list(dict.fromkeys(int(np.argmin(np.abs(reach - one))) for one in at))
+    return list(dict.fromkeys(int(np.argmin(np.abs(reach - place))) for place in at))
 
 
-def model_part(scene: Scene, own: Motion, richer: Motion, called: str) -> dict[str, Any]:
+def model_part(scene: Scene, of_scene: Motion, richer: Motion, called: str) -> dict[str, Any]:
     """``budget.model`` of summary.json; what moves in neither model is off by None."""
     shares: dict[str, float | None] = {}
     for kind in ("beam", "tip"):
-        both = own.histories(kind), richer.histories(kind)
+        histories = of_scene.histories(kind), richer.histories(kind)
         if kind == "beam":
-            both = both[0] | own.at_places_of(richer), both[1]
-        names = [one for one in both[0] if one in both[1]]
+            histories = histories[0] | of_scene.at_places_of(richer), histories[1]
+        names = [name for name in histories[0] if name in histories[1]]
         if names:
-            y, reference = (np.array([of[one] for one in names]) for of in both)
+            y, reference = (np.array([of[name] for name in names]) for of in histories)
             shares[kind] = _off(y, reference)
-    shares |= forces.differences(own.forces, richer.forces)
-    known = own.moved.any(axis=(0, 2))
-    f = {"own": own.lowest(known), "richer": richer.lowest(known)}
+    shares |= forces.differences(of_scene.forces, richer.forces)
+    directions = of_scene.moved.any(axis=(0, 2))
+    f = {"own": of_scene.lowest(directions), "richer": richer.lowest(directions)}
     pushing = any(ring.unilateral for part in scene.sections for ring in part.pads)
     pushing |= any(ring.unilateral for part in scene.sections if part.joint for ring in part.joint.rings)
     return {
         "beside": called,
         **shares,
-        "largest": _off(np.array(_largest(own)), np.array(_largest(richer))),
+        "largest": _off(np.array(_largest(of_scene)), np.array(_largest(richer))),
         "frequency": frequency_error(f["own"], f["richer"]),
         "frequencies": {name: values.tolist() for name, values in f.items()},
         "not_covered": [STRESS, *[IMPACTS] * pushing],
@@ -170,6 +175,6 @@ def _largest(motion: Motion) -> float:
 
 
 def _off(y: Array, reference: Array) -> float | None:
-    """Of the reference's norm; in units of its largest value, which squares can't overflow."""
+    """Difference over the reference's norm; in units of its largest value, which squares can't overflow."""
     unit = float(np.abs(reference).max())
     return float(np.linalg.norm((y - reference) / unit) / np.linalg.norm(reference / unit)) if unit > 0.0 else None

@@ -38,7 +38,7 @@ def frame(scene: Scene, system: System, excitation: Excitation, frequencies: Fre
     t = excitation.times
     speed = float(np.linalg.norm(Turning.of(luffing, slewing, t, scene.frame.rocking).velocity, axis=1).max())
     lowest = 2.0 * np.pi * float(np.nanmin(frequencies.models["reduced"][:, 0]))  # 0 past the buckling load
-    said = {
+    figures = {
         "luffing": _range(luffing.value(t)),
         "slewing": _range(slewing.value(t)),
         **({} if scene.frame.base is None else {"base": _ranges(scene.frame.base, t)}),
@@ -49,24 +49,24 @@ def frame(scene: Scene, system: System, excitation: Excitation, frequencies: Fre
         "frequencies": "unstressed" if frequencies.t is None else "stressed",
     }
     try:
-        found = stressed(scene, system.bodies)
+        stresses = stressed(scene, system.bodies)
     except InputError:
         if scene.frame.second_order:
             raise
-        return Part({"frame": said})
-    factors = [one if np.isfinite(one) else None for one in found.factors.tolist()]
+        return Part({"frame": figures})
+    factors = [factor if np.isfinite(factor) else None for factor in stresses.factors.tolist()]
     buckling = {
-        "factor": found.factor if np.isfinite(found.factor) else None,
-        "t": found.at,
-        "over": {"t": found.t.tolist(), "factor": factors},
-        "share": found.share,
-        "share_t": found.share_at,
+        "factor": stresses.factor if np.isfinite(stresses.factor) else None,
+        "t": stresses.at,
+        "over": {"t": stresses.t.tolist(), "factor": factors},
+        "share": stresses.share,
+        "share_t": stresses.share_at,
         "limit": LIMIT,
     }
     return Part(
-        {"frame": said, "buckling": buckling},
-        [*_left_out(scene.frame.second_order is not False, found), *_in_plane(scene, system)],
-        _past_buckling(scene.frame.second_order is not False, found),
+        {"frame": figures, "buckling": buckling},
+        [*_left_out(scene.frame.second_order is not False, stresses), *_in_plane(scene, system)],
+        _past_buckling(scene.frame.second_order is not False, stresses),
     )
 
 
@@ -76,7 +76,9 @@ def _in_plane(scene: Scene, system: System) -> list[str]:
     held = []
     for name, body in system.bodies.items():
         across, up = (
-            np.abs(np.asarray(body.outputs)[[k for k, one in enumerate(body.output_names) if one.endswith(f" {axis}")]])
+            np.abs(
+                np.asarray(body.outputs)[[k for k, name in enumerate(body.output_names) if name.endswith(f" {axis}")]]
+            )
             for axis in "yz"
         )
         if across.size and up.size and across.max() <= ACROSS * up.max():
@@ -89,23 +91,25 @@ def _in_plane(scene: Scene, system: System) -> list[str]:
     ]
 
 
-def _past_buckling(kept: bool, found: Stressed) -> list[str]:
-    past = f"the boom is past its buckling load: at {found.at:g} s {found.factor:.3g} of the axial forces bends it "
-    past += "without limit" if kept else "without limit, which is not simulated without second order"
-    return [past] if found.factor <= 1.0 else []
+def _past_buckling(is_included: bool, stresses: Stressed) -> list[str]:
+    past = (
+        f"the boom is past its buckling load: at {stresses.at:g} s {stresses.factor:.3g} of the axial forces bends it "
+    )
+    past += "without limit" if is_included else "without limit, which is not simulated without second order"
+    return [past] if stresses.factor <= 1.0 else []
 
 
-def _left_out(kept: bool, found: Stressed) -> list[str]:
-    size = f"by {100.0 * found.share:.2g} % at {found.share_at:g} s"
+def _left_out(is_included: bool, stresses: Stressed) -> list[str]:
+    size = f"by {100.0 * stresses.share:.2g} % at {stresses.share_at:g} s"
     left_out = f"second order is left out: axial forces and the frame's speed change the stiffness {size}, so static "
     left_out += "deflections are off by as much, vibrations drift out of phase; frame.second_order = true includes it"
-    return [] if kept or found.factor <= 1.0 or not found.matters else [left_out]
+    return [] if is_included or stresses.factor <= 1.0 or not stresses.matters else [left_out]
 
 
 def _ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:
-    """Of each motion of the base, m or the frame's unit, and of each acceleration that is given."""
-    given = {f"acceleration.{axis}": signal for axis, signal in base.accelerations.items()}
-    return {key: _range(signal.value(t)) for key, signal in (base.motions | given).items()}
+    """Ranges of each motion of the base, m or the frame's unit, and of each given acceleration."""
+    accelerations = {f"acceleration.{axis}": signal for axis, signal in base.accelerations.items()}
+    return {key: _range(signal.value(t)) for key, signal in (base.motions | accelerations).items()}
 
 
 def _range(angle: Array) -> dict[str, float]:

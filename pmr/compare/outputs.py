@@ -42,7 +42,7 @@ _HISTORIES = ("displacement", "velocity", "force", "probe")
 
 @dataclass(frozen=True)
 class Outputs:
-    """What a simulation says, by kind."""
+    """Outputs of a simulation, by kind."""
 
     displacement: Array  # (T, o) m
     velocity: Array  # (T, o) m/s; no columns where they are not wanted
@@ -61,20 +61,20 @@ class Outputs:
         return {"beam": self.displacement, "velocity": self.velocity, "probe": self.probe}[kind]
 
     def _forces(self, kind: str, force: Array) -> Array:
-        """Those columns of some forces (T, p) that are of one of the `FORCES`."""
+        """Columns of some forces (T, p) that are of one of the `FORCES`."""
         if not self.forces:
             return force if kind == "pad_force" else force[:, :0]
-        return force[:, [k for k, one in enumerate(self.forces) if one == kind]]
+        return force[:, [k for k, kind_of_force in enumerate(self.forces) if kind_of_force == kind]]
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Those that there are any outputs of; rates may be asked for of all that is moved."""
+        """Kinds of which there are outputs; rates may be wanted of all displacements."""
         return tuple(kind for kind in (*KINDS, CYLINDERS) if kind == "velocity" or self.of(kind).shape[1])
 
     def moved_at(self, places: Sequence[int]) -> Outputs:
-        """The same with some of the displacements alone, by their numbers."""
+        """Return these outputs with some of the displacements alone, by their numbers."""
         which, rates = list(places), self.velocity.shape[1] > 0
-        tips = tuple(which.index(one) for one in self.tips if one in which)
+        tips = tuple(which.index(tip) for tip in self.tips if tip in which)
         velocity = self.velocity[:, which] if rates else self.velocity
         return replace(self, displacement=self.displacement[:, which], velocity=velocity, tips=tips)
 
@@ -93,7 +93,7 @@ class Outputs:
 
 @dataclass(frozen=True)
 class Floors:
-    """What of a displacement (m), of a force (N) and of each probe (k,) may be round-off alone."""
+    """Largest round-off of a displacement (m), of a force (N) and of each probe (k,)."""
 
     displacement: float
     force: float
@@ -114,10 +114,10 @@ class Floors:
         return cls(round_off(system.bodies, f, end), least, probe_round_off(system.bodies, f, end))
 
 
-def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = KINDS) -> dict[str, float]:
+def differences(outputs: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = KINDS) -> dict[str, float]:
     """Error by kind (`pmr.compare.errors.relative_error`), fractions; what is round-off in both counts as zero."""
-    moves = settled(one.displacement, reference.displacement, floors.displacement)
-    found = dict[str, float]()
+    moves = settled(outputs.displacement, reference.displacement, floors.displacement)
+    errors = dict[str, float]()
     for kind in kinds:
         match kind:
             case "tip":
@@ -125,29 +125,31 @@ def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequenc
             case "beam":
                 pair = moves
             case "pad_force" | "cylinder_force":
-                forces = settled(one.force, reference.force, floors.force)
-                pair = one._forces(kind, forces[0]), reference._forces(kind, forces[1])
+                forces = settled(outputs.force, reference.force, floors.force)
+                pair = outputs._forces(kind, forces[0]), reference._forces(kind, forces[1])
             case "probe":
-                found[kind] = float(probe_differences(one, reference, floors).max(initial=0.0))
+                errors[kind] = float(probe_differences(outputs, reference, floors).max(initial=0.0))
                 continue
             case _:
                 still = ~np.any(moves[0], axis=0) & ~np.any(moves[1], axis=0)
-                pair = np.where(still, 0.0, one.of(kind)), np.where(still, 0.0, reference.of(kind))
-        found[kind] = relative_error(*pair)
-    return found
+                pair = np.where(still, 0.0, outputs.of(kind)), np.where(still, 0.0, reference.of(kind))
+        errors[kind] = relative_error(*pair)
+    return errors
 
 
-def probe_differences(one: Outputs, reference: Outputs, floors: Floors) -> Array:
+def probe_differences(outputs: Outputs, reference: Outputs, floors: Floors) -> Array:
     r"""Error of each probe, (k,) fractions; what is round-off in both counts as zero.
 
     .. math:: \mathrm{rms}(y_k - r_k) / \max(\mathrm{rms}(r_k),\ 0.01 \max_j \mathrm{rms}(r_j))
 
     over all probes j in the unit of k: of a wall that is bent, the stress across is worth no digits of its own.
     """
-    y, r = settled(one.probe, reference.probe, floors.probe)
+    y, r = settled(outputs.probe, reference.probe, floors.probe)
     refuse_infinite(y, r)
     units, error, size = np.array(reference.units), *(np.sqrt(np.mean(x**2, axis=0)) for x in (y - r, r))
-    scale = np.array([max(own, LITTLE * size[units == unit].max()) for own, unit in zip(size, units, strict=True)])
+    scale = np.array(
+        [max(largest, LITTLE * size[units == unit].max()) for largest, unit in zip(size, units, strict=True)]
+    )
     none = scale == 0.0
     return np.asarray(np.where(none, error > 0.0, error / np.where(none, 1.0, scale)))
 

@@ -40,7 +40,9 @@ def part(scene: Scene, system: System, response: Response) -> Part:
     """
     joined, along, figures = len(scene.sections) > 1, scene.along(response.t), dict[str, Any]()
     if joined or scene.pads:
-        figures["pads"] = [{"name": name, **one.summary()} for name, one in pad_loads(scene, response).items()]
+        figures["pads"] = [
+            {"name": name, **extremes.summary()} for name, extremes in pad_loads(scene, response).items()
+        ]
     if joined:
         figures["cylinders"] = list(_cylinders(scene, system, response))
     warnings = _kinked(figures.get("cylinders", ())) + unknown(scene, response) + missing(scene)
@@ -56,13 +58,17 @@ def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
     names = [name for ring in _rings(scene) for name, _, _ in ring.places]
     if len(scene.sections) > 1:
         cylinders = set(map(cylinder_of, scene.names))
-        names = [name for one in response.force_names if (name := one.removeprefix(force_of(""))) not in cylinders]
-    known = {name: _force(response, name) for name in names}
-    return {name: Extremes.of(force, response.t, along) for name, force in known.items() if force is not None}
+        names = [
+            name
+            for force_name in response.force_names
+            if (name := force_name.removeprefix(force_of(""))) not in cylinders
+        ]
+    forces = {name: _force(response, name) for name in names}
+    return {name: Extremes.of(force, response.t, along) for name, force in forces.items() if force is not None}
 
 
 def _rings(scene: Scene) -> tuple[PadRing, ...]:
-    """Of a body alone."""
+    """Rings of pads of a body alone."""
     return scene.pads if len(scene.sections) == 1 else ()
 
 
@@ -71,10 +77,10 @@ def _cylinders(scene: Scene, system: System, response: Response) -> Iterator[dic
     driven = {force_of(cylinder_of(name)): name for name in scene.names[1:]}
     for force in response.force_names:
         if (body := driven.get(force)) is not None:
-            found = {"name": cylinder_of(body), **Extremes.of(response.force(force, 0), response.t, along).summary()}
+            row = {"name": cylinder_of(body), **Extremes.of(response.force(force, 0), response.t, along).summary()}
             if friction_of(body) in response.other_names:
-                found |= _rubbed(scene, system, response, body)
-            yield found | ({"kinks": kinks} if (kinks := at_kinks[cylinder_of(body)]) else {})
+                row |= _rubbed(scene, system, response, body)
+            yield row | ({"kinks": kinks} if (kinks := at_kinks[cylinder_of(body)]) else {})
 
 
 def _rubbed(scene: Scene, system: System, response: Response, body: str) -> dict[str, float]:
@@ -84,12 +90,12 @@ def _rubbed(scene: Scene, system: System, response: Response, body: str) -> dict
 
     as if all of its pads stuck alike (`pmr.system.friction`).
     """
-    known = Friction.of(system.contacts)
-    assert known is not None  # as the response has its friction
-    joint = known.joints.index(body)
+    friction = Friction.of(system.contacts)
+    assert friction is not None  # as the response has its friction
+    joint = friction.joints.index(body)
     f, drive = response.other(friction_of(body)), response.force(force_of(cylinder_of(body)), 0)
-    y = scene.paths[body].value(response.t) - known.gives[joint] * drive
-    grip = known.stiffness[known.first[joint] : known.first[joint + 1]].sum()
+    y = scene.paths[body].value(response.t) - friction.gives[joint] * drive
+    grip = friction.stiffness[friction.first[joint] : friction.first[joint + 1]].sum()
     dissipated = (f[1:] + f[:-1]) @ np.diff(y) / 2.0 - (f[-1] ** 2 - f[0] ** 2) / (2.0 * grip)
     return {"friction": float(np.abs(f).max()), "dissipated": max(0.0, float(dissipated))}
 
@@ -99,26 +105,30 @@ def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object
 
     Of all supports, rigid or not, of a body or of the sections of a boom, whose names begin with the section's.
     """
-    found = reaction_extremes(response, path)
-    said = [{"name": of.support, "unit": of.unit, **one.summary()} for of, one in found.items()]
+    extremes_of = reaction_extremes(response, path)
+    rows = [{"name": of.support, "unit": of.unit, **one.summary()} for of, one in extremes_of.items()]
     for body, part in zip(scene.names, scene.sections, strict=True):
         for name, unit in part.springs.items():
             if (force := named(body, force_of(name))) in response.force_names:
-                one = Extremes.of(response.force(force, 0), response.t, path)
-                said.append({"name": named(body, name), "unit": unit, **one.summary()})
-    return {"reactions": said} if said else {}
+                extremes = Extremes.of(response.force(force, 0), response.t, path)
+                rows.append({"name": named(body, name), "unit": unit, **extremes.summary()})
+    return {"reactions": rows} if rows else {}
 
 
 def missing(scene: Scene) -> list[str]:
     """Reactions that the models can't tell, a line each: along x of beams that don't move so, and of all points."""
     pulled = scene.gravity is not None and scene.gravity.direction[0] != 0.0
     # what slides in others is accelerated along them, and has cylinders
-    still = [one.part.name or "the body" for one in members(scene) if not is_axial(one) and (pulled or one.jointed)]
+    still = [
+        member.part.name or "the body"
+        for member in members(scene)
+        if not is_axial(member) and (pulled or member.jointed)
+    ]
     points = [
-        named(body, str(one.on))
+        named(body, str(member.on))
         for body, part in zip(scene.names, scene.sections, strict=True)
-        for one in part.supports
-        if one.points == "all"
+        for member in part.supports
+        if member.points == "all"
     ]
     along = (
         f"{', '.join(still)}: planar beams without coordinates along x (body.profile.axial is false), so that "
@@ -129,7 +139,7 @@ def missing(scene: Scene) -> list[str]:
 
 
 def _force(response: Response, name: str) -> Array | None:
-    """Of a pad, (T,) N; of a rigid one that stays, which is a support, the reaction."""
+    """Force of a pad, (T,) N; of a rigid one that stays, which is a support, the reaction."""
     if force_of(name) in response.force_names:
         return response.force(force_of(name), 0)
     return response.other(reaction_of(name)) if reaction_of(name) in response.other_names else None
@@ -141,20 +151,22 @@ def pulled(scene: Scene, contacts: Sequence[Contact], response: Response) -> lis
 
     Points that hold a planar beam both ways are meant to, so only pads count.
     """
-    loads, said = pad_loads(scene, response), list[str]()
+    loads, lines = pad_loads(scene, response), list[str]()
     largest = max((max(load.most, -load.least) for load in loads.values()), default=0.0)
-    found = {
+    pulling = {
         name: load
         for name, load in loads.items()
         if -load.least > max(PULLED * max(load.most, 0.1 * largest), response.force_round_off)
     }
     for ring in _rings(scene):
-        own = {name: found[name] for name, _, _ in ring.places if name in found and not ring.unilateral}
-        said += [_of_ring(ring, own, response)] if own else []
+        of_ring = {name: pulling[name] for name, _, _ in ring.places if name in pulling and not ring.unilateral}
+        lines += [_of_ring(ring, of_ring, response)] if of_ring else []
     held = [
-        one for one in contacts if one.inner.body in scene.names[1:] and one.clearance is None and one.name in found
+        contact
+        for contact in contacts
+        if contact.inner.body in scene.names[1:] and contact.clearance is None and contact.name in pulling
     ]
-    return [*said, _of_joints(held, found, response)] if held else said
+    return [*lines, _of_joints(held, pulling, response)] if held else lines
 
 
 def unknown(scene: Scene, response: Response) -> list[str]:
@@ -171,34 +183,34 @@ def unknown(scene: Scene, response: Response) -> list[str]:
     return [f"{pads} rigid and stay on the body: their forces are unknown; give them a stiffness in N/m"]
 
 
-def _of_ring(ring: PadRing, found: Mapping[str, Extremes], response: Response) -> str:
-    most = min(found, key=lambda name: found[name].least)
-    load = found[most]
-    pads = f"{len(found)} of {len(ring.places)} pads of the ring {ring.name} pull"
-    if len(found) == 1:
+def _of_ring(ring: PadRing, pulling: Mapping[str, Extremes], response: Response) -> str:
+    most = min(pulling, key=lambda name: pulling[name].least)
+    load = pulling[most]
+    pads = f"{len(pulling)} of {len(ring.places)} pads of the ring {ring.name} pull"
+    if len(pulling) == 1:
         pads = f"one of {len(ring.places)} pads of the ring {ring.name} pulls"
     worst = f"{most} with up to {newton(-load.least)} {response.when(load.t_least, load.s_least)}"
-    most_of_all = "most of all " if len(found) > 1 else ""
+    most_of_all = "most of all " if len(pulling) > 1 else ""
     return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
 
 
-def _of_joints(held: Sequence[Contact], found: Mapping[str, Extremes], response: Response) -> str:
-    most = min((one.name for one in held), key=lambda pad: found[pad].least)
-    names = list(dict.fromkeys(one.inner.body for one in held))
+def _of_joints(held: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
+    most = min((one.name for one in held), key=lambda pad: pulling[pad].least)
+    names = list(dict.fromkeys(contact.inner.body for contact in held))
     more = f", and {len(held) - 1} more" if len(held) > 1 else ""
-    travelling = {one.inner.path is None for one in held}  # with the inner section's tail
+    travelling = {contact.inner.path is None for contact in held}  # with the inner section's tail
     ends = [end for end, at_tail in (("tail", True), ("mouth", False)) if at_tail in travelling]
     keys = " and ".join(f"joint.{end}" for end in ends)
     joints, these = ("joints", "these sections") if len(names) > 1 else ("joint", "this section")
     return (
         f"pads in the {joints} of {', '.join(names)} hold both ways and pull: {most} with up to "
-        f"{newton(-found[most].least)} {response.when(found[most].t_least)}{more}; if they can only push, set "
+        f"{newton(-pulling[most].least)} {response.when(pulling[most].t_least)}{more}; if they can only push, set "
         f"unilateral = true in {keys} of {these}"
     )
 
 
 def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
-    r"""Of each cylinder by its name, what it has to give at each kink: ``t`` in s, ``impulse`` in N s.
+    r"""Impulses of each cylinder by its name at each kink: ``t`` in s, ``impulse`` in N s.
 
     .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
 
@@ -206,14 +218,14 @@ def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
     """
     jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
     masses = [_moved(system.bodies[name]) for name in boom.names[1:]]
-    found = dict[str, list[dict[str, float]]]()
+    kinks_of_cylinders = dict[str, list[dict[str, float]]]()
     for i, name in enumerate(boom.names[1:]):
         at = {t: 0.0 for kinks in jumps for t in sorted(kinks)}
         for t in at:
             speeds = np.cumsum([kinks.get(t, 0.0) for kinks in jumps])
             at[t] = float(np.dot(masses[i:], speeds[i:]))
-        found[cylinder_of(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
-    return found
+        kinks_of_cylinders[cylinder_of(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
+    return kinks_of_cylinders
 
 
 def _moved(body: SlidingBody) -> float:
@@ -226,11 +238,15 @@ def _moved(body: SlidingBody) -> float:
 
 
 def _kinked(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
-    """That forces at kinks are none to size by, in a line."""
-    given = [(abs(kink["impulse"]), kink["t"], one["name"]) for one in cylinders for kink in one.get("kinks", ())]
-    if not given:
+    """Say in a line that forces at kinks are none to size by."""
+    impulses_at_kinks = [
+        (abs(kink["impulse"]), kink["t"], cylinder["name"])
+        for cylinder in cylinders
+        for kink in cylinder.get("kinks", ())
+    ]
+    if not impulses_at_kinks:
         return []
-    most, t, name = max(given)
+    most, t, name = max(impulses_at_kinks)
     return [
         f"extensions have kinks, where cylinders give impulses, up to {most:.4g} N s: {name} at {t:g} s; the height of "
         "cylinder and pad forces there depends on the step, on stiffnesses and on the number of coordinates, so size "

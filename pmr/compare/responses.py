@@ -208,9 +208,9 @@ def _prepared(system: System, excitation: Excitation, simulator: str, steps: Ind
 
 def _marched(system: System, excitation: Excitation, steps: Indices, kept: Indices) -> Prepared:
     """By the compiled simulator: evaluated block by block; states of the steps that are `kept`, if these are all."""
-    form, start = SystemForm.of(system), systems.start_of(system, excitation)
+    form = SystemForm.of(system)
     f, every = excitation.forces(system.input_names), len(kept) == len(excitation.times)
-    march = cache(lambda: March(form, excitation, start))
+    march = cache(lambda: March(form, excitation))
 
     def run(done: Progress | None) -> Simulated:
         evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(kept)

@@ -25,7 +25,7 @@ LEFT_OUT = 1e-4
 
 
 def richer(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Array]) -> System:
-    """With attachment modes for contact forces (P, m) N at places x (P, sides) m, and loads (P, i) N, of several cases.
+    """Add attachment modes for contact forces (P, m) N at places x (P, sides) m, and loads (P, i) N, of several cases.
 
     An InputError is raised where the models know no more.
     """

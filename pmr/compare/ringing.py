@@ -35,7 +35,7 @@ _QUANTITIES = {
 
 
 def causes(rigid: Sequence[str]) -> str:
-    """What makes forces and motions alternate, where so many contacts are `rigid`, by their names."""
+    """Cause of forces and motions that alternate, where so many contacts are `rigid`, by their names."""
     if not rigid:
         return "modes that the step does not resolve ring behind kinks and jumps where time.rho_inf is near 1"
     several = f"{rigid[0]} and {len(rigid) - 1} more are rigid" if len(rigid) > 1 else f"{rigid[0]} is rigid"
@@ -46,7 +46,7 @@ def causes(rigid: Sequence[str]) -> str:
 
 
 def remedy(rigid: Sequence[str]) -> str:
-    """What damps it, with names likewise."""
+    """Remedy that damps it, with names likewise."""
     return f"time.rho_inf = 0.8 or less, a smooth path or {'a stiffness in N/m' if rigid else 'a smaller step'} damp it"
 
 
@@ -55,8 +55,8 @@ def rigid_contacts(system: Joined[Any]) -> list[str]:
     flexibility only cylinders are rigid.
     """
     flexible = all(getattr(body, "flexibility", None) is not None for body in system.bodies.values())
-    rigid = [one for one in system.contacts if one.compliance == 0.0 and one.kind != "support"]
-    return [one.name for one in rigid if one.kind == "cylinder" or not flexible]
+    rigid = [contact for contact in system.contacts if contact.compliance == 0.0 and contact.kind != "support"]
+    return [contact.name for contact in rigid if contact.kind == "cylinder" or not flexible]
 
 
 def alternating(signal: Array) -> float:
@@ -88,26 +88,26 @@ class NotJudged:
     below: float  # error up to that frequency
 
     @classmethod
-    def of(cls, both: Pair, full: Response) -> NotJudged | None:
+    def of(cls, pair: Pair, full: Response) -> NotJudged | None:
         """Of signal and reference (T, o), which is of the `full` model; None if it is judged."""
-        if not rings(*both):
+        if not rings(*pair):
             return None
         step, highest = float(full.t[1] - full.t[0]), band_of(full)
-        signal, reference = map(_steady, both)
-        return cls(ringing(both[1]), highest, error_below(signal, reference, step, highest))
+        signal, reference = map(_steady, pair)
+        return cls(ringing(pair[1]), highest, error_below(signal, reference, step, highest))
 
 
-def warnings(found: Mapping[str, NotJudged], rigid: Sequence[str] = ()) -> list[str]:
+def warnings(not_judged: Mapping[str, NotJudged], rigid: Sequence[str] = ()) -> list[str]:
     """One line of all that is not judged, by the quantities' names in summary.json; none where everything is.
 
     Contacts that are `rigid` in the full model are the cause, if there are any.
     """
-    if not found:
+    if not not_judged:
         return []
     named = [
-        f"{_QUANTITIES.get(name, name)}, of which {rounded(100.0 * one.alternating)} % {ALTERNATES} "
-        f"(below {rounded(one.band)} Hz, where the body moves, the error is {rounded(100.0 * one.below)} %)"
-        for name, one in found.items()
+        f"{_QUANTITIES.get(name, name)}, of which {rounded(100.0 * unjudged.alternating)} % {ALTERNATES} "
+        f"(below {rounded(unjudged.band)} Hz, where the body moves, the error is {rounded(100.0 * unjudged.below)} %)"
+        for name, unjudged in not_judged.items()
     ]
     return [f"the full model is no reference of {'; nor of '.join(named)}: {causes(rigid)}; {remedy(rigid)}"]
 

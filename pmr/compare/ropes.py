@@ -34,7 +34,7 @@ ROUND_OFF = 1e-9
 
 
 def forces(scene: Scene, response: Response) -> dict[str, Array]:
-    """Of each section that follows another one or is followed, by its name, (T,) N, positive where it is pushed out.
+    """Force of each section that follows another one or is followed, by its name, (T,) N, positive where it pushes out.
 
     Empty without ropes, or where forces along the boom are not known.
     """
@@ -54,24 +54,24 @@ def part(scene: Scene, response: Response) -> Part:
     """
     if len(scene.sections) < 2:
         return Part()
-    along, said, slack = scene.along(response.t), list[Mapping[str, Any]](), list[str]()
+    along, rows, slack = scene.along(response.t), list[Mapping[str, Any]](), list[str]()
     round_off = max(response.force_round_off, ROUND_OFF * float(np.abs(response.slider_force).max(initial=0.0)))
     for name, force in forces(scene, response).items():
         number = scene.names.index(name)
         follows = scene.joint(number).follows
-        found = Extremes.of(force, response.t, along)
-        one: dict[str, Any] = {"name": name, "follows": follows, "force": found.summary()}
+        extremes = Extremes.of(force, response.t, along)
+        row: dict[str, Any] = {"name": name, "follows": follows, "force": extremes.summary()}
         if follows is None:
             power = force * scene.paths[name].rate(response.t)
-            one["power"] = Extremes.of(power, response.t, along).summary()
+            row["power"] = Extremes.of(power, response.t, along).summary()
         if (rope := scene.joint(number).rope) is not None:
             length = longest(scene, number)
-            one |= {"length": length, "stiffness": rope.strands * rope.EA / length}
-        said.append(one)
-        if (rope or follows) and -found.least > max(PULLED * found.most, round_off):
-            most = f"{newton(-found.least)} {response.when(found.t_least)}"
+            row |= {"length": length, "stiffness": rope.strands * rope.EA / length}
+        rows.append(row)
+        if (rope or follows) and -extremes.least > max(PULLED * extremes.most, round_off):
+            most = f"{newton(-extremes.least)} {response.when(extremes.t_least)}"
             slack.append(
                 f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "
                 "rope that pulls the section in"
             )
-    return Part({"ropes": said} if said else {}, grave=slack)
+    return Part({"ropes": rows} if rows else {}, grave=slack)

@@ -33,7 +33,7 @@ def run_from_start(system: System | SystemForm, excitation: Excitation, every: i
     Runs of one modal form share its tables.
     """
     form = system if isinstance(system, SystemForm) else SystemForm.of(system)
-    return systems.simulate_form(form, excitation, systems.start_of(form.system, excitation), every=every)
+    return systems.simulate_form(form, excitation, every=every)
 
 
 def recorded(system: System, stepping: TimeStepping) -> bool:

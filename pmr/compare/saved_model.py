@@ -47,9 +47,8 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     moved, by_frequency = SimulatedSystem.of(system, excitation, made), in_frequency(scene, system, excitation)
     error = _error(scene, moved, clock)
 
-    def step() -> Part:
-        with clock.stage("step"):
-            return step_part(scene, moved, natural.models["reduced"])
+    with clock.stage("step"):
+        step = step_part(scene, moved, natural.models["reduced"])
 
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
     parts = [

@@ -69,8 +69,8 @@ def simulate_with_states(
         if scene.frame is not None and scene.frame.machine is not None:
             check_fits(scene, system)
             scene, system = with_machine_moved(scene, system)
-        found = repeated(scene, system, excitation_in(scene, system), scene.simulation.simulators[0], steps)
-        return replace(found, response=with_machine(scene, found.response))
+        simulated = repeated(scene, system, excitation_in(scene, system), scene.simulation.simulators[0], steps)
+        return replace(simulated, response=with_machine(scene, simulated.response))
 
 
 def excitation_in(scene: Any, system: System) -> Excitation:
@@ -101,14 +101,20 @@ def check_fits(scene: Any, system: System) -> None:
             allowed = "a scene of one body is allowed: the model is that of a body alone"
         raise InputError("scene", "sections", [name for name in parts if name != ALONE], allowed)
     for member, (name, body) in zip(members(scene), system.bodies.items(), strict=True):
-        moved = [one for one in body.input_names if one.startswith(INERTIA)]
-        if (scene.frame is None) == bool(moved):
-            allowed = "a scene with a frame is allowed: the model moves in one" if moved else "the model has no frame"
+        inertia_inputs = [input_name for input_name in body.input_names if input_name.startswith(INERTIA)]
+        if (scene.frame is None) == bool(inertia_inputs):
+            allowed = (
+                "a scene with a frame is allowed: the model moves in one"
+                if inertia_inputs
+                else "the model has no frame"
+            )
             raise InputError("scene", "frame", None, allowed)
-        known = [one for one in body.input_names if one not in (WEIGHT, EXTENSION, *moved)]
+        load_inputs = [
+            input_name for input_name in body.input_names if input_name not in (WEIGHT, EXTENSION, *inertia_inputs)
+        ]
         loads = [load.name for load in acting(member)]
         weighs = scene.gravity is not None and scene.frame is None
-        if set(loads) != set(known) or (name == ALONE and weighs != (WEIGHT in body.input_names)):
+        if set(loads) != set(load_inputs) or (name == ALONE and weighs != (WEIGHT in body.input_names)):
             key = "loads" if name == ALONE else f"sections.{name}.loads"
             allowed = f"the inputs of its model are allowed: {', '.join(body.input_names)}"
             raise InputError("scene", key, sorted(loads), allowed)
@@ -124,11 +130,11 @@ def joined(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Sy
     names = tuple(scene.bodies)
     models = {ALONE: reduced} if isinstance(reduced, ReducedModel) else reduced
     if not isinstance(models, Mapping) or set(models) != set(names):
-        given = sorted(reduced) if isinstance(reduced, Mapping) else type(reduced).__name__
+        models_given = sorted(reduced) if isinstance(reduced, Mapping) else type(reduced).__name__
         allowed = f"a model for each section, by its name, is allowed: {', '.join(names)}; or their System"
         if ALONE in names:
             allowed = "a ReducedModel or a System is allowed with this scene"
-        raise InputError("pmr.simulate", "models", given, allowed)
+        raise InputError("pmr.simulate", "models", models_given, allowed)
     if ALONE in names:
         return system_of(decided(scene, models), models)
     for number, name in enumerate(names):
@@ -137,5 +143,5 @@ def joined(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Sy
             is_of = "a whole body" if model.section is None else f"section {model.section.name}"
             raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
         check_made_for(model, scene, number)
-    found = {name: models[name] for name in names}
-    return system_of(decided(scene, found), found)
+    ordered_models = {name: models[name] for name in names}
+    return system_of(decided(scene, ordered_models), ordered_models)

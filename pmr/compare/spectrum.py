@@ -23,7 +23,7 @@ def band(y: Array, step: float) -> float:
 
 
 def band_of(response: Response) -> float:
-    """That of a motion in Hz: the tip's, the last displacement's, or of all where the tip rests on a support."""
+    """Band of a motion in Hz: the tip's, or that of all displacements where the tip rests on a support."""
     tip, step = response.displacement[:, -1:], float(response.t[1] - response.t[0])
     return band(tip if np.ptp(tip) > response.round_off else response.displacement, step)
 
@@ -31,7 +31,7 @@ def band_of(response: Response) -> float:
 def error_below(signal: Array, reference: Array, step: float, highest: float) -> float:
     """`pmr.compare.errors.relative_error` of what two signals (T, o) have up to a frequency in Hz."""
     too_high = np.fft.rfftfreq(len(signal), step) > highest
-    spectra = [np.fft.rfft(one, axis=0) for one in (signal, reference)]
+    spectra = [np.fft.rfft(values, axis=0) for values in (signal, reference)]
     for spectrum in spectra:
         spectrum[too_high] = 0.0
     slow, slow_reference = (np.fft.irfft(spectrum, n=len(signal), axis=0) for spectrum in spectra)

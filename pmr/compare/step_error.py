@@ -91,14 +91,17 @@ def step_error(
     first = runs.next()
     if not runs.affordable:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
-    given = runs.given(first)
-    y, own = first.outputs.displacement, given.outputs.displacement
-    moving, mean = Ladder(relative_error, y, own), Ladder(relative_error, _rms(y), _rms(own))
-    floors = Floors.of(system, excitation, given.outputs.force)
-    others = {kind: Ladder(partial(_apart, kind, floors), first, given) for kind in kinds}
+    of_run = runs.given(first)
+    y, displacement_of_run = first.outputs.displacement, of_run.outputs.displacement
+    moving, mean = (
+        Ladder(relative_error, y, displacement_of_run),
+        Ladder(relative_error, _rms(y), _rms(displacement_of_run)),
+    )
+    floors = Floors.of(system, excitation, of_run.outputs.force)
+    ladders = {kind: Ladder(partial(_apart, kind, floors), first, of_run) for kind in kinds}
     samples = [first]
     while runs.affordable and not (
-        moving.halvings(LIMIT) is not None and runs.resolved and all(one.settled for one in others.values())
+        moving.halvings(LIMIT) is not None and runs.resolved and all(one.settled for one in ladders.values())
     ):
         try:
             samples.append(runs.next())
@@ -108,11 +111,11 @@ def step_error(
             break
         moving.add(samples[-1].outputs.displacement)
         mean.add(_rms(samples[-1].outputs.displacement))
-        for one in others.values():
-            one.add(samples[-1])
+        for force_ladder in ladders.values():
+            force_ladder.add(samples[-1])
     ladder = mean if stepped.pushing and not moving.settled else moving
     halvings = ladder.halvings(LIMIT) if runs.resolved else None
-    of_forces = _force_ladders(given, samples, in_the_mean=ladder is mean)
+    of_forces = _force_ladders(of_run, samples, in_the_mean=ladder is mean)
     return StepError(
         beam=ladder.error(),
         tip=ladder.error(relative_error(ladder.first[:, stepped.tips], ladder.last[:, stepped.tips])),
@@ -124,42 +127,42 @@ def step_error(
         band=runs.band() if band else None,
         seconds=time.perf_counter() - begin,
         others={kind: MARGIN * one.most for kind, one in of_forces.items()}
-        | {kind: one.error() for kind, one in others.items()},
+        | {kind: one.error() for kind, one in ladders.items()},
         unsettled=(
             *(kind for kind, one in of_forces.items() if not one.falling),
-            *(kind for kind, one in others.items() if not one.settled),
+            *(kind for kind, one in ladders.items() if not one.settled),
         ),
     )
 
 
 def with_band(error: StepError, system: System, excitation: Excitation) -> StepError:
-    """The same error with the band of the motion, for which the run with the finest step is made once more."""
+    """Return this error with the band of the motion, for which the run with the finest step is made once more."""
     runs = Runs(Stepped(system, excitation))
     runs.halved = round(np.log2(excitation.stepping.step / error.finest))
     return replace(error, band=runs.band())
 
 
-def _apart(kind: str, floors: Floors, one: Sampled, finer: Sampled) -> float:
+def _apart(kind: str, floors: Floors, sampled: Sampled, finer: Sampled) -> float:
     """Difference of two runs in a kind of outputs, as a fraction of the finer run's."""
-    return differences(one.outputs, finer.outputs, floors, [kind])[kind]
+    return differences(sampled.outputs, finer.outputs, floors, [kind])[kind]
 
 
 def _force_ladders(
-    given: Sampled, samples: Sequence[Sampled], in_the_mean: bool
+    of_run: Sampled, samples: Sequence[Sampled], in_the_mean: bool
 ) -> dict[str, Ladder[forces.Histories]]:
     """What runs say of each kind of the completed forces, of their RMS values where they are compared `in_the_mean`."""
-    own, *others = (_mean(one.forces) if in_the_mean else one.forces for one in (given, *samples))
+    forces_of_run, *finer_forces = (_mean(one.forces) if in_the_mean else one.forces for one in (of_run, *samples))
     ladders = dict[str, Ladder[forces.Histories]]()
-    for kind in forces.differences(own, others[-1]):
-        ladders[kind] = Ladder(partial(_forces_apart, kind), others[0], own)
-        for one in others[1:]:
-            ladders[kind].add(one)
+    for kind in forces.differences(forces_of_run, finer_forces[-1]):
+        ladders[kind] = Ladder(partial(_forces_apart, kind), finer_forces[0], forces_of_run)
+        for sampled in finer_forces[1:]:
+            ladders[kind].add(sampled)
     return ladders
 
 
-def _forces_apart(kind: str, one: forces.Histories, finer: forces.Histories) -> float:
+def _forces_apart(kind: str, histories: forces.Histories, finer: forces.Histories) -> float:
     """Difference of two runs in a kind of forces, as a fraction of the finer run's; 0 where they have none."""
-    return forces.differences(one, finer).get(kind, 0.0)
+    return forces.differences(histories, finer).get(kind, 0.0)
 
 
 def _mean(of: forces.Histories) -> forces.Histories:
@@ -168,47 +171,53 @@ def _mean(of: forces.Histories) -> forces.Histories:
 
 
 def _rms(y: Array) -> Array:
-    """Of each output over time, (1, o)."""
+    """RMS of each output over time, (1, o)."""
     return np.asarray(np.sqrt(np.mean(y**2, axis=0, keepdims=True)))
 
 
-def summary(found: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
-    """What summary.json holds under ``step``: the fields of `StepError`, further kinds, ``limit`` and ``reason``.
+def summary(error: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
+    """Figures of ``step`` in summary.json: the fields of `StepError`, further kinds, ``limit`` and ``reason``.
 
     ``not_covered`` lists in words what has no error.  Without a figure all are None, and ``reason`` says why.
     """
     names = [name for name in StepError.__annotations__ if name not in ("others", "unsettled")]
-    figures = dict.fromkeys(names) if found is None else {name: getattr(found, name) for name in names}
+    figures = dict.fromkeys(names) if error is None else {name: getattr(error, name) for name in names}
     more = {"not_covered": list(not_covered), "limit": LIMIT, "reason": reason}
-    return figures | dict(found.others if found else {}) | more
+    return figures | dict(error.others if error else {}) | more
 
 
 def warnings(
-    found: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
+    step_error_of_run: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
     """A line where the step's error exceeds `LIMIT`, of other outputs `FAR`, or is unknown; signals with their names.
 
     `natural` (S, f) in Hz are frequencies at S places on the way, ascending.
     """
     h = stepping.step
-    if found.beam <= LIMIT and found.settled:
-        far = [f"{_percent(error)} in {FIGURES[kind]}" for kind, error in found.others.items() if error > FAR]
-        return [f"the time step of {h:.4g} s is off by {', '.join(far)}, as steps of {found.finest:.2g} s show"] * any(
-            far
-        )
-    size = f"{_percent(found.beam)} along the beam, {_percent(found.tip)} at the tip"
-    if found.by == "mean":
+    if step_error_of_run.beam <= LIMIT and step_error_of_run.settled:
+        far = [
+            f"{_percent(error)} in {FIGURES[kind]}" for kind, error in step_error_of_run.others.items() if error > FAR
+        ]
+        return [
+            f"the time step of {h:.4g} s is off by {', '.join(far)}, as steps of {step_error_of_run.finest:.2g} s show"
+        ] * any(far)
+    size = f"{_percent(step_error_of_run.beam)} along the beam, {_percent(step_error_of_run.tip)} at the tip"
+    if step_error_of_run.by == "mean":
         size += " in the mean (motions part after an impact, so they can't be compared instant by instant)"
-    judged = "is too coarse: its own error" if found.beam > LIMIT else "has an error that is not settled: it"
-    at_least = "" if found.settled else "at least "
-    parts = [f"the time step of {h:.4g} s {judged} is {at_least}{size}, as steps of {found.finest:.2g} s show"]
+    judged = (
+        "is too coarse: its own error" if step_error_of_run.beam > LIMIT else "has an error that is not settled: it"
+    )
+    at_least = "" if step_error_of_run.settled else "at least "
+    parts = [
+        f"the time step of {h:.4g} s {judged} is {at_least}{size}, as steps of {step_error_of_run.finest:.2g} s show"
+    ]
     parts += [_load(name, signal, stepping) for name, signal in signals if signal.highest_frequency(0.0, stepping.end)]
-    if found.band is not None:
-        parts.append(_motion(found.band, h, natural))
-    if not found.settled:
-        parts.append(f"even steps of {found.finest:.2g} s don't settle it")
-    elif found.enough is not None:
-        parts.append(f"steps of {found.enough:.2g} s bring the error below {100.0 * LIMIT:g} %")
+    if step_error_of_run.band is not None:
+        parts.append(_motion(step_error_of_run.band, h, natural))
+    if not step_error_of_run.settled:
+        parts.append(f"even steps of {step_error_of_run.finest:.2g} s don't settle it")
+    elif step_error_of_run.enough is not None:
+        parts.append(f"steps of {step_error_of_run.enough:.2g} s bring the error below {100.0 * LIMIT:g} %")
     return ["; ".join(parts)]
 
 
@@ -219,14 +228,15 @@ def _load(name: str, signal: SignalBase, stepping: TimeStepping) -> str:
 
 def _motion(band: float, h: float, natural: Array) -> str:
     """How far the motion's band reaches, by itself and in modes."""
-    known = natural[:, ~np.isnan(natural).all(axis=0)]  # some reduced models have fewer modes than are drawn
-    lowest = np.sort(np.nanmin(known, axis=0)) if known.size else np.empty(0)
-    said = f"the motion goes up to {band:.3g} Hz, {_steps(band, h)}"
+    frequencies = natural[:, ~np.isnan(natural).all(axis=0)]  # some reduced models have fewer modes than are drawn
+    lowest = np.sort(np.nanmin(frequencies, axis=0)) if frequencies.size else np.empty(0)
+    sentence = f"the motion goes up to {band:.3g} Hz, {_steps(band, h)}"
     excited = int(np.count_nonzero(lowest <= band))
     if not excited:
-        return said
+        return sentence
     more = " or more" if excited == len(lowest) else ""
-    return f"{said}; the highest mode that it excites is number {excited}{more}, {lowest[excited - 1]:.3g} Hz and above"
+    number = f"number {excited}{more}"
+    return f"{sentence}; the highest mode that it excites is {number}, {lowest[excited - 1]:.3g} Hz and above"
 
 
 def _steps(frequency: float, h: float) -> str:

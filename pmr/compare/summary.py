@@ -54,7 +54,7 @@ def grave(parts: Iterable[Part]) -> list[str]:
 
 
 def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
-    """What the result is of, with hints of its numbers, and what it was made with: `libraries` beside pmr's own."""
+    """Origin of the result, with hints about its numbers, and the versions of `libraries` beside pmr's own."""
     return Part(
         {
             "title": scene.title,
@@ -89,11 +89,11 @@ def compared(
     reference = reduced if full is None else full.displacement
     measures = {"errors": errors.relative_error, "absolute_errors": errors.absolute_error}
     pairs, unjudged = errors.pairs(responses, quantities=measured), dict[str, ringing.NotJudged]()
-    kinds = {kind: errors.of_pairs(pairs, one) for kind, one in measures.items()}
+    kinds = {kind: errors.of_pairs(pairs, measure) for kind, measure in measures.items()}
     if full is not None:
-        for name, both in pairs["reduced_vs_full"].items():
-            if (found := ringing.NotJudged.of(both, full)) is not None:
-                unjudged[name] = found
+        for name, pair in pairs["reduced_vs_full"].items():
+            if (not_judged := ringing.NotJudged.of(pair, full)) is not None:
+                unjudged[name] = not_judged
                 for kind in kinds.values():
                     del kind["reduced_vs_full"][name]
     return Part(
@@ -116,16 +116,16 @@ def impacts(system: System, excitation: Excitation, responses: Mapping[str, Resp
     alone = system.reduced.get(ALONE)
     if alone is None or "full" not in responses or not impulsive(alone, excitation):
         return Part()
-    one, full = errors.with_common_forces(responses["reduced"], responses["full"])
+    reduced, full = errors.with_common_forces(responses["reduced"], responses["full"])
     step = excitation.stepping.step
     highest = band_of(full)
     return Part(
-        {"impacts": {"band": highest, "pad_force": error_below(one.slider_force, full.slider_force, step, highest)}}
+        {"impacts": {"band": highest, "pad_force": error_below(reduced.slider_force, full.slider_force, step, highest)}}
     )
 
 
 def sampling(excitation: Excitation) -> Part:
-    """What of path and loads the simulation does not see, or sees otherwise than they were given."""
+    """Warnings about path and loads that the steps do not resolve."""
     signals, stepping = excitation.signals, excitation.stepping
     return Part(warnings=resolution.unseen(signals, stepping) + resolution.overshooting(signals, stepping))
 

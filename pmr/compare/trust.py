@@ -47,15 +47,15 @@ def absent(missing: Mapping[str, str]) -> list[str]:
 
 def doubted(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
     """A line for each reason why the reduced motion is not to be trusted; names as for `distrust`."""
-    found = []
+    lines = []
     if reduced.surplus > NOTABLE:
-        found.append(f"the reduced model's motion is not to be trusted: {distrust(reduced, rigid)}")
+        lines.append(f"the reduced model's motion is not to be trusted: {distrust(reduced, rigid)}")
     if (share := ringing(reduced.slider_force)) > RINGING:
-        found.append(
+        lines.append(
             f"of the forces of sliders and pads {rounded(100.0 * share)} % {ALTERNATES} in the reduced model: "
             f"{causes(rigid)}; {remedy(rigid)}"
         )
-    return found
+    return lines
 
 
 SMALL = 0.1  # of the body's length: a tip's path is then shortened by about half a per cent of it

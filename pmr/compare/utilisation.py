@@ -21,38 +21,46 @@ def utilisation(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part
     stresses : mapping
         By body, what `pmr.reduction.recover.from_scene.Recovered.summary` says.
     """
-    found = dict[str, dict[str, Any]]()
+    largest = dict[str, dict[str, Any]]()
     for part in scene.sections:
-        said = stresses.get(part.name, {})
-        for model, peak in said.get("stress_peak", {}).items():
-            for one in _used(part, peak, said.get("stress_by_region", {}).get(model, {})):
-                if one["value"] > found.get(model, {"value": -1.0})["value"]:
-                    found[model] = one
-    if not found:
+        figures = stresses.get(part.name, {})
+        for model, peak in figures.get("stress_peak", {}).items():
+            for entry in _used(part, peak, figures.get("stress_by_region", {}).get(model, {})):
+                if entry["value"] > largest.get(model, {"value": -1.0})["value"]:
+                    largest[model] = entry
+    if not largest:
         return Part()
-    used = found["reduced"]
+    used = largest["reduced"]
     over = f"the largest stress is {used['value']:.3g} times the yield stress, but the model stays elastic"
-    return Part({"utilisation": found}, grave=[over] * (used["value"] > 1.0))
+    return Part({"utilisation": largest}, grave=[over] * (used["value"] > 1.0))
 
 
-def masses(known: Mapping[str, Any]) -> Part:
+def masses(masses_of_bodies: Mapping[str, Any]) -> Part:
     """``masses`` of summary.json: of each body by ``name`` what `pmr.fullmodel.masses.Masses.summary` says."""
-    found = [{"name": name, **one.summary()} for name, one in known.items() if one is not None]
-    return Part({"masses": found} if found else {})
+    rows = [
+        {"name": name, **masses_of_body.summary()}
+        for name, masses_of_body in masses_of_bodies.items()
+        if masses_of_body is not None
+    ]
+    return Part({"masses": rows} if rows else {})
 
 
 def _used(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Of the whole body, and of each region that is of a material of its own."""
+    """Utilisation of the whole body, and of each region that is of a material of its own."""
     body, of = part.body, {name: one.material for name, one in part.body.regions.items() if one.material is not None}
-    others = [one for name, one in regions.items() if name not in of]
-    most = peak if peak.get("region") not in of else max(others, key=lambda one: float(one["value"]), default=None)
+    without_material = [one for name, one in regions.items() if name not in of]
+    most = (
+        peak
+        if peak.get("region") not in of
+        else max(without_material, key=lambda material: float(material["value"]), default=None)
+    )
     pairs = [(most, body.material), *((regions[name], material) for name, material in of.items() if name in regions)]
-    for one, material in pairs:
-        if one is not None and material.yield_stress is not None:
+    for region, material in pairs:
+        if region is not None and material.yield_stress is not None:
             yield {
-                "value": one["value"] / material.yield_stress,
-                "stress": one["value"],
+                "value": region["value"] / material.yield_stress,
+                "stress": region["value"],
                 "yield": material.yield_stress,
                 "section": part.name,
-                **{key: one[key] for key in ("t", "position", "face", "region")},
+                **{key: region[key] for key in ("t", "position", "face", "region")},
             }

@@ -62,14 +62,14 @@ def _first_there(excitation: Excitation, s: Array) -> Array:
 
 
 def _reached(scene: Scene, excitation: Excitation, count: int) -> Visited:
-    """Where the sections first reach so far."""
+    """Places at which the sections first reach so far."""
     steps = boom_figures.on_the_way(scene, excitation.times, count)
     t = excitation.times[steps]
     return Visited(scene.reach(t), excitation.s[steps], boom_figures.CURVES, t)
 
 
 def frequencies(scene: Scene, system: System, excitation: Excitation, at: Visited) -> Frequencies:
-    """Of the reduced system, with every contact closed.
+    """Frequencies of the reduced system, with every contact closed.
 
     Terms have the amplitudes of that time.  Beside those of a body alone are the closed form's, where there is one; two
     joints that move have a map.
@@ -84,7 +84,7 @@ def frequencies(scene: Scene, system: System, excitation: Excitation, at: Visite
 
 
 def in_frequency(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
-    """Of the last body's tip, from one end of the way to the other; None unless it asks for it."""
+    """Frequency response of the last body's tip along the way; None unless the scene wants it."""
     if not scene.sections[-1].observe.frequency_response:
         return None
     if ALONE in system.bodies:

@@ -54,10 +54,10 @@ def applied_change(table: PPoly, s: Array, x: Array) -> Array:
     same, offset = interval[1:] == interval[:-1], table.x[interval[1:]]
     ends, begins = _powers(s[1:] - offset, count), _powers(s[:-1] - offset, count)
     # of what stays within an interval the change of powers; of the others the powers at the end
-    found = _summed(table, interval[1:], np.where(same, ends - begins, ends), x)
-    left = np.flatnonzero(~same)
-    found[left] -= applied(table, s[left], x[left])
-    return found
+    change = _summed(table, interval[1:], np.where(same, ends - begins, ends), x)
+    crossings = np.flatnonzero(~same)
+    change[crossings] -= applied(table, s[crossings], x[crossings])
+    return change
 
 
 def _interval(table: PPoly, s: Array) -> Indices:
@@ -79,7 +79,7 @@ def _summed(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
     Steps in a row on the same interval are taken at once.
     """
     count, _, m, r = table.c.shape
-    found, few = np.empty((len(x), m)), m < r  # powers take what the table measures, or what it takes: the fewer
+    products, few = np.empty((len(x), m)), m < r  # powers take what the table measures, or what it takes: the fewer
     most, first = max(1, AT_ONCE // max(1, count * min(m, r))), 0
     for end in [*(np.flatnonzero(np.diff(interval)) + 1), len(x)]:
         while first < end:
@@ -88,12 +88,14 @@ def _summed(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
             if few:  # one product for all powers, with the steps last, along which NumPy adds fastest
                 of_powers = (c.reshape(count * m, r) @ x[at].T).reshape(count, m, at.stop - first)
                 of_powers *= powers[:, None, at]
-                found[at] = of_powers.sum(axis=0).T
+                products[at] = of_powers.sum(axis=0).T
             else:
-                both = powers[:, at].T[:, :, None] * x[at, None, :]
-                found[at] = both.reshape(len(both), count * r) @ c.transpose(0, 2, 1).reshape(count * r, m)
+                powers_of_x = powers[:, at].T[:, :, None] * x[at, None, :]
+                products[at] = powers_of_x.reshape(len(powers_of_x), count * r) @ c.transpose(0, 2, 1).reshape(
+                    count * r, m
+                )
             first = at.stop
-    return found
+    return products
 
 
 def contributions(table: PPoly) -> Array:
@@ -164,7 +166,7 @@ def side_by_side(*tables: PPoly) -> PPoly:
 
 
 def aligned(*tables: PPoly, domain: tuple[float, float] | None = None) -> list[PPoly]:
-    """The same tables on common breaks and of the same degree; within `domain`, by default that of the first one."""
+    """Return these tables on common breaks and of the same degree within `domain`, by default that of the first one."""
     if domain is None and all(np.array_equal(table.x, tables[0].x) for table in tables):
         breaks = tables[0].x
         return [PPoly(c, breaks) for c in same_degree(*(table.c for table in tables))]
@@ -190,7 +192,7 @@ def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array
 
 
 def rebased(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
-    """The same piecewise polynomial on finer breaks, its degree raised to `degree`: exact."""
+    """Return this piecewise polynomial on finer breaks, its degree raised to `degree`: exact."""
     source = interval_around(breaks, table.x)
     c = table.c[:, source].copy()
     x = (breaks[:-1] - table.x[source]).reshape(-1, *[1] * (c.ndim - 2))

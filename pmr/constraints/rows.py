@@ -50,7 +50,7 @@ class Row:
 
     @property
     def slope(self) -> Row:
-        """Its derivative with respect to s, as a row of the same carriers."""
+        """Derivative of the row with respect to s, on the same carriers."""
         degree = len(self.coefficients) - 1
         lowered = self.coefficients[:-1] * np.arange(degree, 0.0, -1.0)[:, None, None]
         return replace(self, coefficients=lowered if degree else np.zeros_like(self.coefficients))
@@ -118,7 +118,7 @@ class Row:
         return PPoly(np.einsum("pkd,kdr->pkr", self.coefficients, measured[self.touched]), self.breaks)
 
     def refined(self, breaks: Array) -> Row:
-        """The same row on finer breaks, which hold all of its own within their range: exact."""
+        """Return this row on finer breaks, which hold all of its own within their range: exact."""
         finer = rebased(self._polynomial, breaks)
         touched = self.touched[interval_around(finer.x, self.breaks)]
         return replace(self, breaks=finer.x, touched=touched, coefficients=finer.c)
@@ -201,7 +201,7 @@ class Rows:
 
     @cached_property
     def shared(self) -> SharedCarriers:
-        """The same rows on common carriers."""
+        """These rows on common carriers."""
         return _shared(self.rows, self.size)
 
 
@@ -229,12 +229,12 @@ def _shared(rows: Sequence[Row], size: int) -> SharedCarriers:
     numbers: dict[bytes, int] = {}
     new, touched = [sp.csr_matrix((0, size))], []
     for row in rows:
-        used, known = np.unique(row.touched), len(numbers)
-        own = row.carriers[used].sorted_indices()
-        ends = zip(own.indptr[:-1], own.indptr[1:], strict=True)
-        contents = [own.indices[a:b].astype(np.int64).tobytes() + own.data[a:b].tobytes() for a, b in ends]
+        used, count = np.unique(row.touched), len(numbers)
+        carriers = row.carriers[used].sorted_indices()
+        ends = zip(carriers.indptr[:-1], carriers.indptr[1:], strict=True)
+        contents = [carriers.indices[a:b].astype(np.int64).tobytes() + carriers.data[a:b].tobytes() for a, b in ends]
         at = np.array([numbers.setdefault(content, len(numbers)) for content in contents])
-        new.append(own[np.unique(at, return_index=True)[1][np.unique(at) >= known]])
+        new.append(carriers[np.unique(at, return_index=True)[1][np.unique(at) >= count]])
         touched.append(at[np.searchsorted(used, row.touched)])
     U = sp.vstack(new, format="csr")
     on_common = (replace(row, carriers=U, touched=numbers) for row, numbers in zip(rows, touched, strict=True))

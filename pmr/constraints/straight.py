@@ -32,16 +32,16 @@ class Straight:
         along = PPoly(point.coefficients, point.breaks)
         w, slope, rates = along(self.end), along(self.end, 1), along.derivative().c
         ahead = (point.breaks[:-1] - self.end)[:, None]  # x - p where an interval begins
-        there = np.zeros_like(point.coefficients)
-        there[-1] = w
-        sloping = there.copy()
+        constant = np.zeros_like(point.coefficients)
+        constant[-1] = w
+        sloping = constant.copy()
         sloping[-2] += slope
         sloping[-1] += ahead * slope
         changing = np.zeros_like(point.coefficients)  # (x - p) w'(x)
         changing[:-1] += rates
         changing[1:] += ahead * rates
         touched = np.hstack([point.touched, np.broadcast_to(point.touched[j], point.touched.shape)])
-        parts = [(-point.coefficients, sloping), (changing - point.coefficients, there)]
+        parts = [(-point.coefficients, sloping), (changing - point.coefficients, constant)]
         first, second = (
             replace(point, name=name, touched=touched, coefficients=np.concatenate(part, axis=2))
             for name, part in zip(self.names, parts, strict=True)

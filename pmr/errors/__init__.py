@@ -29,11 +29,11 @@ class InputError(ValueError):
         return InputError, (self.source, self.key, self.value, self.allowed)
 
     def found_in(self, source: str) -> InputError:
-        """The same, said of the file (or option) in which the user wrote it."""
+        """Return this error for the file or option in which the user wrote the value."""
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
 
     def called(self, key: str) -> InputError:
-        """The same of a key of a scene as its file writes it."""
+        """Return this error with the key of a scene as its file writes it."""
         return InputError(self.source, key, self.value, self.allowed) if self.source == "scene" else self
 
     def _line(self) -> str:
@@ -69,7 +69,7 @@ class GrowthError(SimulationError):
         self.rigid_rows = rigid_rows
 
     def refusal(self, step: float, rho_inf: float) -> InputError:
-        """The same of a scene's own model, as a choice of its step in s or of rho_inf that a user can change."""
+        """Return this error of a scene's own model as a refusal of its step in s or its rho_inf."""
         key, value, allowed = "time.step", step, "a smaller one is allowed"
         if self.rigid_rows and rho_inf > 0.0:
             key, value = "time.rho_inf", rho_inf
@@ -97,17 +97,17 @@ class TooManyModesError(ConvergenceError):
 
 
 def on_first(comm: Any, make: Callable[[], Found]) -> Found | None:
-    """What `make` gives on rank 0, None on the others; collective.  What is refused there is raised on all ranks.
+    """Call `make` on rank 0 and return its result there, None on other ranks; collective.  Errors are raised on all.
 
     Without that the others would wait in the next exchange for a rank that has left.
     """
-    found, refused = None, None
+    result, refused = None, None
     if comm.rank == 0:
         try:
-            found = make()
+            result = make()
         except (InputError, SimulationError, ConvergenceError) as error:
             refused = error
     refused = comm.bcast(refused)
     if refused is not None:
         raise refused
-    return found
+    return result

@@ -112,15 +112,6 @@ def check_current_folder() -> None:
         raise InputError("environment", "the current folder", None, allowed) from None
 
 
-def collected_seldom() -> None:
-    """Keep what is loaded for good, and look for garbage that holds itself after 10,000 new objects, not 700.
-
-    For processes that end with their work.
-    """
-    gc.freeze()
-    gc.set_threshold(10_000)
-
-
 @contextmanager
 def uncollected(keep: bool = False) -> Iterator[None]:
     """Don't look for garbage that holds itself: a tenth of the time where many objects are made, most of which stay.
@@ -198,6 +189,13 @@ def commit() -> str | None:
     except (OSError, subprocess.CalledProcessError):
         return None
     return head.stdout.strip() + (" with changes" if changed.stdout.strip() else "")
+
+
+@cache
+def sources() -> Mapping[str, str]:
+    """Texts of pmr's modules, by path within pmr, as they were when this process asked first."""
+    root = Path(__file__).parents[1]
+    return {file.relative_to(root).as_posix(): file.read_text(encoding="utf-8") for file in sorted(root.rglob("*.py"))}
 
 
 def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:

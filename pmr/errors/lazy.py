@@ -9,7 +9,7 @@ from warnings import warn
 
 
 class Former(NamedTuple):
-    """What a public name of earlier versions is called now, and the version in which the old one goes."""
+    """Present name of a public name of earlier versions, and the version in which the old one goes."""
 
     now: str
     until: str

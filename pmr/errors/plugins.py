@@ -24,31 +24,31 @@ GROUPS = {
 
 
 @cache
-def offered(group: str, own: frozenset[str]) -> dict[str, Any]:
+def offered(group: str, reserved: frozenset[str]) -> dict[str, Any]:
     """Objects of a group by their names, of all installed distributions; `own` are the names that pmr has itself.
 
     Raises InputError where one can't be imported, or its name is taken.
     """
-    found: dict[str, Any] = {}
+    objects: dict[str, Any] = {}
     for point in sorted(_points(group)):
-        if point.name in own or point.name in found:
+        if point.name in reserved or point.name in objects:
             raise refused(group, point.name, f"a name that nothing else has is allowed ({point.value})")
         try:
-            found[point.name] = point.load()
+            objects[point.name] = point.load()
         except Exception as error:
             raise refused(group, point.name, f"{point.value} can't be imported ({error})") from None
-    return found
+    return objects
 
 
-def one_of(group: str, name: str, own: frozenset[str]) -> Any:
+def one_of(group: str, name: str, reserved: frozenset[str]) -> Any:
     """The object of that name.
 
     Raises InputError as `offered`, or where no installed package has the name: a file may come from another machine.
     """
-    found = offered(group, own)
-    if name not in found:
+    objects = offered(group, reserved)
+    if name not in objects:
         raise refused(group, name, "a name that an installed package offers is allowed")
-    return found[name]
+    return objects[name]
 
 
 def named(group: str) -> set[str]:
@@ -57,7 +57,7 @@ def named(group: str) -> set[str]:
 
 
 def refused(group: str, name: str, says: str | None = None) -> InputError:
-    """What is wrong with an entry point; without `says` it is not what its group asks for."""
+    """Return the error of an entry point; without `says`, that it is not what its group expects."""
     return InputError("installed plug-ins", group, name, says or f"{GROUPS[group]} is allowed")
 
 
@@ -79,7 +79,7 @@ def code_digest() -> str:
 @cache
 def _code_digest(path: tuple[str, ...]) -> str:
     points = _points_on(path)
-    contents = {one for point in points for one in _contents_of(point)}
+    contents = {content for point in points for content in _contents_of(point)}
     named_by = sorted((point.group, point.name, point.value) for point in points)
     return hashlib.sha256(repr((named_by, versions(), sorted(contents))).encode()).hexdigest()
 
@@ -119,6 +119,6 @@ def _points(group: str) -> list[metadata.EntryPoint]:
 
 @cache
 def _points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
-    """Of all groups, in the distributions on `path`, of each of which Python reads a file: that is done once."""
-    found = metadata.entry_points()
-    return [point for group in GROUPS for point in found.select(group=group)]
+    """Entry points of all groups in the distributions on `path`; Python reads a file of each, so they are read once."""
+    points = metadata.entry_points()
+    return [point for group in GROUPS for point in points.select(group=group)]

@@ -29,7 +29,7 @@ def visible(text: str) -> str:
 
     Everything else stays: letters of any script, symbols, brackets and what some programs take for markup.
     """
-    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+    return _STEERING.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
 
 def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
@@ -48,9 +48,9 @@ def no_file(path: Path, what: str = "file") -> str:
     return f"no such {what}" + ", but a folder" * isdir(path)
 
 
-def hint(name: object, known: Iterable[str]) -> str:
+def hint(name: object, names: Iterable[str]) -> str:
     """A question after the one of the `known` names that `name` is like, with a space behind it, or nothing."""
-    close = get_close_matches(str(name), list(known), n=1)
+    close = get_close_matches(str(name), list(names), n=1)
     return f"did you mean {close[0]!r}? " if close else ""
 
 
@@ -66,7 +66,7 @@ def rounded_down(value: float) -> str:
 
 
 def kind_of(warning: str) -> str:
-    """What a warning is about: its words up to the first stop, without numbers, which differ from run to run."""
+    """Kind of a warning: its words up to the first stop, without numbers, which differ from run to run."""
     return " ".join(re.split(r"[,:;(]", _NUMBER.sub("", warning), maxsplit=1)[0].split())
 
 

@@ -49,7 +49,7 @@ if HAS_PETSC:
 
 @contextlib.contextmanager
 def _versions_alone() -> Iterator[None]:
-    """What UFL and FFCx 0.5 ask `pkg_resources` for, without what it does when it is loaded.
+    """Give UFL and FFCx 0.5 the versions that they read from `pkg_resources`, without loading that package.
 
     That looks through all packages of the installation, and takes as long as UFL and FFCx together.
     """
@@ -197,10 +197,10 @@ def _destinations(cells: NDArray[np.int64], _: MPI.Comm, ranks: int, *_more: Any
     place[np.argsort(cells.min(axis=1, initial=np.iinfo(np.int64).max), kind="stable")] = first[:-1]
     owner = sp.csr_matrix((np.ones(count), place * ranks // max(1, count), first), (count, ranks))
     meets = sp.csr_matrix((np.ones(cells.size), cells.ravel(), k * first), (count, cells.max(initial=0) + 1))
-    known = sp.coo_matrix(meets @ (meets.T @ owner) + k**2 * owner)  # the owner has most
-    order = np.lexsort((-known.data, known.row))
-    offsets = np.searchsorted(known.row[order], first)
-    return dolfinx.cpp.graph.AdjacencyList_int32(known.col[order].astype(np.int32), offsets.astype(np.int32))
+    knowing = sp.coo_matrix(meets @ (meets.T @ owner) + k**2 * owner)  # the owner has most
+    order = np.lexsort((-knowing.data, knowing.row))
+    offsets = np.searchsorted(knowing.row[order], first)
+    return dolfinx.cpp.graph.AdjacencyList_int32(knowing.col[order].astype(np.int32), offsets.astype(np.int32))
 
 
 def comm_of(mesh: Any) -> MPI.Comm:
@@ -288,7 +288,7 @@ def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
 
 
 def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
-    """Of a scalar, or of a vector with so many components."""
+    """Element of a scalar, or of a vector with so many components."""
     if not _WRAPPED:
         shape = (components,) if components else None
         return basix.ufl.element(family, mesh.topology.cell_name(), degree, shape=shape)
@@ -331,11 +331,11 @@ def constant(mesh: Any, value: float | Array) -> Any:
 
 def function(space: Any, values: Array) -> Any:
     """A function from the values of all coordinates in PETSc's global order, which every rank gives; collective."""
-    found = dolfinx.fem.Function(space)
+    result = dolfinx.fem.Function(space)
     block, owned = space.dofmap.index_map_bs, space.dofmap.index_map.local_range
-    found.x.array[: block * (owned[1] - owned[0])] = values[block * owned[0] : block * owned[1]]
-    found.x.scatter_forward()
-    return found
+    result.x.array[: block * (owned[1] - owned[0])] = values[block * owned[0] : block * owned[1]]
+    result.x.scatter_forward()
+    return result
 
 
 def compiled_form(form: Any) -> Any:
@@ -381,7 +381,7 @@ def _space(mesh: Any, element: Any) -> Any:
 
 
 def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any:
-    """What `create` returns, the code it compiles stored in a folder of its own in dolfinx' cache; collective.
+    """Call `create` with the code that it compiles stored in a folder of its own in dolfinx' cache; collective.
 
     FFCx marks what it has begun by a file that nobody takes away if its process is killed: from then on each run that
     needs the same code waits for it and fails.  So it compiles in a folder that counts only once it is whole.
@@ -402,7 +402,7 @@ def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any
 
 @cache
 def _compiler() -> tuple[Path, tuple[Any, ...]]:
-    """Where compiled code is stored, and what decides on it beside what is compiled; read from files, once."""
+    """Folder in which compiled code is stored, and what decides on that code; read from files, once."""
     old = VERSION < (0, 6)
     options = dict(dolfinx.jit.get_parameters() if old else dolfinx.jit.get_options())
     of_forms = sorted((ffcx.get_parameters() if old else ffcx.get_options()).items(), key=str)
@@ -422,10 +422,10 @@ def cellwise(mesh: Any, values: Array) -> Any:
 
     A form takes dozens of them: their space, which takes longer than all else of them, is made once for a mesh.
     """
-    known = vars(mesh)
-    if _CELLWISE not in known:
-        known[_CELLWISE] = _space(mesh, _element(mesh, "DG", 0))
-    function = dolfinx.fem.Function(known[_CELLWISE])
+    attributes = vars(mesh)
+    if _CELLWISE not in attributes:
+        attributes[_CELLWISE] = _space(mesh, _element(mesh, "DG", 0))
+    function = dolfinx.fem.Function(attributes[_CELLWISE])
     function.x.array[_table(function.function_space.dofmap).ravel()] = values[original_cells(mesh)]
     return function
 

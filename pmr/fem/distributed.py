@@ -33,7 +33,7 @@ def _tall(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
 
 
 def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
-    """The same without a copy, of an array in Fortran's order: who writes to one of the two writes to the other."""
+    """Make a PETSc matrix on an array in Fortran's order without a copy: both share their entries."""
     return _view(local, like.getSizes()[0], like.comm)
 
 
@@ -70,8 +70,8 @@ def times(A: PETSc.Mat, local: Array) -> Array:
 
 def freed(*objects: Any) -> None:
     """Give the memory of PETSc's objects back at once; collective.  What Python drops stays until `free_dropped`."""
-    for one in objects:
-        one.destroy()
+    for item in objects:
+        item.destroy()
 
 
 def inner(X: Array, Y: Array, comm: Any) -> Array:

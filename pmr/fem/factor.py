@@ -93,14 +93,16 @@ class Factor(_PetscFactor):
         return bool(self._factor.getMumpsInfog(1) == TOO_LITTLE)
 
     def _say(self, name: str, needed: int, free: int) -> None:
-        """What does not fit into memory, and whether files make it fit."""
+        """Refuse a factor that does not fit into memory, or warn that it is kept in files."""
         least = self._factor.getMumpsInfog(26)
-        said = f"the factor of {name} takes {needed} MB of memory on a rank, and {free} MB are there for it"
+        sizes = f"the factor of {name} takes {needed} MB of memory on a rank, and {free} MB are there for it"
         if self._is_too_little():
-            allowed = f"{said}, of which it takes {least} MB if kept in files; a coarser mesh or more memory is allowed"
+            allowed = (
+                f"{sizes}, of which it takes {least} MB if kept in files; a coarser mesh or more memory is allowed"
+            )
             raise InputError("scene", "mesh", None, allowed)
         if self._factor.comm.rank == 0:
-            _log.warning("%s: it is kept in files, which takes %d MB of it and time for reading", said, least)
+            _log.warning("%s: it is kept in files, which takes %d MB of it and time for reading", sizes, least)
 
 
 def product(A: PETSc.Mat, x: Array) -> Array:
@@ -108,14 +110,14 @@ def product(A: PETSc.Mat, x: Array) -> Array:
     right, result = A.createVecs()
     right.getArray()[:] = x
     A.mult(right, result)
-    found = np.array(result.getArray())
+    rows = np.array(result.getArray())
     right.destroy()  # at once: what is only dropped is kept until all ranks clean up together
     result.destroy()
-    return found
+    return rows
 
 
 class SequentialFactor(_PetscFactor):
-    """The same on one rank, by CHOLMOD, whose solve with a single right-hand side takes half as long as MUMPS'.
+    """Factor on one rank by CHOLMOD, whose solve with a single right-hand side takes half as long as MUMPS'.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
     """
@@ -138,9 +140,9 @@ class SparseFactor:
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
-        whole, by = A.values.tocsc(), {"SymmetricMode": True}
+        A_csc, by = A.values.tocsc(), {"SymmetricMode": True}
         try:
-            self._factor = splu(whole, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=by)
+            self._factor = splu(A_csc, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=by)
         except RuntimeError:  # exactly singular
             raise NotDefiniteError(name) from None
         if not np.array_equal(self._factor.perm_r, self._factor.perm_c) or self._factor.U.diagonal().min() <= 0.0:
@@ -177,7 +179,7 @@ def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
 
 
 def cholesky(A: PETSc.Mat, package: str) -> PETSc.PC:
-    """What makes a factor of A by a package; refused by PETSc where it was built without."""
+    """Prepare the Cholesky factor of A by a package; PETSc refuses one that it was built without."""
     pc = PETSc.PC().create(comm=A.comm)
     pc.setOperators(A)
     pc.setType("cholesky")
@@ -187,7 +189,7 @@ def cholesky(A: PETSc.Mat, package: str) -> PETSc.PC:
 
 
 def refusal(name: str, code: int) -> InputError:
-    """What is said of a matrix whose factor MUMPS refuses with a negative `code`."""
+    """Return the error of a matrix whose factor MUMPS refuses with a negative `code`."""
     if code in NOT_DEFINITE:
         return NotDefiniteError(name)
     allowed = f"the factor of {name} failed in MUMPS with error {code}"
@@ -225,8 +227,8 @@ def ample(A: PETSc.Mat) -> int:
 def free_memory(comm: MPI.Comm) -> int:
     """MB that a factor may take on each rank, 0 for no bound where a machine doesn't say what is free; collective."""
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    found = available_memory()
-    share = np.inf if found is None else SHARE * found / 1e6 / node.size
+    available = available_memory()
+    share = np.inf if available is None else SHARE * available / 1e6 / node.size
     node.Free()
     least = comm.allreduce(share, MPI.MIN)
     return 0 if np.isinf(least) else max(1, int(least))

@@ -47,12 +47,12 @@ class ReplicatedFactor:
     def __init__(self, A: PETSc.Mat, name: str) -> None:
         comm = A.comm.tompi4py()
         self._exchange = Exchange(comm, A.getOwnershipRanges())
-        whole = A.getRedundantMatrix(comm.size, PETSc.COMM_SELF)
-        whole.setOption(PETSc.Mat.Option.SPD, True)
+        copy = A.getRedundantMatrix(comm.size, PETSc.COMM_SELF)
+        copy.setOption(PETSc.Mat.Option.SPD, True)
         free = free_memory(comm)
         share = max(1, int(COPIES * free)) if free else 0
-        self._factor = factorised(whole, min(share, ample(whole)))
-        freed(whole)
+        self._factor = factorised(copy, min(share, ample(copy)))
+        freed(copy)
         codes = comm.allgather(self._factor.getMumpsInfog(1))
         if {TOO_LITTLE, *NO_MEMORY} & set(codes):
             needed = self._factor.getMumpsInfog(16)
@@ -62,7 +62,7 @@ class ReplicatedFactor:
             raise refusal(name, min(codes))
 
     def solve_columns(self, columns: Array) -> Array:
-        """As `Factor.solve_columns`, but where they are: right-hand sides in Fortran's order become the answers.
+        """Solve for right-hand sides in Fortran's order in place: they become the answers.
 
         Best of as many times `BLOCK` columns as there are ranks.
         """
@@ -101,26 +101,26 @@ class Exchange:
 
     def columns(self, local: Array) -> Array:
         """This rank's columns (n, k_own) of a matrix given by this rank's rows (n_local, k) in Fortran's order."""
-        whole = np.empty((self._ends[-1], self._shares(local.shape[1])[self._comm.rank]), order="F")
-        with self._parts(local, whole) as (of_rows, of_columns):
+        full = np.empty((self._ends[-1], self._shares(local.shape[1])[self._comm.rank]), order="F")
+        with self._parts(local, full) as (of_rows, of_columns):
             self._comm.Alltoallw(of_rows, of_columns)
-        return whole
+        return full
 
-    def rows(self, whole: Array, local: Array) -> None:
-        """What `columns` undoes: this rank's rows, written to `local` (n_local, k) in Fortran's order."""
-        with self._parts(local, whole) as (of_rows, of_columns):
+    def rows(self, full: Array, local: Array) -> None:
+        """Reverse `columns`: write this rank's rows to `local` (n_local, k) in Fortran's order."""
+        with self._parts(local, full) as (of_rows, of_columns):
             self._comm.Alltoallw(of_columns, of_rows)
 
     @contextmanager
-    def _parts(self, local: Array, whole: Array) -> Iterator[tuple[Any, Any]]:
-        """What this rank has in common with each, as messages in place: its rows' columns, and its columns' rows."""
+    def _parts(self, local: Array, full: Array) -> Iterator[tuple[Any, Any]]:
+        """Describe what this rank exchanges with each other one, in place: its rows' columns and its columns' rows."""
         counts, number = len(local) * self._shares(local.shape[1]), MPI.DOUBLE
         begins = (np.cumsum(counts) - counts) * number.size
-        kinds = [number.Create_vector(whole.shape[1], h, len(whole)).Commit() for h in np.diff(self._ends).tolist()]
+        kinds = [number.Create_vector(full.shape[1], h, len(full)).Commit() for h in np.diff(self._ends).tolist()]
         try:
             yield (
                 (local.T, (counts, begins), [number] * self.ranks),
-                (whole.T, ([1] * self.ranks, self._ends[:-1] * number.size), kinds),
+                (full.T, ([1] * self.ranks, self._ends[:-1] * number.size), kinds),
             )
         finally:
             for kind in kinds:

@@ -23,19 +23,19 @@ class Comm:
     def tompi4py(self) -> Comm:
         return self
 
-    def bcast(self, one: Any, root: int = 0) -> Any:
-        return one
+    def bcast(self, value: Any, root: int = 0) -> Any:
+        return value
 
-    def allreduce(self, one: Any, op: Any = None) -> Any:
-        return one
+    def allreduce(self, value: Any, op: Any = None) -> Any:
+        return value
 
     reduce = allreduce
 
-    def allgather(self, one: Any) -> list[Any]:
-        return [one]
+    def allgather(self, value: Any) -> list[Any]:
+        return [value]
 
-    def gather(self, one: Any, root: int = 0) -> list[Any]:
-        return [one]
+    def gather(self, value: Any, root: int = 0) -> list[Any]:
+        return [value]
 
     def barrier(self) -> None:
         """Nobody is waited for."""
@@ -168,9 +168,9 @@ class Mat:
         self.values = sp.csr_matrix(self.values + factor * X.values)
 
     def zeroRowsColumns(self, numbers: NDArray[Any], diag: float) -> None:
-        kept, put = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
-        kept[numbers], put[numbers] = 0.0, diag
-        self.values = sp.csr_matrix(sp.diags(kept) @ self.values @ sp.diags(kept) + sp.diags(put))
+        others, diagonal = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
+        others[numbers], diagonal[numbers] = 0.0, diag
+        self.values = sp.csr_matrix(sp.diags(others) @ self.values @ sp.diags(others) + sp.diags(diagonal))
 
     def norm(self, kind: Any) -> float:
         return float(np.abs(self.values).sum(axis=1).max())

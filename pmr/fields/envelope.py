@@ -49,7 +49,7 @@ class ForceRows:
 
 
 def force_rows(x: Array, strains: Array, stiffness: dict[str, Array], coordinates: Indices, size: int) -> ForceRows:
-    """Of both ends of E elements.
+    """Return rows of the section forces at both ends of E elements.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def force_rows(x: Array, strains: Array, stiffness: dict[str, Array], coordinate
         if moment in forces:
             slope = sign * (forces[moment][:, 1] - forces[moment][:, 0]) / np.diff(x)
             forces[name] = np.stack([slope, slope], axis=1)
-    known = [name for name in FORCES if name in forces]
-    entries = np.concatenate([forces[name].reshape(x.size, -1) for name in known])
-    columns = np.tile(np.repeat(coordinates, 2, axis=0), (len(known), 1))
+    names = [name for name in FORCES if name in forces]
+    entries = np.concatenate([forces[name].reshape(x.size, -1) for name in names])
+    columns = np.tile(np.repeat(coordinates, 2, axis=0), (len(names), 1))
     ends = np.arange(0, entries.size + 1, entries.shape[1])
     rows = sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (len(entries), size))
-    return ForceRows(rows, tuple(np.repeat(known, x.size).tolist()), np.tile(x.ravel(), len(known)))
+    return ForceRows(rows, tuple(np.repeat(names, x.size).tolist()), np.tile(x.ravel(), len(names)))
 
 
 @dataclass(frozen=True)
@@ -87,16 +87,16 @@ class Envelope:
     most_at: Array  # (c, N) s
 
     def extremes(self) -> dict[str, dict[str, Any]]:
-        """Of each quantity ``unit``, ``min``, ``max``, and of both ``t`` in s and ``x`` in m."""
-        found = {}
+        """Extremes of each quantity by its name: ``unit``, ``min`` and ``max``, each with ``t`` in s and ``x`` in m."""
+        extremes_of = {}
         for k, name in enumerate(self.names):
             low, high = int(self.least[k].argmin()), int(self.most[k].argmax())
-            found[name] = {
+            extremes_of[name] = {
                 "unit": self.units[k],
                 **_extreme("min", self.least[k, low], self.least_at[k, low], self.x[low]),
                 **_extreme("max", self.most[k, high], self.most_at[k, high], self.x[high]),
             }
-        return found
+        return extremes_of
 
 
 class Running:
@@ -120,28 +120,28 @@ class Running:
         self._least, self._most = np.minimum(self._least, values[low, on]), np.maximum(self._most, values[high, on])
 
     def envelope(self, units: dict[str, str]) -> Envelope:
-        """Of all values; of those of one quantity at one place the smallest and the largest count.
+        """Return the smallest and largest value of each quantity at each place.
 
         What is round-off beside the largest value of the same unit is zero; what is nothing else is so from the start.
         """
-        known, x = [name for name in units if name in self._names], np.unique(self._x)
-        shape = (len(known), len(x))
+        names, x = [name for name in units if name in self._names], np.unique(self._x)
+        shape = (len(names), len(x))
         least, least_at, most, most_at = (np.full(shape, np.nan) for _ in range(4))
-        for k, name in enumerate(known):
-            own = np.flatnonzero(self._names == name)
+        for k, name in enumerate(names):
+            of_quantity = np.flatnonzero(self._names == name)
             for i, place in enumerate(x):
-                here = own[self._x[own] == place]
-                low, high = here[self._least[here].argmin()], here[self._most[here].argmax()]
+                at_place = of_quantity[self._x[of_quantity] == place]
+                low, high = at_place[self._least[at_place].argmin()], at_place[self._most[at_place].argmax()]
                 least[k, i], least_at[k, i] = self._least[low], self._least_at[low]
                 most[k, i], most_at[k, i] = self._most[high], self._most_at[high]
         for unit in set(units.values()):
-            of_unit = np.array([units[name] == unit for name in known])
+            of_unit = np.array([units[name] == unit for name in names])
             largest = max(np.abs(one[of_unit]).max(initial=0.0) for one in (least, most))
-            for one in (least, most):
-                one[of_unit[:, None] & (np.abs(one) <= ROUND_OFF * largest)] = 0.0
+            for values in (least, most):
+                values[of_unit[:, None] & (np.abs(values) <= ROUND_OFF * largest)] = 0.0
         nothing = (least == 0.0) & (most == 0.0)
         least_at[nothing] = most_at[nothing] = self._start
-        return Envelope(tuple(known), tuple(units[name] for name in known), x, least, least_at, most, most_at)
+        return Envelope(tuple(names), tuple(units[name] for name in names), x, least, least_at, most, most_at)
 
 
 def _extreme(what: str, value: float, t: float, x: float) -> dict[str, float]:

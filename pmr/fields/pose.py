@@ -24,8 +24,8 @@ class Pose:
 
     def places(self, points: ArrayLike) -> Array:
         """Places (S, n, 3) in m from the pivot in space, of places (S, n, 3) or (n, 3) in the moving axes."""
-        moved = np.asarray(points, float) + self.origin[:, None, :]
-        return np.asarray(np.einsum("sij,snj->sni", self.rotation, moved))
+        from_pivot = np.asarray(points, float) + self.origin[:, None, :]
+        return np.asarray(np.einsum("sij,snj->sni", self.rotation, from_pivot))
 
     def at(self, k: int, points: ArrayLike) -> Array:
         """Places (..., 3) in m in space at time number k, of places (..., 3) in the moving axes."""

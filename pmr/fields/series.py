@@ -83,17 +83,17 @@ class Fields:
 
     @property
     def points(self) -> Array:
-        """Of the grid, (N, 3) m."""
+        """Points of the grid, (N, 3) m."""
         return self.grid.points
 
     @property
     def cells(self) -> NDArray[np.int64]:
-        """Of the grid, (C, k): points of each cell, in VTK's order."""
+        """Cells of the grid, (C, k): points of each cell, in VTK's order."""
         return self.grid.cells
 
     @property
     def kind(self) -> str:
-        """Of the grid's cells: line, triangle, tetra or hexahedron."""
+        """Kind of the grid's cells: line, triangle, tetra or hexahedron."""
         return self.grid.cell
 
     def save(self, file: Path) -> None:

@@ -78,30 +78,30 @@ class StressRows:
 
         A cell without a point on a face takes its largest one anywhere.
         """
-        whole = _largest(values, self.cell, cells)
-        found = {}
+        largest_anywhere = _largest(values, self.cell, cells)
+        largest = {}
         for face in self.faces:
             on = self.on(face)
-            found[face] = _largest(values[:, on], self.cell[on], cells)
+            largest[face] = _largest(values[:, on], self.cell[on], cells)
             absent = np.setdiff1d(np.arange(cells), self.cell[on])
-            found[face][:, absent] = whole[:, absent]
-        return found
+            largest[face][:, absent] = largest_anywhere[:, absent]
+        return largest
 
     def components_by_cell(self, stresses: Array, cells: int) -> dict[str, Array]:
-        """Of stresses (S, P, c) those where von Mises' is largest in each cell, (S, cells), by face and component.
+        """Components of stresses (S, P, c) where von Mises' is largest in each cell, (S, cells), by face and name.
 
         A cell without a point on a face takes its largest one anywhere.
         """
-        mises, found = self.von_mises(stresses), dict[str, Array]()
-        whole = _where_largest(mises, self.cell, cells)
+        mises, components = self.von_mises(stresses), dict[str, Array]()
+        largest_anywhere = _where_largest(mises, self.cell, cells)
         for face in self.faces:
             on = self.on(face)
             at = on[_where_largest(mises[:, on], self.cell[on], cells)]
             absent = np.setdiff1d(np.arange(cells), self.cell[on])
-            at[:, absent] = whole[:, absent]
+            at[:, absent] = largest_anywhere[:, absent]
             for k, component in enumerate(self.components):
-                found[f"{face} {component}"] = np.take_along_axis(stresses[:, :, k], at, axis=1)
-        return found
+                components[f"{face} {component}"] = np.take_along_axis(stresses[:, :, k], at, axis=1)
+        return components
 
 
 @dataclass(frozen=True)
@@ -163,8 +163,8 @@ def stress_history(
     near = 1e-6 * float(np.ptp(rows.points, axis=0).max())
     shared: list[tuple[float, float, float]] = []
     for q in like[1:]:
-        others = np.array([place, *shared])
-        if np.linalg.norm(others - rows.points[q], axis=1).min() > near:  # cells that meet have points in common
+        earlier = np.array([place, *shared])
+        if np.linalg.norm(earlier - rows.points[q], axis=1).min() > near:  # cells that meet have points in common
             shared.append(_place(rows.points[q]))
     on = rows.faces[rows.face[p]]
     peak = StressPeak(float(largest[k]), float(t[k]), place, on, cell, grid.region(cell), tuple(shared))
@@ -173,13 +173,13 @@ def stress_history(
 
 def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> dict[str, StressPeak]:
     """The largest stress in each region of a grid, from that at each point (P,) in Pa and when it is there (P,) s."""
-    found = {}
+    peaks = {}
     for name, cells in sorted(grid.regions.items()):
         points = np.flatnonzero(np.isin(rows.cell, cells))
         p = int(points[most[points].argmax()])
         place, face = _place(rows.points[p]), rows.faces[rows.face[p]]
-        found[name] = StressPeak(float(most[p]), float(when[p]), place, face, int(rows.cell[p]), name)
-    return found
+        peaks[name] = StressPeak(float(most[p]), float(when[p]), place, face, int(rows.cell[p]), name)
+    return peaks
 
 
 def _place(point: Array) -> tuple[float, float, float]:

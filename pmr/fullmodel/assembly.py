@@ -33,7 +33,7 @@ class Operators:
 
 
 def rayleigh(damping: Damping) -> Rayleigh:
-    """What D = a M + b K is made of."""
+    """Factors of mass and stiffness in D = a M + b K."""
     return Rayleigh(damping.mass, damping.stiffness)
 
 
@@ -44,13 +44,17 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
     assert isinstance(model, Matrices)
     first, last = share(model.size, comm)
     sizes = (int(last - first), model.size)
-    made = []
+    matrices = []
     for A in (model.given.M, padded(model.given.K, model.given.M)):
-        own = A[first:last].sorted_indices()
-        parts = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
-        made.append(PETSc.Mat().createAIJ((sizes, sizes), csr=parts, comm=comm))
-        made[-1].assemble()
-    return Operators(*made)
+        share_of_rank = A[first:last].sorted_indices()
+        parts = (
+            share_of_rank.indptr.astype(PETSc.IntType),
+            share_of_rank.indices.astype(PETSc.IntType),
+            share_of_rank.data,
+        )
+        matrices.append(PETSc.Mat().createAIJ((sizes, sizes), csr=parts, comm=comm))
+        matrices[-1].assemble()
+    return Operators(*matrices)
 
 
 def padded(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
@@ -80,22 +84,22 @@ class Assembler:
         self._order = model_order(model, self.space)
 
     def matrix(self, form: Any, zeros: bool = True) -> PETSc.Mat:
-        """Of a form in UFL on the model's coordinates, with or without the zeros of its pattern; collective."""
+        """Assemble a form in UFL on the model's coordinates, with or without the zeros of its pattern; collective."""
         return self.assembled(compiled_form(form), zeros)
 
     def assembled(self, form: Any, zeros: bool = True) -> PETSc.Mat:
-        """The same of a form that is compiled."""
+        """Assemble a form that is compiled, as `matrix` does."""
         rows = _rows(assemble(form))
         if not zeros:
             rows.matrix.eliminate_zeros()
-        found, T = reordered(rows, self._order, self.comm), self.model.transformation
+        matrix, T = reordered(rows, self._order, self.comm), self.model.transformation
         if T is None:
-            return found
-        (first, last), columns = found.getOwnershipRange(), share(T.shape[1], self.comm)
-        P = sparse(T.tocsr()[first:last], found, columns=int(columns[1] - columns[0]))
-        found = projected(found, P)
+            return matrix
+        (first, last), columns = matrix.getOwnershipRange(), share(T.shape[1], self.comm)
+        P = sparse(T.tocsr()[first:last], matrix, columns=int(columns[1] - columns[0]))
+        matrix = projected(matrix, P)
         freed(P)
-        return found
+        return matrix
 
     def function(self, q: Array) -> Any:
         """The model's coordinates q (n,), the same on every rank, as a function on the space; collective."""
@@ -117,8 +121,8 @@ def model_order(model: FiniteElementModel, space: Any) -> Indices:
     order = np.full(space.dofmap.index_map.size_global * space.dofmap.index_map_bs, -1, np.int64)
     for mine, its in zip(ours, theirs, strict=True):
         order[mine.ravel()] = its.ravel()
-    known = np.flatnonzero(order >= 0)
-    for numbers, places in space.mesh.comm.allgather((known, order[known])):
+    numbered = np.flatnonzero(order >= 0)
+    for numbers, places in space.mesh.comm.allgather((numbered, order[numbered])):
         order[numbers] = places
     if not np.array_equal(np.sort(order), np.arange(len(order))):
         raise RuntimeError("the model's coordinates and the space's do not match")
@@ -151,12 +155,14 @@ def reordered(rows: Rows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
     """
     number = np.empty(len(order), PETSc.IntType)
     number[order] = np.arange(len(order), dtype=number.dtype)
-    own = _exchanged(Rows(number[rows.numbers], rows.matrix), comm).matrix
-    own.indices[:] = number[own.indices]
-    own.has_sorted_indices = False
-    own.sort_indices()
-    sizes = (own.shape[0], len(order))
-    result = PETSc.Mat().createAIJ((sizes, sizes), csr=(own.indptr, own.indices, own.data), comm=comm)
+    share_of_rank = _exchanged(Rows(number[rows.numbers], rows.matrix), comm).matrix
+    share_of_rank.indices[:] = number[share_of_rank.indices]
+    share_of_rank.has_sorted_indices = False
+    share_of_rank.sort_indices()
+    sizes = (share_of_rank.shape[0], len(order))
+    result = PETSc.Mat().createAIJ(
+        (sizes, sizes), csr=(share_of_rank.indptr, share_of_rank.indices, share_of_rank.data), comm=comm
+    )
     result.assemble()
     return result
 
@@ -165,14 +171,14 @@ def _exchanged(rows: Rows, comm: MPI.Comm) -> Rows:
     """The rows of this rank's share, of those that all ranks know, ascending; collective."""
     ends = np.arange(1, comm.size + 1) * rows.matrix.shape[1] // comm.size
     owner = np.searchsorted(ends, rows.numbers, side="right")
-    given = [rows.taken(np.flatnonzero(owner == rank)) if rank != comm.rank else None for rank in range(comm.size)]
-    taken = [part for part in comm.alltoall(given) if part is not None]
-    if taken:
-        owner = np.concatenate([owner, *(np.full(len(part.numbers), comm.rank) for part in taken)])
-        numbers = np.concatenate([rows.numbers, *(part.numbers for part in taken)])
-        rows = Rows(numbers, sp.vstack([rows.matrix, *(part.matrix for part in taken)], "csr"))
-    own = np.flatnonzero(owner == comm.rank)
-    return rows.taken(own[np.argsort(rows.numbers[own])])
+    sent = [rows.taken(np.flatnonzero(owner == rank)) if rank != comm.rank else None for rank in range(comm.size)]
+    received = [part for part in comm.alltoall(sent) if part is not None]
+    if received:
+        owner = np.concatenate([owner, *(np.full(len(part.numbers), comm.rank) for part in received)])
+        numbers = np.concatenate([rows.numbers, *(part.numbers for part in received)])
+        rows = Rows(numbers, sp.vstack([rows.matrix, *(part.matrix for part in received)], "csr"))
+    owned = np.flatnonzero(owner == comm.rank)
+    return rows.taken(owned[np.argsort(rows.numbers[owned])])
 
 
 def projected(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:

@@ -74,9 +74,9 @@ def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: 
         Q[:, len(T) :] = block.vectors
         near = slice(max(0, filled - 2 * start.shape[1]), filled)
         W = apply(block.dual)
-        beside = inner(Q[:, near], times(M, W), comm)  # to all blocks before the last two H W is orthogonal by itself
-        T = _grown(T, beside)
-        subtract(W, Q[:, near], beside)
+        overlap = inner(Q[:, near], times(M, W), comm)  # to all blocks before the last two H W is orthogonal by itself
+        T = _grown(T, overlap)
+        subtract(W, Q[:, near], overlap)
         rough = _orthonormal(W, times(M, W), comm, dimension - filled)
         W = rough.vectors
         subtract(W, Q, inner(Q, rough.dual, comm))
@@ -105,9 +105,9 @@ class _Block:
 def _orthonormal(W: Array, MW: Array, comm: Any, most: int) -> _Block:
     """W M-orthonormalised: `most` directions at most, the longest ones."""
     values, turned = np.linalg.eigh(inner(W, MW, comm))
-    kept = values > SPANNED**2 * np.max(values, initial=0.0)
-    kept[: max(0, len(values) - most)] = False
-    scaled = turned[:, kept] / np.sqrt(values[kept])
+    is_spanned = values > SPANNED**2 * np.max(values, initial=0.0)
+    is_spanned[: max(0, len(values) - most)] = False
+    scaled = turned[:, is_spanned] / np.sqrt(values[is_spanned])
     lengths = (turned * np.sqrt(np.maximum(values, 0.0))).T
     return _Block(np.asfortranarray((scaled.T @ W.T).T), np.asfortranarray((scaled.T @ MW.T).T), lengths)
 
@@ -120,6 +120,6 @@ def _grown(T: Array, columns: Array) -> Array:
     result[: m - b, : m - b] = T
     result[m - d :, m - b :] = columns
     result[m - b :, m - d :] = columns.T
-    own = columns[d - b :]
-    result[m - b :, m - b :] = (own + own.T) / 2.0
+    corner = columns[d - b :]
+    result[m - b :, m - b :] = (corner + corner.T) / 2.0
     return result

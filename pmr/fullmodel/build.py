@@ -52,7 +52,7 @@ def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
 
 
 def build_and_warn(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
-    """As `build`, with warnings in the log."""
+    """Build a scene's full model as `build` does, with warnings in the log."""
     built = build(scene, comm)
     log_warnings([built], comm)
     return built
@@ -60,9 +60,9 @@ def build_and_warn(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
 
 def log_warnings(built: Iterable[Built], comm: MPI.Comm) -> None:
     """Warnings of structures, each once, in the log of the first rank."""
-    found = dict.fromkeys(said for one in built for said in warnings(one.structure))
-    for said in found if comm.rank == 0 else ():
-        logger.warning("%s", said)
+    messages = dict.fromkeys(said for model in built for said in warnings(model.structure))
+    for message in messages if comm.rank == 0 else ():
+        logger.warning("%s", message)
 
 
 def warnings(structure: Structure) -> list[str]:
@@ -85,26 +85,26 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
     for member in filter(undecided, members(scene)):
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
         raise InputError("scene", scene.key_of(member.number, "body.model"), "auto", allowed)
-    made, found = dict[tuple[str, str], Built](), dict[str, Built]()
+    by_content, bodies = dict[tuple[str, str], Built](), dict[str, Built]()
     matrices = wanted_matrices(scene)
     for name, member in zip(scene.names, members(scene), strict=True):
         key = member.content, model_of(member)
-        if key not in made:
+        if key not in by_content:
             try:
                 structure = replace(structure_of(member, comm), matrices=matrices)
-                made[key] = Built(structural_model(structure, comm), structure)
+                by_content[key] = Built(structural_model(structure, comm), structure)
             except InputError as error:
                 raise error.called(scene.key_of(member.number, error.key)) from None
-        found[name] = made[key]
-    if scene.free_motions == "refused" and (free := _free(scene, found)).said:
-        allowed = f"{_without_limit(found, free)}; a support that holds it is needed, or 'allowed'"
+        bodies[name] = by_content[key]
+    if scene.free_motions == "refused" and (free := _free(scene, bodies)).said:
+        allowed = f"{_without_limit(bodies, free)}; a support that holds it is needed, or 'allowed'"
         raise NotHeldError("scene", "free_motions", scene.free_motions, allowed, free.short)
-    return found
+    return bodies
 
 
 def models_of(built: Mapping[str, Built]) -> dict[str, FullModel]:
     """The models by their bodies' names."""
-    return {name: one.model for name, one in built.items()}
+    return {name: body.model for name, body in built.items()}
 
 
 def left_free(scene: Scene, built: Mapping[str, Built]) -> list[str]:
@@ -121,11 +121,11 @@ def _without_limit(built: Mapping[str, Built], free: free_motions.Free) -> str:
 def _free(scene: Scene, built: Mapping[str, Built]) -> free_motions.Free:
     models = models_of(built)
     system = FullSystem(models, contacts_of(scene, models)).supported()
-    return free_motions.words(system, {name: one.structure.model for name, one in built.items()}, _way(scene))
+    return free_motions.words(system, {name: body.structure.model for name, body in built.items()}, _way(scene))
 
 
 def _way(scene: Scene) -> free_motions.Way:
-    """Where bodies are looked at: one alone all along its path, sections at some times and where paths have breaks."""
+    """Positions at which bodies are looked at: of one alone all along its path; of sections some times and breaks."""
     if ALONE in scene.bodies:
         along = np.linspace(*scene.travel, PLACES)
         return free_motions.Way({SLIDER: along}, {ALONE: np.zeros(PLACES)}, [f"with s at {at:.4g} m" for at in along])

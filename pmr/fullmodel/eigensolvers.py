@@ -89,9 +89,9 @@ class SlepcEigenSolver:
         check_count(count, dimension)
         T = elimination.petsc(model.M)
         M, K = model.M.PtAP(T), model.K.PtAP(T)
-        wanted = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
-        omega2, z = self._solve(M, K, wanted, [])
-        for _ in range(wanted):
+        pairs = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
+        omega2, z = self._solve(M, K, pairs, [])
+        for _ in range(pairs):
             below = (
                 omega2[count - 1] * (1.0 - 1e-5) - self._sigma * 1e-5
                 if len(omega2) == count or clustered(omega2[count - 1], omega2[count])
@@ -102,21 +102,23 @@ class SlepcEigenSolver:
                 break
             more_omega2, more = self._solve(M, K, missing, z)
             omega2, z = np.concatenate([omega2, more_omega2]), z + more
-            order = np.argsort(omega2, kind="stable")[:wanted]
+            order = np.argsort(omega2, kind="stable")[:pairs]
             omega2, z = omega2[order], [z[i] for i in order]
         cut = len(omega2) > count and clustered(omega2[count - 1], omega2[count])
         phi = times(T, np.column_stack([vector.getArray() for vector in z[:count]]))
         freed(T, M, K, *z)
         return finished(model, s, omega2[:count], phi, cut)
 
-    def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, found: list[PETSc.Vec]) -> tuple[Array, list[PETSc.Vec]]:
+    def _solve(
+        self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]
+    ) -> tuple[Array, list[PETSc.Vec]]:
         eps = lowest_of(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")
         pc.setFactorSolverType("mumps")
         freed(pc)  # a name that outlives the solver would keep the factor
-        if found:
-            eps.setDeflationSpace(found)
+        if deflation:
+            eps.setDeflationSpace(deflation)
         return solved(eps, count)
 
 
@@ -155,8 +157,8 @@ class OneFactorEigenSolver:
             return x
 
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (model.size, BLOCK))[model.share]
-        wanted = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
-        found = largest(apply, model.M, apply(np.asfortranarray(loads)), wanted, dimension)
+        pairs = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
+        found = largest(apply, model.M, apply(np.asfortranarray(loads)), pairs, dimension)
         omega2 = 1.0 / found.theta - self._sigma
         cut = len(omega2) > count and clustered(omega2[count - 1], omega2[count])
         return finished(model, s, omega2[:count], np.asfortranarray(found.vectors[:, :count]), cut)
@@ -170,9 +172,9 @@ def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> A
 
     Raises a `ConvergenceError` if SLEPc finds too few.
     """
-    found = eigensolver(model, solver)
+    solver_of_model = eigensolver(model, solver)
     count = min(count, model.size - len(model.rows.names))
-    return np.array([found.lowest(float(at), count).omega for at in s])
+    return np.array([solver_of_model.lowest(float(at), count).omega for at in s])
 
 
 def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:

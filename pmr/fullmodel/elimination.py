@@ -87,9 +87,9 @@ class Elimination:
         first, last = K.getOwnershipRange()
         coupled = np.flatnonzero(np.any(self.factors, axis=1))
         pivots = self.pivots[coupled]
-        own = {int(p): K.getRow(int(p)) for p in pivots if first <= p < last}
-        found = {p: row for rows in K.comm.tompi4py().allgather(own) for p, row in rows.items()}
-        rows = [found[int(p)] for p in pivots]
+        rows_of_rank = {int(p): K.getRow(int(p)) for p in pivots if first <= p < last}
+        rows_of_pivots = {p: row for rows in K.comm.tompi4py().allgather(rows_of_rank) for p, row in rows.items()}
+        rows = [rows_of_pivots[int(p)] for p in pivots]
         R = sp.vstack([sp.csr_matrix((values, i, [0, len(i)]), (1, self.size)) for i, values in rows], format="csr")
         at, other = np.nonzero(self.factors[coupled])
         F = sp.csr_matrix((self.factors[coupled][at, other], (at, self.others[other])), (len(coupled), self.size))
@@ -149,17 +149,19 @@ def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:
     scale = np.abs(A).max(axis=1, initial=0.0)
     if not scale.all():
         raise DependentRowsError([names[i] for i in np.flatnonzero(scale == 0.0)])
-    left, pivots = list(range(len(A))), {}
-    while left:
-        block = np.abs(A[left]) / scale[left, None]
+    open_rows, pivots = list(range(len(A))), {}
+    while open_rows:
+        block = np.abs(A[open_rows]) / scale[open_rows, None]
         row, column = np.unravel_index(int(block.argmax()), block.shape)
         if block[row, column] < 1e-10:
-            raise DependentRowsError([names[i] for i in left])
-        i = left.pop(int(row))
+            raise DependentRowsError([names[i] for i in open_rows])
+        i = open_rows.pop(int(row))
         A[i] /= A[i, column]
         for other in set(range(len(A))) - {i}:
             A[other] -= A[other, column] * A[i]
         pivots[i] = int(column)
     columns = np.array([pivots[i] for i in range(len(A))], np.int64)
-    rest = np.setdiff1d(np.arange(len(touched)), columns)
-    return Elimination(C.shape[1], touched[columns].astype(np.int64), touched[rest].astype(np.int64), A[:, rest])
+    remaining = np.setdiff1d(np.arange(len(touched)), columns)
+    return Elimination(
+        C.shape[1], touched[columns].astype(np.int64), touched[remaining].astype(np.int64), A[:, remaining]
+    )

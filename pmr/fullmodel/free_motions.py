@@ -34,7 +34,7 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class Free:
-    """What is free where most is: all of it, and its first motion in a clause; both empty if nothing ever is."""
+    """Free motions at the position with most of them, in words: all, and the first in a clause; both may be empty."""
 
     said: str = ""  # "fly free to move along x at t = 2 s"
     short: str = ""  # "fly can move along x"
@@ -42,7 +42,7 @@ class Free:
 
 @dataclass(frozen=True)
 class Way:
-    """Where a system is looked at: at T positions."""
+    """Positions, T of them, at which a system is looked at."""
 
     s: Mapping[str, Array]  # path coordinates (T,) m
     ahead: Mapping[str, Array]  # (T,) m of each body: how far its tail is ahead of the base's
@@ -51,7 +51,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Body:
-    """What the rows of a body measure of its rigid motions, six: those that its model has not are zero."""
+    """Rigid motions of a body, six, as its rows measure them: those that its model has not are zero."""
 
     on_carriers: Array  # (K, 6)
     terms: Array  # (K, 6): the same of the sizes of all numbers, which round-off is a share of
@@ -65,9 +65,9 @@ class Body:
             raise ValueError("a model is needed that knows its rigid motions")
         R, comm = model.rigid.coordinates, model.comm
         U = model.carriers.carriers[:, model.share]
-        own = [DIRECTIONS.index(direction) for direction in structural.directions]
-        space = np.eye(6)[own]
-        missing = np.delete(np.eye(6), own, axis=0)
+        numbers = [DIRECTIONS.index(direction) for direction in structural.directions]
+        space = np.eye(6)[numbers]
+        missing = np.delete(np.eye(6), numbers, axis=0)
         held = [model.rigid.held @ space, missing]
         turning = np.array([direction.startswith("r") for direction in structural.directions])
         reach = float(np.max(comm.allgather(np.abs(R[:, turning]).max(initial=0.0))))
@@ -80,8 +80,8 @@ def _fewest(rows: Array, reach: float) -> Array:
     scale = np.repeat([1.0, reach or 1.0], 3)
     rows = rows / scale
     size = np.linalg.norm(rows, axis=1)
-    found = np.linalg.qr(rows[size > 0.0] / size[size > 0.0, None], mode="r")
-    return np.asarray(found[np.linalg.norm(found, axis=1) > ROUND_OFF] * scale)
+    triangle = np.linalg.qr(rows[size > 0.0] / size[size > 0.0, None], mode="r")
+    return np.asarray(triangle[np.linalg.norm(triangle, axis=1) > ROUND_OFF] * scale)
 
 
 def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> list[dict[str, Array]]:
@@ -103,41 +103,43 @@ def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way:
 
 
 def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> Free:
-    """What is free, in words; collective."""
-    found = [{name: described(motions) for name, motions in at.items()} for at in freedoms(system, structural, way)]
-    counts = [sum(map(len, at.values())) for at in found]
+    """Describe the free motions of a system; collective."""
+    by_position = [
+        {name: described(motions) for name, motions in at.items()} for at in freedoms(system, structural, way)
+    ]
+    counts = [sum(map(len, at.values())) for at in by_position]
     most, last = int(np.argmax(counts)), list(system.bodies)[-1]
     if not counts[most]:
         return Free()
     said = "; ".join(
         f"{'the body' if name == ALONE else name if name == last else f'{name} with what it carries'} free to "
         + ", ".join(motions)
-        for name, motions in found[most].items()
+        for name, motions in by_position[most].items()
     )
-    always = all(at == found[most] for at in found)
-    first = next(iter(found[most].values()))[0]
-    names = [name for name, motions in found[most].items() if first in motions]
+    always = all(at == by_position[most] for at in by_position)
+    first = next(iter(by_position[most].values()))[0]
+    names = [name for name, motions in by_position[most].items() if first in motions]
     who = "it" if names == [ALONE] else " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-    others = counts[most] - len(names)
-    more = f", and in {others} more way{'s' if others > 1 else ''}" if others else ""
+    further = counts[most] - len(names)
+    more = f", and in {further} more way{'s' if further > 1 else ''}" if further else ""
     return Free(said if always else f"{said} {way.said[most]}", f"{who} can {first}{more}")
 
 
 def _contacts(system: FullSystem, bodies: Mapping[str, Body], way: Way, shifts: Mapping[str, Array]) -> Array:
-    """What each contact measures of the motions of all bodies, (T, m, 6 b); zero where that is round-off."""
+    """Motions of all bodies as each contact measures them, (T, m, 6 b); zero where that is round-off."""
     names, x = list(bodies), system.coordinates(way.s)
     rows, terms = np.zeros((2, len(way.said), len(system.contacts), 6 * len(names)))
     for side, row, at in zip(system.sides, system.side_rows, x.T, strict=True):
         name = side.place.body
-        own, weights = slice(6 * names.index(name), 6 * names.index(name) + 6), row.weights(at)
-        rows[:, side.contact, own] = side.sign * _times(weights @ bodies[name].on_carriers, shifts[name])
-        terms[:, side.contact, own] = _times(abs(weights) @ bodies[name].terms, np.abs(shifts[name]))
+        motions_of_body, weights = slice(6 * names.index(name), 6 * names.index(name) + 6), row.weights(at)
+        rows[:, side.contact, motions_of_body] = side.sign * _times(weights @ bodies[name].on_carriers, shifts[name])
+        terms[:, side.contact, motions_of_body] = _times(abs(weights) @ bodies[name].terms, np.abs(shifts[name]))
     counts = np.linalg.norm(rows, axis=2) > ROUND_OFF * np.linalg.norm(terms, axis=2)
     return rows * counts[:, :, None]
 
 
 def _supports(bodies: Mapping[str, Body], shifts: Mapping[str, Array]) -> Iterator[Array]:
-    """What always holds each body, likewise."""
+    """Motions that supports of each body measure, likewise."""
     for k, (name, body) in enumerate(bodies.items()):
         rows = np.einsum("hk,tkl->thl", body.held, shifts[name])
         yield np.pad(rows, ((0, 0), (0, 0), (6 * k, 6 * (len(bodies) - k - 1))))
@@ -157,15 +159,15 @@ def _shifts(ahead: Array) -> Array:
 
 def _split(free: Array, names: tuple[str, ...], scale: Array) -> dict[str, Array]:
     """Orthonormal motions (6 b, f), those of each body beside the next outer one, by the first body that moves."""
-    found = {}
+    motions = {}
     for k, name in enumerate(names):
-        own = free[6 * k : 6 * k + 6]
-        _, sigma, Vt = np.linalg.svd(own, full_matrices=True)
+        of_body = free[6 * k : 6 * k + 6]
+        _, sigma, Vt = np.linalg.svd(of_body, full_matrices=True)
         count = int(np.sum(sigma > FREE))
         if count:
-            found[name] = own @ Vt[:count].T / scale[:, None]
+            motions[name] = of_body @ Vt[:count].T / scale[:, None]
         free = free @ Vt[count:].T
-    return found
+    return motions
 
 
 def _null_space(C: Array) -> Array:
@@ -180,13 +182,13 @@ def described(motions: Array) -> list[str]:
     _, sigma, Vt = np.linalg.svd(theta, full_matrices=True)
     turns = int(np.sum(sigma > FREE * np.abs(motions).max(initial=0.0)))
     shifts = _reduced(Vt[turns:] @ motions[:3].T)
-    said = [f"move along {_direction(shift)}" for shift in shifts]
+    phrases = [f"move along {_direction(shift)}" for shift in shifts]
     for motion in _reduced(Vt[:turns] @ np.vstack([theta, motions[:3]]).T):
-        about, moved = motion[:3], motion[3:]
+        about, linear = motion[:3], motion[3:]
         if len(shifts):
-            moved = moved - shifts.T @ np.linalg.lstsq(shifts.T, moved, rcond=None)[0]
-        said.append(f"turn about {_direction(about)} through {_place(np.cross(about, moved) / (about @ about))}")
-    return said
+            linear = linear - shifts.T @ np.linalg.lstsq(shifts.T, linear, rcond=None)[0]
+        phrases.append(f"turn about {_direction(about)} through {_place(np.cross(about, linear) / (about @ about))}")
+    return phrases
 
 
 def _reduced(A: Array) -> Array:
@@ -200,8 +202,8 @@ def _reduced(A: Array) -> Array:
             continue
         A[[row, pivot]] = A[[pivot, row]]
         A[row] /= A[row, column]
-        others = np.arange(len(A)) != row
-        A[others] -= np.outer(A[others, column], A[row])
+        other_rows = np.arange(len(A)) != row
+        A[other_rows] -= np.outer(A[other_rows, column], A[row])
         row += 1
     return A[:row]
 

@@ -52,7 +52,7 @@ MOST_OBSERVED = 1000
 
 
 def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
-    """What a body of a scene is; the same on every rank, collective.
+    """Structure of a body of a scene; the same on every rank, collective.
 
     Outputs: the displacement in m along each transverse direction at the observed places (by default a beam's nodes but
     for the last, which is the tip; of more than `MOST_OBSERVED` every second, third ...), then of the tip, then the
@@ -83,7 +83,9 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     inertia = [Inertia(field) for field in inertia_fields(member)]
     return Structure(
         model,
-        clamps=tuple(Clamp(str(one.on), one.held) for one in member.part.supports if one.points == "all"),
+        clamps=tuple(
+            Clamp(str(support.on), support.held) for support in member.part.supports if support.points == "all"
+        ),
         masses=member.part.masses,
         loads=(*(Action(load.name, load.on, load.direction) for load in acting(member)), *weight, *driven, *inertia),
         outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
@@ -101,7 +103,7 @@ def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
 
 
 def _pads(member: Member) -> Pads:
-    """Those that the model can feel."""
+    """Pads that the model can feel."""
     faces = felt_faces(member)
     fixed, moving = (
         tuple(
@@ -125,7 +127,7 @@ def _pads(member: Member) -> Pads:
 
 
 def _common(pads: Pads) -> tuple[float, float]:
-    """Where all rows are defined: those of ends are too."""
+    """Range of the path in which all rows are defined: those of ends are too."""
     travels = [pad.travel for pad in pads.moving if pad.travel is not None] or [pads.travel]
     return float(np.max([low for low, _ in travels])), float(np.min([high for _, high in travels]))
 
@@ -144,10 +146,10 @@ def _supports(member: Member) -> tuple[Support, ...]:
     """One for each direction that the model knows: nothing moves a planar beam along others."""
     moves = directions(member)
     return tuple(
-        Support(one.row_name(d), one.on, d, np.inf if one.stiffness == "rigid" else one.stiffness)
-        for one in member.part.supports
-        if one.points == "mean"
-        for d in one.held
+        Support(support.row_name(d), support.on, d, np.inf if support.stiffness == "rigid" else support.stiffness)
+        for support in member.part.supports
+        if support.points == "mean"
+        for d in support.held
         if d in moves
     )
 
@@ -196,10 +198,10 @@ def _meshed(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 def _kind(name: str) -> Any:
     """The module of a shell or solid, of ours or of an installed package."""
-    own = frozenset(get_args(OwnModel))
-    if name in own:
+    models_of_pmr = frozenset(get_args(OwnModel))
+    if name in models_of_pmr:
         return import_module(f"pmr.models.{name}")
-    kind = plugins.one_of("pmr.models", name, own)
+    kind = plugins.one_of("pmr.models", name, models_of_pmr)
     if not (hasattr(kind, "KINDS") and callable(getattr(kind, "of", None))):
         raise plugins.refused("pmr.models", name)
     return kind
@@ -220,8 +222,8 @@ _MODELS: dict[str, Callable[[Member, MPI.Comm], StructuralModel]] = {
 
 def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
     """Read or drawn by rank 0, then the same everywhere."""
-    found: NamedMesh = comm.bcast(on_first(comm, lambda: _read_or_draw(member, kinds, write)))
-    return found
+    mesh: NamedMesh = comm.bcast(on_first(comm, lambda: _read_or_draw(member, kinds, write)))
+    return mesh
 
 
 def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:

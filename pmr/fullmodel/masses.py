@@ -28,7 +28,7 @@ MOMENTS = ((("y", "rz", 1.0), ("z", "ry", -1.0)), (("z", "rx", 1.0),), (("x", "r
 
 @dataclass(frozen=True)
 class Masses:
-    """What a body weighs by itself and with what is attached to it."""
+    """Masses of a body by itself and with what is attached to it."""
 
     own: float  # kg
     attached: float  # kg
@@ -40,23 +40,23 @@ class Masses:
 
 
 def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
-    """Of a model and its mass matrix M without supports; None of matrices that were given.  Collective."""
+    """Masses of a model with mass matrix M, without supports; None of matrices that were given.  Collective."""
     if not is_assembled(model):
         return None
-    known, G = model.directions, _between(model.rigid_motions(), M)
-    own = max(float(G[k, k]) for k, direction in enumerate(known) if direction in "xyz")
+    directions, G = model.directions, _between(model.rigid_motions(), M)
+    mass_of_model = max(float(G[k, k]) for k, direction in enumerate(directions) if direction in "xyz")
     moments = np.zeros(3)
     for axis, options in enumerate(MOMENTS):
         for along, about, sign in options:
-            if along in known and about in known:
-                moments[axis] = sign * G[known.index(along), known.index(about)]
+            if along in directions and about in directions:
+                moments[axis] = sign * G[directions.index(along), directions.index(about)]
                 break
     for mass in attached:
         moments += mass.mass * np.array(model.centroid(mass.on) if mass.at is None else mass.at)
     carried = float(sum(mass.mass for mass in attached))
-    centre = moments / (own + carried)
+    centre = moments / (mass_of_model + carried)
     centre[np.abs(centre) <= ROUND_OFF * np.abs(centre).max()] = 0.0
-    return Masses(own, carried, centre)
+    return Masses(mass_of_model, carried, centre)
 
 
 def _between(R: Array, M: PETSc.Mat) -> Array:
@@ -68,6 +68,6 @@ def _between(R: Array, M: PETSc.Mat) -> Array:
         M.mult(x, f)
         columns.append(mine.T @ f.getArray())
     freed(x, f)
-    found = np.column_stack(columns)
-    M.comm.tompi4py().Allreduce(MPI.IN_PLACE, found)
-    return found
+    product = np.column_stack(columns)
+    M.comm.tompi4py().Allreduce(MPI.IN_PLACE, product)
+    return product

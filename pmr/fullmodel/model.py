@@ -64,7 +64,7 @@ class FullModel(WithRows):
 
     @property
     def rayleigh(self) -> Rayleigh | None:
-        """What D is made of, where it is Rayleigh's."""
+        """Factors of Rayleigh's damping; None of another one."""
         return self.damping if isinstance(self.damping, Rayleigh) else None
 
     @cached_property

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 class Moving:
-    """Of a model with point masses, on `comm`; assembles what is asked for."""
+    """Loads and matrices of a frame that moves, of a model with point masses on `comm`, assembled where needed."""
 
     def __init__(self, model: StructuralModel, masses: Sequence[PointMass], comm: MPI.Comm) -> None:
         self._model, self._masses, self._comm = model, masses, comm
@@ -62,9 +62,9 @@ class Moving:
         """f_S of one of the inputs `CONSTANT` and `LINEAR` without the masses, whole; collective."""
         S, motion = field_of(name, self._model)
         A = self.inertia(S)
-        own = times(A, motion[slice(*A.getOwnershipRange()), None])
+        forces = times(A, motion[slice(*A.getOwnershipRange()), None])
         freed(A)
-        return np.concatenate(self._comm.allgather(own[:, 0]))
+        return np.concatenate(self._comm.allgather(forces[:, 0]))
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:
         """K_g of one of the unit states of stress; collective."""
@@ -75,11 +75,11 @@ class Moving:
         return self._assembler.matrix(form, zeros=False)
 
     def _station(self, mass: PointMass) -> float:
-        """Where a mass is along the axis, m."""
+        """Place of a mass along the axis, m."""
         return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
 
     def displacement(self, state: State) -> Any:
-        """Of the body with its tail clamped, as a function; collective."""
+        """Displacement of the body with its tail clamped, as a function; collective."""
         model, comm, load = self._model, self._comm, np.zeros(self._model.size)
         fields = dict(zip(CONSTANT, state.acceleration, strict=True)) | {"inertia xx": state.stretch}
         for name, factor in fields.items():
@@ -87,12 +87,12 @@ class Moving:
                 load -= factor * self.field(name)
         for place, force in state.forces:
             load += model.displacement(place).T @ force
-        own = self._held.solve(np.asfortranarray(load[slice(*share(model.size, comm)), None]))
-        return self._assembler.function(np.concatenate(comm.allgather(own[:, 0])))
+        displacement_of_rank = self._held.solve(np.asfortranarray(load[slice(*share(model.size, comm)), None]))
+        return self._assembler.function(np.concatenate(comm.allgather(displacement_of_rank[:, 0])))
 
     @cached_property
     def _held(self) -> StaticSolver:
-        """Of the body with its tail clamped, one for all states; collective."""
+        """Static solver of the body with its tail clamped, one for all states; collective."""
         model = self._assembler.model
         clamped = model.coordinates_on("tail", model.directions)
         elimination = Elimination(model.size, clamped, np.empty(0, np.int64), np.zeros((len(clamped), 0)))
@@ -125,5 +125,9 @@ class State:
 def field_of(name: str, model: StructuralModel) -> tuple[Array, Array]:
     """S and the rigid motion (n,) that it makes a field of acceleration of; zero where the model knows none for it."""
     nothing = np.zeros((3, 3)), np.zeros(model.size)
-    known = (one for one in (CONSTANT | LINEAR)[name] if one[1] in model.directions)
-    return next(((S, model.rigid_motions()[:, model.directions.index(along)]) for S, along in known), nothing)
+    fields = (
+        tensor_and_direction
+        for tensor_and_direction in (CONSTANT | LINEAR)[name]
+        if tensor_and_direction[1] in model.directions
+    )
+    return next(((S, model.rigid_motions()[:, model.directions.index(along)]) for S, along in fields), nothing)

@@ -89,7 +89,7 @@ class Pad:
 
 @dataclass(frozen=True)
 class Support:
-    """What holds the mean motion of a place along a direction: a pin, a cylinder; rigid by default, N/m."""
+    """Support of the mean motion of a place along a direction: a pin, a cylinder; rigid by default, N/m."""
 
     name: str
     on: str | float
@@ -132,7 +132,7 @@ class Pads:
 
 @dataclass(frozen=True)
 class Restraints:
-    """What pads are to a structure."""
+    """Rows and springs by which pads act on a structure."""
 
     rows: tuple[Row, ...]  # of what moves, is rigid or only pushes
     springs: tuple[Row, ...]  # of all the others, on the coordinates they belong to: k c^T c is part of K
@@ -152,12 +152,12 @@ class Restraints:
         for c, spring in zip(self.vectors(size), self.springs, strict=True):
             if spring.name == name:
                 return c / spring.compliance
-        found = ", ".join(spring.name for spring in self.springs) or "none"
-        allowed = f"pads that neither move nor are rigid or unilateral are allowed: {found}"
+        names = ", ".join(spring.name for spring in self.springs) or "none"
+        allowed = f"pads that neither move nor are rigid or unilateral are allowed: {names}"
         raise InputError("scene", "outputs.pad", name, f"{allowed}; the forces of others are multipliers")
 
     def vectors(self, size: int) -> list[sp.csr_matrix]:
-        """What each spring measures, as a row (1, n)."""
+        """Measure of each spring, as a row (1, n)."""
         return [spring.at(spring.breaks[0]) for spring in self.springs]
 
 
@@ -176,7 +176,7 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
         *(_point(slider, model, T) for slider in pads.sliders),
         *(pads.walls.dented(moving_pad(pad, model, T, pad.travel or pads.travel), pad.at) for pad in pads.moving),
         *(_end(end, model, T, pads) for end in pads.ends),
-        *(row for one in pads.straight for row in one.rows(_point(Slider(), model, T))),
+        *(row for straight in pads.straight for row in straight.rows(_point(Slider(), model, T))),
     ]
     springs = [row.compliance > 0.0 and row.clearance is None for row in staying]
     rows = [row for row, spring in zip(staying, springs, strict=True) if not spring]
@@ -217,12 +217,12 @@ def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: P
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
     measure = model.displacement if support.direction in ("x", "y", "z") else model.motion  # points have no rotation
     measured = measure(support.on)[model.directions.index(support.direction)]
-    left = pads.walls.moved(sp.csr_matrix(measured @ T), support.on, (support.direction,))
-    if np.abs(left.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
+    row = pads.walls.moved(sp.csr_matrix(measured @ T), support.on, (support.direction,))
+    if np.abs(row.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
         allowed = f"a support of all points holds {support.on} along it already; one of the two is allowed"
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
     unit = "N m" if support.direction.startswith("r") else "N"
-    return replace(fixed_row(support.name, left, pads.travel), compliance=1.0 / support.stiffness, unit=unit)
+    return replace(fixed_row(support.name, row, pads.travel), compliance=1.0 / support.stiffness, unit=unit)
 
 
 def _end(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
@@ -255,16 +255,18 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     )
     strip = model.strip(pad.on, window)
     _check_extent(pad, (places[0], places[-1]), strip.extent)
-    whole = step * float(value_or_zero(bump(3, knot), np.zeros(()))) if strip.line else step * knot
-    beside = strip.weights * value_or_zero(bump(3, knot), strip.across - pad.across)
+    area_of_mean = step * float(value_or_zero(bump(3, knot), np.zeros(()))) if strip.line else step * knot
+    across_weights = strip.weights * value_or_zero(bump(3, knot), strip.across - pad.across)
     which = _near(strip.along, places, step)
     near, ends = which.indices, which.indptr
     offsets = np.stack([strip.along[near] - np.repeat(places, np.diff(ends)), strip.across[near] - pad.across])
-    weights = beside[near] * value_or_zero(bump(1, step), offsets[0])
+    weights = across_weights[near] * value_or_zero(bump(1, step), offsets[0])
     offsets /= step
     moments = _moments(weights, offsets, ends)
     sums, aside = moments[0], np.abs(moments[1:3])
-    off = (sums < (1.0 - MISSING) * whole) | np.any(aside > MISSING * np.array([[1.0], [knot / step]]) * sums, axis=0)
+    off = (sums < (1.0 - MISSING) * area_of_mean) | np.any(
+        aside > MISSING * np.array([[1.0], [knot / step]]) * sums, axis=0
+    )
     if off.any():
         raise _off(pad, f"around {places[off][0]:.4g} m", strip.extent)
     weights = _corrected(weights, offsets, ends, moments)
@@ -311,9 +313,9 @@ def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
     wxx = wx * x
     products = np.stack([weights, wx, wy, wxx, wx * y, wy * y, wxx * x, wxx * y, wxx * x**2])
     begin, any_there = ends[:-1], np.diff(ends) > 0
-    found = np.zeros((len(products), len(begin)))
-    found[:, any_there] = np.add.reduceat(products, begin[any_there], axis=1)
-    return found
+    sums = np.zeros((len(products), len(begin)))
+    sums[:, any_there] = np.add.reduceat(products, begin[any_there], axis=1)
+    return sums
 
 
 def _corrected(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:

@@ -46,12 +46,12 @@ class Gauge:
 
     @property
     def kind(self) -> str:
-        """As outputs have it."""
+        """Kind of the output."""
         return "probe"
 
 
 def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
-    """What the probes of a body measure, one gauge for each component.
+    """Gauges of the probes of a body, one for each component.
 
     Raises an `InputError` if a group or face does not exist, or the model has no stresses.
     """
@@ -59,18 +59,18 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
         return []
     if not is_assembled(model):
         raise InputError("scene", "probes", None, "given matrices have no cells and no stresses: leave them out")
-    found, stresses = list[Gauge](), None
+    measured, stresses = list[Gauge](), None
     for i, probe in enumerate(part.probes):
         for measure in probe.measures:
             if measure == "displacement":
-                found += _displacements(probe, model)
+                measured += _displacements(probe, model)
                 continue
             stresses = stresses or _Stresses.of(part, model)
             if stresses is None:
                 allowed = "displacement is allowed: this model has no stresses"
                 raise InputError("scene", f"probes[{i}].measures", measure, allowed)
-            found += stresses.gauges(i, measure)
-    return found
+            measured += stresses.gauges(i, measure)
+    return measured
 
 
 def places(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, Any]]]:
@@ -78,13 +78,13 @@ def places(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, 
 
     Names begin with that of the body, unless this is empty.
     """
-    said = [
-        {"name": named(body, one.name), "unit": one.unit, "at": one.at.tolist(), "face": one.face}
+    probes = [
+        {"name": named(body, gauge.name), "unit": gauge.unit, "at": gauge.at.tolist(), "face": gauge.face}
         for body, gauges in outputs.items()
-        for one in gauges
-        if isinstance(one, Gauge)
+        for gauge in gauges
+        if isinstance(gauge, Gauge)
     ]
-    return {"probes": said} if said else {}
+    return {"probes": probes} if probes else {}
 
 
 def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
@@ -116,29 +116,29 @@ class _Stresses:
 
     def gauges(self, number: int, measure: str) -> Iterator[Gauge]:
         """Stress or strain where the probe of this number looks."""
-        known, probe, points = self.rows, self.part.probes[number], self._points(number)
-        count = len(known.components)
-        stress = sp.csr_matrix(np.vstack([known.rows[count * points + k].mean(axis=0) for k in range(count)]))
+        stress_rows, probe, points = self.rows, self.part.probes[number], self._points(number)
+        count = len(stress_rows.components)
+        stress = sp.csr_matrix(np.vstack([stress_rows.rows[count * points + k].mean(axis=0) for k in range(count)]))
         if measure == "strain":
-            stress = sp.csr_matrix(_hooke(self._material(known.cell[points[0]]), count) @ stress)
-        where, face = known.points[points].mean(axis=0), known.faces[known.face[points[0]]]
-        for k, component in enumerate(known.components):
+            stress = sp.csr_matrix(_hooke(self._material(stress_rows.cell[points[0]]), count) @ stress)
+        where, face = stress_rows.points[points].mean(axis=0), stress_rows.faces[stress_rows.face[points[0]]]
+        for k, component in enumerate(stress_rows.components):
             yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], stress[k], where, face)
 
     def _points(self, number: int) -> Indices:
         """Numbers of the stress points that a probe looks at: the nearest one, or those of a group."""
-        known, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
-        if probe.face and probe.face not in known.faces:
-            raise InputError("scene", f"{key}.face", probe.face, f"{', '.join(known.faces)} are allowed")
-        at = known.on(probe.face) if probe.face else np.arange(len(known.points))
+        stress_rows, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
+        if probe.face and probe.face not in stress_rows.faces:
+            raise InputError("scene", f"{key}.face", probe.face, f"{', '.join(stress_rows.faces)} are allowed")
+        at = stress_rows.on(probe.face) if probe.face else np.arange(len(stress_rows.points))
         if probe.at is not None:
-            return at[[int(np.linalg.norm(known.points[at] - probe.at, axis=1).argmin())]]
+            return at[[int(np.linalg.norm(stress_rows.points[at] - probe.at, axis=1).argmin())]]
         regions = self.model.grid.regions
         if probe.on not in regions:
-            found = ", ".join(sorted(regions)) or "none"
-            raise InputError("scene", f"{key}.on", probe.on, f"groups of cells are allowed: {found}; or a point, at")
-        at = at if probe.face else known.on(known.faces[0])
-        inside = at[np.isin(known.cell[at], regions[str(probe.on)])]
+            names = ", ".join(sorted(regions)) or "none"
+            raise InputError("scene", f"{key}.on", probe.on, f"groups of cells are allowed: {names}; or a point, at")
+        at = at if probe.face else stress_rows.on(stress_rows.faces[0])
+        inside = at[np.isin(stress_rows.cell[at], regions[str(probe.on)])]
         if not len(inside):
             raise InputError("scene", f"{key}.face", probe.face, f"no cell of {probe.on} is there")
         return inside

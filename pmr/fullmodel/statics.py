@@ -64,7 +64,7 @@ def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -
 
 
 def solver_of(K: PETSc.Mat, elimination: Elimination, dense: bool) -> StaticSolver:
-    """The same of a stiffness (n, n); errors as there."""
+    """Make the static solver of a stiffness (n, n), dense or sparse."""
     return (_Dense if dense else _Mumps)(K, elimination)
 
 

@@ -47,9 +47,9 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         _reduced(base.M, coupling.T, attached),
         _reduced(base.K, coupling.T, padded(springs, attached)),
     )
-    of_pads = [isinstance(one, PadForce) for one in structure.outputs]
-    places = coupling.rows([one for one in structure.outputs if not isinstance(one, PadForce)])
-    forces = [restraints.force(one.pad, size) for one in structure.outputs if isinstance(one, PadForce)]
+    of_pads = [isinstance(output, PadForce) for output in structure.outputs]
+    places = coupling.rows([output for output in structure.outputs if not isinstance(output, PadForce)])
+    forces = [restraints.force(output.pad, size) for output in structure.outputs if isinstance(output, PadForce)]
     outputs = sp.vstack([places, *forces], format="csr")[np.argsort(np.argsort(of_pads, kind="stable"))]
     return FullModel(
         operators.M,
@@ -74,7 +74,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
 
 
 def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str, PETSc.Mat]:
-    """What a moving frame and axial forces add, by name; matrices that vanish are left out.  Collective.
+    """Matrices of a moving frame and of axial forces, by name; those that vanish are left out.  Collective.
 
     Walls that give way under pads have no part in it: their dents are small, and so is what they weigh.
     """
@@ -82,14 +82,14 @@ def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str
     matrices = dict[str, PETSc.Mat]()
     for name in names:
         if name in tensors:
-            own, attached = moving.inertia(tensors[name]), coupling.attached(tensors[name])
+            of_model, attached = moving.inertia(tensors[name]), coupling.attached(tensors[name])
         else:
-            own, attached = moving.geometric_stiffness(name), nothing
-        found = _reduced(own, coupling.T, attached)
-        if found.norm(PETSc.NormType.NORM_INFINITY) > 0.0:
-            matrices[name] = found
+            of_model, attached = moving.geometric_stiffness(name), nothing
+        matrix = _reduced(of_model, coupling.T, attached)
+        if matrix.norm(PETSc.NormType.NORM_INFINITY) > 0.0:
+            matrices[name] = matrix
         else:
-            freed(found)
+            freed(matrix)
     moving.drop()
     return matrices
 
@@ -108,9 +108,9 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, res
         for c, spring in zip(restraints.vectors(size), restraints.springs, strict=True)
         if np.any(c.toarray()[0] ** 2 > spring.compliance * lost)
     ]
-    own = coupling.rigid[slice(*K.getOwnershipRange())].copy()
+    of_rank = coupling.rigid[slice(*K.getOwnershipRange())].copy()
     held = np.vstack([coupling.clamped, resisted, *springs])
-    return RigidMotions(own, held, whole=not len(coupling.clamped) and not len(resisted))
+    return RigidMotions(of_rank, held, whole=not len(coupling.clamped) and not len(resisted))
 
 
 def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
@@ -135,9 +135,9 @@ def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
     return result
 
 
-def _without_rest(A: PETSc.Mat, own: Indices) -> PETSc.Mat:
+def _without_rest(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
     """Rows and columns of A that any rank owns afterwards; A is freed."""
-    chosen = PETSc.IS().createGeneral(own.astype(PETSc.IntType), comm=A.comm)
+    chosen = PETSc.IS().createGeneral(numbers.astype(PETSc.IntType), comm=A.comm)
     result = A.createSubMatrix(chosen, chosen)
     freed(A, chosen)
     return result
@@ -154,7 +154,7 @@ def _leaves_out(T: sp.csr_matrix) -> bool:
 
 
 def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
-    """Where along the axis an output is measured, m."""
+    """Place along the axis at which an output is measured, m."""
     if isinstance(output, Gauge):
         return float(output.at[0])
     if isinstance(output, Action):

@@ -64,7 +64,7 @@ class Action:
 
     @property
     def unit(self) -> str:
-        """Of what is measured."""
+        """Unit of what is measured."""
         return "m" if self.direction in ("x", "y", "z") else "rad"
 
 
@@ -77,7 +77,7 @@ class PadForce:
 
     @property
     def name(self) -> str:
-        """As outputs are called."""
+        """Name of the output."""
         return force_of(self.pad)
 
     @property
@@ -108,7 +108,7 @@ class Inertia:
 
     @property
     def name(self) -> str:
-        """As the input is called."""
+        """Name of the input."""
         return INERTIA + self.field
 
 
@@ -157,39 +157,39 @@ class Coupling:
 
         Raises an `InputError` if the model has no such direction.
         """
-        measured = self._measured([one for one in actions if isinstance(one, Action)])
-        of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(one, measured) for one in actions)]
+        measured = self._measured([action for action in actions if isinstance(action, Action)])
+        of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(action, measured) for action in actions)]
         columns, entries = (np.concatenate(parts) for parts in zip(*of_model, strict=True))
         ends = np.cumsum([len(part[0]) for part in of_model])
         result = sp.csr_matrix((entries, columns, ends), shape=(len(actions), self.model.size)) @ self.T
-        sizes = [1.0 if isinstance(one, Gauge) else one.size for one in actions]
+        sizes = [1.0 if isinstance(action, Gauge) else action.size for action in actions]
         if self.walls.count and actions:
-            result = result + sp.vstack([self._dents(one) for one in actions])
+            result = result + sp.vstack([self._dents(action) for action in actions])
         return sp.csr_matrix(sp.diags(sizes, shape=(len(sizes), len(sizes))) @ result)
 
     def _dents(self, action: Action | Gauge) -> sp.csr_matrix:
-        """What walls add to what an action measures, (1, n')."""
+        """Dents of walls in what an action measures, (1, n')."""
         nothing = sp.csr_matrix((1, self.T.shape[1]))
         if isinstance(action, Gauge):
             return nothing
         return self.walls.moved(nothing, action.on, (action.direction,))
 
     def _measured(self, actions: Sequence[Action]) -> Measured:
-        """Of the model alone, where each of the actions has its row: those of displacements in one matrix."""
-        known = self.model.directions
-        for one in actions:
-            if one.direction not in known:
-                allowed = f"{', '.join(known)} are allowed"
-                raise InputError("scene", f"{one.name}.direction", one.direction, allowed)
+        """Rows of the model alone for each of the actions: those of displacements in one matrix."""
+        model_directions = self.model.directions
+        for action in actions:
+            if action.direction not in model_directions:
+                allowed = f"{', '.join(model_directions)} are allowed"
+                raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
         places = dict.fromkeys(one.on for one in actions if one.direction in ALONG)
         number = {place: k for k, place in enumerate(places)}
-        moved = self.model.displacement(*number) if number else None
-        motion, count, found = cache(self.model.motion), sum(name in ALONG for name in known), {}
-        for one in actions:
-            i = known.index(one.direction)
-            at = (moved, count * number[one.on] + i) if one.direction in ALONG else (motion(one.on), i)
-            found[one.on, one.direction] = at
-        return found
+        displacements = self.model.displacement(*number) if number else None
+        motion, count, row_of = cache(self.model.motion), sum(name in ALONG for name in model_directions), {}
+        for action in actions:
+            i = model_directions.index(action.direction)
+            at = (displacements, count * number[action.on] + i) if action.direction in ALONG else (motion(action.on), i)
+            row_of[action.on, action.direction] = at
+        return row_of
 
     def _of_model(self, action: Action | Gauge, measured: Measured) -> tuple[Indices, Array]:
         """Coordinates of the model and their weights."""
@@ -197,8 +197,8 @@ class Coupling:
             rows, number = sp.csr_matrix(action.row), 0
         else:
             rows, number = measured[action.on, action.direction]
-        one = slice(*rows.indptr[number : number + 2])
-        return rows.indices[one], rows.data[one]
+        entries = slice(*rows.indptr[number : number + 2])
+        return rows.indices[entries], rows.data[entries]
 
     def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: Moving) -> sp.csr_matrix:
         """A load's column as a row (1, n'); collective."""
@@ -279,8 +279,8 @@ def _inertia(mass: PointMass, directions: Sequence[str], S: Array) -> Array:
     """
     J = np.array(mass.inertia)
     turned = np.stack([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])  # of r by a unit angle about an axis
-    found = np.zeros((6, 6))
-    found[:3, :3] = mass.mass * S
-    found[3:, 3:] = np.einsum("ajb,jk,ckb,b->ac", turned, S, turned, J.sum() / 2.0 - J)
-    own = [DIRECTIONS.index(direction) for direction in directions]
-    return found[np.ix_(own, own)]
+    inertia = np.zeros((6, 6))
+    inertia[:3, :3] = mass.mass * S
+    inertia[3:, 3:] = np.einsum("ajb,jk,ckb,b->ac", turned, S, turned, J.sum() / 2.0 - J)
+    numbers = [DIRECTIONS.index(direction) for direction in directions]
+    return inertia[np.ix_(numbers, numbers)]

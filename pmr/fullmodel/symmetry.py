@@ -42,12 +42,12 @@ def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PET
     nodes = getattr(model, "nodes", None)
     if not isinstance(nodes, Nodes) or T.nnz != T.shape[1]:  # with rigid couplings coordinates are not those of nodes
         return ()
-    left = T.T.tocsr()
-    on_free = [sp.csr_matrix(left @ P @ T) for P in _images(nodes)]
-    found = [P for P in on_free if P.nnz == len(P.indptr) - 1]
+    T_transposed = T.T.tocsr()
+    on_free = [sp.csr_matrix(T_transposed @ P @ T) for P in _images(nodes)]
+    mirrors = [P for P in on_free if P.nnz == len(P.indptr) - 1]
     for A in (M, K):
-        found = _unchanging(found, A)
-    return tuple(found)
+        mirrors = _unchanging(mirrors, A)
+    return tuple(mirrors)
 
 
 def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
@@ -72,7 +72,7 @@ def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
 
 
 def _unchanging(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:
-    """Those of the images P for which A P x = P A x; collective."""
+    """Images P for which A P x = P A x; collective."""
     if not mirrors:
         return []
     comm, share = A.comm.tompi4py(), slice(*A.getOwnershipRange())
@@ -103,15 +103,15 @@ class Answers:
 
 
 def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list[Image]:
-    """Of all mirrors and their products."""
-    whole: list[sp.csr_matrix] = []
+    """Images of all mirrors and their products."""
+    products: list[sp.csr_matrix] = []
     for P in mirrors:
-        whole += [P, *(sp.csr_matrix(P @ other) for other in whole)]
-    return [Image(P, _partners(carriers, P)) for P in whole]
+        products += [P, *(sp.csr_matrix(P @ other) for other in products)]
+    return [Image(P, _partners(carriers, P)) for P in products]
 
 
 def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
-    V, found = sp.csr_matrix(U @ P.T), np.full(U.shape[0], -1)
+    V, partner_of = sp.csr_matrix(U @ P.T), np.full(U.shape[0], -1)
     size = np.asarray(U.multiply(U).sum(axis=1)).ravel()
     shared = sp.coo_matrix(V @ U.T)
     apart = size[shared.row] + size[shared.col] - 2.0 * shared.data
@@ -120,8 +120,8 @@ def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
     rows, partners = shared.row[nearest], shared.col[nearest]
     difference, largest = (abs(A).max(axis=1).toarray().ravel() for A in (V[rows] - U[partners], U[partners]))
     same = difference <= SAME * largest
-    found[rows[same]] = partners[same]
-    return found
+    partner_of[rows[same]] = partners[same]
+    return partner_of
 
 
 class Orbits:
@@ -130,22 +130,22 @@ class Orbits:
     def __init__(self, order: Indices, images: Sequence[Image], like: PETSc.Mat) -> None:
         first, last = like.getOwnershipRange()
         self._mirrors = [sparse(image.P[first:last], like, columns=last - first) for image in images]
-        covered, own = np.zeros(len(order), bool), []
+        covered, representatives = np.zeros(len(order), bool), []
         self._of = [dict[int, int]() for _ in images]
         for load in order.tolist():
             if covered[load]:
                 continue
-            own.append(load)
+            representatives.append(load)
             covered[load] = True
             for image, of in zip(images, self._of, strict=True):
                 partner = int(image.partners[load]) if load < len(image.partners) else -1
                 if partner >= 0 and not covered[partner]:
                     covered[partner] = True
                     of[load] = partner
-        self.own = np.array(own, np.int64)
+        self.own = np.array(representatives, np.int64)
 
     def answers(self, numbers: Indices, columns: Array) -> Iterator[Answers]:
-        """Those to loads of their own, as given, then to their images; collective."""
+        """Answers to loads as given, then to their images; collective."""
         yield Answers(numbers, columns)
         for P, of in zip(self._mirrors, self._of, strict=True):
             at = [k for k, load in enumerate(numbers.tolist()) if load in of]

@@ -51,28 +51,28 @@ class FullSystem(Joined[FullModel]):
 
     @cached_property
     def local(self) -> tuple[slice, ...]:
-        """Where each body's coordinates stand in this rank's vectors."""
+        """Slices of each body's coordinates in this rank's vectors."""
         return consecutive([model.M.getLocalSize()[0] for model in self.models])
 
     @cached_property
     def whole(self) -> tuple[slice, ...]:
-        """Where each body's coordinates stand in whole vectors."""
+        """Slices of each body's coordinates in whole vectors."""
         return consecutive([model.size for model in self.models])
 
     @cached_property
     def inputs(self) -> tuple[slice, ...]:
-        """Where each body's inputs stand among `input_names`."""
+        """Slices of each body's inputs among `input_names`."""
         return consecutive([len(model.input_names) for model in self.models])
 
     @cached_property
     def observed(self) -> tuple[slice, ...]:
-        """Where each body's outputs stand among all."""
+        """Slices of each body's outputs among all."""
         return consecutive([model.outputs.getSize()[1] for model in self.models])
 
-    def mine(self, whole: Array) -> Array:
+    def mine(self, complete: Array) -> Array:
         """This rank's coordinates (..., n_local) out of all (..., n)."""
         parts = zip(self.whole, self.models, strict=True)
-        return np.concatenate([whole[..., at][..., model.share] for at, model in parts], axis=-1)
+        return np.concatenate([complete[..., at][..., model.share] for at, model in parts], axis=-1)
 
     def gathered(self, local: Array) -> Any:
         """All coordinates (k, n) on rank 0 from the ranks' (k, n_local), which other ranks get back; collective."""
@@ -80,7 +80,7 @@ class FullSystem(Joined[FullModel]):
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
 
     def supported(self) -> FullSystem:
-        """With the rows of supports that hold one coordinate as contacts with the ground, after all others."""
+        """Return the system with supports that hold one coordinate as contacts with the ground, after all others."""
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [
             Contact(input_of(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
@@ -92,20 +92,20 @@ class FullSystem(Joined[FullModel]):
 
     def gather(self) -> System | None:
         """The system with SciPy matrices on rank 0; None elsewhere.  Collective."""
-        found: dict[int, FullBody | None] = {}
+        gathered: dict[int, FullBody | None] = {}
         for model in self.models:
-            if id(model) not in found:
-                found[id(model)] = model.gather()
-        bodies = {name: body for name, model in self.bodies.items() if (body := found[id(model)]) is not None}
+            if id(model) not in gathered:
+                gathered[id(model)] = model.gather()
+        bodies = {name: body for name, model in self.bodies.items() if (body := gathered[id(model)]) is not None}
         terms = tuple(self._gathered_term(term) for term in self.terms)
         return System(bodies, self.contacts, terms=terms) if bodies else None
 
     def _gathered_term(self, term: Term) -> Term:
-        """With SciPy's matrices on rank 0."""
-        found: dict[str, Any] = {
+        """Return a term with SciPy's matrices on rank 0."""
+        on_first_rank: dict[str, Any] = {
             key: A if sp.issparse(A) or isinstance(A, np.ndarray) else gather(A) for key, A in term.matrices.items()
         }
-        return replace(term, **found) if self.comm.rank == 0 else term
+        return replace(term, **on_first_rank) if self.comm.rank == 0 else term
 
     @cached_property
     def side_rows(self) -> tuple[Row, ...]:
@@ -114,6 +114,6 @@ class FullSystem(Joined[FullModel]):
 
 
 def consecutive(sizes: Sequence[int]) -> tuple[slice, ...]:
-    """Where parts of these sizes stand, one after the other."""
+    """Slices of parts of these sizes, one after the other."""
     ends = np.cumsum([0, *sizes]).tolist()
     return tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))

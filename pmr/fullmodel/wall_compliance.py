@@ -71,7 +71,7 @@ class Ring:
 
 @dataclass(frozen=True)
 class SlidingCompliance:
-    """Of k pads that slide, at p places, beside m that stay."""
+    """Compliance of k pads that slide, at p places, beside m that stay."""
 
     u: Array  # (p,) m
     own: Array  # (p, k, k) m/N
@@ -82,7 +82,7 @@ class SlidingCompliance:
 def wall_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> tuple[Array, list[SlidingCompliance]]:
-    """Of pads that stay and ends along directions, (m, m), and of pads that slide.  Not collective.
+    """Compliance of pads that stay and ends along directions, (m, m), and of pads that slide.  Not collective.
 
     Kept for who asks again: equal sections, and a model that was measured before it is taken.
 
@@ -94,23 +94,23 @@ def wall_compliance(
     shell, beam = _Pressed(_shell(body), body, sigma), _Pressed(beam_of(line, body.profile), body, sigma)
     fixed = [one.rows(standing, ends) for one in (shell, beam)]
     C = shell.answers(fixed[0], fixed[0]) - beam.answers(fixed[1], fixed[1])
-    found = []
+    sliding = []
     for ring in rings:
-        u, own, beside = places_along(ring.span, box.layer), [], []
+        u, under_pads, at_standing = places_along(ring.span, box.layer), [], []
         for x in u:
             pads = [replace(pad, at=pad.at + float(x)) for pad in ring.pads]
             parts = []
-            for one, held in zip((shell, beam), fixed, strict=True):
-                rows = one.rows(pads, ())
-                parts.append(one.answers(rows, sp.vstack([rows, held])))
+            for pressed, held in zip((shell, beam), fixed, strict=True):
+                rows = pressed.rows(pads, ())
+                parts.append(pressed.answers(rows, sp.vstack([rows, held])))
             k = len(pads)
             D = (parts[0] - parts[1]).T
-            own.append((D[:, :k] + D[:, :k].T) / 2.0)
-            beside.append(D[:, k:])
-        found.append(SlidingCompliance(u, _smooth(np.array(own)), _smooth(np.array(beside))))
-    for one in (shell, beam):
-        one.destroy()
-    return (C + C.T) / 2.0, found
+            under_pads.append((D[:, :k] + D[:, :k].T) / 2.0)
+            at_standing.append(D[:, k:])
+        sliding.append(SlidingCompliance(u, _smooth(np.array(under_pads)), _smooth(np.array(at_standing))))
+    for pressed in (shell, beam):
+        pressed.destroy()
+    return (C + C.T) / 2.0, sliding
 
 
 class _Pressed:
@@ -132,7 +132,7 @@ class _Pressed:
         freed(F)
 
     def rows(self, pads: Sequence[Pad], ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
-        """What pads and ends measure, (k, n)."""
+        """Measures of pads and ends, (k, n)."""
         bare = tuple(replace(pad, name=str(k), stiffness=np.inf, unilateral=False, clearance=0.0, travel=None)
                      for k, pad in enumerate(pads))  # fmt: skip
         rows = [row.at(row.breaks[0]) for row in restrain(Pads(fixed=bare), self._model, self._T).rows]
@@ -140,7 +140,7 @@ class _Pressed:
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
     def answers(self, pressed: sp.csr_matrix, measured: sp.csr_matrix) -> Array:
-        """What is measured (k, n) of the answers to unit forces, (k, pressed)."""
+        """Measures (k, n) of the answers to unit forces, (k, pressed)."""
         f = pressed.T.toarray()
         x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._moved(self._R.T @ f)))
         x -= self._R @ self._moved(self._MR.T @ x)

@@ -75,31 +75,31 @@ class Walls:
 
     @property
     def count(self) -> int:
-        """Of their coordinates."""
-        return len(self.standing.masses) + sum(len(one.pads) for one in self.sliding)
+        """Number of the walls' coordinates."""
+        return len(self.standing.masses) + sum(len(sliding.pads) for sliding in self.sliding)
 
     @cached_property
     def unit(self) -> float:
         """k_0 in N/m: about that of a pad's wall, on average."""
-        own = [c for _, c in self.own]
-        return 1.0 / float(np.mean(own)) if own else STIFF
+        compliances = [c for _, c in self.own]
+        return 1.0 / float(np.mean(compliances)) if compliances else STIFF
 
     @property
     def own(self) -> Iterator[tuple[str, float]]:
         """Names of pads, and by how much each wall gives way under its own pad, m/N: on average over the path."""
         yield from zip(self.standing.pads, np.diagonal(self.standing.compliance), strict=False)
-        for one in self.sliding:
-            yield from zip(one.pads, np.diagonal(one.compliance, axis1=1, axis2=2).mean(axis=0), strict=True)
+        for sliding in self.sliding:
+            yield from zip(sliding.pads, np.diagonal(sliding.compliance, axis1=1, axis2=2).mean(axis=0), strict=True)
 
     def stiffness(self, size: int) -> sp.csr_matrix:
-        """Theirs among all coordinates, (size, size) N/m."""
+        """Stiffness of the walls among all coordinates, (size, size) N/m."""
         return self._behind(np.full(self.count, self.unit if self.count else 0.0), size)
 
     def mass(self, size: int) -> sp.csr_matrix:
-        """Theirs among all coordinates, (size, size) kg."""
+        """Mass of the walls among all coordinates, (size, size) kg."""
         sizes = [np.diagonal(self.standing.compliance)]
-        sizes += [np.diagonal(one.compliance, axis1=1, axis2=2).mean(axis=0) for one in self.sliding]
-        masses = np.concatenate([self.standing.masses, *(one.masses for one in self.sliding)])
+        sizes += [np.diagonal(sliding.compliance, axis1=1, axis2=2).mean(axis=0) for sliding in self.sliding]
+        masses = np.concatenate([self.standing.masses, *(sliding.masses for sliding in self.sliding)])
         return self._behind(masses * np.concatenate(sizes) * (self.unit if self.count else 0.0), size)
 
     def dented(self, row: Row, at: float) -> Row:
@@ -109,27 +109,27 @@ class Walls:
             carriers = np.zeros((1, self.count))
             carriers[0, :m] = self._standing[self.standing.pads.index(row.name)]
             return _dented(row, np.ones((len(row.breaks), 1)), carriers, behind)
-        own = m
-        for one, (A, shared, S) in zip(self.sliding, self._sliding, strict=True):
-            k = len(one.pads)
-            if row.name in one.pads:
-                i = one.pads.index(row.name)
-                u = np.clip(row.breaks + at - one.first[i], one.u[0], one.u[-1])
-                parts = [PchipInterpolator(one.u, part[:, i])(u) for part in (A, S)]
+        first = m
+        for sliding, (A, shared, S) in zip(self.sliding, self._sliding, strict=True):
+            k = len(sliding.pads)
+            if row.name in sliding.pads:
+                i = sliding.pads.index(row.name)
+                u = np.clip(row.breaks + at - sliding.first[i], sliding.u[0], sliding.u[-1])
+                parts = [PchipInterpolator(sliding.u, part[:, i])(u) for part in (A, S)]
                 carriers = np.zeros((len(shared) + k, self.count))
-                carriers[: len(shared), :m], carriers[len(shared) :, own : own + k] = shared, np.eye(k)
+                carriers[: len(shared), :m], carriers[len(shared) :, first : first + k] = shared, np.eye(k)
                 return _dented(row, np.hstack(parts), carriers, behind)
-            own += k
+            first += k
         return row
 
     def moved(self, motion: sp.csr_matrix, on: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
         """Rows (k, n) that measure a place along k directions, and what an end's walls add to each."""
         behind, pads = motion.shape[1] - self.count, len(self.standing.pads)
         ends = enumerate(self.standing.ends)
-        found = [(directions.index(d), pads + j) for j, (end, d) in ends if end == on and d in directions]
-        if not found:
+        pairs = [(directions.index(d), pads + j) for j, (end, d) in ends if end == on and d in directions]
+        if not pairs:
             return motion
-        rows, which = np.array(found).T
+        rows, which = np.array(pairs).T
         more = sp.lil_matrix(motion.shape)
         more[rows, behind : behind + self._standing.shape[1]] = self._standing[which]
         return sp.csr_matrix(motion + more.tocsr())
@@ -142,15 +142,15 @@ class Walls:
 
     @cached_property
     def _sliding(self) -> list[tuple[Array, Array, Array]]:
-        """Of what slides together A = A' V (p, k, r), V (r, m) the few directions that matter, and S_m (p, k, k)."""
-        inverse, found = np.linalg.pinv(self._standing, rcond=SAME**0.5).T, []
-        for one in self.sliding:
-            A = self.unit * one.beside @ inverse
+        """Factors A = A' V (p, k, r), V (r, m) of what slides together, and S_m (p, k, k)."""
+        inverse, factors = np.linalg.pinv(self._standing, rcond=SAME**0.5).T, []
+        for sliding in self.sliding:
+            A = self.unit * sliding.beside @ inverse
             V = np.linalg.svd(A.reshape(A.shape[0] * A.shape[1], -1) if A.size else A[0], full_matrices=False)[2]
             V = V[np.abs(A @ V.T).max(axis=(0, 1), initial=0.0) > SHARED]
             A = A @ V.T
-            found.append((A, V, _root(self.unit * one.compliance - A @ A.transpose(0, 2, 1))))
-        return found
+            factors.append((A, V, _root(self.unit * sliding.compliance - A @ A.transpose(0, 2, 1))))
+        return factors
 
     def _behind(self, values: Array, size: int) -> sp.csr_matrix:
         numbers = np.arange(size - len(values), size)
@@ -162,12 +162,12 @@ def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
 
     Of pads that slide on average over the path.
     """
-    said = [
+    walls_of_bodies = [
         {"name": named(body, pad), "compliance": float(c), "stiffness": 1.0 / float(c)}
         for body, walls in bodies.items()
         for pad, c in walls.own
     ]
-    return {"walls": said} if said else {}
+    return {"walls": walls_of_bodies} if walls_of_bodies else {}
 
 
 def _root(C: Array) -> Array:
@@ -179,19 +179,19 @@ def _root(C: Array) -> Array:
 
 
 def _dented(row: Row, dents: Array, carriers: Array, behind: int) -> Row:
-    """With `dents` (breaks, k) of k carriers at its breaks, on the coordinates `behind` all others."""
+    """Add `dents` (breaks, k) of k carriers at a row's breaks, on the coordinates `behind` all others."""
     k = len(carriers)
     if row.moves:
         pieces = CubicSpline(row.breaks, dents).c  # (4, intervals, k)
     else:
         pieces = dents[None, :-1]
     degrees = max(len(pieces), len(row.coefficients))
-    both = [np.concatenate([np.zeros((degrees - len(c), *c.shape[1:])), c]) for c in (row.coefficients, pieces)]
+    coefficients = [np.concatenate([np.zeros((degrees - len(c), *c.shape[1:])), c]) for c in (row.coefficients, pieces)]
     added = sp.hstack([sp.csr_matrix((k, behind)), sp.csr_matrix(carriers)])
     numbers = np.broadcast_to(row.carriers.shape[0] + np.arange(k), (len(row.touched), k))
     return replace(
         row,
         carriers=sp.csr_matrix(sp.vstack([row.carriers, added])),
         touched=np.hstack([row.touched, numbers]),
-        coefficients=np.concatenate(both, axis=2),
+        coefficients=np.concatenate(coefficients, axis=2),
     )

@@ -23,7 +23,7 @@ AT_AN_END = ("y", "z", "rx")
 
 
 def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
-    """Those of a box that is a beam, under the pads that it feels; collective.
+    """Walls of a box that is a beam, under the pads that it feels; collective.
 
     The shell that tells their compliance has the cells that a shell in its place would have.
 
@@ -36,36 +36,36 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     box, mesh, body = part.body.box, part.mesh, part.body
     assert box is not None  # the scene's check
     staying, sliding = _by_their_way(member, pads)
-    masses = tuple(one for one in part.masses if one.coupling == "rigid")
+    masses = tuple(mass for mass in part.masses if mass.coupling == "rigid")
     plates = PlateBody(
         drawn(box, mesh.size, mesh.along or 0.0),
         box,
         body.material,
         body.shear_correction,
-        tuple(Clamp(str(one.on), one.held) for one in part.supports if one.points == "all"),
+        tuple(Clamp(str(mass.on), mass.held) for mass in part.supports if mass.points == "all"),
         masses,
         box.plate if box.frames else 0.0,
     )
-    known = directions(member)
-    ends = tuple((end, d) for end in ENDS if end in _carrying(part) for d in AT_AN_END if d in known)
-    rings = tuple(Ring(tuple(own), span) for span, own in sliding)
-    C, found = comm.bcast(on_first(comm, lambda: wall_compliance(plates, tuple(staying), ends, rings)))
+    moves = directions(member)
+    ends = tuple((end, d) for end in ENDS if end in _carrying(part) for d in AT_AN_END if d in moves)
+    rings = tuple(Ring(tuple(sliding_pads), span) for span, sliding_pads in sliding)
+    C, compliances = comm.bcast(on_first(comm, lambda: wall_compliance(plates, tuple(staying), ends, rings)))
     rho = body.material.density
     soft = np.diagonal(C) > 0.0  # an end that is stiffer than the beam's is as stiff
-    left = [end for end, gives in zip(ends, soft[len(staying) :], strict=True) if gives]
-    weights = [rho * _patch(pad, box) for pad in staying] + [rho * _end(box, direction) for _, direction in left]
+    soft_ends = [end for end, gives in zip(ends, soft[len(staying) :], strict=True) if gives]
+    weights = [rho * _patch(pad, box) for pad in staying] + [rho * _end(box, direction) for _, direction in soft_ends]
     return Walls(
-        Standing(tuple(pad.name for pad in staying), tuple(left), C[np.ix_(soft, soft)], np.array(weights)),
+        Standing(tuple(pad.name for pad in staying), tuple(soft_ends), C[np.ix_(soft, soft)], np.array(weights)),
         tuple(
             Sliding(
-                pads=tuple(pad.name for pad in own),
-                first=np.array([pad.at for pad in own]),
-                u=one.u,
-                compliance=one.own,
-                beside=one.beside[:, :, soft],
-                masses=np.array([rho * _patch(pad, box) for pad in own]),
+                pads=tuple(pad.name for pad in sliding_pads),
+                first=np.array([pad.at for pad in sliding_pads]),
+                u=mass.u,
+                compliance=mass.own,
+                beside=mass.beside[:, :, soft],
+                masses=np.array([rho * _patch(pad, box) for pad in sliding_pads]),
             )
-            for (_, own), one in zip(sliding, found, strict=True)
+            for (_, sliding_pads), mass in zip(sliding, compliances, strict=True)
         ),
     )
 
@@ -102,6 +102,6 @@ def _end(box: Box, direction: str) -> float:
 
 def _carrying(part: Part) -> set[str | float]:
     """Ends that carry something and whose points nothing rigid holds, which would keep them in shape."""
-    clamped = {one.on for one in part.supports if one.points == "all"}
-    kept = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}
-    return {one.on for kind in (part.masses, part.loads, part.supports) for one in kind} - kept
+    clamped = {support.on for support in part.supports if support.points == "all"}
+    held_in_shape = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}
+    return {support.on for kind in (part.masses, part.loads, part.supports) for support in kind} - held_in_shape

@@ -47,9 +47,14 @@ class SystemData:
     modes: dict[str, slice]  # of each body, round_up up
 
 
-def system_data(system: System, forms: Mapping[str, Modal], frame: Frame | None = None) -> SystemData:
-    """Write a system whose bodies have these modal forms, and a frame that moves, as arrays."""
-    reduced = _in_modes(system, forms)
+def system_data(
+    system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reduced: Combined | None = None
+) -> SystemData:
+    """Write a system whose bodies have these modal forms, and a frame that moves, as arrays.
+
+    `reduced` is what `in_modes` makes of both, where that is there already.
+    """
+    reduced = reduced or in_modes(system, forms)
     modal, rows = reduced.system, arrange(reduced.system)
     used = np.concatenate([part.modes.start + np.arange(part.body.size) for part in rows.parts])
     arrays = (
@@ -67,8 +72,8 @@ def system_data(system: System, forms: Mapping[str, Modal], frame: Frame | None 
     return SystemData(arrays, used, {name: part.modes for name, part in zip(forms, rows.parts, strict=True)})
 
 
-def _in_modes(system: System, forms: Mapping[str, Modal]) -> Combined:
-    """The system in its modes, with rings of pads as few contacts."""
+def in_modes(system: System, forms: Mapping[str, Modal]) -> Combined:
+    """The system in its bodies' modes, with rings of pads as few contacts; on one path without carriers."""
     bodies = {}
     for name, form in forms.items():
         carriers = None if system.on_one_path else system.bodies[name].carriers

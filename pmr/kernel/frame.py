@@ -65,5 +65,7 @@ def _quantity(quantity: tuple[str | int, ...], numbers: dict[str, int]) -> list[
     kind, *of = quantity
     if kind in ("gravity", "load", "shaken"):
         name = "gravity" if kind == "gravity" else AXES[int(of[0])] if kind == "shaken" else str(of[0])
+        if name not in numbers and kind != "load":  # weight and a base that moves are there only where a scene has them
+            return [KINDS.index("reach"), 0, 0]  # a sum of no paths
         return [KINDS.index("motion"), numbers[name], 0]
     return [KINDS.index(str(kind)), *map(int, of), *[0] * (2 - len(of))]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ from pmr.kernel.block_file import LINE, pack, seal
 from pmr.kernel.data import Modal, system_data
 from pmr.kernel.frame import Frame
 from pmr.kernel.signals import Signals
+from pmr.system.rings import Combined
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -31,6 +33,25 @@ def variant() -> str:
 def checksum(content: bytes | bytearray) -> int:
     """Checksum of the bytes of a block behind its head."""
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
+
+
+class Failure(IntEnum):
+    """What the kernel's functions return."""
+
+    REFUSED = lib.PMR_REFUSED
+    DEPENDENT = lib.PMR_DEPENDENT
+    UNSETTLED = lib.PMR_UNSETTLED
+    UNCONVERGED = lib.PMR_UNCONVERGED
+    NOT_FINITE = lib.PMR_NOT_FINITE
+    NO_MEMORY = lib.PMR_NO_MEMORY
+
+
+class StepError(SimulationError):
+    """A step or a start that failed: why, and the number of the contact that it is about, or -1."""
+
+    def __init__(self, message: str, failure: Failure, contact: int) -> None:
+        super().__init__(message)
+        self.failure, self.contact = failure, contact
 
 
 class Kernel:
@@ -69,12 +90,19 @@ class Kernel:
             setattr(self, name, getattr(sizes, name))
 
     @classmethod
-    def of(cls, system: System, forms: Mapping[str, Modal], frame: Frame | None = None) -> Kernel:
+    def of(
+        cls,
+        system: System,
+        forms: Mapping[str, Modal],
+        frame: Frame | None = None,
+        reduced: Combined | None = None,
+    ) -> Kernel:
         """Make one of a system whose bodies have these modal forms (`pmr.simulation.modal.modal_form`).
 
-        With a frame that moves (`pmr.simulation.moving.MovingFrame`) its motions drive it.
+        With a frame that moves (`pmr.simulation.moving.MovingFrame`) its motions drive it.  `reduced` as for
+        `pmr.kernel.data.system_data`.
         """
-        data = system_data(system, forms, frame)
+        data = system_data(system, forms, frame, reduced)
         block = pack(data.arrays)
         seal(block, checksum(block[LINE:]))
         return cls(block, data.used_modes)
@@ -213,10 +241,17 @@ class State:
         return int(lib.pmr_state_memory(self._state))
 
     def start(
-        self, kind: Literal["rest", "given", "equilibrium"], u: ArrayLike, z: ArrayLike = (), v: ArrayLike = ()
+        self,
+        kind: Literal["rest", "given", "equilibrium"],
+        u: ArrayLike,
+        z: ArrayLike = (),
+        v: ArrayLike = (),
+        rates: ArrayLike | None = None,
     ) -> None:
         """Begin at t = 0 under drivers u (N,): at rest, at z and v (modes,), or in equilibrium.
 
+        With `rates` (P,) of the paths in m/s, v is corrected where it violates rigid contacts that move, by the change
+        of least kinetic energy.
         A SimulationError is raised where nothing holds the bodies, or contacts depend on each other.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
@@ -224,9 +259,9 @@ class State:
         z, v = (
             self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
         )
-        self._raise_unless_done(
-            lib.pmr_start(self._state, _STARTS[kind], _pointer(drivers), _pointer(z), _pointer(v)), "the start"
-        )
+        moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)
+        pointers = [_pointer(array) for array in (drivers, moving, z, v)]
+        self._raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
 
     def start_from(
         self, u: ArrayLike, z: ArrayLike, v: ArrayLike, a: ArrayLike, multipliers: ArrayLike, closed: ArrayLike
@@ -351,6 +386,15 @@ class State:
             raise InputError("state", "bytes", None, ffi.string(why).decode(errors="replace"))
         self._raise_unless_done(failed, "a restored state")
 
+    @property
+    def pointer(self) -> Any:
+        """Its address, for calls of the kernel's functions."""
+        return self._state
+
+    def raise_unless_done(self, failed: int, where: str) -> None:
+        """Raise a StepError for what stopped the kernel, if anything did."""
+        self._raise_unless_done(failed, where)
+
     def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
         """Fill an array in place; the kernel refuses what is not finite."""
         array = np.asarray(values, float)
@@ -379,7 +423,8 @@ class State:
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
             lib.PMR_NOT_FINITE: "a coordinate is no finite number",
         }
-        raise SimulationError(f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}")
+        message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"
+        raise StepError(message, Failure(failed), trouble)
 
 
 @dataclass(frozen=True)
@@ -395,35 +440,6 @@ class Jacobian:
     D: Array
     L: Array
     K: Array
-
-
-def solve_contact(A: Array, b: Array, pushes: NDArray[np.bool_], closed: NDArray[np.bool_]) -> tuple[Array, Any]:
-    """Forces lambda (m,) with w = A lambda - b, of those that push lambda >= 0, w >= 0 and lambda w = 0; else w = 0.
-
-    Returns lambda and which contacts are closed; `closed` is what the search begins with.  A SimulationError is raised
-    where contacts depend on each other.
-    """
-    m = len(b)
-    A, b = np.ascontiguousarray(A, float), np.ascontiguousarray(b, float)
-    forces, work = np.zeros(m), np.zeros(max(1, lib.pmr_contact_work(m)))
-    which, out = np.ascontiguousarray(pushes, np.int32), np.ascontiguousarray(closed, np.int32).copy()
-    integers = [ffi.cast("int32_t *", array.ctypes.data) for array in (which, out)]
-    failed = lib.pmr_contact(
-        m, _pointer(A), _pointer(b), integers[0], _pointer(forces), integers[1], _pointer(work), ffi.NULL
-    )
-    if failed:
-        raise SimulationError(f"the complementarity problem of {m} contacts was not solved ({failed})")
-    return forces, out.astype(bool)
-
-
-def slide_pads(
-    stiffness: Array, old: Array, limits: Array, moved: float, softness: float = 0.0, given: float = 0.0
-) -> Array:
-    """Friction (n,) N of a joint's pads after the old one, that slide by `moved` m (`pmr.system.friction`)."""
-    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, old, limits)]
-    new = np.zeros(len(old))
-    lib.pmr_friction(len(old), *map(_pointer, arrays), moved, softness, given, _pointer(new))
-    return new
 
 
 def _check_room(record: Record, first: int, rows: int) -> None:

@@ -25,8 +25,8 @@ def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
 def read_nodes(file: Path, length: float) -> Array:
     """Nodes (N,) in m of the line cells in any file that meshio reads."""
 
-    def refuse(found: str) -> InputError:
-        return InputError(str(file), "", None, f"{found}; a chain of line cells on the x axis is allowed")
+    def refuse(problem: str) -> InputError:
+        return InputError(str(file), "", None, f"{problem}; a chain of line cells on the x axis is allowed")
 
     read = read_mesh_file(file)
     kinds = sorted({block.kind for block in read.blocks} - {"vertex"})

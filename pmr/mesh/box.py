@@ -69,9 +69,11 @@ class BoxBoom:
                 raise InputError(DIMENSIONS, key, getattr(self, key), words.get(key, "more than 0") + " is allowed")
         rectangles = max(around / self.size, 8.0) * self.length / self.layer
         if not rectangles <= MOST_RECTANGLES:  # too many to count, perhaps: a float, infinite or not
-            said = f"sizes that make at most {MOST_RECTANGLES:,} cells are allowed; these make {rectangles:.1e}"
+            allowed_sizes = (
+                f"sizes that make at most {MOST_RECTANGLES:,} cells are allowed; these make {rectangles:.1e}"
+            )
             finest = "size" if self.size <= self.layer else "size_along"
-            raise InputError(DIMENSIONS, finest, getattr(self, finest), said)
+            raise InputError(DIMENSIONS, finest, getattr(self, finest), allowed_sizes)
 
     @property
     def _room(self) -> float:
@@ -226,9 +228,9 @@ class _Plane:
 
 def _outer_faces(boom: BoxBoom) -> dict[str, _Plane]:
     """Both ends, and the outside of each flat wall of a solid."""
-    found = {"tail": _Plane(np.eye(3)[0], 0.0), "tip": _Plane(np.eye(3)[0], boom.length)}
+    planes = {"tail": _Plane(np.eye(3)[0], 0.0), "tip": _Plane(np.eye(3)[0], boom.length)}
     for side in boom.sides:
         if side.centre is None:
             normal = out(side, side.start)
-            found[side.name] = _Plane(np.array([0.0, *normal]), float(normal @ side.start) + side.thickness / 2.0)
-    return found
+            planes[side.name] = _Plane(np.array([0.0, *normal]), float(normal @ side.start) + side.thickness / 2.0)
+    return planes

@@ -91,13 +91,18 @@ class Drawing:
         """Patches between pairs of curves that run side by side."""
         self._model.geo.synchronize()
         patches = []
-        for one, other in zip(outer, inner, strict=True):
+        for left_curve, right_curve in zip(outer, inner, strict=True):
             (a, b), (c, d) = (
-                [tag for _, tag in self._model.getBoundary([(1, curve)], oriented=False)] for curve in (one, other)
+                [tag for _, tag in self._model.getBoundary([(1, curve)], oriented=False)]
+                for curve in (left_curve, right_curve)
             )
             if self._distance(a, c) + self._distance(b, d) > self._distance(a, d) + self._distance(b, c):
                 c, d = d, c
-            patches.append(self.patch([one, self.line(b, d, divisions), other, self.line(c, a, divisions)], quads=True))
+            patches.append(
+                self.patch(
+                    [left_curve, self.line(b, d, divisions), right_curve, self.line(c, a, divisions)], quads=True
+                )
+            )
         return patches
 
     def _distance(self, a: int, b: int) -> float:

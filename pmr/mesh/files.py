@@ -44,9 +44,9 @@ def read_mesh_file(file: Path) -> MeshFile:
 
     Raises InputError if the file can't be read, or its cells have corners that it has no points for.
     """
-    found = _of_deck(read_deck(file)) if file.suffix.lower() == ".inp" and file.is_file() else _by_meshio(file)
-    for block in found.blocks:
-        missing = (block.corners < 0) | (block.corners >= len(found.points))
+    content = _of_deck(read_deck(file)) if file.suffix.lower() == ".inp" and file.is_file() else _by_meshio(file)
+    for block in content.blocks:
+        missing = (block.corners < 0) | (block.corners >= len(content.points))
         if missing.any():
             raise InputError(
                 str(file),
@@ -54,7 +54,7 @@ def read_mesh_file(file: Path) -> MeshFile:
                 None,
                 f"{missing.any(axis=1).sum()} cells of kind {block.kind} have corners that are no points of it",
             )
-    return found
+    return content
 
 
 def _of_deck(deck: Deck) -> MeshFile:
@@ -72,7 +72,7 @@ def _of_deck(deck: Deck) -> MeshFile:
             blocks.append(Cells(kind, np.array([[place[node] for node in nodes] for nodes in block.nodes], np.int64)))
     numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]
     groups = {
-        deck.spelled[name]: [np.flatnonzero(np.isin(own, list(members))) for own in numbers]
+        deck.spelled[name]: [np.flatnonzero(np.isin(element_numbers, list(members))) for element_numbers in numbers]
         for name, members in deck.element_sets.items()
     }
     return MeshFile(np.array(list(deck.nodes.values()), float).reshape(-1, 3), blocks, groups)

@@ -60,7 +60,7 @@ class NamedMesh:
 
     @cached_property
     def spans(self) -> tuple[Array, Array]:
-        """Where each cell begins and where it ends along the axis, (C,) m each."""
+        """Beginning and end of each cell along the axis, (C,) m each."""
         x = self.points[:, self.axis][self.cells]
         return x.min(axis=1), x.max(axis=1)
 
@@ -75,8 +75,8 @@ class NamedMesh:
         """
         missing = [name for name in names if name not in self.groups]
         if missing:
-            found = ", ".join(sorted(self.groups)) or "none"
-            raise InputError(self.source, "", None, f"no group named {', '.join(missing)}; found: {found}")
+            names_there = ", ".join(sorted(self.groups)) or "none"
+            raise InputError(self.source, "", None, f"no group named {', '.join(missing)}; found: {names_there}")
 
 
 def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> NamedMesh:
@@ -118,11 +118,11 @@ def named_mesh(
         return InputError(source, "", None, f"{what}; cells of kind {' or '.join(kinds)} are allowed")
 
     top = max((dim for _, dim, _ in blocks), default=0)
-    found = sorted({kind for kind, dim, _ in blocks if dim == top})
-    if len(found) > 1:
-        raise refuse(f"mixed cells: {', '.join(found)}")
-    if not found or found[0] not in kinds:
-        raise refuse(f"cells of kind {found[0] if found else 'none'}")
+    cell_kinds = sorted({kind for kind, dim, _ in blocks if dim == top})
+    if len(cell_kinds) > 1:
+        raise refuse(f"mixed cells: {', '.join(cell_kinds)}")
+    if not cell_kinds or cell_kinds[0] not in kinds:
+        raise refuse(f"cells of kind {cell_kinds[0] if cell_kinds else 'none'}")
     listed = np.concatenate([vertices for _, dim, vertices in blocks if dim == top])
     # Files of some formats list a cell once for each group that it belongs to.
     _, first, cell_of = np.unique(np.sort(listed, axis=1), axis=0, return_index=True, return_inverse=True)
@@ -137,7 +137,7 @@ def named_mesh(
     number = np.full(len(points), -1, np.int64)
     number[ordered] = np.arange(len(ordered))
     points, cells = np.ascontiguousarray(points[ordered]), number[cells]
-    problem = unsound(found[0], points, cells)
+    problem = unsound(cell_kinds[0], points, cells)
     if problem:
         raise InputError(source, "", None, problem)
     offsets = np.cumsum([0] + [len(vertices) if dim == top else 0 for _, dim, vertices in blocks])
@@ -157,4 +157,4 @@ def named_mesh(
         if groups[name].dim == top:
             regions[name] = np.unique(cell_of[np.concatenate([offsets[b] + m for b, m in parts])])
             groups[name] = Group(top, cells[regions[name]])
-    return NamedMesh(found[0], points, cells, groups, regions, source)
+    return NamedMesh(cell_kinds[0], points, cells, groups, regions, source)

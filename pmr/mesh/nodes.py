@@ -48,11 +48,11 @@ class Nodes:
 
         Raises a `KeyError` if one of them is no entity of the mesh.
         """
-        wanted = codes(np.sort(entities, axis=1), points)
-        place = np.clip(np.searchsorted(self.codes[dim], wanted), 0, len(self.codes[dim]) - 1)
-        absent = self.codes[dim][place] != wanted
+        entity_codes = codes(np.sort(entities, axis=1), points)
+        place = np.clip(np.searchsorted(self.codes[dim], entity_codes), 0, len(self.codes[dim]) - 1)
+        absent = self.codes[dim][place] != entity_codes
         if np.any(absent):
-            raise KeyError(f"{np.sum(absent)} of {len(wanted)} entities are not part of any cell")
+            raise KeyError(f"{np.sum(absent)} of {len(entity_codes)} entities are not part of any cell")
         return self.first[dim][place]
 
     def per_component(self, cells: Indices) -> list[Indices]:
@@ -97,5 +97,5 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
 
 
 def _codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
-    """As `codes`; cells of dimension three go by their own number, for they share three vertices with neighbours."""
+    """Codes of entities; cells of dimension three, which share vertices with neighbours, go by their own number."""
     return np.arange(len(cells), dtype=np.int64) if dim == 3 else codes(flat, points)

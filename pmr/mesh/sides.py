@@ -20,7 +20,7 @@ class Side(Protocol):
 
     @property
     def name(self) -> str:
-        """Of the group that it becomes."""
+        """Name of the group that the side becomes."""
 
     @property
     def start(self) -> Pair:
@@ -31,11 +31,11 @@ class Side(Protocol):
 
     @property
     def centre(self) -> Pair | None:
-        """Of an arc."""
+        """Centre of an arc, (2,) m; None for a flat side."""
 
     @property
     def angle(self) -> float:
-        """Of an arc, rad."""
+        """Angle of an arc, rad."""
 
     @property
     def length(self) -> float: ...
@@ -66,12 +66,12 @@ class Part:
 def ends_of(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
     """Ends (2,) m of a side, each side as far outward from its mid-surface as is said of it."""
     side, neighbours = sides[k], (sides[k - 1], sides[(k + 1) % len(sides)])
-    found = []
+    ends = []
     for at, other in zip((side.start, side.end), neighbours, strict=True):
         sharp = side.centre is None and other.centre is None
         normals, apart = [out(side, at), out(other, at)], [outward(side), outward(other)]
-        found.append(at + (np.linalg.solve(normals, apart) if sharp else apart[0] * normals[0]))
-    return found[0], found[1]
+        ends.append(at + (np.linalg.solve(normals, apart) if sharp else apart[0] * normals[0]))
+    return ends[0], ends[1]
 
 
 def out(side: Side, at: Pair) -> Array:

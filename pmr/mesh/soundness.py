@@ -20,7 +20,7 @@ FOLDED = -0.99
 
 
 def unsound(cell: str, points: Array, cells: Indices) -> str:
-    """What is wrong with the mesh, in words; empty if nothing is."""
+    """Describe in words why the mesh is unsound; an empty text if it is sound."""
     corners = points[cells]
     size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
     if cell == "triangle":

@@ -49,7 +49,7 @@ FACES = {
 
 @dataclass(frozen=True)
 class Extent:
-    """What a face offers: from where to where along the body's axis, and across, m; None for a line."""
+    """Extent of a face along the body's axis and across it, m; None across for a line."""
 
     along: tuple[float, float]
     across: tuple[float, float] | None = None

@@ -28,20 +28,22 @@ THIN = 1e-6
 
 def tapered(points: Array, sides: Sequence[Side], parts: Sequence[Part], depth: float) -> Array:
     """Points (N, 3) m that were drawn with these sides, and frames that deep, where the parts have them."""
-    moved, left, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
+    tapered_points, unplaced, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
     for place in (_in_side, _in_triangle):
         for k in range(len(sides)):
-            one, other, within = place(points[:, 1:], sides, k, depth)
-            own = left & within
-            left &= ~own
+            first_share, second_share, within = place(points[:, 1:], sides, k, depth)
+            placed = unplaced & within
+            unplaced &= ~placed
             for part in parts:
-                here = np.flatnonzero(own & (points[:, 0] >= part.start) & (points[:, 0] <= part.end))
-                if part.tapers and len(here):
-                    share = (points[here, 0] - part.start)[:, None] / (part.end - part.start)
+                rows = np.flatnonzero(placed & (points[:, 0] >= part.start) & (points[:, 0] <= part.end))
+                if part.tapers and len(rows):
+                    share = (points[rows, 0] - part.start)[:, None] / (part.end - part.start)
                     at = _at if place is _in_side else _at_in_triangle
-                    first, last = (at(one[here], other[here], each, k, depth) for each in (part.first, part.last))
-                    moved[here, 1:] = (1.0 - share) * first + share * last
-    return moved
+                    first, last = (
+                        at(first_share[rows], second_share[rows], each, k, depth) for each in (part.first, part.last)
+                    )
+                    tapered_points[rows, 1:] = (1.0 - share) * first + share * last
+    return tapered_points
 
 
 Places = tuple[Array, Array, NDArray[np.bool_]]
@@ -55,12 +57,12 @@ def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
 
 def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
     """Shares of both ends of a side, and whether the point is on the side's side of the axis."""
-    one, other = np.linalg.solve(np.array([sides[k].start, sides[k].end]).T, p.T)
-    return one, other, (one >= -SLACK) & (other >= -SLACK)
+    first_share, second_share = np.linalg.solve(np.array([sides[k].start, sides[k].end]).T, p.T)
+    return first_share, second_share, (first_share >= -SLACK) & (second_share >= -SLACK)
 
 
-def _at_in_triangle(one: Array, other: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    return np.outer(one, sides[k].start) + np.outer(other, sides[k].end)
+def _at_in_triangle(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+    return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
 
 
 def _within(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Array, Array]:
@@ -75,17 +77,17 @@ def _within(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Arra
     (a, b), (c, d) = ends_of(sides, k, lambda _: 0.0), ends_of(sides, k, lambda _: -scale)
     along = (b - a) / np.linalg.norm(b - a)
     eta = (p - a) @ [-along[1], along[0]] / scale
-    start, end = (np.outer(1.0 - eta, one) + np.outer(eta, two) for one, two in ((a, c), (b, d)))
+    start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
     return (p - start) @ along / np.maximum((end - start) @ along, SLACK * side.length), eta
 
 
 def _at(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    """Where shares along a side and depths inside are, (N, 2) m."""
+    """Places (N, 2) m of shares along a side and depths inside."""
     side = sides[k]
     if side.centre is not None:
         start = np.subtract(side.start, side.centre)
         angle, r = np.arctan2(start[1], start[0]) + xi * side.angle, np.hypot(*start) - eta * depth
         return np.asarray(side.centre + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
     (a, b), (c, d) = ends_of(sides, k, lambda _: 0.0), ends_of(sides, k, lambda _: -depth)
-    start, end = (np.outer(1.0 - eta, one) + np.outer(eta, two) for one, two in ((a, c), (b, d)))
+    start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
     return np.asarray((1.0 - xi)[:, None] * start + xi[:, None] * end)

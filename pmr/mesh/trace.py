@@ -63,11 +63,13 @@ class Trace:
         Raises an `InputError` as `rotation` if it does.
         """
         mean = sp.csr_matrix(self.weights / self.weights.sum())
-        found = sp.vstack([mean @ component for component in self.values], format="csr")
-        return found + sp.csr_matrix(-_cross(np.array(self.beside))) @ self.rotation if any(self.beside) else found
+        mean_rows = sp.vstack([mean @ component for component in self.values], format="csr")
+        return (
+            mean_rows + sp.csr_matrix(-_cross(np.array(self.beside))) @ self.rotation if any(self.beside) else mean_rows
+        )
 
     def at(self, axis: int, place: float) -> Trace:
-        """The same of a place on an axis, m, where the points' centroid is beside it."""
+        """Return this trace for a place on an axis, m, where the points' centroid is beside it."""
         beside = np.eye(3)[axis] * (place - self.centroid[axis])
         close = np.abs(beside).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
         return self if close else replace(self, beside=tuple(beside.tolist()))
@@ -139,17 +141,17 @@ def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     slack = 1e-9 * (high.max() - low.min())  # round-off of a caller's arithmetic
     if low.min() - slack <= at <= high.max() + slack:
         at = float(np.clip(at, low.min(), high.max()))
-    here = (low <= at) & (at <= high)
-    if not here.any():
+    is_near = (low <= at) & (at <= high)
+    if not is_near.any():
         allowed = f"a group or a number from {low.min():g} to {high.max():g} m is allowed"
         raise InputError("scene", "place", at, allowed)
-    reach = float((high - low)[here].max())
+    reach = float((high - low)[is_near].max())
     near = np.flatnonzero((high > at - reach) & (low < at + reach))
     name, dim = f"section at {at:g} m", 2 if mesh.cell == "triangle" else 3
     cut = replace(mesh, groups={name: Group(dim, mesh.cells[near])}, regions={name: near})
-    whole = trace(cut, nodes, name, degree, parts=2 if dim == 2 else 1)
-    hat = np.maximum(0.0, 1.0 - np.abs(whole.points[:, axis] - at) / reach)
-    return replace(whole, weights=whole.weights * hat).at(axis, at)
+    cells_around = trace(cut, nodes, name, degree, parts=2 if dim == 2 else 1)
+    hat = np.maximum(0.0, 1.0 - np.abs(cells_around.points[:, axis] - at) / reach)
+    return replace(cells_around, weights=cells_around.weights * hat).at(axis, at)
 
 
 def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequence[int]) -> Indices:
@@ -159,12 +161,12 @@ def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequenc
     """
     group = _group(mesh, name)
     topology = cell_topology(ENTITY_KINDS[group.dim, group.entities.shape[1]]) if group.dim else [[[0]]]
-    found = []
+    coordinates = []
     for dim, parts in enumerate(topology):
         carried = len(nodes.components.get(dim, ()))
         if carried:
-            found.append((_of(mesh, nodes, name, parts)[..., None] + np.arange(carried)).ravel())
-    on = np.unique(np.concatenate(found))
+            coordinates.append((_of(mesh, nodes, name, parts)[..., None] + np.arange(carried)).ravel())
+    on = np.unique(np.concatenate(coordinates))
     return on[np.isin(nodes.component[on], components)]
 
 
@@ -188,10 +190,10 @@ def _of(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list[int]]) -> Ind
     if dim == 3:
         return nodes.first[3][mesh.regions[name]][:, None]
     try:
-        found = nodes.of(vertices.reshape(-1, vertices.shape[2]), dim, len(mesh.points))
+        first = nodes.of(vertices.reshape(-1, vertices.shape[2]), dim, len(mesh.points))
     except KeyError as error:
         raise InputError(mesh.source, "", None, f"group {name}: {error.args[0]}") from None
-    return found.reshape(vertices.shape[:2])
+    return first.reshape(vertices.shape[:2])
 
 
 def _cross(a: Array) -> Array:

@@ -36,7 +36,7 @@ class UnitState(Protocol):
 
     @property
     def acceleration(self) -> Array:
-        """Of the frame (3,) in m/s^2."""
+        """Acceleration of the frame, (3,) m/s^2."""
 
     @property
     def stretch(self) -> float:
@@ -47,11 +47,11 @@ class UnitState(Protocol):
         """Forces (3,) in N on places of the body."""
 
     def displacement(self, space: Any) -> Any:
-        """What these make of the body, as a function on its space; collective."""
+        """Displacement of the body under these loads, as a function on its space; collective."""
 
 
 class StructuralModel(Protocol):
-    """What the rooms further on ask of a beam, a shell, a solid or matrices that are given: places and rigid motions.
+    """Places, motions and forces of a beam, a shell, a solid or given matrices, as the rooms further on need them.
 
     A model numbers its coordinates by itself, from its mesh alone: rows, loads and results are the same on any number
     of ranks and on every version of dolfinx.  Whoever asks for a place or face that there isn't gets an `InputError`.
@@ -71,7 +71,7 @@ class StructuralModel(Protocol):
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """What a place can do: some of `DIRECTIONS`, in their order."""
+        """Directions in which a place can move: some of `DIRECTIONS`, in their order."""
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
         """Rows that measure the mean displacement of places, one after the other: of each the first rows of `motion`.
@@ -93,7 +93,7 @@ class StructuralModel(Protocol):
         """
 
     def centroid(self, place: str | float) -> Array:
-        """Where a place is, (3,) m."""
+        """Centroid of a place, (3,) m."""
 
     def strip(self, face: str, window: Window) -> Strip:
         """Points of a flat face, or of the line that stands for it on a beam, where pads may be.
@@ -142,7 +142,7 @@ class FiniteElementModel(StructuralModel, Protocol):
 
     @property
     def grid(self) -> Grid:
-        """What the body looks like: its cells, those of results too."""
+        """Cells by which the body is drawn; results have the same ones."""
 
     def point_displacements(self) -> sp.csr_matrix:
         """Rows (3 N, n) that measure the displacement along x, y, z of each of the grid's points."""
@@ -164,7 +164,7 @@ class Line(FiniteElementModel, Protocol):
         """Distance of a place from the beam's first end in m; raises an `InputError` if it is not on the beam."""
 
     def section_forces(self) -> ForceRows:
-        """Of both ends of each element, from their strains: exact where nothing acts between nodes."""
+        """Section forces at both ends of each element, from its strains: exact where nothing acts between nodes."""
 
     def end_forces(self) -> sp.csr_matrix:
         """The section forces, in the order of `section_forces`, of forces on coordinates that pull at elements, (P, n).

@@ -80,7 +80,7 @@ class Beam(ABC):
 
     @abstractmethod
     def strains(self, space: Any) -> Any:
-        """Those that section forces are of, in UFL, of a trial function."""
+        """Return the strains that section forces belong to, in UFL, of a trial function."""
 
     @property
     @abstractmethod
@@ -89,7 +89,7 @@ class Beam(ABC):
 
     @abstractmethod
     def on_nodes(self, stations: Array) -> Line:
-        """The same beam with nodes (N,) m; between two at one place it is cut."""
+        """Return this beam with nodes (N,) m; between two at one place it is cut."""
 
     @property
     @abstractmethod
@@ -101,13 +101,13 @@ class Beam(ABC):
 
     @cached_property
     def number(self) -> Indices:
-        """Of each element's section, (E,)."""
+        """Number of each element's section, (E,)."""
         middles = self.node_stations[self.grid.cells].mean(axis=1)
         return np.zeros(len(middles), np.int64) if self.sections is None else self.sections.at(middles)
 
     @cached_property
     def first(self) -> Indices:
-        """Of the space's nodes that each element begins with, (E,); the one it ends with comes right behind it."""
+        """First of the space's nodes of each element, (E,); the one at its end comes right behind it."""
         cells = self.grid.cells
         apart = (np.diff(self.number) != 0) | (cells[1:, 0] != cells[:-1, 1])
         return np.arange(len(cells)) + np.append(0, np.cumsum(apart))
@@ -120,9 +120,9 @@ class Beam(ABC):
         for k in (0, 1):
             of[self.first + k], number[self.first + k] = self.grid.cells[:, k], self.number
         shape = (d * size, d * len(self.node_stations))
-        found = sp.bsr_matrix((self.of_node[number], of, np.arange(size + 1)), shape=shape).tocsr()
-        found.eliminate_zeros()
-        return found
+        T = sp.bsr_matrix((self.of_node[number], of, np.arange(size + 1)), shape=shape).tocsr()
+        T.eliminate_zeros()
+        return T
 
     def motions(self, places: Array) -> sp.csr_matrix:
         """Displacements and rotations of the axis at distances (k,) m along it, (k d, n)."""
@@ -139,9 +139,9 @@ class Beam(ABC):
         columns = d * self.grid.cells[e][:, None, :, None] + np.arange(d)
         entries, columns = (part.ravel() for part in np.broadcast_arrays(local.swapaxes(1, 2), columns))
         starts = np.arange(0, entries.size + 1, 2 * d)
-        found = sp.csr_matrix((entries, columns, starts), (len(of) * len(places), d * len(self.node_stations)))
-        found.eliminate_zeros()
-        return found
+        rows = sp.csr_matrix((entries, columns, starts), (len(of) * len(places), d * len(self.node_stations)))
+        rows.eliminate_zeros()
+        return rows
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         at = self.station(place)
@@ -151,25 +151,25 @@ class Beam(ABC):
         """Of points (k, 3) m that move with the sections at distances (k,) m along the axis, (k d, n)."""
         rows, arms = self.motions(at), points - at[:, None] * np.eye(3)[0]
         if arms.any():
-            own = [DIRECTIONS.index(direction) for direction in self.directions]
-            moved = np.tile(np.eye(6), (len(at), 1, 1))
-            moved[:, :3, 3:] = np.cross(np.eye(3), arms[:, None]).transpose(0, 2, 1)
-            blocks = np.ascontiguousarray(moved[:, own][:, :, own])
+            numbers = [DIRECTIONS.index(direction) for direction in self.directions]
+            motion = np.tile(np.eye(6), (len(at), 1, 1))
+            motion[:, :3, 3:] = np.cross(np.eye(3), arms[:, None]).transpose(0, 2, 1)
+            blocks = np.ascontiguousarray(motion[:, numbers][:, :, numbers])
             rows = sp.bsr_matrix((blocks, np.arange(len(at)), np.arange(len(at) + 1))).tocsr() @ rows
         rows.data[np.abs(rows.data) < 1e-14] = 0.0
         rows.eliminate_zeros()
         return rows
 
     def interpolated(self, places: Array) -> sp.csr_matrix:
-        """What coordinates on nodes at the places (k,) m along the axis would be, (k d, n)."""
+        """Interpolate coordinates on nodes at the places (k,) m along the axis, (k d, n)."""
         return sp.csr_matrix(sp.diags(np.tile(self.signs, len(places))) @ self.motions(places))
 
     def strip(self, face: str, window: Window) -> Strip:
         """The line beside the axis that stands for a face; how far below or above the axis it is plays no role."""
-        known = self.faces(sum(window.along) / 2.0)
-        if face not in known:
-            raise InputError("scene", "pads.on", face, f"this beam has the faces {', '.join(known)}")
-        plane, extent = known[face]
+        faces = self.faces(sum(window.along) / 2.0)
+        if face not in faces:
+            raise InputError("scene", "pads.on", face, f"this beam has the faces {', '.join(faces)}")
+        plane, extent = faces[face]
         points, weights = line_points(window, self.node_stations)
         across = sum(window.across) / 2.0
         turning = np.cross(across * plane.across, plane.normal)  # (theta x arm) n = theta (arm x n)
@@ -179,8 +179,8 @@ class Beam(ABC):
     def section_forces(self) -> ForceRows:
         values, ends = self._strains, self.node_stations[self.grid.cells]
         size = self.transformation.shape[0]
-        found = force_rows(ends, values.entries, self.section_stiffness, values.coordinates, size)
-        return replace(found, rows=sp.csr_matrix(found.rows @ self.transformation))
+        forces = force_rows(ends, values.entries, self.section_stiffness, values.coordinates, size)
+        return replace(forces, rows=sp.csr_matrix(forces.rows @ self.transformation))
 
     @cached_property
     def _strains(self) -> CellValues:
@@ -192,7 +192,7 @@ class Beam(ABC):
         return constant(mesh, float(values[0])) if len(values) == 1 else cellwise(mesh, values[self.number])
 
     def stresses(self) -> StressRows | None:
-        """As `corner_stresses`, of the `section_forces`."""
+        """Stresses in corners (`corner_stresses`) of the `section_forces`."""
         return self.corner_stresses(self.section_forces(), np.repeat(np.arange(len(self.grid.cells)), 2))
 
     def cut(self, parts: int) -> Cut:
@@ -216,9 +216,9 @@ class Beam(ABC):
         columns = np.broadcast_to(d * cells[:, :, None, None] + np.arange(d), signed.shape)
         entries, columns = (np.moveaxis(part, 2, 0).ravel() for part in (signed, columns))
         rows = k * cells.size
-        found = sp.csr_matrix((entries, columns, d * np.arange(rows + 1)), (rows, self.size))
-        found.eliminate_zeros()
-        return found
+        force_rows = sp.csr_matrix((entries, columns, d * np.arange(rows + 1)), (rows, self.size))
+        force_rows.eliminate_zeros()
+        return force_rows
 
     @property
     def size(self) -> int:
@@ -241,11 +241,11 @@ class Beam(ABC):
         """
         mass, ends, middle, h = self._elements_of_mass()
         a, b = (float(value) for value in (state.acceleration[0], state.stretch))
-        x, own, end = ufl.SpatialCoordinate(mesh)[0], cellwise(mesh, mass), cellwise(mesh, ends)
+        x, mass_here, end = ufl.SpatialCoordinate(mesh)[0], cellwise(mesh, mass), cellwise(mesh, ends)
         beyond = self._beyond(mass * h * (a + b * middle))
         a, b = constant(mesh, a), constant(mesh, b)
         pulled = self._pulled(mesh, state, 0)[0] - cellwise(mesh, beyond)
-        return pulled - own * (a * (end - x) + b * (end**2 - x**2) / 2.0)
+        return pulled - mass_here * (a * (end - x) + b * (end**2 - x**2) / 2.0)
 
     def moment(self, mesh: Any, state: UnitState, component: int) -> Any:
         r"""M(x) = EI w'' in N m of bending along y (`component` 1) or z (2), likewise.
@@ -256,8 +256,8 @@ class Beam(ABC):
         x, a = ufl.SpatialCoordinate(mesh)[0], constant(mesh, float(state.acceleration[component]))
         force, arm = self._pulled(mesh, state, component)
         beyond, first = (cellwise(mesh, self._beyond(mass * h * by)) for by in (np.ones_like(h), middle))
-        own = cellwise(mesh, mass) * (cellwise(mesh, ends) - x) ** 2 / 2.0
-        return arm - force * x - a * (own + first - beyond * x)
+        within = cellwise(mesh, mass) * (cellwise(mesh, ends) - x) ** 2 / 2.0
+        return arm - force * x - a * (within + first - beyond * x)
 
     def _elements_of_mass(self) -> tuple[Array, Array, Array, Array]:
         """Mass per length, end, middle and length of each element, (E,) each."""
@@ -280,8 +280,8 @@ class Beam(ABC):
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
         at = np.array([self.station(place) for place in places])
-        moved = self._motions_of(at, np.array([self.centroid(place) for place in at]))
-        return moved[np.flatnonzero(np.tile([d in "xyz" for d in self.directions], len(at)))]
+        motions = self._motions_of(at, np.array([self.centroid(place) for place in at]))
+        return motions[np.flatnonzero(np.tile([d in "xyz" for d in self.directions], len(at)))]
 
     def station(self, place: str | float) -> float:
         """Distance of a place from the beam's first end in m.
@@ -296,7 +296,7 @@ class Beam(ABC):
         return min(max(float(at), 0.0), length)
 
     def centroid(self, place: str | float) -> Array:
-        """Where the mean of a shell's end is: in the middle of the walls' line."""
+        """Centroid of a place, (3,) m; at a shell's end it is the middle of the walls' line."""
         at = self.station(place)
         return np.array([at, *(np.zeros(2) if self.sections is None else self.sections.middle_at(at))])
 
@@ -307,9 +307,9 @@ class Beam(ABC):
         return first + np.array([i for i, d in enumerate(self.directions) if d in directions], np.int64)
 
     def rigid_motions(self) -> Array:
-        own = [DIRECTIONS.index(direction) for direction in self.directions]
+        numbers = [DIRECTIONS.index(direction) for direction in self.directions]
         nodes = self.grid.points
-        motions = rigid_motions(np.repeat(nodes, len(own), axis=0), np.tile(own, len(nodes)))[:, own]
+        motions = rigid_motions(np.repeat(nodes, len(numbers), axis=0), np.tile(numbers, len(nodes)))[:, numbers]
         return np.tile(self.signs, len(nodes))[:, None] * motions
 
     @cached_property

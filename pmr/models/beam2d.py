@@ -42,7 +42,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Stiffnesses:
-    """Of K sections."""
+    """Stiffnesses and masses of K sections."""
 
     bending: Array  # (K,) N m^2
     axial: Array | None  # (K,) N; None: without axial coordinates
@@ -66,17 +66,17 @@ class Beam2D(Beam):
 
     @cached_property
     def stiffnesses(self) -> Stiffnesses:
-        """By the section."""
+        """Stiffnesses of each section."""
         body, sections = self.body, self.sections
         if isinstance(body, Profile):
             EI, EA, mass = (
-                None if one is None else np.array([one])
-                for one in (body.bending_stiffness, body.axial_stiffness, body.mass_per_length)
+                None if stiffness is None else np.array([stiffness])
+                for stiffness in (body.bending_stiffness, body.axial_stiffness, body.mass_per_length)
             )
             assert EI is not None and mass is not None
             return Stiffnesses(EI, EA if body.axial else None, mass, np.zeros(1))
         assert sections is not None
-        I = np.array([one.second_moment_y for one in sections.each])
+        I = np.array([section.second_moment_y for section in sections.each])
         young, area = body.material.young, sections.area
         return Stiffnesses(young * I, young * area, body.material.density * area, sections.centroid[:, 1])
 
@@ -115,10 +115,10 @@ class Beam2D(Beam):
     @cached_property
     def of_node(self) -> Array:
         """U of the centroid, w and w' at a node."""
-        found = np.tile(np.eye(len(self.directions)), (len(self.stiffnesses.mass), 1, 1))
+        U = np.tile(np.eye(len(self.directions)), (len(self.stiffnesses.mass), 1, 1))
         if "x" in self.directions:
-            found[:, 0, 2] = -self.stiffnesses.centroid
-        return found
+            U[:, 0, 2] = -self.stiffnesses.centroid
+        return U
 
     def space(self, domain: Any) -> Any:
         """Function space on a dolfinx interval mesh."""
@@ -184,13 +184,13 @@ class Beam2D(Beam):
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
-        of, found = self.stiffnesses, {}
+        of, rows = self.stiffnesses, {}
         bent = -of.bending[self.number]
         if of.axial is None:
             return {"bending moment y": bent[:, None]}
-        found["bending moment y"] = np.stack([np.zeros_like(bent), bent], axis=1)
-        found["normal force"] = np.stack([of.axial[self.number], np.zeros_like(bent)], axis=1)
-        return found
+        rows["bending moment y"] = np.stack([np.zeros_like(bent), bent], axis=1)
+        rows["normal force"] = np.stack([of.axial[self.number], np.zeros_like(bent)], axis=1)
+        return rows
 
     def strains(self, space: Any) -> Any:
         """U' and w''."""

@@ -84,7 +84,7 @@ class Beam3D(Beam):
         areas, I = self.sections.shear_areas if self.body.shear else None, self.sections.second_moments.T
         if areas is None:
             return Bending(E * I[0]), Bending(E * I[1])
-        y, z = (Bending(E * own, G * area) for own, area in zip(I, areas.T, strict=True))
+        y, z = (Bending(E * second_moment, G * area) for second_moment, area in zip(I, areas.T, strict=True))
         return y, z
 
     @property
@@ -100,7 +100,7 @@ class Beam3D(Beam):
 
     @cached_property
     def _added(self) -> RingMasses | None:
-        """Of its elements."""
+        """Masses of rings within each element; None without rings."""
         return None if self.rings is None else self.rings.at(self.node_stations[self.grid.cells].mean(axis=1))
 
     @property
@@ -114,9 +114,9 @@ class Beam3D(Beam):
     @cached_property
     def of_node(self) -> Array:
         """U, phi, v, v', w and w' at a node; v' is the rotation about z, w' minus that about y."""
-        found = np.zeros((6, 6))
-        found[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
-        return np.asarray(found @ self.sections.own_motion)
+        U = np.zeros((6, 6))
+        U[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
+        return np.asarray(U @ self.sections.own_motion)
 
     def space(self, domain: Any) -> Any:
         return hermite_space(domain, linear=2, planes=2)
@@ -154,7 +154,7 @@ class Beam3D(Beam):
         return (total + self._of_rings(mesh, S, by, of)) * measure(mesh)
 
     def _of_rings(self, mesh: Any, S: Any, by: Sequence[Motion], of: Sequence[Motion]) -> Any:
-        """The same of plates within it, about their own centroid, from what moves that of the section."""
+        """Inertia of plates within the section about their own centroid, from what moves the section's."""
         added, sections, rho = self._added, self.sections, self.body.material.density
         if added is None:
             return 0
@@ -182,11 +182,14 @@ class Beam3D(Beam):
     def _motion(self, mesh: Any, field: Any) -> tuple[Motion, ...]:
         """Displacement of the centroid, and its derivatives along the principal axes; None: without inertia."""
         v, w = self._deflections(mesh, field)
-        phi, (turn_v, turn_w) = field[1], (None if one.shear is None else -one.rotation for one in (v, w))
+        phi, (turn_v, turn_w) = (
+            field[1],
+            (None if deflection.shear is None else -deflection.rotation for deflection in (v, w)),
+        )
         return (field[0], *self._of_centroid(mesh, v.value, w.value, phi)), (turn_v, None, phi), (turn_w, -phi, None)
 
     def _of_centroid(self, mesh: Any, v: Any, w: Any, phi: Any) -> tuple[Any, Any]:
-        """What the shear centre's v and w are at the centroid."""
+        """Deflections of the centroid from the shear centre's v and w."""
         sections = self.sections
         y, z = np.einsum("kij,kj->ik", sections.principal, sections.centroid - sections.shear_centre)
         v = v - self.of_elements(mesh, z) * phi if z.any() else v
@@ -205,11 +208,11 @@ class Beam3D(Beam):
         centroid, moments with the shear centre; left out is what moments do to the twist of a section without symmetry.
         """
         mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
-        of, by = ([one.value.dx(0) for one in self._deflections(mesh, field)] for field in (trial, test))
+        of, by = ([deflection.value.dx(0) for deflection in self._deflections(mesh, field)] for field in (trial, test))
         phi, dphi = trial[1], test[1]
         radius2 = self.of_elements(mesh, self.sections.polar_moment / self.sections.area)
-        both = ((of, phi), (by, dphi))
-        pairs = zip(*(self._of_centroid(mesh, v, w, twist.dx(0)) for (v, w), twist in both), strict=True)
+        fields = ((of, phi), (by, dphi))
+        pairs = zip(*(self._of_centroid(mesh, v, w, twist.dx(0)) for (v, w), twist in fields), strict=True)
         along = sum(a * b for a, b in pairs) + radius2 * phi.dx(0) * dphi.dx(0)
         moments = [self.moment(mesh, state, component) for component in (1, 2)]
         if self.sections.turned:
@@ -220,7 +223,7 @@ class Beam3D(Beam):
         return (self.axial_force(mesh, state) * along + across) * measure(mesh)
 
     def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
-        """Of a field (u, phi, w_A and theta_B of both planes), in both planes."""
+        """Deflections in both planes of a field (u, phi, w_A and theta_B of both planes)."""
         h = ufl.JacobianDeterminant(mesh)
         middle = cellwise(mesh, self.node_stations[self.grid.cells].mean(axis=1))
         X, of_elements = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5, partial(self.of_elements, mesh)
@@ -240,15 +243,15 @@ class Beam3D(Beam):
         return local
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """Those of the profile; all of the axis, and across what is flat there."""
+        """Faces of the profile at a place, or those of the axis where there is none; each with its extent."""
         profile, along = self.sections.profile_at(at), (0.0, self.body.length)
         if profile is None:
             return {name: (plane, Extent(along)) for name, plane in FACES.items()}
-        found = {}
+        planes = {}
         for name, side in profile.faces.items():
             normal, across = (np.array([0.0, *pair]) for pair in (side.normal, side.across))
-            found[name] = Plane(normal, across), Extent(along, side.span)
-        return found
+            planes[name] = Plane(normal, across), Extent(along, side.span)
+        return planes
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, of_corners)

@@ -48,7 +48,7 @@ class Deflection:
 
 @dataclass(frozen=True)
 class Bending:
-    """Of K sections: EI in N m^2, and kappa G A in N (None: rigid in shear)."""
+    """Bending stiffness EI in N m^2 and shear stiffness kappa G A in N (None: rigid in shear) of K sections."""
 
     stiffness: Array  # (K,)
     shear_stiffness: Array | None = None  # (K,)
@@ -82,13 +82,13 @@ class Bending:
     def energy(self, of: Deflection, by: Deflection, of_elements: Callable[[Array], Any]) -> Any:
         """The integrand of k in UFL."""
         EI = of_elements(self.stiffness)
-        found = EI * of.second * by.second
-        return found if of.shear is None else found + EI * of.shear * by.third
+        integrand = EI * of.second * by.second
+        return integrand if of.shear is None else integrand + EI * of.shear * by.third
 
 
 def _at(polynomials: Array, X: Array) -> Array:
     """Values (p, q) of polynomials (p, d), highest power first, at X (q,)."""
-    found = np.zeros((len(polynomials), len(X)))
+    values = np.zeros((len(polynomials), len(X)))
     for c in polynomials.T:
-        found = found * X + c[:, None]
-    return found
+        values = values * X + c[:, None]
+    return values

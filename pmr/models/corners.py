@@ -34,21 +34,21 @@ def of_corners(profile: BoxProfile, section: BeamSection) -> Corners:
     """
     I = np.array([[section.second_moment_z, section.product_of_inertia],
                   [section.product_of_inertia, section.second_moment_y]])  # fmt: skip
-    found, enclosed = np.zeros((len(profile.corners), 2, len(FORCES))), MidLine(profile).enclosed
-    for stresses, corner in zip(found, profile.corners, strict=True):
+    stresses_of_corners, enclosed = np.zeros((len(profile.corners), 2, len(FORCES))), MidLine(profile).enclosed
+    for stresses, corner in zip(stresses_of_corners, profile.corners, strict=True):
         of_z, of_y = np.linalg.solve(I, np.subtract(corner.at, section.centroid))
         stresses[0, [0, 4, 5]] = 1.0 / section.area, of_y, -of_z
         stresses[1, 3] = 1.0 / (2.0 * enclosed * corner.thickness)
-    return {corner.name: np.array(corner.at) for corner in profile.corners}, found
+    return {corner.name: np.array(corner.at) for corner in profile.corners}, stresses_of_corners
 
 
 def of_fibres(profile: BoxProfile, section: BeamSection) -> Corners:
     """Axial stress of N and M_y below and above, (2, 1, 6)."""
-    heights, found = [corner.at[1] for corner in profile.corners], np.zeros((2, 1, len(FORCES)))
+    heights, stresses = [corner.at[1] for corner in profile.corners], np.zeros((2, 1, len(FORCES)))
     places = {"bottom": np.array([0.0, min(heights)]), "top": np.array([0.0, max(heights)])}
-    found[:, 0, 0] = 1.0 / section.area
-    found[:, 0, 4] = [(z - section.centroid[1]) / section.second_moment_y for _, z in places.values()]
-    return places, found
+    stresses[:, 0, 0] = 1.0 / section.area
+    stresses[:, 0, 4] = [(z - section.centroid[1]) / section.second_moment_y for _, z in places.values()]
+    return places, stresses
 
 
 def stresses_along(
@@ -58,22 +58,22 @@ def stresses_along(
     element: Indices,
     corners: Callable[[BoxProfile, BeamSection], Corners],
 ) -> StressRows | None:
-    """Of section forces at P places, in these sections and elements (P,); None where no profile is known.
+    """Stresses of section forces at P places, in these sections and elements (P,); None where a section has no profile.
 
     Of a section that changes from place to place stresses are those of the profile at the place.
     """
-    found, keys = dict[tuple[int, float], Corners](), []
+    corners_of, keys = dict[tuple[int, float], Corners](), []
     for k, x in zip(number.tolist(), forces.x[: len(number)].tolist(), strict=True):
         stretch = sections.stretches[k]
         if stretch is None:
             return None
         same = stretch.first is stretch.last
         keys.append((k, 0.0 if same else x))
-        if keys[-1] not in found:
+        if keys[-1] not in corners_of:
             profile = stretch.at(x)
-            found[keys[-1]] = corners(profile, sections.each[k] if same else section_of(profile, sections.poisson))
-    at = {name: np.array([found[key][0][name] for key in keys]) for name in found[keys[0]][0]}
-    return stress_rows(forces, element, at, np.array([found[key][1] for key in keys]))
+            corners_of[keys[-1]] = corners(profile, sections.each[k] if same else section_of(profile, sections.poisson))
+    at = {name: np.array([corners_of[key][0][name] for key in keys]) for name in corners_of[keys[0]][0]}
+    return stress_rows(forces, element, at, np.array([corners_of[key][1] for key in keys]))
 
 
 def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array], of: Array) -> StressRows:
@@ -93,8 +93,10 @@ def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array
     of = of[..., [list(FORCES).index(name) for name in names]]
     ends = np.arange(count * components + 1)
     local = [
-        sp.hstack([sp.csr_matrix((one[..., n].ravel(), ends[:-1] // components, ends)) for n in range(len(names))])
-        for one in np.moveaxis(of, 1, 0)
+        sp.hstack(
+            [sp.csr_matrix((of_corner[..., n].ravel(), ends[:-1] // components, ends)) for n in range(len(names))]
+        )
+        for of_corner in np.moveaxis(of, 1, 0)
     ]
     rows = sp.csr_matrix(sp.vstack(local) @ forces.rows)
     rows.eliminate_zeros()

@@ -89,24 +89,24 @@ class Matrices(Traced):
         nodes, axis = self._group(face), self.axis
         points = self.given.points[nodes]
         normal = self._normal(face, points)
-        beside = int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
+        across = int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
         if abs(normal[axis]) > np.sqrt(FLAT):
             raise InputError("scene", "pads.on", face, "this face lies across the body's axis; others are allowed")
-        flat = points[:, [axis, beside]]
-        (low, left), (high, right) = flat.min(axis=0), flat.max(axis=0)
-        extent = Extent((float(low), float(high)), (float(left), float(right)))
+        flat = points[:, [axis, across]]
+        (low, nearest), (high, farthest) = flat.min(axis=0), flat.max(axis=0)
+        extent = Extent((float(low), float(high)), (float(nearest), float(farthest)))
         cells = [
             _middles(max(least, start), min(most, end), spacing)
             for (least, most), (start, end), spacing in zip(
-                ((low, high), (left, right)), (window.along, window.across), window.spacing, strict=True
+                ((low, high), (nearest, farthest)), (window.along, window.across), window.spacing, strict=True
             )
         ]
         (x, width), (y, breadth) = cells
         places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
         triangles = Delaunay(flat)
-        found = triangles.find_simplex(places, tol=1e-9)
-        places, found = places[found >= 0], found[found >= 0]
-        corners, T = triangles.simplices[found], triangles.transform[found]
+        triangle = triangles.find_simplex(places, tol=1e-9)
+        places, triangle = places[triangle >= 0], triangle[triangle >= 0]
+        corners, T = triangles.simplices[triangle], triangles.transform[triangle]
         shares = np.einsum("qij,qj->qi", T[:, :2], places - T[:, 2])
         shares = np.hstack([shares, 1.0 - shares.sum(axis=1, keepdims=True)])
         rows = np.repeat(np.arange(len(places)), 3)
@@ -131,9 +131,12 @@ class Matrices(Traced):
 
     @cached_property
     def _of_direction(self) -> list[sp.csr_matrix]:
-        given, shape = self.given, (len(self.given.points), self.given.size)
-        numbers = [np.flatnonzero(given.direction == k) for k in range(3)]
-        return [sp.csr_matrix((np.ones(len(own)), (given.node[own], own)), shape=shape) for own in numbers]
+        matrices, shape = self.given, (len(self.given.points), self.given.size)
+        numbers = [np.flatnonzero(matrices.direction == k) for k in range(3)]
+        return [
+            sp.csr_matrix((np.ones(len(coordinates)), (matrices.node[coordinates], coordinates)), shape=shape)
+            for coordinates in numbers
+        ]
 
     def trace(self, place: str | float) -> Trace:
         if isinstance(place, str):

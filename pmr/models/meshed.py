@@ -122,7 +122,7 @@ class MeshedModel(Traced):
 
 @dataclass(frozen=True)
 class OfCells:
-    """What each cell of a mesh is made of."""
+    """Kinds of material or thickness, and which of them each cell of a mesh has."""
 
     kinds: tuple[object, ...]
     number: Indices  # (C,): which of the kinds
@@ -133,15 +133,15 @@ class OfCells:
 
 
 def by_region(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -> OfCells:
-    """What a cell's region is made of, or the default.
+    """Find the material or thickness of each cell by its region; cells of no region take the default.
 
     Raises an `InputError` if the mesh has no such group of cells, or two of them share cells.
     """
     owner = np.full(len(mesh.cells), -1)
     for number, name in enumerate(regions):
         if name not in mesh.regions:
-            found = ", ".join(sorted(mesh.regions)) or "none"
-            raise InputError("scene", f"body.regions.{name}", None, f"{mesh.source} has these regions: {found}")
+            names = ", ".join(sorted(mesh.regions)) or "none"
+            raise InputError("scene", f"body.regions.{name}", None, f"{mesh.source} has these regions: {names}")
         cells = mesh.regions[name]
         shared = owner[cells].max(initial=-1)
         if shared >= 0:

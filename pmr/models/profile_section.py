@@ -55,12 +55,12 @@ class MidLine:
 
     @cached_property
     def lengths(self) -> Array:
-        """Of the sides, m."""
+        """Lengths of the sides, m."""
         return np.array([side.length for side in self.sides])
 
     @cached_property
     def thickness(self) -> Array:
-        """Of the sides, m."""
+        """Thickness of the sides, m."""
         return np.array([side.thickness for side in self.sides])
 
     @cached_property
@@ -89,13 +89,13 @@ class MidLine:
 
     @cached_property
     def centroid(self) -> Array:
-        """Of thin walls, (2,) m."""
+        """Centroid of the thin walls, (2,) m."""
         weights = self.lengths * self.thickness
         return np.einsum("k,kqi,q", weights, self.points, WEIGHTS) / weights.sum()
 
     @cached_property
     def second_moments(self) -> Array:
-        """Of thin walls, (2, 2) m^4: integrals of y^2, y z and z^2."""
+        """Second moments of the thin walls, (2, 2) m^4: integrals of y^2, y z and z^2."""
         p = self.points - self.centroid
         return np.einsum("k,kqi,kqj,q", self.lengths * self.thickness, p, p, WEIGHTS)
 
@@ -103,11 +103,11 @@ class MidLine:
     def flow(self) -> Array:
         """Shear flow of unit forces along y and z, (k, q, 2) 1/m."""
         first = np.zeros(2)
-        found = []
+        moments = []
         for side in self.sides:
-            found.append(first + _first_moments(side, POINTS, self.centroid))
+            moments.append(first + _first_moments(side, POINTS, self.centroid))
             first = first + _first_moments(side, np.ones(1), self.centroid)[0]
-        flow = -np.array(found) @ np.linalg.inv(self.second_moments)
+        flow = -np.array(moments) @ np.linalg.inv(self.second_moments)
         compliance = self.lengths / self.thickness
         return np.asarray(flow - np.einsum("k,kqi,q", compliance, flow, WEIGHTS) / compliance.sum())
 
@@ -132,9 +132,9 @@ def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
     line = MidLine(profile)
     area, first, second = np.zeros(()), np.zeros(2), np.zeros((2, 2))
     for k, side in enumerate(line.sides):
-        beside = line.sides[k - 1], line.sides[(k + 1) % len(line.sides)]
-        own = _sector(side) if side.centre is not None else _strip(side, *beside)
-        area, first, second = (total + part for total, part in zip((area, first, second), own, strict=True))
+        neighbours = line.sides[k - 1], line.sides[(k + 1) % len(line.sides)]
+        integrals = _sector(side) if side.centre is not None else _strip(side, *neighbours)
+        area, first, second = (total + part for total, part in zip((area, first, second), integrals, strict=True))
     centroid = _tidy(first / area, max(profile.width, profile.height))
     second = second - area * np.outer(centroid, centroid)
     b, h, shear = profile.width, profile.height, np.diag(line.shear_compliance)
@@ -157,7 +157,7 @@ def _tidy(values: Array, size: float) -> Array:
 
 
 def _angles(side: Side, x: Array) -> tuple[Array, float]:
-    """Of places at shares x of an arc, and of its start, rad."""
+    """Angles of places at shares x of an arc, and of its start, rad."""
     y, z = np.subtract(side.start, side.centre or (0.0, 0.0))
     start = float(np.arctan2(z, y))
     return start + side.angle * x, start
@@ -213,7 +213,7 @@ def _mitre(side: Side, other: Side, sense: float) -> float:
 
 
 def _sector(side: Side) -> Integrals:
-    """The same of a rounded corner."""
+    """Integrals over a rounded corner."""
     r, t, centre = side.radius, side.thickness, np.array(side.centre)
     (b,), a = _angles(side, np.ones(1))
     c, s, twice = np.sin(b) - np.sin(a), np.cos(a) - np.cos(b), (np.sin(2.0 * b) - np.sin(2.0 * a)) / 4.0
@@ -226,7 +226,7 @@ def _sector(side: Side) -> Integrals:
 
 
 def _of_poisson(across: float, along: float, nu: float) -> float:
-    """What Poisson's ratio changes of a box's shear coefficient."""
+    """Factor by which Poisson's ratio changes a box's shear coefficient."""
     return _shear_coefficient(across / along, nu) / _shear_coefficient(across / along, 0.0)
 
 

@@ -36,13 +36,13 @@ class Plane:
     second: Array  # (2, 2) m^4
 
     def less(self, other: Plane) -> Plane:
-        """Without another one."""
+        """Subtract another plane figure."""
         return Plane(self.area - other.area, self.first - other.first, self.second - other.second)
 
 
 @dataclass(frozen=True)
 class RingMasses:
-    """What plates add to each of E elements, as an area that is spread over its length."""
+    """Areas that plates add to each of E elements, spread over its length."""
 
     ends: Array  # (E + 1,) m
     area: Array  # (E,) m^2
@@ -50,7 +50,7 @@ class RingMasses:
     second: Array  # (E, 2, 2) m^4
 
     def at(self, places: Array) -> RingMasses:
-        """Of elements with their middles at these places (e,) m."""
+        """Areas of elements with their middles at these places (e,) m."""
         number = np.clip(np.searchsorted(self.ends, places) - 1, 0, len(self.area) - 1)
         return replace(self, area=self.area[number], first=self.first[number], second=self.second[number])
 
@@ -66,7 +66,7 @@ class RingMasses:
 
 
 def ring_masses(box: Box, stations: Array) -> RingMasses:
-    """Of a box's frames, on elements with these ends (E + 1,) m."""
+    """Areas that a box's frames add to elements with these ends (E + 1,) m."""
     h, middles = np.diff(stations), (stations[1:] + stations[:-1]) / 2.0
     area, first, second = np.zeros(len(h)), np.zeros((len(h), 2)), np.zeros((len(h), 2, 2))
     for x in box.frames:
@@ -76,8 +76,8 @@ def ring_masses(box: Box, stations: Array) -> RingMasses:
             plate = plate.less(within(inset(sides, box.frame_depth)))
         k = int(np.clip(np.searchsorted(middles, x), 1, len(h) - 1)) if len(h) > 1 else 0
         share = np.clip((middles[k] - x) / (middles[k] - middles[k - 1]), 0.0, 1.0) if k else 0.0
-        for e, own in ((k - 1, share), (k, 1.0 - share)):
-            by = own * box.plate / h[e]
+        for e, share_of_element in ((k - 1, share), (k, 1.0 - share)):
+            by = share_of_element * box.plate / h[e]
             area[e] += by * plate.area
             first[e] += by * plate.first
             second[e] += by * plate.second
@@ -85,16 +85,16 @@ def ring_masses(box: Box, stations: Array) -> RingMasses:
 
 
 def inset(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
-    """The same profile, with its sides so far inside, m."""
-    found = []
+    """Move the sides of a profile so far inside, m."""
+    inner_sides = []
     for k, side in enumerate(sides):
         a, b = ends_of(sides, k, lambda _: -depth)
-        found.append(replace(side, start=(float(a[0]), float(a[1])), end=(float(b[0]), float(b[1]))))
-    return tuple(found)
+        inner_sides.append(replace(side, start=(float(a[0]), float(a[1])), end=(float(b[0]), float(b[1]))))
+    return tuple(inner_sides)
 
 
 def within(sides: tuple[Side, ...]) -> Plane:
-    """Of the figure that a profile encloses."""
+    """Area and moments of the figure that a profile encloses."""
     area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
     for side in sides:
         p = along(side, POINTS)

@@ -21,7 +21,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SectionsAlong:
-    """Of K sections one after the other, places and properties; moments are along principal axes."""
+    """Places and properties of K sections one after the other; moments are along principal axes."""
 
     ends: Array  # (K + 1,) m: where each begins, and the last one ends
     each: tuple[BeamSection, ...]
@@ -38,7 +38,7 @@ class SectionsAlong:
         return None if stretch is None else stretch.at(x)
 
     def middle_at(self, x: float) -> Array:
-        """Of the walls' line there, (2,) m: where a shell has the mean of its end; the axis where it is not known."""
+        """Middle of the walls' line at x, (2,) m, where a shell has the mean of its end; without a profile the axis."""
         number = int(self.at(x))
         middle, stretch = self._middles[number], self.stretches[number]
         if middle is None:
@@ -48,54 +48,57 @@ class SectionsAlong:
 
     @cached_property
     def _middles(self) -> tuple[Array | None, ...]:
-        """The same of each section, None where it varies along it."""
+        """Middle of the walls' line of each section; None where it varies along the section."""
         return tuple(
-            np.zeros(2) if one is None else MidLine(one.first).middle if one.first is one.last else None
-            for one in self.stretches
+            np.zeros(2) if stretch is None else MidLine(stretch.first).middle if stretch.first is stretch.last else None
+            for stretch in self.stretches
         )
 
     @cached_property
     def area(self) -> Array:
         """(K,) m^2."""
-        return np.array([one.area for one in self.each])
+        return np.array([section.area for section in self.each])
 
     @cached_property
     def torsion_constant(self) -> Array:
         """(K,) m^4."""
-        return np.array([one.torsion_constant for one in self.each])
+        return np.array([section.torsion_constant for section in self.each])
 
     @cached_property
     def polar_moment(self) -> Array:
         """(K,) m^4."""
-        return np.array([one.polar_moment for one in self.each])
+        return np.array([section.polar_moment for section in self.each])
 
     @cached_property
     def centroid(self) -> Array:
         """(K, 2) m."""
-        return np.array([one.centroid for one in self.each])
+        return np.array([section.centroid for section in self.each])
 
     @cached_property
     def shear_centre(self) -> Array:
         """(K, 2) m."""
-        return np.array([one.shear_centre for one in self.each])
+        return np.array([section.shear_centre for section in self.each])
 
     @property
     def turned(self) -> bool:
-        """Whether principal axes of any are."""
-        return any(one.product_of_inertia != 0.0 for one in self.each)
+        """Whether principal axes of any section are turned against y and z."""
+        return any(section.product_of_inertia != 0.0 for section in self.each)
 
     @cached_property
     def principal(self) -> Array:
         """R (K, 2, 2): principal axes as rows, no farther from y and z than half a right angle."""
-        return np.array([_principal(one) for one in self.each])
+        return np.array([_principal(section) for section in self.each])
 
     @cached_property
     def second_moments(self) -> Array:
         """About the centroid, along the principal axes, (K, 2) m^4."""
         tensors = np.array(
             [
-                [[one.second_moment_z, one.product_of_inertia], [one.product_of_inertia, one.second_moment_y]]
-                for one in self.each
+                [
+                    [section.second_moment_z, section.product_of_inertia],
+                    [section.product_of_inertia, section.second_moment_y],
+                ]
+                for section in self.each
             ]
         )
         return np.einsum("kij,kjl,kil->ki", self.principal, tensors, self.principal)
@@ -103,7 +106,7 @@ class SectionsAlong:
     @cached_property
     def shear_areas(self) -> Array | None:
         """Along the principal axes, (K, 2) m^2; None where one is unknown."""
-        areas = [(one.shear_area_y, one.shear_area_z) for one in self.each]
+        areas = [(section.shear_area_y, section.shear_area_z) for section in self.each]
         if any(None in pair for pair in areas):
             return None
         return 1.0 / np.einsum("kij,kj,kij->ki", self.principal, 1.0 / np.array(areas, float), self.principal)
@@ -111,21 +114,21 @@ class SectionsAlong:
     @cached_property
     def own_motion(self) -> Array:
         """(K, 6, 6): u_c, v_s, w_s, phi and rotations about the principal axes from the motion of the axis."""
-        found = about_own_centres(self)
-        found[:, 1:3], found[:, 4:] = self.principal @ found[:, 1:3], self.principal @ found[:, 4:]
-        return found
+        motion = about_own_centres(self)
+        motion[:, 1:3], motion[:, 4:] = self.principal @ motion[:, 1:3], self.principal @ motion[:, 4:]
+        return motion
 
 
 def about_own_centres(sections: SectionsAlong) -> Array:
     """(K, 6, 6): u of the centroid, v and w of the shear centre, and rotations, from the motion of the axis."""
-    found = np.tile(np.eye(6), (len(sections.each), 1, 1))
-    found[:, 0, 4], found[:, 0, 5] = sections.centroid[:, 1], -sections.centroid[:, 0]
-    found[:, 1, 3], found[:, 2, 3] = -sections.shear_centre[:, 1], sections.shear_centre[:, 0]
-    return found
+    motion = np.tile(np.eye(6), (len(sections.each), 1, 1))
+    motion[:, 0, 4], motion[:, 0, 5] = sections.centroid[:, 1], -sections.centroid[:, 0]
+    motion[:, 1, 3], motion[:, 2, 3] = -sections.shear_centre[:, 1], sections.shear_centre[:, 0]
+    return motion
 
 
 def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> SectionsAlong:
-    """Those of a beam with nodes at the stations (N,) m: one, or of a box that varies one of each of its parts.
+    """Sections of a beam with nodes at the stations (N,) m: one, or of a box that varies one of each of its parts.
 
     Where it changes from place to place a part is an element.
     """
@@ -133,11 +136,11 @@ def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> Se
     if body.profile is None:
         assert body.section is not None  # one of the two is given
         return SectionsAlong(np.array([0.0, body.length]), (body.section,), (None,), poisson)
-    whole = [Stretch(0.0, body.length, body.profile, body.profile)]
+    stretch_of_all = [Stretch(0.0, body.length, body.profile, body.profile)]
     parts = [
-        one.part(a, b)
-        for one in (whole if box is None else box.stretches)
-        for a, b in pairwise([one.start, *_between(one, stations), one.end])
+        stretch.part(a, b)
+        for stretch in (stretch_of_all if box is None else box.stretches)
+        for a, b in pairwise([stretch.start, *_between(stretch, stations), stretch.end])
     ]
     ends = np.array([0.0, *(part.end for part in parts)])
     return SectionsAlong(ends, tuple(mean_section(part, poisson) for part in parts), tuple(parts), poisson)
@@ -149,8 +152,8 @@ def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
         return section_of(stretch.first, poisson)
     x, w = np.polynomial.legendre.leggauss(3)
     places = stretch.start + (stretch.end - stretch.start) * (x + 1.0) / 2.0
-    found = [section_of(stretch.at(float(at)), poisson).model_dump() for at in places]
-    mean = {key: w / 2.0 @ np.array([one[key] for one in found]) for key in found[0]}
+    sections = [section_of(stretch.at(float(at)), poisson).model_dump() for at in places]
+    mean = {key: w / 2.0 @ np.array([section[key] for section in sections]) for key in sections[0]}
     return BeamSection(**{key: tuple(value.tolist()) if value.ndim else float(value) for key, value in mean.items()})
 
 

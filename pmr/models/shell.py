@@ -82,7 +82,7 @@ class Shell(MeshedModel):
 
     @property
     def thickness(self) -> Array:
-        """Of each cell, (C,) m."""
+        """Thickness of each cell, (C,) m."""
         return self.plates.values("thickness") if self.walls is None else self.walls
 
     @property
@@ -120,8 +120,8 @@ class Shell(MeshedModel):
         normal = _frame(mesh)[2]
         (u, theta), (du, dtheta) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
         turn, dturn = ufl.cross(theta, normal), ufl.cross(dtheta, normal)
-        both = rho * t * ufl.dot(du, ufl.dot(S, u)) + rho * t**3 / 12 * ufl.dot(dturn, ufl.dot(S, turn))
-        return both * _mass_measure(mesh)
+        of_plate = rho * t * ufl.dot(du, ufl.dot(S, u)) + rho * t**3 / 12 * ufl.dot(dturn, ufl.dot(S, turn))
+        return of_plate * _mass_measure(mesh)
 
     def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
         r"""The form of the stresses' work on the squares of gradients, with the membrane stress sigma.
@@ -151,19 +151,19 @@ class Shell(MeshedModel):
         frame = [ufl.as_vector([cellwise(mesh, axes[:, k, i]) for i in range(3)]) for k in range(3)]
         E, nu, *_ = self._cellwise(mesh)
         u, theta = ufl.TrialFunctions(space)
-        found = Strains(u, theta, frame)
-        both = [_plane_stress(E, nu, strain) for strain in (found.membrane, found.curvature)]
-        return ufl.as_vector([sigma[i, j] for sigma in both for i, j in ((0, 0), (1, 1), (0, 1))])
+        strains = Strains(u, theta, frame)
+        stresses = [_plane_stress(E, nu, strain) for strain in (strains.membrane, strains.curvature)]
+        return ufl.as_vector([sigma[i, j] for sigma in stresses for i, j in ((0, 0), (1, 1), (0, 1))])
 
     def stresses(self) -> StressRows:
         """Plane stress at each triangle's centroid: on the outer face, in the middle (membrane), on the inner face."""
         mesh, half = self.mesh, self.thickness / 2.0
-        found = cell_values(self, self.plane_stresses, rule_points("triangle", 1))
-        membrane, bent = found.entries[:, 0, :3], half[:, None, None] * found.entries[:, 0, 3:]
+        rows = cell_values(self, self.plane_stresses, rule_points("triangle", 1))
+        membrane, bent = rows.entries[:, 0, :3], half[:, None, None] * rows.entries[:, 0, 3:]
         entries = np.concatenate([membrane - bent, membrane, membrane + bent])
         offsets = np.array([1.0, 0.0, -1.0])[:, None, None] * half[:, None] * frames(mesh)[:, 2]
         return StressRows(
-            rows=as_rows(entries, np.tile(found.coordinates, (3, 1)), self.size),
+            rows=as_rows(entries, np.tile(rows.coordinates, (3, 1)), self.size),
             mises=PLANE,
             components=("along", "across", "shear"),
             points=(mesh.points[mesh.cells].mean(axis=1) + offsets).reshape(-1, 3),
@@ -242,9 +242,11 @@ def drawn(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBo
     if not box.varying:
         return BoxBoom(box.sides, box.length, size, along, tail_layer, box.frames, depth)
     stretches = box.stretches
-    parts = tuple(Part(one.start, one.end, one.first.sides, one.last.sides) for one in stretches)
+    parts = tuple(Part(stretch.start, stretch.end, stretch.first.sides, stretch.last.sides) for stretch in stretches)
     # corners that are thicker at the bottom than at the top somewhere have names of their own everywhere
-    names = max(([side.name for side in part.first] for part in parts), key=lambda found: len(set(found)))
+    names = max(
+        ([side.name for side in part.first] for part in parts), key=lambda names_of_part: len(set(names_of_part))
+    )
     sides = tuple(replace(side, name=name) for side, name in zip(box.sides, names, strict=True))
     return BoxBoom(sides, box.length, size, along, tail_layer, box.frames, depth, parts)
 
@@ -253,22 +255,22 @@ def walls_along(box: Box, mesh: NamedMesh) -> Array:
     """Thickness in the middle of each cell of a box as it is `drawn`, (C,) m."""
     boom = drawn(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
-    found = np.full(len(middle), box.plate)
+    thickness = np.full(len(middle), box.plate)
     for k, side in enumerate(boom.sides):
         for part in boom.parts:
             cells = mesh.regions[side.name + part.tapers * TAPERED]
-            here = cells[(part.start < middle[cells]) & (middle[cells] < part.end)]
-            share = (middle[here] - part.start) / (part.end - part.start)
-            found[here] = (1.0 - share) * part.first[k].thickness + share * part.last[k].thickness
-    return found
+            cells_of_part = cells[(part.start < middle[cells]) & (middle[cells] < part.end)]
+            share = (middle[cells_of_part] - part.start) / (part.end - part.start)
+            thickness[cells_of_part] = (1.0 - share) * part.first[k].thickness + share * part.last[k].thickness
+    return thickness
 
 
 def plates(profile: BoxProfile, material: Material) -> tuple[Plate, dict[str, Plate]]:
     """The thickest plate of a profile, and the others by the names of their walls."""
     walls = profile.walls
     thickest = max(walls.values())
-    others = {name: Plate(material=material, thickness=wall) for name, wall in walls.items() if wall < thickest}
-    return Plate(material=material, thickness=thickest), others
+    thinner = {name: Plate(material=material, thickness=wall) for name, wall in walls.items() if wall < thickest}
+    return Plate(material=material, thickness=thickest), thinner
 
 
 def frames(mesh: NamedMesh) -> Array:

@@ -101,17 +101,17 @@ class Solid(MeshedModel):
     def stresses(self) -> StressRows:
         """Stresses on outer facets, in the middle of the cells, and on facets that look to the axis."""
         mesh, degree, surface = self.mesh, DEGREE[self.mesh.cell], skin(self.mesh)
-        found = cell_values(self, self.stress_components, rule_points(mesh.cell, degree))
+        at_points = cell_values(self, self.stress_components, rule_points(mesh.cell, degree))
         continued = np.linalg.inv(lagrange_rule(mesh.cell, 1, degree)[1])  # from the points to the vertices
         at_vertex = (surface.vertices[:, :, None] == mesh.cells[surface.cell][:, None, :]).any(axis=1)
         of_facet = (at_vertex / at_vertex.sum(axis=1, keepdims=True)) @ continued
-        middle = np.einsum("q,cqvd->cvd", np.mean(continued, axis=0), found.entries)
-        shown = np.einsum("fq,fqvd->fvd", of_facet, found.entries[surface.cell])
+        middle = np.einsum("q,cqvd->cvd", np.mean(continued, axis=0), at_points.entries)
+        shown = np.einsum("fq,fqvd->fvd", of_facet, at_points.entries[surface.cell])
         cell = np.concatenate([surface.cell, np.arange(len(mesh.cells))])
         at = mesh.points[surface.vertices].mean(axis=1)
         inner = FACES.index("inner") * (away(mesh, at, surface.normals) < 0.0)
         face = np.concatenate([inner, np.full(len(mesh.cells), FACES.index("middle"))])
-        rows = as_rows(np.concatenate([shown, middle]), found.coordinates[cell], self.size)
+        rows = as_rows(np.concatenate([shown, middle]), at_points.coordinates[cell], self.size)
         rows.eliminate_zeros()
         return StressRows(
             rows=rows,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,7 +28,6 @@ from pmr.compare.summary import Part, compared, impacts
 from pmr.compare.utilisation import masses, utilisation
 from pmr.compare.way import Visited, frequencies, visited
 from pmr.errors import ConvergenceError, InputError, on_first
-from pmr.errors.aside import Aside
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
@@ -54,7 +53,6 @@ class Motions:
     reduced: Simulations | None
     moved: SimulatedSystem | None  # the reduced system with its motion
     error: ReductionError | None  # of the reduction, as it is estimated
-    step: Callable[[], Part] | None  # waits for what is said of the step's error
     looked: Mapping[str, Looked]  # what is seen of the reduced bodies, where the scene asks for it
     references: References
 
@@ -89,10 +87,9 @@ class Bodies:
         built: Mapping[str, Built],
         clock: Clock,
         caches: Mapping[str, Cache],
-        aside: Aside,
         shared: Precomputed | None = None,
     ) -> None:
-        self.built, self.clock, self.caches, self.aside, self.shared = built, clock, caches, aside, shared
+        self.built, self.clock, self.caches, self.shared = built, clock, caches, shared
         self._comm = next(iter(built.values())).model.comm
         if shared is None:
             self.bodies = reduce_bodies(order.prepared(scene), built, caches, clock)
@@ -118,47 +115,30 @@ class Bodies:
         self._other = self._another()
 
     def frequencies(self) -> Frequencies:
-        """The lowest natural frequencies on the way; those of the full model are there after `simulate`."""
+        """The lowest natural frequencies on the way: of the reduced system, and of the full one where it is wanted."""
         wanted = ALONE in self.built or "full" in self.scene.compare.against
         at = visited(self.scene, self.excitation, self.full.whole.size if wanted else 0)
-        self._full_frequencies = self._asked_frequencies(at) if wanted else None
-        found = on_first(self._comm, lambda: frequencies(self.scene, self.system, self.excitation, at))
-        return found or Frequencies(at.along, at.s, {})
-
-    def beside_full(self, natural: Frequencies) -> Frequencies:
-        """With those of the full model, where they are wanted."""
-        if self._full_frequencies is None:
+        of_reduced_system = on_first(self._comm, lambda: frequencies(self.scene, self.system, self.excitation, at))
+        natural = of_reduced_system or Frequencies(at.along, at.s, {})
+        if not wanted:
             return natural
-        found = {name: natural.models[name] for name in natural.models if name == "reduced"}  # first in figures
-        return replace(natural, models={**found, "full": self._full_frequencies(), **natural.models})
+        first = {name: values for name, values in natural.models.items() if name == "reduced"}  # in figures
+        return replace(natural, models={**first, "full": self._full_frequencies(at), **natural.models})
 
-    def simulate(self, natural: Frequencies, checkpoint: Checkpoint | None) -> Motions:
-        """The reduced system by all simulators, its errors, and the references.
-
-        The other process has the full model's motion, if that does without PETSc, and then the error of the step,
-        beside the reduction's error, fields and the reduced model's seconds here: both models are timed while one
-        process works beside them.  With PETSc the full model moves first, for it takes the most memory.
-        """
+    def simulate(self, checkpoint: Checkpoint | None) -> Motions:
+        """The reduced system by all simulators, the references, and the reduction's error."""
         steps = recovered_steps(self.scene).tolist()
         made = on_first(self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps))
         stepping = self._comm.bcast(None if made is None else made.made)
-        ahead = self.full.ahead(self.aside, steps, stepping) if self.shared is None else None
-
-        def moving() -> References:
-            if self.shared is not None:
-                return References(self.shared.references, {}, {})
-            return self.full.references(self.clock, steps, checkpoint, stepping, ahead)
-
-        references = None if self.full.does_without_petsc else moving()
+        if self.shared is None:
+            references = self.full.references(self.clock, steps, checkpoint, stepping)
+        else:
+            references = References(self.shared.references, {}, {})
         moved = None if made is None else SimulatedSystem.of(self.system, self.excitation, made)
-        known = None if self.choice is None else self.choice.trial.step_error
-        step = None
-        if moved is not None:
-            step = self.aside.done(step_part, self.scene, moved, natural.models["reduced"], known)
         error = on_first(self._comm, lambda: None if moved is None else self._error(moved))
         looked = self._looked(made)
         made = on_first(self._comm, lambda: made and made.timed())
-        return Motions(made, moved, error, step, looked, references or moving())
+        return Motions(made, moved, error, looked, references)
 
     def _looked(self, made: Simulations | None) -> Mapping[str, Looked]:
         if self.scene.recovery is None:
@@ -176,13 +156,10 @@ class Bodies:
         """What motions and frequencies say, and how far off the tip may be over time, (T, d) m; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
         moved, error = motions.moved, motions.error
-        assert motions.reduced is not None and moved is not None and motions.step is not None and error is not None
-        wait = motions.step
-
-        def step() -> Part:
-            with self.clock.stage("step"):
-                return wait()
-
+        assert motions.reduced is not None and moved is not None and error is not None
+        known = None if self.choice is None else self.choice.trial.step_error
+        with self.clock.stage("step"):
+            step = step_part(scene, moved, natural.models["reduced"], known)
         more = {name: error.of_section(name) | (seen[name].summary() if name in seen else {}) for name in scene.names}
         sizes = {
             name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()
@@ -264,13 +241,12 @@ class Bodies:
         known = None if self.choice is None else self.choice.trial.estimate
         return reduction_error(self.scene, moved, self.clock, self._other, known)
 
-    def _asked_frequencies(self, at: Visited) -> Callable[[], Array]:
+    def _full_frequencies(self, at: Visited) -> Array:
         if self.shared is not None:
-            known = self.shared.frequencies
-            return lambda: known
+            return self.shared.frequencies
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)
         if not self.caches:
-            return self.full.frequencies_by(self.aside, at.s, at.count, c)
+            return self.full.frequencies(at.s, at.count, c)
         asked = {
             "bodies": [one.content for one in self.caches.values()],
             "contacts": repr(self.full.whole.contacts),
@@ -280,5 +256,4 @@ class Bodies:
             "solver": self.scene.sections[0].reduction.solver,
         }
         cache = self.caches[self.scene.names[0]]
-        found = cache.arrays("frequencies", asked, lambda: self.full.frequencies(at.s, at.count, c))
-        return lambda: found
+        return cache.arrays("frequencies", asked, lambda: self.full.frequencies(at.s, at.count, c))

@@ -5,10 +5,9 @@ A reference is checked before it judges: one that fails, or that can't be truste
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +21,6 @@ from pmr.compare.responses import Simulated, full_simulator, repeated
 from pmr.compare.ringing import rigid_contacts
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError, on_first
-from pmr.errors.aside import Aside
 from pmr.errors.environment import Clock
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
@@ -49,8 +47,6 @@ from pmr.system.system import System
 from pmr.system.terms import added
 
 Array = NDArray[np.float64]
-#: Waits for what another process simulates: whether that went well there, and what came of it.
-Ahead = Callable[[], tuple[bool, Any]]
 
 #: (rad/s)^2, below all that is looked for: what holds is not singular there.
 SHIFT = -1.0
@@ -103,47 +99,23 @@ class FullOrder:
             found = _sparse(self._with_terms(), x, count, c)
         return np.asarray(self.whole.comm.bcast(found))
 
-    def frequencies_by(self, aside: Aside, s: Array, count: int, c: Array) -> Callable[[], Array]:
-        """The same, by the process `aside` where that can do without PETSc; what is given back waits for it."""
-        if self.simulator != "march" or (ALONE in self.whole.bodies and not c.size):
-            found = self.frequencies(s, count, c)
-            return lambda: found
-        x = self.whole.coordinates(dict(zip(self.scene.paths, s.T, strict=True)))
-        waiting = None if self.gathered is None else aside.done(Assembly(self.gathered).frequencies, x, count, c)
-        return lambda: np.asarray(self.whole.comm.bcast(waiting and waiting()))
-
-    @property
-    def does_without_petsc(self) -> bool:
-        """Whether its steps are made by march, on one rank; the same on all."""
-        return self.simulator == "march"
-
-    def ahead(self, aside: Aside, steps: Sequence[int], made: TimeStepping | None) -> Ahead | None:
-        """Let the process `aside` begin with the full model's motion, if that is asked for and can do without PETSc.
-
-        Arguments are those of `references`, which waits for it.
-        """
-        if "full" not in self.scene.compare.against or not self.does_without_petsc or self.gathered is None:
-            return None
-        return aside.ask(repeated, self.scene, self.gathered, self._driven(made), self.simulator, steps)
-
     def references(
         self,
         clock: Clock | None = None,
         steps: Sequence[int] = (),
         checkpoint: Checkpoint | None = None,
         made: TimeStepping | None = None,
-        ahead: Ahead | None = None,
     ) -> References:
         """All that the scene asks for, and the states of the full bodies at some of the `steps`.
 
         Steps are `made` as the reduced system's were, where contacts only push.  With a `checkpoint` a simulation that
-        was cut off goes on; one that was begun `ahead` is waited for, and made here if it failed there.
+        was cut off goes on.
         """
         found, missing, states = dict[str, Response](), dict[str, str](), dict[str, BodyStates]()
         for name in [one for one in ("full", "ancf") if one in self.scene.compare.against]:
             try:
                 if name == "full":
-                    response, states = self._full(clock or Clock(), steps, checkpoint, made, ahead)
+                    response, states = self._full(clock or Clock(), steps, checkpoint, made)
                 else:
                     response = self.reference(name, clock)
             except SimulationError as error:
@@ -158,7 +130,7 @@ class FullOrder:
         Raises SimulationError if it fails or can't be trusted (`pmr.compare.trust`); that of ``"full"`` on every rank.
         """
         if name == "full":
-            return self._full(clock or Clock(), (), None, None, None)[0]
+            return self._full(clock or Clock(), (), None, None)[0]
         if self.whole.comm.rank > 0:
             return None
         with (clock or Clock()).stage(name) as done:
@@ -177,7 +149,6 @@ class FullOrder:
         steps: Sequence[int],
         checkpoint: Checkpoint | None,
         made: TimeStepping | None,
-        ahead: Ahead | None,
     ) -> tuple[Response | None, dict[str, BodyStates]]:
         """The response, and this rank's rows of the states at the steps."""
         whole, comm, excitation = self.whole, self.whole.comm, self._driven(made)
@@ -191,9 +162,6 @@ class FullOrder:
 
                 def make() -> Simulated:
                     assert self.gathered is not None  # as on rank 0
-                    well, found = ahead() if ahead else (False, None)
-                    if well:
-                        return cast(Simulated, found)
                     return repeated(self.scene, self.gathered, excitation, self.simulator, steps, done)
 
                 _ = self.gathered  # collective

@@ -15,7 +15,6 @@ from pmr.compare.second_order import decided as with_order
 from pmr.compare.summary import Part, combined, grave, origin, reliability, simulated, theory
 from pmr.compare.way import in_frequency
 from pmr.errors import InputError, environment, on_first
-from pmr.errors.aside import Aside
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
@@ -74,7 +73,6 @@ def run(
     cache: Path | None = None,
     measures: Path | None = None,
     keep: Callable[[Outcome], None] | None = None,
-    aside: Aside | None = None,
     shared: Precomputed | None = None,
 ) -> Outcome | None:
     """Reduce, simulate and compare a scene; on rank 0 of `comm` this returns the outcome, on other ranks None.
@@ -82,8 +80,8 @@ def run(
     The file `checkpoint` lets a full-order simulation continue after an interruption.  The folder `cache` keeps
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
-    are measured last: `keep` gets the outcome without them before, on rank 0.  Another process, `aside`, finds some of
-    what is said.  Of a body alone what other runs have computed may be `shared`.
+    are measured last: `keep` gets the outcome without them before, on rank 0.  Of a body alone what other runs have
+    computed may be `shared`.
 
     Raises
     ------
@@ -95,7 +93,7 @@ def run(
     """
     try:
         kept = None if checkpoint is None else Checkpoint(checkpoint)
-        return _run(scene, comm, clock or Clock(), kept, cache, measures, keep, aside or Aside(), shared)
+        return _run(scene, comm, clock or Clock(), kept, cache, measures, keep, shared)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
@@ -108,7 +106,6 @@ def _run(
     cache: Path | None,
     measures: Path | None,
     keep: Callable[[Outcome], None] | None,
-    aside: Aside,
     shared: Precomputed | None,
 ) -> Outcome | None:
     check_installed(scene)
@@ -121,13 +118,11 @@ def _run(
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
-    bodies = Bodies(scene, built, clock, caches, aside, shared)
+    bodies = Bodies(scene, built, clock, caches, shared)
     scene = bodies.scene  # with the step that was chosen
     with clock.stage("frequencies"):
         frequencies = bodies.frequencies()
-    motions = bodies.simulate(frequencies, checkpoint)
-    with clock.stage("frequencies"):
-        frequencies = bodies.beside_full(frequencies)
+    motions = bodies.simulate(checkpoint)
     seen = {} if scene.recovery is None else bodies.recover(motions)
     outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, seen, free_motions)
     if outcome is not None and chosen.said is not None:
@@ -177,7 +172,7 @@ def _outcome(
         theory(scene, responses),
         frequency_part(by_frequency),
     ]
-    judged, tip_error = bodies.judge(motions, frequencies, seen)  # who waits for what the other process still finds
+    judged, tip_error = bodies.judge(motions, frequencies, seen)
     parts = [*first, *judged, *last]
     summary = combined(parts)
     result = RunResult(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,9 +55,7 @@ def _csr(A: Any) -> tuple[NDArray[Any], ...]:
 
 @cache
 def _code() -> str:
-    root = Path(__file__).parents[1]
-    files = {file.relative_to(root).as_posix(): file.read_text(encoding="utf-8") for file in root.rglob("*.py")}
-    return environment.code_digest(files, NOT_COMPUTING)
+    return environment.code_digest(environment.sources(), NOT_COMPUTING)
 
 
 #: What no reduction depends on.

@@ -28,7 +28,7 @@ class ReportFiles:
 
     @classmethod
     def within(cls, folder: Path) -> ReportFiles:
-        """Those in a folder."""
+        """Files of a report in a folder."""
         return cls(*(folder / name for name in REPORT_FILES))
 
 
@@ -43,7 +43,7 @@ class KeyNumber:
 
 @dataclass(frozen=True)
 class Point:
-    """What is to be said about a topic, in a sentence or two."""
+    """Sentence or two about a topic."""
 
     topic: str
     text: str
@@ -101,7 +101,7 @@ class Player:
 
 @dataclass(frozen=True)
 class Block:
-    """What stands below a heading: text, errors, a player, pictures, drawings, tables, in this order.
+    """Content below a heading: text, errors, a player, pictures, drawings, tables, in this order.
 
     Each of `rows` holds one drawing or two; `without_scripts` are those of pages on which nothing can be played.
     """
@@ -121,12 +121,12 @@ class Block:
     @property
     def drawings(self) -> tuple[Drawing, ...]:
         """Every drawing."""
-        return (*self.without_scripts, *(one for row in self.rows for one in row))
+        return (*self.without_scripts, *(drawing for row in self.rows for drawing in row))
 
 
 @dataclass(frozen=True)
 class Figures:
-    """What is drawn of a run: the sketch of its first page, and the blocks behind what is said of its errors."""
+    """Drawings of a run: the sketch of its first page, and the blocks behind the text about its errors."""
 
     sketch: Drawing
     blocks: Sequence[Block]

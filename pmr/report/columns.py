@@ -70,27 +70,31 @@ def tips(result: RunResult) -> Mapping[str, Quantity]:
 
     def along(direction: str) -> Quantity:
         def displacement(response: Response) -> Array:
-            found = outputs_of(result.scene, response)
+            outputs = outputs_of(result.scene, response)
             of = ("tip", last, direction)
-            column = next(k for k, one in enumerate(found) if (one.kind, one.body, one.direction) == of)
+            column = next(k for k, output in enumerate(outputs) if (output.kind, output.body, output.direction) == of)
             return response.displacement[:, column]
 
         return displacement
 
-    found = outputs_of(result.scene, result.responses["reduced"])
-    return {one.direction: along(one.direction) for one in found if (one.kind, one.body) == ("tip", last)}
+    outputs = outputs_of(result.scene, result.responses["reduced"])
+    return {
+        output.direction: along(output.direction) for output in outputs if (output.kind, output.body) == ("tip", last)
+    }
 
 
 def is_round_off(result: RunResult, what: Quantity) -> bool:
     """Whether a displacement exceeds in no model what round-off may make of it."""
-    return max(float(np.abs(what(one)).max()) for one in result.responses.values()) <= _floor(result)
+    return max(float(np.abs(what(response)).max()) for response in result.responses.values()) <= _floor(result)
 
 
 def differ(result: RunResult, what: Quantity) -> float:
     """How far a displacement (T,) of any other model is from that of the reduced one at most, m; 0 without others."""
-    own = result.responses["reduced"]
-    others = [onto(own.t, one.t, what(one)) for name, one in result.responses.items() if name != "reduced"]
-    return max((float(np.abs(other - what(own)).max()) for other in others), default=0.0)
+    reduced = result.responses["reduced"]
+    displacements = [
+        onto(reduced.t, response.t, what(response)) for name, response in result.responses.items() if name != "reduced"
+    ]
+    return max((float(np.abs(other - what(reduced)).max()) for other in displacements), default=0.0)
 
 
 def unseen(result: RunResult) -> float:
@@ -102,10 +106,10 @@ def unseen(result: RunResult) -> float:
 
 
 def _floor(result: RunResult) -> float:
-    """What of a displacement may be round-off, m; where that is not known, a share of the largest displacement."""
+    """Displacement that may be round-off, m; where that is not known, a share of the largest displacement."""
     return max(
-        one.round_off or ROUND_OFF * float(np.abs(one.displacement).max(initial=0.0))
-        for one in result.responses.values()
+        response.round_off or ROUND_OFF * float(np.abs(response.displacement).max(initial=0.0))
+        for response in result.responses.values()
     )
 
 
@@ -117,24 +121,26 @@ def not_drawn(directions: Sequence[str]) -> str:
 
 
 def lines(result: RunResult, response: Response, direction: str = "z") -> list[Line]:
-    """Where a response has the displacement of each body along a direction across its axis, from the base out."""
-    outputs, found = outputs_of(result.scene, response), []
+    """Columns of a response with the displacement of each body along a direction across its axis, from the base out."""
+    outputs, bodies = outputs_of(result.scene, response), []
     for body, tail in zip(result.scene.bodies, _tails(result, len(response.t)).T, strict=True):
-        columns = [k for k, one in enumerate(outputs) if one.body == body and one.direction == direction]
+        columns = [k for k, output in enumerate(outputs) if output.body == body and output.direction == direction]
         columns.sort(key=lambda k: float(response.x[k]))
         if columns:
-            found.append(Line(body, response.x[columns], np.array(columns, np.int64), tail))
-    return found
+            bodies.append(Line(body, response.x[columns], np.array(columns, np.int64), tail))
+    return bodies
 
 
 def _tails(result: RunResult, steps: int) -> Array:
-    """Where the tail of each body is along the boom, (T, bodies) m; of a body alone at 0."""
+    """Place of each body's tail along the boom, (T, bodies) m; of a body alone 0."""
     if alone(result):
         return np.zeros((steps, 1))
     extensions = result.paths.values
     if len(extensions) != steps:
         at = np.linspace(0.0, 1.0, len(extensions))
-        extensions = np.stack([np.interp(np.linspace(0.0, 1.0, steps), at, one) for one in extensions.T], axis=1)
+        extensions = np.stack(
+            [np.interp(np.linspace(0.0, 1.0, steps), at, extension) for extension in extensions.T], axis=1
+        )
     return np.cumsum(np.hstack([np.zeros((steps, 1)), extensions]), axis=1)
 
 
@@ -146,7 +152,7 @@ def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
     response = result.responses["reduced"]
     first, count = response.displacement.shape[1], response.slider_force.shape[1]
     outputs = outputs_of(result.scene, response)[first : first + count]
-    chosen = [(k, one.name) for k, one in enumerate(outputs) if one.kind == kind]
+    chosen = [(k, output.name) for k, output in enumerate(outputs) if output.kind == kind]
     rings = sorted(result.scene.pads, key=lambda ring: bool(ring.moving)) if alone(result) and kind == "pad" else []
     if not rings:
         several = len(chosen) > 1
@@ -154,8 +160,8 @@ def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
         if alone(result) and kind == "pad":  # points that slide
             short = {}
         called = [short.get(name, f"slider {k + 1}" if several else "") for k, name in chosen]
-        found = [Force(k, short, name) for (k, name), short in zip(chosen, called, strict=True)]
-        return {"": found} if found else {}
+        unnamed_group = [Force(k, short, name) for (k, name), short in zip(chosen, called, strict=True)]
+        return {"": unnamed_group} if unnamed_group else {}
     columns, groups = {name: k for k, name in chosen}, dict[str, list[Force]]()
     for ring in rings:
         for name, _, _ in ring.places:
@@ -186,15 +192,15 @@ def rings(result: RunResult) -> Iterator[Ring]:
 
 
 def _by_face(ring: PadRing) -> dict[str, list[str]]:
-    """What the forces of a ring's pads below and above a body are called, by face."""
+    """Names of the forces of a ring's pads below and above a body, by face."""
     return {side: [FORCE_OF + name for name, face, _ in ring.places if face == side] for side in ("bottom", "top")}
 
 
 def _points(called: str) -> dict[str, list[str]]:
-    """The same of points on the axis of a planar beam."""
+    """Names of the forces of points on the axis of a planar beam, by face."""
     return {"bottom": [f"{FORCE_OF}{called} below"], "top": [f"{FORCE_OF}{called} above"]}
 
 
 def _along(result: RunResult, ring: PadRing, tail: Array) -> Array:
-    """Where a ring on the ground is along the axis, (T,) m."""
+    """Place of a ring on the ground along the axis, (T,) m."""
     return ring.at + (result.along if ring.moving else np.zeros_like(tail))

@@ -10,7 +10,6 @@ from typing import Any
 
 import jinja2
 
-from pmr.errors.environment import uncollected
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report import paper
@@ -24,7 +23,6 @@ KIND = "Simulation report"
 _log = logging.getLogger(__name__)
 
 
-@uncollected()
 def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[Figures] = ()) -> ReportFiles:
     """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
 
@@ -41,14 +39,16 @@ def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[F
     for result in results:
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
-    figures = figures or [drawn(one, number) for number, one in enumerate(results, start=1)]
-    both = zip(results, figures, strict=True)
-    chapters = [chapter(one, _anchor(number), known) for number, (one, known) in enumerate(both, start=1)]
+    figures = figures or [drawn(result, number) for number, result in enumerate(results, start=1)]
+    pairs = zip(results, figures, strict=True)
+    chapters = [
+        chapter(result, _anchor(number), drawn_figures) for number, (result, drawn_figures) in enumerate(pairs, start=1)
+    ]
     return write(page(chapters, dated(KIND, [result.summary for result in results])), folder)
 
 
 def drawn(result: RunResult, number: int) -> Figures:
-    """What takes longest, of the result with a number in its report, from 1 on."""
+    """Draw the figures of the result with a number in its report, from 1 on: they take longest."""
     return figures_of(result, _anchor(number))
 
 
@@ -56,7 +56,6 @@ def _anchor(number: int) -> str:
     return f"case-{number}"
 
 
-@uncollected()
 def write(text: str, folder: Path) -> ReportFiles:
     """Write a page as both files."""
     with fresh(folder, REPORT_FILES) as new:
@@ -75,14 +74,16 @@ def dated(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:
 def page(chapters: Sequence[Chapter], kind: str = KIND) -> str:
     """The report of runs as HTML."""
     title = chapters[0].title if len(chapters) == 1 else "Reduced sliding structures"
-    headings = list(dict.fromkeys(number.label for one in chapters for number in one.key_numbers))
+    headings = list(dict.fromkeys(number.label for chapter in chapters for number in chapter.key_numbers))
     return render("report.html", title, chapters, kind=kind, headings=headings)
 
 
 def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) -> str:
     """A page as HTML from one of the templates, which get what else is named."""
-    blocks = [block for one in chapters for block in one.blocks]
-    drawn = [drawing for block in blocks for drawing in block.drawings] + [one.sketch for one in chapters if one.sketch]
+    blocks = [block for chapter in chapters for block in chapter.blocks]
+    drawn = [drawing for block in blocks for drawing in block.drawings] + [
+        chapter.sketch for chapter in chapters if chapter.sketch
+    ]
     text = "".join(words(drawing.svg) for drawing in drawn)
     return (
         templates()

@@ -20,16 +20,16 @@ PLACES = ("tip", "beam", "pad_force", "cylinder_force", "support_force")
 
 def error_table(result: RunResult) -> ErrorTable:
     """The error table of a run, with notes on it."""
-    found, published = rows(result), result.scene.published
+    error_rows, published = rows(result), result.scene.published
     if not compared(result):
-        return ErrorTable("Over all times and places.", found, reasons(result, found))
-    known = [place for pair in result.summary.get("errors", {}).values() for place in pair]
-    forces = f" and {forces_called(result)}" if "pad_force" in known else ""
-    source = f"; published: {published.source}" if published and any(row.published for row in found) else ""
+        return ErrorTable("Over all times and places.", error_rows, reasons(result, error_rows))
+    places = [place for pair in result.summary.get("errors", {}).values() for place in pair]
+    forces = f" and {forces_called(result)}" if "pad_force" in places else ""
+    source = f"; published: {published.source}" if published and any(row.published for row in error_rows) else ""
     return ErrorTable(
         f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}.",
-        found,
-        reasons(result, found),
+        error_rows,
+        reasons(result, error_rows),
     )
 
 
@@ -46,16 +46,16 @@ def rows(result: RunResult) -> list[Row]:
 
 def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
     """Why figures differ from the published ones by more than 5 %, and other notes of the run."""
-    found = [
+    explanations = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
         f"{row.here} rounds to it, so the two agree as far as is known."
         for row in table
         if row.mark is SAME
     ]
     notes = [str(note) for note in result.summary.get("notes", ())]
-    if not notes and len(apart(table)) > len(found):
-        notes = [f"No reason {'for the other figures ' if found else ''}is recorded with this result."]
-    return [*found, *notes]
+    if not notes and len(apart(table)) > len(explanations):
+        notes = [f"No reason {'for the other figures ' if explanations else ''}is recorded with this result."]
+    return [*explanations, *notes]
 
 
 def _errors(result: RunResult) -> Iterator[Row]:
@@ -63,23 +63,25 @@ def _errors(result: RunResult) -> Iterator[Row]:
     printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}
     names, decimals = places_called(result), _decimals(printed)
     responses = result.responses.values()
-    units = {n: unit for one in responses for n, unit in zip(one.other_names, one.other_units, strict=True)}
+    units = {
+        n: unit for response in responses for n, unit in zip(response.other_names, response.other_units, strict=True)
+    }
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
     for pair in (*(p for p in ORDER if p in errors), *(p for p in errors if p not in ORDER)):
         first, _, second = pair.partition("_vs_")
         comparison = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}"
         for place in (*(p for p in PLACES if p in errors[pair]), *(p for p in errors[pair] if p not in PLACES)):
-            here, called = float(errors[pair][place]), names.get(place, place)
+            error, called = float(errors[pair][place]), names.get(place, place)
             other = printed.get(pair, {}).get(place)
-            row = Row(comparison, called, _percent(here))
+            row = Row(comparison, called, _percent(error))
             if other is not None:
-                row = _compared(comparison, called, here, other, decimals)
+                row = _compared(comparison, called, error, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
-            if place.startswith(REACTION_OF) and here == absolute == 0.0:
+            if place.startswith(REACTION_OF) and error == absolute == 0.0:
                 continue  # nothing acts along this support
             norm = (
                 None
-                if absolute is None or 0.0 < here < TINY
+                if absolute is None or 0.0 < error < TINY
                 else _norm(units.get(place, "N" if "_force" in place else "m"), absolute)
             )
             yield replace(row, absolute=norm)
@@ -95,17 +97,17 @@ def _missing(result: RunResult) -> Iterator[Row]:
 
 def _of_sections(result: RunResult) -> Iterator[Row]:
     """Along each section of a boom."""
-    for one in result.summary.get("sections", ()):
-        if "errors" in one:
-            yield Row("reduced against full", one["name"], _percent(one["errors"]["reduced_vs_full"]["beam"]))
+    for section in result.summary.get("sections", ()):
+        if "errors" in section:
+            yield Row("reduced against full", section["name"], _percent(section["errors"]["reduced_vs_full"]["beam"]))
 
 
 def _estimated(result: RunResult) -> Iterator[Row]:
-    """What is known without the full model, and what is allowed."""
-    found, names = result.summary.get("estimate", {}), places_called(result)
+    """Estimated errors, and the allowed one."""
+    estimates, names = result.summary.get("estimate", {}), places_called(result)
     for place in PLACES:
-        if found.get(place) is not None:
-            yield Row("estimated without the full model", names.get(place, place), _percent(found[place]))
+        if estimates.get(place) is not None:
+            yield Row("estimated without the full model", names.get(place, place), _percent(estimates[place]))
     accuracy = result.summary.get("accuracy", {})
     if accuracy.get("tolerance") is not None:
         places = ", ".join(names.get(place, place) for place in accuracy["outputs"])
@@ -136,14 +138,14 @@ def _stresses(result: RunResult) -> Iterator[Row]:
         yield Row("largest von Mises stress", "reduced to full", apart)
 
 
-def _compared(comparison: str, place: str, here: float, other: float, decimals: int) -> Row:
+def _compared(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:
     """An error beside the published one, which is printed in per cent with so many decimals."""
-    printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(here, other)
-    rounded = abs(here - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)
-    mark = mark_for(here, other)
+    printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(error, other)
+    rounded = abs(error - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)
+    mark = mark_for(error, other)
     if rounded and mark is not WITHIN:
         mark = SAME
-    return Row(comparison, place, percent(here), printed, deviation, mark)
+    return Row(comparison, place, percent(error), printed, deviation, mark)
 
 
 def _lengths(result: RunResult) -> Iterator[Row]:
@@ -152,16 +154,16 @@ def _lengths(result: RunResult) -> Iterator[Row]:
         ("max_displacement", "largest transverse displacement", False),
         ("max_error", "largest difference, reduced to full", True),
     ):
-        here = result.summary.get(name)
-        if here is None:
+        value = result.summary.get(name)
+        if value is None:
             continue
         other = getattr(published, name, None)
         if other is None:
-            yield Row(comparison, "", length(here, 4))
+            yield Row(comparison, "", length(value, 4))
             continue
-        deviation = signed_deviation(here, other)
-        mark = mark_for(here, other, is_error)
-        yield Row(comparison, "", length(here, 4), length(other, _digits(other)), deviation, mark)
+        deviation = signed_deviation(value, other)
+        mark = mark_for(value, other, is_error)
+        yield Row(comparison, "", length(value, 4), length(other, _digits(other)), deviation, mark)
 
 
 def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:

@@ -42,24 +42,31 @@ ROUND_OFF = 1e-9
 
 def tables(result: RunResult) -> tuple[Table, ...]:
     """The three tables; each row has its figure, and where and when."""
-    found = (
+    all_tables = (
         Table("What was asked", tuple(machine.rows(result))),
         Table("What it carries", tuple(carried(result))),
         trust.table(result),
     )
-    return tuple(table for table in found if table.rows)
+    return tuple(table for table in all_tables if table.rows)
 
 
 def carried(result: RunResult) -> Rows:
-    """What it carries: first whether it holds, then how far it gives and how it vibrates, then forces of each kind."""
+    """Rows of what the structure carries: whether it holds, how far it gives, how it vibrates, forces of each kind."""
     summary = result.summary
     yield from _stress(result)
-    if found := summary.get("fatigue"):
-        life = "" if found[0]["life"] is None else f", endured {significant(found[0]['life'])} times"
-        yield "largest damage by fatigue", f"{significant(found[0]['damage'])}, {found[0]['name']}{life}"
-    if (found := summary.get("buckling", {})).get("factor") is not None:
-        when = f"at {_rounded(found['t'])}{SPACE}s{_raised(result, found['t'])}"
-        yield "buckling factor", f"{significant(found['factor'])}, {when}"
+    if fatigue_or_buckling := summary.get("fatigue"):
+        life = (
+            ""
+            if fatigue_or_buckling[0]["life"] is None
+            else f", endured {significant(fatigue_or_buckling[0]['life'])} times"
+        )
+        yield (
+            "largest damage by fatigue",
+            f"{significant(fatigue_or_buckling[0]['damage'])}, {fatigue_or_buckling[0]['name']}{life}",
+        )
+    if (fatigue_or_buckling := summary.get("buckling", {})).get("factor") is not None:
+        when = f"at {_rounded(fatigue_or_buckling['t'])}{SPACE}s{_raised(result, fatigue_or_buckling['t'])}"
+        yield "buckling factor", f"{significant(fatigue_or_buckling['factor'])}, {when}"
     yield from _deflection(result)
     yield from _lowest(result)
     yield from _luffing(result)
@@ -75,17 +82,17 @@ def _stress(result: RunResult) -> Rows:
         yield "stress", "not computed: a table [recovery] asks for it"
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
-    said = quantity(largest, "Pa")
+    stress_text = quantity(largest, "Pa")
     share = f"{percent(used['value'])} of the yield stress of {quantity(used['yield'], 'Pa')}" if used else ""
     if used and used["stress"] == largest:
-        said, peak, used = f"{said}, {share}", used, None
-    yield "largest von Mises stress", said if peak is None else f"{said}, {_stressed_at(result, peak)}"
+        stress_text, peak, used = f"{stress_text}, {share}", used, None
+    yield "largest von Mises stress", stress_text if peak is None else f"{stress_text}, {_stressed_at(result, peak)}"
     if used:
         yield "largest stress over yield stress", f"{share}, {_stressed_at(result, used)}"
 
 
 def _stressed_at(result: RunResult, peak: Mapping[str, Any]) -> str:
-    """Where a section is stressed so, and when."""
+    """Place and time of a largest stress."""
     of = sentences.part_of(peak)
     of = f"{of}, " if of else ""
     return f"{of}{_rounded(peak['position'][0])}{SPACE}m from the tail, at {_rounded(peak['t'])}{SPACE}s" + _raised(
@@ -117,12 +124,12 @@ def _forces(result: RunResult) -> Rows:
     for kind, called in CALLED.items():
         if kind == "support" and _raising(result):
             called = "largest force of another support"
-        if found := listed.get(kind):
-            name, one = max(found.items(), key=lambda named: max(named[1]["max"], -named[1]["min"]))
-            end = "max" if one["max"] >= -one["min"] else "min"
-            if abs(one[end]) > 0.0:
-                when = _moment(result, one[f"t_{end}"], one[f"s_{end}"])
-                yield called, f"{quantity(one[end], one['unit'] if kind in MOMENTS else 'N')}, {name}, {when}"
+        if of_kind := listed.get(kind):
+            name, reaction = max(of_kind.items(), key=lambda named: max(named[1]["max"], -named[1]["min"]))
+            end = "max" if reaction["max"] >= -reaction["min"] else "min"
+            if abs(reaction[end]) > 0.0:
+                when = _moment(result, reaction[f"t_{end}"], reaction[f"s_{end}"])
+                yield called, f"{quantity(reaction[end], reaction['unit'] if kind in MOMENTS else 'N')}, {name}, {when}"
             elif kind == "support":
                 yield called, f"0, {name}"
         else:
@@ -130,12 +137,12 @@ def _forces(result: RunResult) -> Rows:
 
 
 def _at_pivot(result: RunResult, reaction: Mapping[str, Any]) -> bool:
-    """Whether it is what all supports of a boom in a frame press with together, about its pivot."""
+    """Is it a reaction of all supports of a boom in a frame together, about its pivot?"""
     return result.scene.frame is not None and str(reaction["name"]).startswith("pivot ")
 
 
 def _of_machine(result: RunResult, reaction: Mapping[str, Any]) -> bool:
-    """Whether it is what a machine that moves by itself presses on the ground with."""
+    """Is it a force of a machine that moves by itself on the ground?"""
     frame = result.scene.frame
     return frame is not None and frame.machine is not None and str(reaction["name"]).startswith(MACHINE)
 
@@ -165,8 +172,8 @@ def _largest(result: RunResult, kind: str, called: str) -> Rows:
     if response.force_peaks is not None:
         forces = response.force_peaks
     outputs = response.outputs[first : first + forces.shape[1]]
-    elsewhere = {*_raising(result), *(cylinder_of(one["name"]) for one in result.summary.get("ropes", ()))}
-    columns = [k for k, one in enumerate(outputs) if one.kind == kind and _force_of(one.name) not in elsewhere]
+    elsewhere = {*_raising(result), *(cylinder_of(output["name"]) for output in result.summary.get("ropes", ()))}
+    columns = [k for k, output in enumerate(outputs) if output.kind == kind and _force_of(output.name) not in elsewhere]
     if not columns or not np.isfinite(forces[:, columns]).all():
         return
     step, k = np.unravel_index(int(np.argmax(np.abs(forces[:, columns]))), (len(forces), len(columns)))
@@ -183,9 +190,9 @@ def _force_of(name: str) -> str:
 
 
 def _luffing(result: RunResult) -> Rows:
-    """What the cylinder along itself presses or pulls with most, and its stroke."""
-    if (found := result.summary.get("luffing_cylinder")) is not None:
-        force, length = found["force"], found["length"]
+    """Largest force of the luffing cylinder along itself, and its stroke."""
+    if (cylinder := result.summary.get("luffing_cylinder")) is not None:
+        force, length = cylinder["force"], cylinder["length"]
         end = "max" if force["max"] >= -force["min"] else "min"
         when = _moment(result, force[f"t_{end}"], force[f"s_{end}"])
         stroke = between(length["min"], length["max"], f"{SPACE}m long")
@@ -208,34 +215,34 @@ def _moved(result: RunResult) -> Rows:
     frame = result.scene.frame
     if frame is None or frame.machine is None:
         return
-    found, degrees = (
+    motions, degrees = (
         result.summary.get("frame", {}).get("base", {}),
         1.0 if frame.unit == "degrees" else np.rad2deg(1.0),
     )
     parts = []
-    for key, one in found.items():
+    for key, motion in motions.items():
         if key not in frame.machine.free:
             continue
         turns = key.startswith("r")
-        unit = "°" if turns else f"{SPACE}m" if max(abs(one["min"]), abs(one["max"])) >= 1.0 else f"{SPACE}mm"
+        unit = "°" if turns else f"{SPACE}m" if max(abs(motion["min"]), abs(motion["max"])) >= 1.0 else f"{SPACE}mm"
         size = degrees if turns else 1.0 if unit == f"{SPACE}m" else 1e3
-        parts.append(f"{key} {between(size * one['min'], size * one['max'], unit)}")
+        parts.append(f"{key} {between(size * motion['min'], size * motion['max'], unit)}")
     if parts:
         yield "motion of the machine", ", ".join(parts)
 
 
 def _lowest(result: RunResult) -> Rows:
-    found = result.frequencies.models.get("reduced")
-    if found is None or not found.size or not np.isfinite(found[:, 0]).any():
+    frequencies = result.frequencies.models.get("reduced")
+    if frequencies is None or not frequencies.size or not np.isfinite(frequencies[:, 0]).any():
         return
-    k = int(np.nanargmin(found[:, 0]))
-    if found[k, 0] <= ROUND_OFF * np.nanmax(found):
+    k = int(np.nanargmin(frequencies[:, 0]))
+    if frequencies[k, 0] <= ROUND_OFF * np.nanmax(frequencies):
         yield "lowest natural frequency", f"0, at {_at(result, float(result.frequencies.along[k]))}"
     else:
         where = _at(result, float(result.frequencies.along[k]))
         push = any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
         closed = ", every pad closed" if push else ""
-        yield "lowest natural frequency", f"{significant(float(found[k, 0]))}{SPACE}Hz, at {where}{closed}"
+        yield "lowest natural frequency", f"{significant(float(frequencies[k, 0]))}{SPACE}Hz, at {where}{closed}"
 
 
 def _when(result: RunResult, step: int) -> str:
@@ -253,9 +260,9 @@ def _raised(result: RunResult, t: float) -> str:
     if frame is None:
         return ""
     luffing, slewing = (float(np.rad2deg(angle.value(np.array([t]))[0])) for angle in frame.angles)
-    found = [] if frame.luffing is None else [f"raised {plain(round(luffing, 1))}°"]
-    found += [] if frame.slewing is None else [f"slewed {plain(round(slewing, 1))}°"]
-    return "".join(f", {one}" for one in found)
+    angles = [] if frame.luffing is None else [f"raised {plain(round(luffing, 1))}°"]
+    angles += [] if frame.slewing is None else [f"slewed {plain(round(slewing, 1))}°"]
+    return "".join(f", {angle_text}" for angle_text in angles)
 
 
 def _at(result: RunResult, along: float) -> str:

@@ -34,68 +34,70 @@ def contact(result: RunResult, prefix: str) -> Block | None:
 
 
 def cylinders(result: RunResult, prefix: str) -> Block | None:
-    """What cylinders push their sections out with, and where ropes move some of them, the cylinders that pull these."""
-    found, ropes = _block(result, prefix, "cylinder", "cylinder forces"), tuple(_ropes(result))
-    return replace(found, grids=(*found.grids, *ropes)) if found else None
+    """Forces of cylinders that push sections out, and of those that pull ropes."""
+    block, ropes = _block(result, prefix, "cylinder", "cylinder forces"), tuple(_ropes(result))
+    return replace(block, grids=(*block.grids, *ropes)) if block else None
 
 
 def _ropes(result: RunResult) -> Iterator[Grid]:
     """Forces of ropes and chains, and of the cylinders that pull them."""
-    found = {
-        f"{drive_of(one)} of {one['name']}": Extremes.from_summary(one["force"])
-        for one in result.summary.get("ropes", ())
+    extremes_of_ropes = {
+        f"{drive_of(rope)} of {rope['name']}": Extremes.from_summary(rope["force"])
+        for rope in result.summary.get("ropes", ())
     }
-    if found:
+    if extremes_of_ropes:
         caption = (
             "Forces of ropes or chains, all strands of each together, and of a cylinder that moves all of them: by "
         )
         caption += "virtual work, without friction of sheaves."
-        grid = _grid(found, "N", max(map(size, found.values())), caption)
+        grid = _grid(extremes_of_ropes, "N", max(map(size, extremes_of_ropes.values())), caption)
         elastic = [
-            (quantity(one["length"], "m"), quantity(one["stiffness"], "N/m")) if "length" in one else ("", "")
-            for one in result.summary["ropes"]
+            (quantity(rope["length"], "m"), quantity(rope["stiffness"], "N/m")) if "length" in rope else ("", "")
+            for rope in result.summary["ropes"]
         ]
-        if any(any(one) for one in elastic):
-            rows = tuple((*row, *one) for row, one in zip(grid.rows, elastic, strict=True))
+        if any(any(rope) for rope in elastic):
+            rows = tuple((*row, *rope) for row, rope in zip(grid.rows, elastic, strict=True))
             grid = Grid(caption, (*grid.head, "length", "EA/l"), rows)
         yield grid
 
 
 def supports(result: RunResult, prefix: str) -> Block | None:
-    """What the ground carries: supports that give way over time, and the extremes of these and of rigid ones."""
-    found, rigid = _block(result, prefix, "support", "supports"), tuple(reactions(result))
-    if found is None:
+    """Forces on the ground: of supports that give way over time, and the extremes of these and of rigid ones."""
+    block, rigid = _block(result, prefix, "support", "supports"), tuple(reactions(result))
+    if block is None:
         return Block(heading="Supports", grids=rigid) if rigid else None
-    return replace(found, grids=(*found.grids, *rigid))
+    return replace(block, grids=(*block.grids, *rigid))
 
 
 def pivot(result: RunResult, prefix: str) -> Block | None:
-    """What a boom in a frame that moves presses on its machine with: forces and moments about the pivot over time."""
+    """Forces and moments of a boom in a frame that moves on its machine, about the pivot over time."""
     response, row = result.responses["reduced"], list[Drawing]()
-    acting = [one for one in response.outputs if one.kind == "reaction" and one.name.startswith(AT_PIVOT)]
+    acting = [
+        reaction for reaction in response.outputs if reaction.kind == "reaction" and reaction.name.startswith(AT_PIVOT)
+    ]
     for unit, what, name in (("N", "Forces", "forces"), ("N m", "Moments about the pivot", "moments")):
-        some = [one for one in acting if one.unit == unit]
-        largest = max((float(np.abs(response.other(one.name)).max()) for one in some), default=0.0)
-        some = [one for one in some if np.abs(response.other(one.name)).max() > ROUND_OFF * largest]
+        some = [reaction for reaction in acting if reaction.unit == unit]
+        largest = max((float(np.abs(response.other(reaction.name)).max()) for reaction in some), default=0.0)
+        some = [reaction for reaction in some if np.abs(response.other(reaction.name)).max() > ROUND_OFF * largest]
         if some:
-            said = f"{what} of the boom on its machine, sum over all supports, in the axes of the boom."
-            if any(one.name.endswith("cylinder") for one in some):
-                said += " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
-            row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot, said, result, some))
-    said = "Least and largest {} on the machine, when they occur, and " + place_called(result) + " then."
-    grids = (*_rigid(result, at_pivot=True, caption=said), *_luffing(result))
+            caption = f"{what} of the boom on its machine, sum over all supports, in the axes of the boom."
+            if any(reaction.name.endswith("cylinder") for reaction in some):
+                caption += " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
+            row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot, caption, result, some))
+    caption = "Least and largest {} on the machine, when they occur, and " + place_called(result) + " then."
+    grids = (*_rigid(result, at_pivot=True, caption=caption), *_luffing(result))
     return Block(heading="Forces on the machine", rows=(tuple(row),), grids=grids) if row else None
 
 
 def _luffing(result: RunResult) -> Iterator[Grid]:
     """Force, length, speed and power of the cylinder that raises the boom."""
-    if (found := result.summary.get("luffing_cylinder")) is None:
+    if (cylinder := result.summary.get("luffing_cylinder")) is None:
         return
     rows = list[tuple[str, ...]]()
     for name, base in (("force", "N"), ("length", "m"), ("speed", "m/s"), ("power", "W")):
-        one = Extremes.from_summary(found[name])
-        unit = unit_for(size(one), base)
-        rows.append((f"{name} in {unit.name}", *cells(one, unit)))
+        extreme = Extremes.from_summary(cylinder[name])
+        unit = unit_for(size(extreme), base)
+        rows.append((f"{name} in {unit.name}", *cells(extreme, unit)))
     caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
     caption += f"it gets longer; when that is, and {place_called(result)} then."
     yield Grid(caption, ("", "least", "largest"), tuple(rows))
@@ -105,7 +107,7 @@ def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | No
     """Figures of a kind's forces, so many panels in each, and a table of the extremes."""
     groups, drawn = forces(result, kind), list[tuple[Drawing, ...]]()
     anchor = "forces" if kind == "pad" else kind
-    bearing = {name: [one for one in group if bears(result, one)] for name, group in groups.items()}
+    bearing = {name: [force for force in group if bears(result, force)] for name, group in groups.items()}
     for name, group in bearing.items():
         for first in range(0, len(group), figures.MOST_FORCES):
             some, number = group[first : first + figures.MOST_FORCES], len(drawn) + 1
@@ -114,7 +116,7 @@ def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | No
     if not groups:
         return None
     grid = extremes(result, kind, [force for group in bearing.values() for force in group])
-    idle = [_called(one) for name, group in groups.items() for one in group if one not in bearing[name]]
+    idle = [_called(force) for name, group in groups.items() for force in group if force not in bearing[name]]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
     return Block(heading=called.capitalize(), text=text, rows=tuple(drawn), grids=(grid,) if grid.rows else ())
 
@@ -133,7 +135,7 @@ def _called(force: Force) -> str:
 
 
 def place_called(result: RunResult) -> str:
-    """What tables of extremes say of where something was, in words."""
+    """Word for the place of extremes in tables."""
     return "the path coordinate s" if alone(result) else "the reach"
 
 
@@ -153,59 +155,66 @@ def _caption(result: RunResult, kind: str, group: str) -> str:
     return f"Forces of the pads at the {group}, positive where they push the body inwards.{within}"
 
 
-def extremes(result: RunResult, kind: str, wanted: list[Force]) -> Grid:
+def extremes(result: RunResult, kind: str, chosen: list[Force]) -> Grid:
     """Smallest and largest of a kind's forces, and of friction the largest where it is known."""
     response, t = result.responses["reduced"], result.responses["reduced"].t
     path = result.along_at(t)
-    found = {_called(force): Extremes.of(force.of(response), t, path) for force in wanted if force.called}
-    friction = {one["name"]: one["friction"] for one in result.summary.get("cylinders", ()) if "friction" in one}
+    by_name = {_called(force): Extremes.of(force.of(response), t, path) for force in chosen if force.called}
+    friction = {
+        cylinder["name"]: cylinder["friction"]
+        for cylinder in result.summary.get("cylinders", ())
+        if "friction" in cylinder
+    }
     on = " on supports that give way" if kind == "support" else ""
     caption = f"Least and largest forces{on}, when they occur, and {place_called(result)} then.{SIGNS.get(kind, '')}"
-    grid = _grid(found, "N", float(np.abs(response.slider_force).max(initial=0.0)), caption)
-    if not friction.keys() & found.keys():
+    grid = _grid(by_name, "N", float(np.abs(response.slider_force).max(initial=0.0)), caption)
+    if not friction.keys() & by_name.keys():
         return grid
-    column = [quantity(friction[name], "N") if name in friction else "" for name in found]
+    column = [quantity(friction[name], "N") if name in friction else "" for name in by_name]
     rows = tuple((*row, cell) for row, cell in zip(grid.rows, column, strict=True))
     return Grid(grid.caption, (*grid.head, "friction up to"), rows)
 
 
 def reactions(result: RunResult) -> Iterator[Grid]:
     """Smallest and largest forces and moments on rigid supports."""
-    said = "Least and largest {} on rigid supports, positive along the axes, when they occur, and "
-    return _rigid(result, at_pivot=False, caption=f"{said}{place_called(result)} then.")
+    caption = "Least and largest {} on rigid supports, positive along the axes, when they occur, and "
+    return _rigid(result, at_pivot=False, caption=f"{caption}{place_called(result)} then.")
 
 
 def _rigid(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
-    """Those at the pivot of a boom in a frame, which are sums over all supports, or those of each support."""
-    response, found = result.responses["reduced"], dict[str, dict[str, Extremes]]()
-    for of, one in reaction_extremes(response, result.along_at(response.t)).items():
+    """Extremes at the pivot of a boom in a frame, which are sums over all supports, or of each support."""
+    response, by_unit = result.responses["reduced"], dict[str, dict[str, Extremes]]()
+    for of, extreme in reaction_extremes(response, result.along_at(response.t)).items():
         if (result.scene.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
-            found.setdefault(of.unit, {})[of.support.removeprefix(PIVOT)] = one
-    for base, of_unit in found.items():
+            by_unit.setdefault(of.unit, {})[of.support.removeprefix(PIVOT)] = extreme
+    for base, of_unit in by_unit.items():
         largest = max(map(size, of_unit.values()))
         bearing = {name: one for name, one in of_unit.items() if size(one) > ROUND_OFF * largest}
         if bearing:  # nothing acts along a support that only keeps a direction
             yield _grid(bearing, base, largest, caption.format("moments" if base == "N m" else "forces"))
 
 
-def _grid(found: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
+def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
     """A row for each, in a unit that fits the largest of them; what is nothing beside that is 0.
 
     So is what is round-off beside `largest`, the largest of all kinds.
     """
-    most = max(map(size, found.values()), default=0.0)
+    most = max(map(size, extremes_by_name.values()), default=0.0)
     unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)
-    rows = tuple((name or "slider", *cells(one, unit, nothing)) for name, one in found.items())
+    rows = tuple((name or "slider", *cells(extreme, unit, nothing)) for name, extreme in extremes_by_name.items())
     return Grid(caption, ("", f"least in {unit.name}", f"largest in {unit.name}"), rows)
 
 
-def size(one: Extremes) -> float:
+def size(extreme: Extremes) -> float:
     """The largest of both."""
-    return max(one.most, -one.least)
+    return max(extreme.most, -extreme.least)
 
 
-def cells(one: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:
+def cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:
     """Both, each with when and where; 0 alone up to `nothing`."""
-    for value, t, s in ((one.least, one.t_least, one.s_least), (one.most, one.t_most, one.s_most)):
+    for value, t, s in (
+        (extreme.least, extreme.t_least, extreme.s_least),
+        (extreme.most, extreme.t_most, extreme.s_most),
+    ):
         when = f" at {plain(round(t, 3))}{SPACE}s, {plain(round(s, 3))}{SPACE}m"
         yield f"{significant(value / unit.size)}{when}" if abs(value) > nothing else "0"

@@ -27,7 +27,7 @@ Rows = Iterator[tuple[str, str]]
 
 
 def rows(result: RunResult) -> Rows:
-    """What was asked, one thing a row."""
+    """Rows about the machine, its motion and its loads."""
     yield from _bodies(result)
     yield from _masses(result)
     yield from _held(result)
@@ -53,11 +53,11 @@ def rows(result: RunResult) -> Rows:
 
 
 def _tip(result: RunResult) -> Rows:
-    """Where the tip of a boom that is raised comes to, from the pivot."""
+    """Range of the tip of a boom that is raised, from the pivot."""
     response = result.responses["reduced"]
     if lines(result, response) and (result.scene.frame is not None or is_raised(result)):
         out, up = space.axes(result, spread(len(response.t), PLACES))[-1].side[:, -1].T
-        far, high = (between(float(one.min()), float(one.max()), f"{SPACE}m") for one in (out, up))
+        far, high = (between(float(coordinate.min()), float(coordinate.max()), f"{SPACE}m") for coordinate in (out, up))
         yield "tip from the pivot", f"{far} out, {high} up"
 
 
@@ -89,14 +89,14 @@ def _below(frame: Frame, end: float) -> Rows:
             for axis, signal in acting.given.items():
                 bounds = np.array(signal.bounds(0.0, end))
                 yield f"{what} on the machine", f"{_range(bounds, base)} {'along' if base == 'N' else 'about'} {axis}"
-        for what, given, per in (("displaced", machine.start.given, ""), ("moving", machine.rate.given, "/s")):
-            if given:
-                said = (f"{key} {plain(one)}{_unit(key, frame.unit)}{per}" for key, one in given.items())
-                yield f"machine {what} at the start", ", ".join(said)
+        for what, values_by_key, per in (("displaced", machine.start.given, ""), ("moving", machine.rate.given, "/s")):
+            if values_by_key:
+                texts = (f"{key} {plain(value)}{_unit(key, frame.unit)}{per}" for key, value in values_by_key.items())
+                yield f"machine {what} at the start", ", ".join(texts)
     if frame.base is not None:
         called = "ground" if frame.machine is not None else "machine"
-        moved = {key: signal.bounds(0.0, end) for key, signal in frame.base.motions.items()}
-        parts = [f"{key} {between(*bounds, _unit(key, frame.unit))}" for key, bounds in moved.items()]
+        ranges = {key: signal.bounds(0.0, end) for key, signal in frame.base.motions.items()}
+        parts = [f"{key} {between(*bounds, _unit(key, frame.unit))}" for key, bounds in ranges.items()]
         parts += [f"accelerated along {key}" for key, signal in frame.base.accelerations.items() if signal is not None]
         yield f"motion of the {called}", ", ".join(parts)
 
@@ -119,14 +119,14 @@ def between(low: float, high: float, unit: str) -> str:
 
 def _bodies(result: RunResult) -> Rows:
     """Size and weight of each section; what all of them are modelled as, and their yield stress."""
-    masses = {one["name"]: one["mass"] for one in result.summary.get("masses", ())}
+    masses = {mass["name"]: mass["mass"] for mass in result.summary.get("masses", ())}
     models, limits = dict[str, None](), dict[str, None]()
     for member, (name, part) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         called = name or "structure"
-        found = [_size(part)] if part.body.box is not None else []
-        found += [_kg(masses[name])] if name in masses else []
-        if found:
-            yield called, ", ".join(found)
+        properties = [_size(part)] if part.body.box is not None else []
+        properties += [_kg(masses[name])] if name in masses else []
+        if properties:
+            yield called, ", ".join(properties)
         models[spoken(model_of(member), part.body.walls)] = None
         if (limit := part.body.material.yield_stress) is not None:
             limits[quantity(limit, "Pa")] = None
@@ -140,11 +140,11 @@ def _size(part: OneBody) -> str:
     assert box is not None
     sides = f"{plain(1e3 * box.width)} × {plain(1e3 * box.height)}{SPACE}mm"
     cut = "".join(
-        f", {name} {by_face(given)}{SPACE}mm"
-        for name, given in (("radius", box.radius), ("chamfer", box.chamfer))
-        if given
+        f", {name} {by_face(cut_length)}{SPACE}mm"
+        for name, cut_length in (("radius", box.radius), ("chamfer", box.chamfer))
+        if cut_length
     )
-    more = "".join(f", doubler {doubled(one)}" for one in box.doublers)
+    more = "".join(f", doubler {doubled(doubler)}" for doubler in box.doublers)
     more += f", frames {framed(box)}" if box.frames else ""
     tapers = (("tail", box.tail_taper), ("tip", box.tip_taper))
     more += "".join(f", tapers to its {end} {tapered(taper)}" for end, taper in tapers if taper is not None)
@@ -155,10 +155,10 @@ def _masses(result: RunResult) -> Rows:
     for name, part in result.scene.bodies.items():
         for mass in part.masses:
             yield named(name, mass.name), f"{plain(mass.mass)}{SPACE}kg on {mass.on}"
-    if found := result.summary.get("masses"):
+    if masses := result.summary.get("masses"):
         attached = ", ".join(mass.name for part in result.scene.bodies.values() for mass in part.masses)
         of = f" with {attached}" if attached else ""
-        yield "total mass", _kg(sum(one["mass"] + one["attached"] for one in found)) + of
+        yield "total mass", _kg(sum(mass_of_body["mass"] + mass_of_body["attached"] for mass_of_body in masses)) + of
 
 
 def _held(result: RunResult) -> Rows:
@@ -172,9 +172,9 @@ def _held(result: RunResult) -> Rows:
             alike.setdefault((count, ", ".join((*stiffness, *ways))), []).append(name)
         if part.supports:
             yield " ".join(filter(None, (name, "held by"))), "; ".join(map(_support, part.supports))
-    for (count, said), names in alike.items():
+    for (count, pad_text), names in alike.items():
         of = ", ".join(filter(None, names))
-        yield f"pads of {of}" if of else "pads", f"{count}{' each' if len(names) > 1 else ''}, {said}"
+        yield f"pads of {of}" if of else "pads", f"{count}{' each' if len(names) > 1 else ''}, {pad_text}"
 
 
 def _support(support: Support) -> str:

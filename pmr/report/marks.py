@@ -75,13 +75,13 @@ class ErrorTable:
         return bool(apart(self.rows))
 
 
-def mark_for(here: float, published: float, is_error: bool = True) -> Mark:
+def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
     """The verdict on a figure beside the published one.
 
     Both ends of the 5 % count as within.  An error is better when it is smaller; a displacement is neither better
     nor worse.
     """
-    deviation = _deviation(here, published)
+    deviation = _deviation(value, published)
     if abs(deviation) <= TOLERANCE * (1.0 + 1e-9):
         return WITHIN
     if not is_error:
@@ -100,16 +100,16 @@ def apart(table: Sequence[Row]) -> list[Row]:
     return [row for row in table if row.mark not in (None, WITHIN)]
 
 
-def _deviation(here: float, published: float) -> float:
+def _deviation(value: float, published: float) -> float:
     """Relative deviation; any figure is infinitely far from a published zero, but for zero itself."""
     if published == 0.0:
-        return 0.0 if here == 0.0 else float("inf")
-    return (here - published) / published
+        return 0.0 if value == 0.0 else float("inf")
+    return (value - published) / published
 
 
-def signed_deviation(here: float, published: float) -> str:
+def signed_deviation(value: float, published: float) -> str:
     """Relative deviation from the published figure, with its sign, in per cent."""
-    deviation = _deviation(here, published)
+    deviation = _deviation(value, published)
     if abs(deviation) == float("inf"):
         return "–"
     return f"{MINUS if deviation < 0.0 else '+'}{significant(100.0 * abs(deviation), 2)}{SPACE}%"

@@ -25,34 +25,39 @@ ALSO = {"frequency": "in the lowest frequencies"}
 
 def model(result: RunResult) -> str:
     """In two or three sentences; that it is not known in one, with the key that tells it."""
-    found, chosen = result.summary.get("budget", {}).get("model"), result.summary.get("chosen_model")
+    model_part, chosen = result.summary.get("budget", {}).get("model"), result.summary.get("chosen_model")
     why = "" if chosen is None or alone(result) else f"Sections are {_chosen(chosen)}. "
-    if found is None:
+    if model_part is None:
         richest = "" if chosen is None else " for a shell, the richest one there is"
         return (
             f"{why}How far the structural model itself is off is not known{richest or ': compare.richer measures it'}."
         )
-    if found["beside"] is None:
-        reason = found["reason"]
+    if model_part["beside"] is None:
+        reason = model_part["reason"]
         unknown = reason if reason.startswith("not ") else f"not known: {reason}"
         return f"{why}How far the structural model itself is off is {unknown}."
     shares = {"beam": along(result), **OF}
-    off = [f"{percent(found[kind])} {of}" for kind, of in shares.items() if found.get(kind) is not None]
-    moved = f"the model is off by {', '.join(off)} over the run; " if off else ""
-    most = f" and its largest displacement by {percent(found['largest'])}" if found.get("largest") is not None else ""
-    vibrates = f"its two lowest frequencies are off by up to {percent(found['frequency'] or 0.0)} along the path"
-    beside = f"Beside {CALLED[found['beside']]} of the same bodies, pads and loads"
-    return f"{why}{beside} {moved}{vibrates}{most}. Not compared: {'; '.join(found['not_covered'])}."
+    off = [f"{percent(model_part[kind])} {of}" for kind, of in shares.items() if model_part.get(kind) is not None]
+    errors_text = f"the model is off by {', '.join(off)} over the run; " if off else ""
+    most = (
+        f" and its largest displacement by {percent(model_part['largest'])}"
+        if model_part.get("largest") is not None
+        else ""
+    )
+    vibrates = f"its two lowest frequencies are off by up to {percent(model_part['frequency'] or 0.0)} along the path"
+    comparison = f"Beside {CALLED[model_part['beside']]} of the same bodies, pads and loads"
+    return f"{why}{comparison} {errors_text}{vibrates}{most}. Not compared: {'; '.join(model_part['not_covered'])}."
 
 
-def _chosen(found: Mapping[str, Any]) -> str:
-    return f"{spoken(found['name'], found['walls'])}, {chosen_by(found)}"
+def _chosen(choice: Mapping[str, Any]) -> str:
+    return f"{spoken(choice['name'], choice['walls'])}, {chosen_by(choice)}"
 
 
 def key_number(result: RunResult) -> Iterator[KeyNumber]:
     """The model's part of the budget, for the first page; nothing where it is not known."""
-    found = result.summary.get("budget", {}).get("model")
-    if found is None or found["beside"] is None or found.get("beam") is None:
+    model_part = result.summary.get("budget", {}).get("model")
+    if model_part is None or model_part["beside"] is None or model_part.get("beam") is None:
         return
-    more = f"{along(result)}; lowest frequencies {percent(found['frequency'] or 0.0)}; beside {CALLED[found['beside']]}"
-    yield KeyNumber(percent(found["beam"]), "the model's own error", more)
+    frequencies = percent(model_part["frequency"] or 0.0)
+    more = f"{along(result)}; lowest frequencies {frequencies}; beside {CALLED[model_part['beside']]}"
+    yield KeyNumber(percent(model_part["beam"]), "the model's own error", more)

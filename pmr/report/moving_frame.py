@@ -10,19 +10,21 @@ from pmr.results import RunResult
 
 def frame(result: RunResult) -> str:
     """In a few sentences; empty without a frame."""
-    found = result.summary.get("frame")
-    if found is None:
+    motion = result.summary.get("frame")
+    if motion is None:
         return ""
-    angles = {"raised": found["luffing"], "slewed": found["slewing"]}
-    moved = [f"{way} {_range(angle)}" for way, angle in angles.items() if angle["max"] > angle["min"] or angle["max"]]
-    turns = f"The boom is {' and '.join(moved)}. " if moved else ""
+    angles = {"raised": motion["luffing"], "slewed": motion["slewing"]}
+    angle_texts = [
+        f"{way} {_range(angle)}" for way, angle in angles.items() if angle["max"] > angle["min"] or angle["max"]
+    ]
+    turns = f"The boom is {' and '.join(angle_texts)}. " if angle_texts else ""
     axes = "Deflections are measured in its own axes, which turn with it: x along it, z upwards where it lies level. "
     buckling = result.summary.get("buckling", {"factor": None})
-    if not found["second_order"]:
+    if not motion["second_order"]:
         size = f" ({percent(buckling['share'])} of the stiffness at most)" if "share" in buckling else ""
         left_out = f"the bending by axial forces{size}"
-        if found["gyroscopic"] is not None:
-            turning = f"{percent(found['gyroscopic'])}) and centrifugal forces ({percent(found['centrifugal'])}"
+        if motion["gyroscopic"] is not None:
+            turning = f"{percent(motion['gyroscopic'])}) and centrifugal forces ({percent(motion['centrifugal'])}"
             left_out += f", and gyroscopic forces ({turning} of the stiffness at the lowest frequency)"
         return f"{turns}{axes}Second order is left out: {left_out}; frame.second_order includes it."
     factor = buckling["factor"]
@@ -36,10 +38,10 @@ def frame(result: RunResult) -> str:
 
 def energy(result: RunResult) -> str:
     """Where the energy of a boom in space comes from; empty without a frame."""
-    found = result.summary.get("energy")
-    if found is None:
+    energies = result.summary.get("energy")
+    if energies is None:
         return ""
-    size = {key: f"{significant(one)}{SPACE}J" for key, one in found.items()}
+    size = {key: f"{significant(value)}{SPACE}J" for key, value in energies.items()}
     return (
         "The figures show the motion in the boom's axes, where weight and the frame's inertia count as loads. In space "
         f"the energy, less that of the same boom when rigid, changes by {size['change']} from start to end: the drives "

@@ -100,7 +100,7 @@ def round_number(largest: float) -> float:
 
 
 def share_captured(kappa: float, count: int) -> str:
-    """What `count` vectors hold; close to 1 the missing part says more than a row of nines."""
+    """Share that `count` vectors hold; close to 1 the missing part says more than a row of nines."""
     missing = 1.0 - kappa
     if missing < 1e-15:
         return f"1 {MINUS} κ({count}) < {power_of_ten(-15)}"

@@ -46,8 +46,8 @@ def _on_paper(text: str) -> str:
     that a PDF takes.
     """
 
-    def placed(found: re.Match[str]) -> str:
-        style, drawn = found.groups()
+    def placed(match: re.Match[str]) -> str:
+        style, drawn = match.groups()
         if style is not None:
             return re.sub(r"\bsvg(?= \{)", "embed", style)
         image = f'<svg xmlns="http://www.w3.org/2000/svg"{drawn}'

@@ -25,19 +25,19 @@ _MOST_KNOTS = 6
 
 
 def bodies(result: RunResult) -> list[Table]:
-    """What slides, what holds it, how it is damped; of a boom each section."""
+    """Tables of the bodies, their supports and damping; of a boom of each section."""
     scene, damping = result.scene, tuple(_damping(result.scene))
-    found = {
+    tables_of_bodies = {
         name: tuple(_structure(of, choose(member_at(scene, number)).model))
         for number, (name, of) in enumerate(scene.bodies.items())
     }
     if alone(result):
-        return [Table("Body and mesh", (*found[ALONE], *damping))]
-    return [*(Table(name, rows) for name, rows in found.items()), Table("All sections", damping)]
+        return [Table("Body and mesh", (*tables_of_bodies[ALONE], *damping))]
+    return [*(Table(name, rows) for name, rows in tables_of_bodies.items()), Table("All sections", damping)]
 
 
 def motion(result: RunResult) -> Table:
-    """What moves along it, and what acts on it."""
+    """Table of paths and loads."""
     if not alone(result):
         return Table("Joints and loads", (*_joints(result), *_pads(result), *_acting(result)))
     return Table(
@@ -110,9 +110,9 @@ def _section(body: Body) -> Rows:
     if box is not None:
         yield "box", f"{plain(box.length)} × {plain(box.width)} × {plain(box.height)}{SPACE}m"
         yield "wall", f"{by_face(box.wall)}{SPACE}mm"
-        for cut, given in (("radius", box.radius), ("chamfer", box.chamfer)):
-            if given:
-                yield cut, f"{by_face(given)}{SPACE}mm"
+        for cut, cut_length in (("radius", box.radius), ("chamfer", box.chamfer)):
+            if cut_length:
+                yield cut, f"{by_face(cut_length)}{SPACE}mm"
         for doubler in box.doublers:
             yield "doubler", doubled(doubler)
         if box.frames:
@@ -143,16 +143,16 @@ def framed(box: Box) -> str:
 
 def tapered(taper: Taper) -> str:
     """Over which length, and what it is at the end."""
-    given = taper.model_dump(exclude={"length"}, exclude_none=True)
-    ends = ", ".join(f"{name} {by_face(size)}{SPACE}mm" for name, size in given.items())
+    dimensions = taper.model_dump(exclude={"length"}, exclude_none=True)
+    ends = ", ".join(f"{name} {by_face(size)}{SPACE}mm" for name, size in dimensions.items())
     return f"over {plain(taper.length)}{SPACE}m to {ends}"
 
 
-def by_face(given: Any) -> str:
+def by_face(lengths: Any) -> str:
     """A length in mm, or several by face or direction."""
-    if isinstance(given, dict):
-        return ", ".join(f"{name} {by_face(length)}" for name, length in given.items())
-    return " × ".join(plain(1e3 * length) for length in given) if isinstance(given, tuple) else plain(1e3 * given)
+    if isinstance(lengths, dict):
+        return ", ".join(f"{name} {by_face(length)}" for name, length in lengths.items())
+    return " × ".join(plain(1e3 * length) for length in lengths) if isinstance(lengths, tuple) else plain(1e3 * lengths)
 
 
 def _damping(scene: Any) -> Rows:

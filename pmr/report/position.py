@@ -19,14 +19,18 @@ def in_space(result: RunResult, prefix: str) -> Block | None:
 
 def rows(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
     """The boom from above where it slews, its tip over time, and the buckling factor where there is one."""
-    said = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
-    row = [drawing(f"{prefix}-tip-in-space", space.tip, said, result)]
+    caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
+    row = [drawing(f"{prefix}-tip-in-space", space.tip, caption, result)]
     if slews(result):  # from the side it stands at the top of the page
         row.insert(0, drawing(f"{prefix}-plan", space.plan, space.caption(result, "from above"), result))
-    found = [tuple(row)]
+    drawing_rows = [tuple(row)]
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
-        said = "By what all axial forces would have to grow until the boom buckles, with every pad closed, along the "
-        said += "way of this run, which begins at the larger dot."
-        both = (("reach", said), ("angle", "The same over the angle of luffing."))
-        found.append(tuple(drawing(f"{prefix}-buckling-{x}", space.buckling, said, result, x) for x, said in both))
-    return tuple(found)
+        caption = (
+            "By what all axial forces would have to grow until the boom buckles, with every pad closed, along the "
+        )
+        caption += "way of this run, which begins at the larger dot."
+        captions = (("reach", caption), ("angle", "The same over the angle of luffing."))
+        drawing_rows.append(
+            tuple(drawing(f"{prefix}-buckling-{x}", space.buckling, said, result, x) for x, said in captions)
+        )
+    return tuple(drawing_rows)

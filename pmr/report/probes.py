@@ -28,37 +28,43 @@ STRAIN = Unit(1e-6, "µm/m")
 
 
 def probes(result: RunResult, prefix: str) -> Block | None:
-    """What the probes say: histories, extremes, and rainflow counts of stresses and strains."""
-    known = {probe["name"]: probe for probe in result.summary.get("probes", ())}
+    """Histories of probes, their extremes, and rainflow counts of stresses and strains."""
+    probes_by_name = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     response = result.responses["reduced"]
-    found = probe_extremes(response, result.along_at(response.t))
-    found = {name: one for name, one in found.items() if name in known}
-    if not found:
+    extremes_by_name = probe_extremes(response, result.along_at(response.t))
+    extremes_by_name = {name: one for name, one in extremes_by_name.items() if name in probes_by_name}
+    if not extremes_by_name:
         return None
     largest = dict[str, float]()
-    for name, one in found.items():
-        unit = known[name]["unit"]
-        largest[unit] = max(largest.get(unit, 0.0), size(one))
+    for name, extreme in extremes_by_name.items():
+        unit = probes_by_name[name]["unit"]
+        largest[unit] = max(largest.get(unit, 0.0), size(extreme))
     units = {unit: _unit(unit, size) for unit, size in largest.items()}
-    named = [n for n, one in found.items() if size(one) > NOTHING * largest[known[n]["unit"]]]
+    named = [n for n, one in extremes_by_name.items() if size(one) > NOTHING * largest[probes_by_name[n]["unit"]]]
     rows = []
     for name in named:
-        unit = units[known[name]["unit"]]
-        rows.append((f"{name} in {unit.name}", *cells(found[name], unit)))
-    extremes = Grid(_places(result, known.values()), ("", "least", "largest"), tuple(rows))
-    drawn = _foremost(named, found)
-    counted = [_counted(result, name, units[known[name]["unit"]]) for name in drawn if known[name]["unit"] != "mm"]
-    figures = tuple((_drawn(result, f"{prefix}-probe-{k}", name, known[name]["unit"]),) for k, name in enumerate(drawn))
+        unit = units[probes_by_name[name]["unit"]]
+        rows.append((f"{name} in {unit.name}", *cells(extremes_by_name[name], unit)))
+    extremes = Grid(_places(result, probes_by_name.values()), ("", "least", "largest"), tuple(rows))
+    drawn = _foremost(named, extremes_by_name)
+    counted = [
+        _counted(result, name, units[probes_by_name[name]["unit"]])
+        for name in drawn
+        if probes_by_name[name]["unit"] != "mm"
+    ]
+    figures = tuple(
+        (_drawn(result, f"{prefix}-probe-{k}", name, probes_by_name[name]["unit"]),) for k, name in enumerate(drawn)
+    )
     text = "All load cycles stand in tables/cycles.csv." if counted else ""
     return Block("Probes", figures, text=text, grids=(extremes, *counted, *_damage(result)))
 
 
 def _damage(result: RunResult) -> list[Grid]:
-    """Of each stress, where an S-N line is given."""
-    found = result.summary.get("fatigue")
-    if not found:
+    """Damage by each stress, where an S-N line is given."""
+    fatigue = result.summary.get("fatigue")
+    if not fatigue:
         return []
-    rows = [(row["name"], _number(row["damage"]), _number(row["life"])) for row in found]
+    rows = [(row["name"], _number(row["damage"]), _number(row["life"])) for row in fatigue]
     caption = "Damage by load cycles on the scene's S-N line, after Palmgren and Miner: 1 is failure. The life is how "
     return [Grid(f"{caption}often all that is asked for may come.", ("", "damage", "life"), tuple(rows))]
 
@@ -67,20 +73,20 @@ def _number(value: float | None) -> str:
     return "without end" if value is None else significant(value)
 
 
-def _foremost(names: Iterable[str], found: Mapping[str, Extremes]) -> list[str]:
-    """Of each measure of a probe the component that is largest, of the first few."""
+def _foremost(names: Iterable[str], extremes_by_name: Mapping[str, Extremes]) -> list[str]:
+    """Choose the largest component of each measure of a probe, of the first few."""
     groups = dict[str, list[str]]()
     for name in names:
         groups.setdefault(name.rpartition(" ")[0], []).append(name)
-    return [max(group, key=lambda name: size(found[name])) for group in groups.values()][:MOST_DRAWN]
+    return [max(group, key=lambda name: size(extremes_by_name[name])) for group in groups.values()][:MOST_DRAWN]
 
 
 def _drawn(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
     size, base = {"mm": (1e-3, "m"), "1": (1e6, STRAIN.name)}.get(unit, (1.0, unit))
 
     def values(response: Response) -> Array:
-        known = name in response.other_names
-        return size * response.other(name) if known else np.full(len(response.t), np.nan)
+        is_there = name in response.other_names
+        return size * response.other(name) if is_there else np.full(len(response.t), np.nan)
 
     caption = captions.history(result, name[:1].upper() + name[1:], values)
     label = " ".join(name.split(" ")[-2:]).capitalize()
@@ -92,25 +98,25 @@ def _unit(unit: str, largest: float) -> Unit:
     return STRAIN if unit == "1" else unit_for(largest, unit) if unit == "Pa" else Unit(1.0, unit)
 
 
-def _places(result: RunResult, known: Iterable[Mapping[str, Any]]) -> str:
-    """Where the probes look, each once."""
-    said = dict[str, str]()
-    for probe in known:
+def _places(result: RunResult, probes_of_run: Iterable[Mapping[str, Any]]) -> str:
+    """Places of the probes, each once."""
+    texts = dict[str, str]()
+    for probe in probes_of_run:
         name = probe["name"].rpartition(" ")[0]
         place = ", ".join(significant(round(x, 4) + 0.0, 3) for x in probe["at"])
-        said[name] = f"{name} at ({place}){SPACE}m" + (f", {probe['face']}" if probe["face"] else "")
-    return f"Least and largest values, when they occur, and {place_called(result)} then: {'; '.join(said.values())}."
+        texts[name] = f"{name} at ({place}){SPACE}m" + (f", {probe['face']}" if probe["face"] else "")
+    return f"Least and largest values, when they occur, and {place_called(result)} then: {'; '.join(texts.values())}."
 
 
 def _counted(result: RunResult, name: str, unit: Unit) -> Grid:
     """Rainflow counts in classes of the range."""
     response = result.responses["reduced"]
-    found = cycles(response.t, response.other(name))
-    top = float(found[:, 0].max(initial=0.0))
+    load_cycles = cycles(response.t, response.other(name))
+    top = float(load_cycles[:, 0].max(initial=0.0))
     rows = []
     for k in range(CLASSES, 0, -1):
         low, high = (k - 1) / CLASSES * top, k / CLASSES * top
-        inside = found[(found[:, 0] > low) & (found[:, 0] <= high)]
+        inside = load_cycles[(load_cycles[:, 0] > low) & (load_cycles[:, 0] <= high)]
         if len(inside):
             mean = float(np.average(inside[:, 1], weights=inside[:, 2]))
             span = f"{significant(low / unit.size, 3)} to {significant(high / unit.size, 3)}"

@@ -69,8 +69,8 @@ def sizes(result: RunResult) -> Rows:
         yield "coordinates of the full model", plain(coordinates["full"])
     yield "coordinates of the reduced model", plain(reduced_size(result))
     for part in result.summary.get("sections", ()):
-        one = part["coordinates"]
-        yield f"coordinates of {part['name']}", f"{plain(one['full'])} → {plain(one['reduced'])}"
+        counts = part["coordinates"]
+        yield f"coordinates of {part['name']}", f"{plain(counts['full'])} → {plain(counts['reduced'])}"
     for name, body in result.bodies.items():
         if (fields := body.fields) is not None:
             yield named(name, "mesh"), f"{plain(len(fields.cells))} {CELLS[fields.kind]}"
@@ -79,10 +79,10 @@ def sizes(result: RunResult) -> Rows:
     if pads := sum(len(ring.places) for of in result.scene.bodies.values() for ring in of.pads):
         yield "pads", plain(pads)
     if contact := result.summary.get("contact"):
-        said = f"{plain(contact['parts'])}, each with h omega = {plain(round(contact['h_omega'], 3))}"
+        parts_text = f"{plain(contact['parts'])}, each with h omega = {plain(round(contact['h_omega'], 3))}"
         if "mean_parts" in contact:
-            said = f"at most {said}; {plain(round(contact['mean_parts'], 1))} in the mean"
-        yield "parts of a step, for pads that only push", said
+            parts_text = f"at most {parts_text}; {plain(round(contact['mean_parts'], 1))} in the mean"
+        yield "parts of a step, for pads that only push", parts_text
     basis = result.summary.get("basis", {})
     if basis.get("carriers"):
         yield "carriers that the rows touch along the path", plain(basis["carriers"])
@@ -100,7 +100,7 @@ def times(seconds: Mapping[str, Any]) -> Rows:
 
 
 def run(result: RunResult) -> Rows:
-    """What ran where."""
+    """Rows about the run: scene, commit, date, machine."""
     summary = result.summary
     yield "scene", str(summary.get("scene_hash") or result.scene.hash)
     if summary.get("commit"):

@@ -38,7 +38,7 @@ Show = Callable[[RunResult, str], Block | None]
 
 
 def figures_of(result: RunResult, anchor: str) -> Figures:
-    """What is drawn, without ``budget`` of the summary, known last; `anchor` is put before every identifier."""
+    """Draw the figures, without ``budget`` of the summary, known last; `anchor` is put before every identifier."""
     pictures = album(result, anchor)  # another process makes them while all else is drawn
     sketched = drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result)
     shown = [show(result, anchor) for show in SECTIONS]
@@ -47,7 +47,7 @@ def figures_of(result: RunResult, anchor: str) -> Figures:
 
 def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
     """Everything that the report says of one run, with the figures that were drawn of it already."""
-    figures, found = figures or figures_of(result, anchor), error_rows(result)
+    figures, rows = figures or figures_of(result, anchor), error_rows(result)
     return Chapter(
         anchor=anchor,
         title=result.scene.title,
@@ -55,7 +55,7 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
         sketch=figures.sketch,
         first=first_page.tables(result),
         key_numbers=list(sentences.key_numbers(result)),
-        points=sentences.points(result, found),
+        points=sentences.points(result, rows),
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
         blocks=[*filter(None, (show(result, anchor) for show in OF_ERRORS)), *figures.blocks],
     )
@@ -68,21 +68,21 @@ def errors(result: RunResult, prefix: str) -> Block | None:
 
 
 def accuracy(result: RunResult, prefix: str) -> Block | None:
-    """What was chosen to hold a tolerance and why, and what takes how much of it."""
-    found, budgeted = result.summary.get("accuracy"), result.summary.get("budget", {})
-    if found is None:
+    """Choices that hold a tolerance, their reasons, and the shares of the error."""
+    accuracy_part, budgeted = result.summary.get("accuracy"), result.summary.get("budget", {})
+    if accuracy_part is None:
         return None
     caption = "What reduction, step and mesh are off by"
     caption += f"; the {budgeted['first']} is to be improved first." if "first" in budgeted else "."
     missing = budgeted.get("mesh_reason")
     unknown = f" The part of the mesh is not known: {missing}." if missing else ""
     drawn = drawing(f"{prefix}-budget", budget.budget, caption + unknown, result)
-    text = "; ".join(found.get("reasons", ()))
+    text = "; ".join(accuracy_part.get("reasons", ()))
     return Block(heading="Accuracy on order", rows=((drawn,),), text=f"{text[:1].upper()}{text[1:]}." if text else "")
 
 
 def inputs_over_time(result: RunResult, prefix: str) -> Block:
-    """What moves along the body, or how far sections extend, and what acts on them."""
+    """Paths along the body, or extensions of sections, and loads, over time."""
     caption = f"{moving(result).capitalize()} position along the body over time."
     if not alone(result):
         caption = "Extension of each section over time."
@@ -111,14 +111,14 @@ def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Blo
         data = line.motion(result)
         strip = drawing(f"{prefix}-snapshots", shapes.snapshots, captions.snapshots(result), result)
         return Block(heading="Motion", player=Player("line", data, line.said(data)), without_scripts=(strip,))
-    data, found = player.player(result), pictures()
-    absent = f"There are no pictures: {found.absent}." if found.absent else ""
+    data, picture_album = player.player(result), pictures()
+    absent = f"There are no pictures: {picture_album.absent}." if picture_album.absent else ""
     scale: tuple[tuple[Drawing, ...], ...] = ()
-    if fields[0].von_mises and (data or found.pictures):
+    if fields[0].von_mises and (data or picture_album.pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
         scale = ((drawing(f"{prefix}-ramp", ramp, caption, top(result) / 1e6),),)
     shown = Player("body", data, player.said(data)) if data else None
-    return Block(heading="Motion", text=absent, player=shown, pictures=found.pictures, rows=scale)
+    return Block(heading="Motion", text=absent, player=shown, pictures=picture_album.pictures, rows=scale)
 
 
 def tip(result: RunResult, prefix: str) -> Block:
@@ -141,15 +141,18 @@ def tip(result: RunResult, prefix: str) -> Block:
         wide = np.zeros(1) if result.tip_error is None else result.tip_error[:, number]
         if max(float(wide.max()), apart) > unseen(result) * largest and result.tip_error is not None:
             inside = ", with the difference to the full model in it" if "full" in result.responses else ""
-            said = f"Estimated error of the tip, {called}{inside}."
-            rows.append((drawing(f"{prefix}-band-{direction}", histories.band, said, result, what, wide),))
+            band_caption = f"Estimated error of the tip, {called}{inside}."
+            rows.append((drawing(f"{prefix}-band-{direction}", histories.band, band_caption, result, what, wide),))
     return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(still))
 
 
 def energy(result: RunResult, prefix: str) -> Block:
     """Total energy and its parts."""
-    said, total = "Total energy: kinetic and strain energy less the work of the loads", attrgetter("energy.total")
-    caption = captions.history(result, said, total)
+    description, total = (
+        "Total energy: kinetic and strain energy less the work of the loads",
+        attrgetter("energy.total"),
+    )
+    caption = captions.history(result, description, total)
     first = drawing(f"{prefix}-energy", histories.history, caption, result, total, "Total energy", "J", total)
     parts = drawing(f"{prefix}-energy-parts", histories.energy_parts, captions.energy_parts(result), result)
     return Block(heading="Energy", rows=((first,), (parts,)), text=moving_frame.energy(result))
@@ -194,10 +197,10 @@ def basis(result: RunResult, prefix: str) -> Block | None:
 def _published(result: RunResult) -> Iterator[Grid]:
     """The first natural frequency where it is published, beside that of each model."""
     rows, models = [], list[str]()
-    for one in result.summary.get("published_frequencies", ()):
-        models = [name for name in ("full", "reduced") if name in one]
-        ours = [f"{one[name]:.4f} ({signed_deviation(one[name], one['published'])})" for name in models]
-        rows.append((f"{one['reach']:.5g}{SPACE}m", f"{one['published']:g}", *ours))
+    for first in result.summary.get("published_frequencies", ()):
+        models = [name for name in ("full", "reduced") if name in first]
+        ours = [f"{first[name]:.4f} ({signed_deviation(first[name], first['published'])})" for name in models]
+        rows.append((f"{first['reach']:.5g}{SPACE}m", f"{first['published']:g}", *ours))
     if rows and (published := result.scene.published) is not None:
         remarks = "".join(f" {remark}" for remark in published.remarks)
         caption = f"First natural frequency in Hz beside the published one ({published.source}).{remarks}"
@@ -205,37 +208,37 @@ def _published(result: RunResult) -> Iterator[Grid]:
 
 
 def response(result: RunResult, prefix: str) -> Block | None:
-    """What moves the tip by how much at which frequency, where it was asked for."""
-    found = result.frequency_response
-    if found is None:
+    """Gain of the tip by frequency, where the scene has it computed."""
+    frequency_response = result.frequency_response
+    if frequency_response is None:
         return None
     drawings, grids = [], []
-    for k, name in enumerate(found.inputs):
-        if not np.any(found.gain[:, :, k]):
+    for k, name in enumerate(frequency_response.inputs):
+        if not np.any(frequency_response.gain[:, :, k]):
             continue
-        rest = "with the sliders at rest, each curve at one s in m"
+        condition = "with the sliders at rest, each curve at one s in m"
         if not alone(result):
-            rest = "with everything at rest, each curve at one reach in m"
-        caption = f"Response of {found.outputs[k]} to {name} {rest}."
-        drawings.append(drawing(f"{prefix}-response-{k}", spectra.gain, caption, found, k))
-        said = result.summary["frequency_response"]["gain"][name]
+            condition = "with everything at rest, each curve at one reach in m"
+        caption = f"Response of {frequency_response.outputs[k]} to {name} {condition}."
+        drawings.append(drawing(f"{prefix}-response-{k}", spectra.gain, caption, frequency_response, k))
+        gains = result.summary["frequency_response"]["gain"][name]
         rows = [
             (
                 f"{plain(round(float(s), 3))}{SPACE}m",
-                significant(said["static"][j]),
-                significant(said["largest"][j]) if found.damped else "no damping",
-                significant(said["at"][j]),
+                significant(gains["static"][j]),
+                significant(gains["largest"][j]) if frequency_response.damped else "no damping",
+                significant(gains["at"][j]),
             )
-            for j, s in enumerate(found.s)
+            for j, s in enumerate(frequency_response.s)
         ]
-        head = (result.coordinate, f"static, {said['unit']}", f"largest, {said['unit']}", "at, Hz")
-        grids.append(Grid(f"{found.outputs[k]} under {name}", head, tuple(rows)))
+        head = (result.coordinate, f"static, {gains['unit']}", f"largest, {gains['unit']}", "at, Hz")
+        grids.append(Grid(f"{frequency_response.outputs[k]} under {name}", head, tuple(rows)))
     pairs = tuple(tuple(drawings[k : k + 2]) for k in range(0, len(drawings), 2))
     return Block(heading="Response in frequency", rows=pairs, grids=tuple(grids))
 
 
 def origin(result: RunResult, prefix: str) -> Block:
-    """What was asked for, how large it became, how long it took, where it ran."""
+    """Tables of the scene, of sizes, of times and of the machine that computed."""
     tables = [
         *parameters.bodies(result),
         parameters.motion(result),

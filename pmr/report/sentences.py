@@ -21,8 +21,8 @@ SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
 
 
 def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
-    """What the run says: how small, how accurate, what it carries, how far the step is off, how fast."""
-    said = {
+    """Sentences about a run: how small, how accurate, what it carries, how far the step is off, how fast."""
+    texts_by_topic = {
         "Size": [size(result)],
         "Frame": [moving_frame.frame(result)],
         "Accuracy": list(accuracy(result)),
@@ -34,11 +34,11 @@ def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
         "Speed": list(speed(result)),
         "Published": [published(table)],
     }
-    return [Point(topic, text) for topic, texts in said.items() if (text := " ".join(filter(None, texts)))]
+    return [Point(topic, text) for topic, texts in texts_by_topic.items() if (text := " ".join(filter(None, texts)))]
 
 
 def opening(result: RunResult) -> str:
-    """What it is about, in a sentence or two."""
+    """Describe the structure in a sentence or two."""
     if result.reach is not None:
         names = list(result.scene.bodies)
         low, high = float(result.reach.min()), float(result.reach.max())
@@ -68,55 +68,55 @@ def opening(result: RunResult) -> str:
 
 def estimate(result: RunResult) -> str:
     """The error estimate in a sentence, beside the true error where that is known; else empty."""
-    found = result.summary.get("estimate")
+    estimates = result.summary.get("estimate")
     true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
-    if found is None or (found["beam"] is None and true is not None):
+    if estimates is None or (estimates["beam"] is None and true is not None):
         return ""
-    if found["beam"] is None:
-        return f"The error can't be estimated without the full model: {found['reason']}."
+    if estimates["beam"] is None:
+        return f"The error can't be estimated without the full model: {estimates['reason']}."
     kinds = {"tip": "at the tip", "beam": along(result), "pad_force": f"in the {forces_called(result)}"}
     kinds["cylinder_force"] = "in the cylinder forces"
-    errors = {kind: found[kind] for kind in kinds if found.get(kind) is not None}
+    errors = {kind: estimates[kind] for kind in kinds if estimates.get(kind) is not None}
     worth = [kind for kind, error in errors.items() if error >= TINY or kind in ("tip", "beam")]
     *first, last = (f"{percent(errors[kind])} {kinds[kind]}" for kind in worth)
-    said = f"The estimate, which needs no full model, is {', '.join(first)} and {last}"
-    if found.get("probe") is not None:
-        said = f"{said}, and at most {percent(found['probe'])} of what a probe measures"
+    sentence = f"The estimate, which needs no full model, is {', '.join(first)} and {last}"
+    if estimates.get("probe") is not None:
+        sentence = f"{sentence}, and at most {percent(estimates['probe'])} of what a probe measures"
     of = (
         "it is made by a model of free modes"
-        if found.get("by") == "other model"
+        if estimates.get("by") == "other model"
         else "it includes a margin of a quarter"
     )
-    ratio = times_the_true_error(found["beam"], true)
-    known = f"; {along(result)} it is {ratio}" if ratio else f"; {of}"
-    return f"{said}{known}.{_not_covered(found.get('not_covered'))}"
+    ratio = times_the_true_error(estimates["beam"], true)
+    beside_true = f"; {along(result)} it is {ratio}" if ratio else f"; {of}"
+    return f"{sentence}{beside_true}.{_not_covered(estimates.get('not_covered'))}"
 
 
 def step(result: RunResult) -> str:
     """The error of the time step in a sentence; empty where there is no figure."""
-    found = result.summary.get("step", {})
-    if found.get("beam") is None:
+    step_error = result.summary.get("step", {})
+    if step_error.get("beam") is None:
         return ""
-    size = "is" if found["settled"] else "is at least"
-    of = ", of the mean motion," if found["by"] == "mean" else ""
-    rest = _not_covered(found.get("not_covered"))
-    return f"The error of the time step itself{of} {size} {_parts(result, found)}.{rest}"
+    size = "is" if step_error["settled"] else "is at least"
+    of = ", of the mean motion," if step_error["by"] == "mean" else ""
+    not_covered = _not_covered(step_error.get("not_covered"))
+    return f"The error of the time step itself{of} {size} {_parts(result, step_error)}.{not_covered}"
 
 
 def mesh(result: RunResult) -> str:
-    """What the mesh is off by, and what of the run has no figure for it; empty where nothing is known."""
+    """Sentence about the mesh's error, and what of the run has no figure for it; empty without figures."""
     budget = result.summary.get("budget", {})
-    if not isinstance(found := budget.get("mesh"), Mapping) or found.get("beam") is None:
+    if not isinstance(mesh_part := budget.get("mesh"), Mapping) or mesh_part.get("beam") is None:
         return ""
-    return f"The mesh is off by {_parts(result, found)}.{_not_covered(budget.get('mesh_not_covered'))}"
+    return f"The mesh is off by {_parts(result, mesh_part)}.{_not_covered(budget.get('mesh_not_covered'))}"
 
 
 def _parts(result: RunResult, part: Mapping[str, Any]) -> str:
-    """What a part of the budget says of displacements, forces and frequencies."""
+    """Errors of displacements, forces and frequencies in a part of the budget, in words."""
     places = {"tip": "at the tip", "beam": along(result)} | model_error.OF | model_error.ALSO
-    known = {kind: part[kind] for kind in places if part.get(kind) is not None}
-    worth = [kind for kind, error in known.items() if error >= TINY or kind in ("tip", "beam")]
-    *first, last = (f"{percent(known[kind])} {places[kind]}" for kind in worth)
+    errors = {kind: part[kind] for kind in places if part.get(kind) is not None}
+    worth = [kind for kind, error in errors.items() if error >= TINY or kind in ("tip", "beam")]
+    *first, last = (f"{percent(errors[kind])} {places[kind]}" for kind in worth)
     return f"{', '.join(first)} and {last}" if first else last
 
 
@@ -133,9 +133,9 @@ def speed_ratio(result: RunResult) -> float | None:
 
 
 def simulators(result: RunResult) -> str:
-    """Who simulated the reduced and the full model, in a clause; empty where that is not known."""
-    found = result.summary.get("simulators", {})
-    reduced, full = (SIMULATORS.get(found.get(name, ""), found.get(name, "")) for name in ("reduced", "full"))
+    """Clause about the simulators of the reduced and the full model; empty where they are not known."""
+    names = result.summary.get("simulators", {})
+    reduced, full = (SIMULATORS.get(names.get(name, ""), names.get(name, "")) for name in ("reduced", "full"))
     if not (reduced and full):
         return ""
     return f"both {reduced}" if reduced == full else f"reduced {reduced}, full {full}"
@@ -180,12 +180,12 @@ def _errors(result: RunResult) -> Iterator[KeyNumber]:
 
 def _speed(result: RunResult) -> Iterator[KeyNumber]:
     """How much faster than the full model by the same simulator; by another one the times, which are no ratio."""
-    found, reduced = result.summary.get("simulators", {}), result.responses["reduced"].seconds
+    simulators_by_model, reduced = result.summary.get("simulators", {}), result.responses["reduced"].seconds
     ratio, full = speed_ratio(result), result.responses.get("full")
-    if ratio is not None and found.get("reduced") == found.get("full"):
+    if ratio is not None and simulators_by_model.get("reduced") == simulators_by_model.get("full"):
         yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "as fast as full", simulators(result))
     elif reduced > 0.0:
-        who = SIMULATORS.get(found.get("full", ""), "")
+        who = SIMULATORS.get(simulators_by_model.get("full", ""), "")
         slower = f"full model {quantity(full.seconds, 's', 2)}{f', {who}' if who else ''}" if ratio and full else ""
         what = f"for {plain(result.scene.time.end)}{SPACE}s of motion"
         yield KeyNumber(quantity(reduced, "s", 2), "one simulation", "; ".join(filter(None, (what, slower))))
@@ -193,9 +193,9 @@ def _speed(result: RunResult) -> Iterator[KeyNumber]:
 
 def published(table: Sequence[Row]) -> str:
     """How many figures are better, the same or worse than published ones; empty where none are published."""
-    found = verdicts(table)
-    counted = ", ".join(f"{number} {text}" for text, number in found.items())
-    return f"Beside {sum(found.values())} published figures: {counted}." if found else ""
+    counts = verdicts(table)
+    counted = ", ".join(f"{number} {text}" for text, number in counts.items())
+    return f"Beside {sum(counts.values())} published figures: {counted}." if counts else ""
 
 
 def size(result: RunResult) -> str:
@@ -231,10 +231,10 @@ def accuracy(result: RunResult) -> Iterator[str]:
 
 def _apart_from_blows(result: RunResult) -> str:
     """The forces' error at the frequencies of the motion, where a slider strikes; else empty."""
-    found = result.summary.get("impacts")
-    if found is None:
+    impacts = result.summary.get("impacts")
+    if impacts is None:
         return ""
-    return f"below {significant(found['band'], 2)}{SPACE}Hz, where the tip moves, {percent(found['pad_force'])}"
+    return f"below {significant(impacts['band'], 2)}{SPACE}Hz, where the tip moves, {percent(impacts['pad_force'])}"
 
 
 def _tip_and_beam(errors: Mapping[str, float] | None) -> tuple[str, str] | None:
@@ -265,11 +265,11 @@ def stress(result: RunResult) -> Iterator[str]:
     if "reduced" not in largest:
         return
     where = where_the_peak_is(result, "reduced")
-    said = f"The largest von Mises stress is {quantity(largest['reduced'], 'Pa')}{f', {where}' if where else ''}"
+    sentence = f"The largest von Mises stress is {quantity(largest['reduced'], 'Pa')}{f', {where}' if where else ''}"
     if largest.get("full"):
         apart = percent(abs(largest["reduced"] / largest["full"] - 1.0), 2)
-        said += f"; the full model has {quantity(largest['full'], 'Pa')}, {apart} apart"
-    yield f"{said}."
+        sentence += f"; the full model has {quantity(largest['full'], 'Pa')}, {apart} apart"
+    yield f"{sentence}."
 
 
 def where_the_peak_is(result: RunResult, simulator: str) -> str:
@@ -293,7 +293,7 @@ def part_of(peak: Mapping[str, Any]) -> str:
 
 
 def _others(places: Sequence[Sequence[float]]) -> str:
-    """Where the same stress is found too."""
+    """Other places of the same stress."""
     if len(places) > MOST_PLACES:
         return f", and as large at {len(places)} other places"
     return f", and as large at {' and '.join(map(_place, places))}" if places else ""

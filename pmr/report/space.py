@@ -35,21 +35,21 @@ class Axis:
 
 
 def axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> list[Axis]:
-    """Of all bodies from the base out, by the reduced model; deflections are `scale` times as large."""
+    """Axes of all bodies from the base out, by the reduced model; deflections are `scale` times as large."""
     response, frame = result.responses["reduced"], result.scene.frame
-    chosen, aside = np.asarray(steps), {one.body: one for one in lines(result, response, "y")}
-    turned, found = turns(result, response.t[chosen]), []
+    chosen, aside = np.asarray(steps), {line.body: line for line in lines(result, response, "y")}
+    turned, axes_of_bodies = turns(result, response.t[chosen]), []
     sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of luffing
     for line in lines(result, response):
-        own = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.place)
-        own[:, :, 0] += line.tail[chosen, None] + line.x
+        places_in_boom = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.place)
+        places_in_boom[:, :, 0] += line.tail[chosen, None] + line.x
         for direction, of in ((1, aside.get(line.body)), (2, line)):
             if of is not None:
-                own[:, :, direction] += scale * response.displacement[np.ix_(chosen, of.columns)]
-        places = np.einsum("sij,snj->sni", turned, own)
-        side = np.stack([cosine * own[:, :, 0] - sine * own[:, :, 2], places[:, :, 2]], axis=-1)
-        found.append(Axis(line.body, line.x, side, places[:, :, :2]))
-    return found
+                places_in_boom[:, :, direction] += scale * response.displacement[np.ix_(chosen, of.columns)]
+        places = np.einsum("sij,snj->sni", turned, places_in_boom)
+        side = np.stack([cosine * places_in_boom[:, :, 0] - sine * places_in_boom[:, :, 2], places[:, :, 2]], axis=-1)
+        axes_of_bodies.append(Axis(line.body, line.x, side, places[:, :, :2]))
+    return axes_of_bodies
 
 
 def turns(result: RunResult, t: Array) -> Array:
@@ -71,19 +71,19 @@ def moments(result: RunResult) -> NDArray[np.intp]:
     turned = turns(result, t)
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(turned[:, :, 0] * out[:, None], axis=0), axis=1)))
     if way[-1] <= 1e-9 * length(result):
-        found = np.array([0])
+        steps = np.array([0])
     elif np.ptp(turned, axis=0).max() == 0.0:
-        found = np.array([int(np.argmax(out))])
+        steps = np.array([int(np.argmax(out))])
     else:
-        found = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1] * (1.0 - 1e-9), MOMENTS)))
+        steps = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1] * (1.0 - 1e-9), MOMENTS)))
     if worst is not None:
-        found[np.argmin(np.abs(way[found] - way[worst.step]))] = worst.step
-    return found
+        steps[np.argmin(np.abs(way[steps] - way[worst.step]))] = worst.step
+    return steps
 
 
 @dataclass(frozen=True)
 class Stressed:
-    """Where and when a boom has its largest stress: a step, a body, and how far from its tail in m."""
+    """Place and time of a boom's largest stress: a step, a body, and the distance from its tail in m."""
 
     step: int
     body: str

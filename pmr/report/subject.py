@@ -56,7 +56,7 @@ class Acting:
 
 
 def across(result: RunResult, direction: str) -> str:
-    """What a direction across the axis is called: z is upwards unless the boom is raised."""
+    """Words for a direction across the axis: z is upwards unless the boom is raised."""
     raised = result.scene.frame is not None or is_raised(result)
     return "in the plane of luffing, z" if direction == "z" and raised else _ACROSS[direction]
 
@@ -69,7 +69,7 @@ def is_raised(result: RunResult) -> bool:
 
 @dataclass(frozen=True)
 class Fixture:
-    """What holds the body across its axis at a place that does not move, `at` in m: ``clamped`` or a point."""
+    """Support across the axis at a place that does not move, `at` in m: ``clamped`` or a point."""
 
     at: float
     kind: str
@@ -77,7 +77,7 @@ class Fixture:
 
 @dataclass(frozen=True)
 class Model:
-    """What a body is represented by, and why, in clauses."""
+    """Structural model of a body, and the reasons for it, in clauses."""
 
     name: str
     because: str
@@ -100,13 +100,13 @@ def chosen_by(measured: Mapping[str, Any]) -> str:
     """Why measurements chose a model: what each that was tried is off by, in a clause."""
     if "reason" in measured:
         return f"the smallest one, which nothing could be compared with: {measured['reason']}"
-    tried = [f"{spoken(one['name'], one['walls'])} {percent(one['error'])}" for one in measured["tried"]]
+    tried = [f"{spoken(trial['name'], trial['walls'])} {percent(trial['error'])}" for trial in measured["tried"]]
     of = percent(measured["tolerance"])
     return f"as measured: beside a shell {', '.join(tried)} off, where {of} is allowed"
 
 
 def represented(result: RunResult) -> Model:
-    """What a body alone is represented by."""
+    """Structural model of a body alone."""
     scene = result.scene
     if (measured := result.summary.get("chosen_model")) is not None:
         return Model(spoken(scene.body.model, scene.body.walls), chosen_by(measured))
@@ -117,12 +117,12 @@ def represented(result: RunResult) -> Model:
 
 
 def alone(result: RunResult) -> bool:
-    """Whether it is a body alone, not a boom of sections."""
+    """Is it a body alone, not a boom of sections?"""
     return ALONE in result.scene.bodies
 
 
 def moving(result: RunResult) -> str:
-    """What moves along the body, in a word."""
+    """Word for the part that moves along the body."""
     if not alone(result):
         return "boom"
     return "slider" if result.scene.points else "mouth"
@@ -135,12 +135,12 @@ def forces_called(result: RunResult) -> str:
 
 
 def places_called(result: RunResult) -> Mapping[str, str]:
-    """What errors are of, in words."""
+    """Words for the kinds of errors."""
     if alone(result):
         return {"pad_force": forces_called(result)}
-    found = {"pad_force": "pads", "cylinder_force": "cylinders", "support_force": "supports that give way"}
-    between = {f"{kind}_between_kinks": f"{of} between kinks" for kind, of in found.items()}
-    return {"beam": "all sections"} | found | between
+    kinds = {"pad_force": "pads", "cylinder_force": "cylinders", "support_force": "supports that give way"}
+    between = {f"{kind}_between_kinks": f"{of} between kinks" for kind, of in kinds.items()}
+    return {"beam": "all sections"} | kinds | between
 
 
 def along(result: RunResult) -> str:
@@ -156,7 +156,7 @@ def offsets(result: RunResult) -> tuple[float, ...]:
 
 
 def length(result: RunResult) -> float:
-    """Where the body ends along its axis, m; of a boom how far it reaches."""
+    """End of the body along its axis, m; of a boom its reach."""
     if result.reach is not None:
         return float(result.reach.max())
     scene = result.scene
@@ -167,14 +167,14 @@ def length(result: RunResult) -> float:
 
 def loads(result: RunResult) -> list[Acting]:
     """Loads in the order of the model's inputs; the weight, which may follow them, is none of these."""
-    found, names = list[Acting](), result.loads.names
+    acting, names = list[Acting](), result.loads.names
     for member, (body, of) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         end = length(result) if body == ALONE else of.length
         inputs = [(load, *one) for load in of.loads for one in parts_of(member, load).items()]
-        for number, (one, called, direction) in enumerate(inputs):
+        for number, (part, called, direction) in enumerate(inputs):
             kind = {"x": "along", "y": "aside", "z": "up"}.get(direction, "turn")
-            where = f"on {one.on}" if isinstance(one.on, str) else f"at {plain(one.on)}{SPACE}m"
-            at = end if isinstance(one.on, str) else one.on
+            where = f"on {part.on}" if isinstance(part.on, str) else f"at {plain(part.on)}{SPACE}m"
+            at = end if isinstance(part.on, str) else part.on
             if (name := input_of(body, called)) in names:
                 values = result.loads.values[:, names.index(name)]
             elif body == ALONE and not names:  # of earlier results
@@ -182,21 +182,21 @@ def loads(result: RunResult) -> list[Acting]:
             else:
                 continue
             where = f"{where} along {direction}"
-            if one.axes == "ground":
-                where = f"{where}{GROUND} along {one.direction} of the ground"
-            found.append(Acting(called, body, kind, at, where, one.signal, values, one.name))
-    return found
+            if part.axes == "ground":
+                where = f"{where}{GROUND} along {part.direction} of the ground"
+            acting.append(Acting(called, body, kind, at, where, part.signal, values, part.name))
+    return acting
 
 
 def loads_as_asked(result: RunResult) -> list[Acting]:
-    """The same, but a force along an axis of the ground once, along that axis."""
-    found, t = dict[tuple[str, str], Acting](), result.responses["reduced"].t
-    for one in loads(result):
-        if one.of != one.name:
-            where = one.where.partition(" along ")[0] + one.where.partition(GROUND)[2]
-            one = replace(one, name=one.of, where=where, values=one.signal.value(t))
-        found.setdefault((one.body, one.of), one)
-    return list(found.values())
+    """Loads as the scene has them: a force along an axis of the ground once, along that axis."""
+    by_load, t = dict[tuple[str, str], Acting](), result.responses["reduced"].t
+    for load in loads(result):
+        if load.of != load.name:
+            where = load.where.partition(" along ")[0] + load.where.partition(GROUND)[2]
+            load = replace(load, name=load.of, where=where, values=load.signal.value(t))
+        by_load.setdefault((load.body, load.of), load)
+    return list(by_load.values())
 
 
 def held(result: RunResult) -> list[str]:
@@ -212,9 +212,9 @@ def changing_angles(result: RunResult) -> dict[str, SignalBase]:
     return {name: angles[name] for name, (low, high) in bounds.items() if high > low}
 
 
-def drive_of(found: Mapping[str, Any]) -> str:
+def drive_of(rope: Mapping[str, Any]) -> str:
     """Rope, or cylinder, of one of the ``ropes`` of summary.json: what follows nothing may hang on a winch's rope."""
-    return "rope" if found["follows"] or "length" in found else "cylinder"
+    return "rope" if rope["follows"] or "length" in rope else "cylinder"
 
 
 def rings_of(part: Part) -> list[PadRing | JointPads]:
@@ -223,7 +223,7 @@ def rings_of(part: Part) -> list[PadRing | JointPads]:
 
 
 def fixtures(result: RunResult) -> list[Fixture]:
-    """What holds the body, or a boom's base, across its axis without moving along it."""
+    """Supports of the body, or of a boom's base, across its axis that do not move along it."""
     body, of = next(iter(result.scene.bodies.items()))
     end = length(result) if body == ALONE else of.length
     supports = [

@@ -40,21 +40,21 @@ def table(result: RunResult) -> Table:
     summary = result.summary
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
     model, mesh = budget.get("model") or {}, budget.get("mesh")
-    beside, reduced = reduction_error(summary)
+    source, reduced = reduction_error(summary)
     shares = {
         "model": _off(model),
         "mesh": _off(mesh if isinstance(mesh, dict) else {"beam": mesh}),
         "time step": _off(step),
         "reduction": _off(reduced),
     }
-    said = {
+    texts = {
         "model": _model(model),
         "mesh": _listed(shares["mesh"]) or budget.get("mesh_reason") or NO_MESH,
         "time step": _listed(shares["time step"]) or f"not known{_reason(step)}",
-        "reduction": f"{beside}: {_listed(shares['reduction'])}" if reduced else NOT_COMPARED,
+        "reduction": f"{source}: {_listed(shares['reduction'])}" if reduced else NOT_COMPARED,
     }
-    known = {name: most for name, of in shares.items() if (most := max(of.values(), default=0.0))}
-    decades = max(ceil(log10(max(known.values(), default=1.0) / LEAST) - 1e-9), 5)
+    largest = {name: most for name, of in shares.items() if (most := max(of.values(), default=0.0))}
+    decades = max(ceil(log10(max(largest.values(), default=1.0) / LEAST) - 1e-9), 5)
     walls = [WALLS] if _stressed_beams(result) else []
     missing = {
         "not in the model's bar": model.get("not_covered") or walls,
@@ -63,37 +63,37 @@ def table(result: RunResult) -> Table:
         "not in the reduction's bar": estimate.get("not_covered") or (),
         "not looked at": _between(result),
     }
-    rows = (*said.items(), *((name, "; ".join(dict.fromkeys(parts))) for name, parts in missing.items() if parts))
-    bars = {name: min(max(log10(share / LEAST) / decades, 0.01), 1.0) for name, share in known.items()}
+    rows = (*texts.items(), *((name, "; ".join(dict.fromkeys(parts))) for name, parts in missing.items() if parts))
+    bars = {name: min(max(log10(share / LEAST) / decades, 0.01), 1.0) for name, share in largest.items()}
     top = f"{plain(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
     note = f"How far off figures are, from small on the left to large: {plain(100.0 * LEAST)}{SPACE}% to {top}, ten "
     note += f"times as much from mark to mark. Displacements are those {along(result)}; stresses may be further off."
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
 
 
-def _model(found: Mapping[str, Any]) -> str:
-    if found.get("beside") is None:
-        reason = found.get("reason") or "compare.richer measures it"
+def _model(model_part: Mapping[str, Any]) -> str:
+    if model_part.get("beside") is None:
+        reason = model_part.get("reason") or "compare.richer measures it"
         return reason if reason.startswith("not ") else f"not known: {reason}"
-    return f"beside {MODELS[found['beside']]}: {_listed(_off(found))}"
+    return f"beside {MODELS[model_part['beside']]}: {_listed(_off(model_part))}"
 
 
 def _off(part: Mapping[str, Any]) -> dict[str, float]:
-    """What a part of the budget states, as rows call it, the largest first."""
-    known = {called: float(part[kind]) for kind, called in PARTS.items() if part.get(kind) is not None}
-    return dict(sorted(known.items(), key=lambda one: -one[1]))
+    """Errors that a part of the budget states, by the words of rows, the largest first."""
+    errors = {called: float(part[kind]) for kind, called in PARTS.items() if part.get(kind) is not None}
+    return dict(sorted(errors.items(), key=lambda item: -item[1]))
 
 
 def _listed(off: Mapping[str, float]) -> str:
-    """Those that are worth a bar, in words; empty where nothing is known."""
+    """List errors that are worth a bar in words; empty where none is known."""
     parts = [f"{called} {percent(error)}" for called, error in off.items() if error >= LEAST]
     return ", ".join(parts) or (f"less than {percent(LEAST, 1)}" if off else "")
 
 
 def _stressed_beams(result: RunResult) -> bool:
     """Whether stresses are asked for of a beam."""
-    asked = "reduced" in result.summary.get("max_von_mises", {})
-    return asked and any(model_of(member).startswith("beam") for member in members(result.scene))
+    has_stresses = "reduced" in result.summary.get("max_von_mises", {})
+    return has_stresses and any(model_of(member).startswith("beam") for member in members(result.scene))
 
 
 def _between(result: RunResult) -> list[str]:
@@ -103,5 +103,5 @@ def _between(result: RunResult) -> list[str]:
     return [f"stresses of the body between times {plain(recovery.every)}{SPACE}s apart (recovery.every)"]
 
 
-def _reason(found: Mapping[str, Any]) -> str:
-    return f": {found['reason']}" if found.get("reason") else ""
+def _reason(part: Mapping[str, Any]) -> str:
+    return f": {part['reason']}" if part.get("reason") else ""

@@ -15,7 +15,7 @@ from pmr.scene.parts import OneBody
 
 
 def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
-    """Of all columns of a response: displacements, then forces, then all others; as the response says, where it does.
+    """Meaning of all columns of a response: displacements, then forces, then all others.
 
     Else by what their names have meant since names were given; without names by the order of columns before that.
     """
@@ -23,17 +23,17 @@ def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
 
 
 def _displacements(scene: Scene, response: Response) -> Iterator[Output]:
-    known = {named(body, of.observe.tip_along(d)): ("tip", body, d) for body, of in scene.bodies.items() for d in "xyz"}
+    tips = {named(body, of.observe.tip_along(d)): ("tip", body, d) for body, of in scene.bodies.items() for d in "xyz"}
     beams = {named(body, f"{d} at "): ("beam", body, d) for body in scene.bodies for d in "xyz"}
     names = response.output_names or _unnamed_displacements(scene, response)
     for name, x in zip(names, response.x.tolist(), strict=True):
         start = next((start for start in beams if name.startswith(start)), None)
-        kind, body, d = known.get(name) or (beams[start] if start is not None else ("beam", "", ""))
+        kind, body, d = tips.get(name) or (beams[start] if start is not None else ("beam", "", ""))
         yield Output(name, kind, body, x, d)
 
 
 def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
-    """As a body alone had them before columns were named: places along each direction, then the tip along each."""
+    """Names of displacements before columns were named: places along each direction, then the tip along each."""
     (body,) = scene.bodies.values()
     across = transverse(member_at(scene))
     each = len(response.x) // len(across) - 1
@@ -42,10 +42,10 @@ def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
 
 def _forces(scene: Scene, response: Response) -> Iterator[Output]:
     count = response.slider_force.shape[1]
-    known = {name: one for body, of in scene.bodies.items() for name, one in _of_body(body, of).items()}
+    outputs_of = {name: output for body, of in scene.bodies.items() for name, output in _of_body(body, of).items()}
     for body in scene.bodies:
         name = force_of(cylinder_of(body))
-        known[name] = Output(name, "cylinder", body, unit="N")
+        outputs_of[name] = Output(name, "cylinder", body, unit="N")
     joints = {force_of(f"{body} {end}"): body for body in scene.bodies for end in ("tail", "mouth") if body}
     for name in response.force_names or _unnamed_forces(scene) or ("",) * count:
         joint = next((start for start in joints if name.startswith(start)), None)
@@ -53,20 +53,20 @@ def _forces(scene: Scene, response: Response) -> Iterator[Output]:
             yield Output(name, "pad", joints[joint], unit="N")
         else:
             slider = Output(name, "pad" if ALONE in scene.bodies else "support", ALONE, unit="N")
-            yield known.get(name) or slider
+            yield outputs_of.get(name) or slider
 
 
 def _of_body(body: str, of: OneBody) -> dict[str, Output]:
     """Forces of its pads on the ground, outputs or rows of contacts, and of its supports that give way."""
-    found = dict[str, Output]()
+    outputs = dict[str, Output]()
     for ring in of.pads:
         for pad, _, _ in ring.places:
             for name in (named(body, force_of(pad)), force_of(f"{body} {pad}")):
-                found[name] = Output(name, "pad", body, unit="N")
+                outputs[name] = Output(name, "pad", body, unit="N")
     for support, unit in of.springs.items():
         name = named(body, force_of(support))
-        found[name] = Output(name, "support", body, unit=unit)
-    return found
+        outputs[name] = Output(name, "support", body, unit=unit)
+    return outputs
 
 
 def _unnamed_forces(scene: Scene) -> list[str]:
@@ -81,6 +81,6 @@ def _unnamed_forces(scene: Scene) -> list[str]:
 def _others(scene: Scene, response: Response) -> Iterator[Output]:
     for name, unit in zip(response.other_names, response.other_units, strict=True):
         kind = next((kind for kind in ("reaction", "friction") if name.startswith(f"{kind} of ")), "probe")
-        said = name.removeprefix(reaction_of(""))
-        body = next((body for body in scene.bodies if body and said.startswith(named(body, ""))), "")
+        place = name.removeprefix(reaction_of(""))
+        body = next((body for body in scene.bodies if body and place.startswith(named(body, ""))), "")
         yield Output(name, kind, body, unit=unit)

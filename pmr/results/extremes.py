@@ -28,15 +28,15 @@ class Extremes:
 
     @classmethod
     def of(cls, values: Array, t: Array, s: Array) -> Extremes:
-        """Of values (T,) at times t (T,) and path coordinates s (T,)."""
+        """Extremes of values (T,) at times t (T,) and path coordinates s (T,)."""
         first, last = int(np.argmin(values)), int(np.argmax(values))
         low, high = float(values[first]), float(values[last])
         return cls(low, float(t[first]), float(s[first]), high, float(t[last]), float(s[last]))
 
     @classmethod
-    def from_summary(cls, said: Mapping[str, float]) -> Extremes:
-        """Of what `summary` says."""
-        return cls(*(float(said[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", "s_")))
+    def from_summary(cls, summary: Mapping[str, float]) -> Extremes:
+        """Extremes as `summary` has written them."""
+        return cls(*(float(summary[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", "s_")))
 
     def summary(self) -> dict[str, float]:
         """By the names that summaries and tables give them."""
@@ -56,7 +56,7 @@ def cycles(t: Array, x: Array) -> Array:
     (C, 5) array
         Range and mean in the unit of x, count (1 or 0.5), and the times in s at which a cycle begins and ends.
     """
-    found = [(size, mean, count, t[i], t[k]) for size, mean, count, i, k in rainflow.extract_cycles(x) if size > 0.0]
-    table = np.array(found, dtype=float).reshape(-1, 5)
+    loops = [(size, mean, count, t[i], t[k]) for size, mean, count, i, k in rainflow.extract_cycles(x) if size > 0.0]
+    table = np.array(loops, dtype=float).reshape(-1, 5)
     table = table[table[:, 0] >= SMALLEST * table[:, 0].max(initial=0.0)]
     return np.asarray(table[np.argsort(-table[:, 0], kind="stable")])

@@ -40,15 +40,15 @@ class SNLine:
             raise InputError("S-N line", "cut_off", self.cut_off, "a range of 0 or more is allowed")
 
     def damage(self, ranges: Array, counts: Array) -> float:
-        """Of ranges (C,) Pa that come so many times (C,)."""
+        """Damage by ranges (C,) Pa that come so many times (C,)."""
         share = (np.where(ranges < self.cut_off, 0.0, ranges) / self.reference) ** self.slope
         return float(counts @ share) / REFERENCE_CYCLES
 
 
 def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
-    """Of a stress (T,) Pa over t (T,) s that is gone through so many times; what fails at 1.
+    """Damage by a stress (T,) Pa over t (T,) s that is repeated so many times; 1 is failure.
 
     Cycles of less than a hundredth of the largest range are left out, as `pmr.results.extremes.cycles` does.
     """
-    found = cycles(t, stress)
-    return times * line.damage(found[:, 0], found[:, 2])
+    loops = cycles(t, stress)
+    return times * line.damage(loops[:, 0], loops[:, 2])

@@ -36,9 +36,11 @@ def load(folder: str | Path) -> dict[str, DataFrame]:
         return {name: pandas.read_csv(folder / f"{name}.csv") for name in ("runs", "seconds")}
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     if "studies" in summary:
-        return {f"{one}/{name}": frame for one in summary["studies"] for name, frame in load(folder / one).items()}
+        return {
+            f"{study}/{name}": frame for study in summary["studies"] for name, frame in load(folder / study).items()
+        }
     result = RunResult.load(folder)
-    found = {
+    frames = {
         name: pandas.DataFrame(list(table.rows), columns=list(table.columns)) for name, table in tables(result).items()
     }
     for name, response in result.responses.items():
@@ -49,5 +51,5 @@ def load(folder: str | Path) -> dict[str, DataFrame]:
             if (values_of := getattr(response, array)) is not None
             for column, values in zip(names, values_of.T, strict=True)
         }
-        found[name] = pandas.DataFrame(columns, index=index)
-    return found
+        frames[name] = pandas.DataFrame(columns, index=index)
+    return frames

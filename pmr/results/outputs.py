@@ -13,7 +13,7 @@ FORCES = ("pad", "cylinder", "support")
 
 @dataclass(frozen=True)
 class Output:
-    """What one column of a response is."""
+    """Meaning of one column of a response."""
 
     name: str
     kind: str  # one of `KINDS`
@@ -24,11 +24,11 @@ class Output:
 
     @property
     def is_force(self) -> bool:
-        """Whether it is the force of a contact or spring."""
+        """Is it the force of a contact or spring?"""
         return self.kind in FORCES
 
     @classmethod
     def of(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
-        """With a kind and a direction in one, such as ``"tip z"``."""
+        """Output whose kind and direction are given in one, such as ``"tip z"``."""
         what, _, direction = kind.partition(" ")
         return cls(name, what, body, place, direction, unit)

@@ -20,7 +20,7 @@ CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.
 
 
 def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box: Box | None, cube: Array) -> Array:
-    """Those of a unit cube (k, 3) that becomes a pad at s = 0, (k, 3) m: a plate on a face of a body.
+    """Corners of a unit cube (k, 3) that becomes a pad at s = 0, (k, 3) m: a plate on a face of a body.
 
     Faces are bottom and top (z), right and left (y) of a body that reaches from least to largest coordinates `body`
     (2, 3) m, or slanted ones of its `box`.
@@ -68,9 +68,9 @@ def pads_over_time(result: RunResult) -> Boxes | None:
 
 
 def _extent(fields: Fields, box: Box | None) -> Array:
-    """Of the body at rest, (2, 3) m: that of a beam is its box's."""
-    found = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
+    """Extent of the body at rest, (2, 3) m: that of a beam is its box's."""
+    extent = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
     if fields.kind == "line" and box is not None:
         outside = np.array([corner.at for corner in box.corners])
-        found += [[0.0, *outside.min(axis=0)], [0.0, *outside.max(axis=0)]]
-    return found
+        extent += [[0.0, *outside.min(axis=0)], [0.0, *outside.max(axis=0)]]
+    return extent

@@ -25,7 +25,7 @@ class Paths:
 
 @dataclass(frozen=True)
 class Loads:
-    """What acts on each input over time."""
+    """Loads on each input over time."""
 
     names: tuple[str, ...]  # (i,)
     units: tuple[str, ...]  # (i,)
@@ -97,7 +97,7 @@ class FrequencyResponse:
 
 @dataclass(frozen=True)
 class BodyResult:
-    """What a run knows of one body.
+    """Results of one body.
 
     `fields` are some of what a scene's recovery asks for, in the body's own frame; `peak_stress` the largest von Mises
     stress (F,) in Pa by model over all of its times; `envelopes` have forces along a beam, likewise.

@@ -42,7 +42,7 @@ MISES: Mapping[tuple[str, ...], Array] = {
 
 @dataclass(frozen=True)
 class Columns:
-    """What the columns of values are.
+    """Meaning of the columns of values.
 
     Attributes
     ----------
@@ -66,12 +66,12 @@ class Columns:
     def of(cls, scene: Scene, response: Response) -> Columns:
         """Columns of a scene's response, in the order of `values_of`."""
         outputs = response.outputs
-        names = tuple(one.name.removeprefix(FORCE) for one in outputs)
+        names = tuple(output.name.removeprefix(FORCE) for output in outputs)
         return cls(
             names,
-            tuple(one.kind for one in outputs),
-            tuple(one.unit for one in outputs),
-            tuple(one.body for one in outputs),
+            tuple(output.kind for output in outputs),
+            tuple(output.unit for output in outputs),
+            tuple(output.body for output in outputs),
             drive_rows(scene, names),
             tuple(rope_shares(scene)),
         )

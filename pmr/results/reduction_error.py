@@ -10,16 +10,16 @@ KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "frequen
 
 
 def reduction_error(summary: Mapping[str, Any]) -> tuple[str, dict[str, float]]:
-    """With what errors were found, in words, and these by kind, fractions; no words where none is known.
+    """Source of the errors of a reduction, in words, and the errors by kind, fractions; no words where none is there.
 
     Forces that jump at kinks of extensions count between kinks; those of sliders that strike at kinks don't count.
     Frequencies are estimated, with a full model too.
     """
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
-    found, beside = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")
-    if found.get("beam") is None:
+    source, how = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")
+    if source.get("beam") is None:
         return "", {}
     kinds = [kind for kind in KINDS if kind != "pad_force" or "impacts" not in summary]
-    known = {kind: found.get(f"{kind}_between_kinks", found.get(kind)) for kind in kinds}
-    known["frequency"] = estimate.get("frequency")
-    return beside, {kind: float(error) for kind, error in known.items() if error is not None}
+    by_kind = {kind: source.get(f"{kind}_between_kinks", source.get(kind)) for kind in kinds}
+    by_kind["frequency"] = estimate.get("frequency")
+    return how, {kind: float(error) for kind, error in by_kind.items() if error is not None}

@@ -92,7 +92,7 @@ class Response:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """What each column is: displacements, then forces, then all others; empty in results that don't say it."""
+        """Meaning of each column: displacements, then forces, then all others; empty in results without it."""
         names = (*self.output_names, *self.force_names, *self.other_names)
         if not len(names) == len(self.kinds) == len(self.bodies):
             return ()
@@ -105,22 +105,22 @@ class Response:
         """All columns of a kind (T, k), of one body or along one direction alone, where these are given."""
         chosen = [
             self.column(k)
-            for k, one in enumerate(self.outputs)
-            if one.kind == kind and body in (None, one.body) and direction in (None, one.direction)
+            for k, output in enumerate(self.outputs)
+            if output.kind == kind and body in (None, output.body) and direction in (None, output.direction)
         ]
         return np.stack(chosen, axis=1) if chosen else np.empty((len(self.t), 0))
 
     def with_forces(self, numbers: Sequence[int]) -> Response:
-        """With none but these of its forces, in this order."""
+        """Return this response with only these of its forces, in this order."""
         chosen, first, end = list(numbers), len(self.output_names), len(self.output_names) + len(self.force_names)
-        kept = [*range(first), *(first + k for k in chosen), *range(end, len(self.kinds))] if self.kinds else []
+        columns = [*range(first), *(first + k for k in chosen), *range(end, len(self.kinds))] if self.kinds else []
         return replace(
             self,
             slider_force=self.slider_force[:, chosen],
             force_peaks=None if self.force_peaks is None else self.force_peaks[:, chosen],
             force_names=tuple(self.force_names[k] for k in chosen),
-            kinds=tuple(self.kinds[k] for k in kept),
-            bodies=tuple(self.bodies[k] for k in kept),
+            kinds=tuple(self.kinds[k] for k in columns),
+            bodies=tuple(self.bodies[k] for k in columns),
         )
 
     def when(self, t: float, s: float | None = None) -> str:
@@ -155,15 +155,18 @@ class Response:
 
     @property
     def columns(self) -> dict[str, list[str]]:
-        """What the columns of each array (T, c) are called, with their units in brackets."""
-        moved = self.output_names or tuple(f"output {k}" for k in range(self.displacement.shape[1]))
+        """Names of the columns of each array (T, c), with their units in brackets."""
+        displacement_names = self.output_names or tuple(f"output {k}" for k in range(self.displacement.shape[1]))
         forces = self.force_names or tuple(f"force {k}" for k in range(self.slider_force.shape[1]))
-        others = [f"{name} [{unit}]" for name, unit in zip(self.other_names, self.other_units, strict=True)]
-        found = {"displacement": [f"{name} [m]" for name in moved], "slider_force": [f"{name} [N]" for name in forces]}
-        return found | ({"others": others} if others else {})
+        other_columns = [f"{name} [{unit}]" for name, unit in zip(self.other_names, self.other_units, strict=True)]
+        names = {
+            "displacement": [f"{name} [m]" for name in displacement_names],
+            "slider_force": [f"{name} [N]" for name in forces],
+        }
+        return names | ({"others": other_columns} if other_columns else {})
 
     @property
     def tip(self) -> Array:
         """Vertical displacement of the free end of the last body, (T,) m: the last column without kinds."""
-        found = self.of("tip")
-        return found[:, -1] if found.shape[1] else self.displacement[:, -1]
+        tip_columns = self.of("tip")
+        return tip_columns[:, -1] if tip_columns.shape[1] else self.displacement[:, -1]

@@ -73,21 +73,21 @@ class RunResult:
 
     @property
     def body(self) -> BodyResult:
-        """What is known of a body alone, or of the outermost section."""
+        """Result of a body alone, or of the outermost section."""
         return list(self.bodies.values())[-1]
 
     @property
     def along(self) -> Array:
-        """What figures and tables are ordered by, (T,) m: how far a boom reaches, or where a body's slider is."""
+        """Place by which figures and tables are ordered, (T,) m: reach of a boom, or path of a body's slider."""
         return self.paths.values[:, 0] if self.reach is None else self.reach
 
     def along_at(self, t: Array) -> Array:
-        """The same at the times t (S,) in s of a response, which may have fewer steps."""
+        """Place as in `along` at the times t (S,) in s of a response, which may have fewer steps."""
         return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(self.along)), self.along)
 
     @property
     def coordinate(self) -> str:
-        """What `along` is called: ``s`` or ``reach``."""
+        """Name of `along`: ``s`` or ``reach``."""
         return "s" if self.reach is None else "reach"
 
     @property
@@ -108,7 +108,7 @@ class RunResult:
         }
 
     def pose(self, t: Array) -> Pose | None:
-        """Where the axes of `travelling` are in space at the times t (S,) s; None without a frame that moves."""
+        """Motion in space of the axes of `travelling` at the times t (S,) s; None without a frame that moves."""
         frame = self.scene.frame
         if frame is None:
             return None
@@ -119,21 +119,21 @@ class RunResult:
 
     @property
     def columns(self) -> dict[str, list[str]]:
-        """What the columns of each array of trajectories.npz are called, with their units in brackets."""
-        found = {"loads": _with_units(self.loads.names, self.loads.units)}
+        """Names of the columns of each array of trajectories.npz, with their units in brackets."""
+        column_names = {"loads": _with_units(self.loads.names, self.loads.units)}
         if self.reach is None:
             for name in _MODELS:
                 count = self.frequencies.models.get(name, np.empty((0, 0))).shape[1]
-                found[f"frequencies.{name}"] = [f"frequency {k + 1} [rad/s]" for k in range(count)]
+                column_names[f"frequencies.{name}"] = [f"frequency {k + 1} [rad/s]" for k in range(count)]
         else:
-            found["extensions"] = [f"{name} [m]" for name in self.paths.names]
+            column_names["extensions"] = [f"{name} [m]" for name in self.paths.names]
         if self.tip_error is not None:
-            found["estimate.tip"] = [f"tip {k + 1} [m]" for k in range(self.tip_error.shape[1])]
+            column_names["estimate.tip"] = [f"tip {k + 1} [m]" for k in range(self.tip_error.shape[1])]
         for simulator, response in self.responses.items():
-            found |= {f"{simulator}.{array}": names for array, names in response.columns.items()}
+            column_names |= {f"{simulator}.{array}": names for array, names in response.columns.items()}
             if response.force_peaks is not None:
-                found[f"{simulator}.force_peaks"] = response.columns["slider_force"]
-        return found
+                column_names[f"{simulator}.force_peaks"] = response.columns["slider_force"]
+        return column_names
 
     def save(self, folder: Path) -> None:
         """Write scene.json, summary.json, trajectories.npz, whose ``columns`` names columns, and fields."""
@@ -197,7 +197,7 @@ def _with_units(names: Iterable[str], units: Iterable[str]) -> list[str]:
 
 
 def _of(body: str) -> str:
-    """What names of arrays begin with that are of a body."""
+    """Beginning of the names of arrays of a body."""
     return "" if body == ALONE else f"bodies.{body}."
 
 
@@ -219,13 +219,17 @@ def _loads(values: Array, columns: Columns) -> Loads:
     return Loads(tuple(name for name, _, _ in parts), tuple(unit for _, _, unit in parts), values)
 
 
-def _frequency_arrays(found: Frequencies, alone: bool) -> dict[str, NDArray[Any]]:
-    """As files have them: of a body alone in rad/s, by the path coordinate."""
+def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArray[Any]]:
+    """Arrays of frequencies as files have them: of a body alone in rad/s, by the path coordinate."""
     if alone:
-        none = np.empty((len(found.along), 0))
-        circular = {f"frequencies.{name}": TURN * found.models.get(name, none) for name in _MODELS}
-        return {"frequencies.s": found.along} | circular | ({} if found.t is None else {"frequencies.t": found.t})
-    arrays = records.arrays(found, "frequencies.")
+        none = np.empty((len(frequencies.along), 0))
+        circular = {f"frequencies.{name}": TURN * frequencies.models.get(name, none) for name in _MODELS}
+        return (
+            {"frequencies.s": frequencies.along}
+            | circular
+            | ({} if frequencies.t is None else {"frequencies.t": frequencies.t})
+        )
+    arrays = records.arrays(frequencies, "frequencies.")
     return records.renamed(arrays, {new: old for old, new in _RENAMED.items()})
 
 
@@ -233,8 +237,8 @@ def _frequencies(data: Data) -> Frequencies:
     if "frequencies.s" not in data:
         return records.record(Frequencies, records.renamed(data, _RENAMED), "frequencies.")
     s = data["frequencies.s"]
-    known = {name: data[f"frequencies.{name}"] / TURN for name in _MODELS}
-    models = {name: values for name, values in known.items() if values.shape[1]}
+    in_hertz = {name: data[f"frequencies.{name}"] / TURN for name in _MODELS}
+    models = {name: values for name, values in in_hertz.items() if values.shape[1]}
     return Frequencies(s, s[:, None], models, t=data.get("frequencies.t"))
 
 

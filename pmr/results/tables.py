@@ -50,7 +50,7 @@ class Reaction:
 
 
 def tables(result: RunResult) -> dict[str, Table]:
-    """Those for which a run has rows, by the names of their files; of a boom of sections `s` is its reach."""
+    """Tables for which a run has rows, by the names of their files; of a boom of sections `s` is its reach."""
     return {name: table for name, make in _TABLES.items() if (table := make(result)).rows}
 
 
@@ -67,15 +67,15 @@ def write(result: RunResult, folder: Path) -> None:
 def forces(result: RunResult) -> Table:
     """Smallest and largest force of every pad, slider and support that gives way, when, and where the path is then."""
     rows: list[tuple[Cell, ...]] = [
-        (model, name, *found.summary().values())
+        (model, name, *extremes.summary().values())
         for model, response in result.responses.items()
-        for name, found in force_extremes(response, result.along_at(response.t)).items()
+        for name, extremes in force_extremes(response, result.along_at(response.t)).items()
     ]
     return Table(("model", "force of", *_extremes("N")), tuple(rows))
 
 
 def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
-    """Of each force of a response, by what it is of; `path` is s(t) (T,) m at the response's times."""
+    """Extremes of each force of a response, by its contact; `path` is s(t) (T,) m at the response's times."""
     return {
         name.removeprefix(FORCE_OF): Extremes.of(response.force(name, 0), response.t, path)
         for name in response.force_names
@@ -83,14 +83,14 @@ def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
 
 def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
-    """Of each output in another unit than m and N, by its name."""
-    found = {name: Extremes.of(response.other(name), response.t, path) for name in response.other_names}
-    return {name: one for name, one in found.items() if not name.startswith(REACTION_OF)}
+    """Extremes of each output in another unit than m and N, by its name."""
+    extremes = {name: Extremes.of(response.other(name), response.t, path) for name in response.other_names}
+    return {name: extreme for name, extreme in extremes.items() if not name.startswith(REACTION_OF)}
 
 
 def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extremes]:
-    """Of each rigid support: forces in N, moments in N m; nothing where all is round-off."""
-    found, largest = dict[Reaction, Extremes](), 0.0
+    """Extremes of forces in N and moments in N m of each rigid support; zero where all is round-off."""
+    extremes, largest = dict[Reaction, Extremes](), 0.0
     for name in response.other_names:
         if name.startswith(REACTION_OF):
             largest = max(largest, float(np.abs(response.other(name)).max()))
@@ -99,50 +99,52 @@ def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extreme
             values = response.other(name)
             if np.abs(values).max() <= max(response.force_round_off, ROUND_OFF * largest):
                 values = np.zeros_like(values)
-            found[Reaction(name.removeprefix(REACTION_OF), unit)] = Extremes.of(values, response.t, path)
-    return found
+            extremes[Reaction(name.removeprefix(REACTION_OF), unit)] = Extremes.of(values, response.t, path)
+    return extremes
 
 
 def reactions(result: RunResult) -> Table:
     """Smallest and largest force or moment on every rigid support."""
     rows: list[tuple[Cell, ...]] = [
-        (model, of.support, of.unit, *found.summary().values())
+        (model, of.support, of.unit, *extremes.summary().values())
         for model, response in result.responses.items()
-        for of, found in reaction_extremes(response, result.along_at(response.t)).items()
+        for of, extremes in reaction_extremes(response, result.along_at(response.t)).items()
     ]
     return Table(("model", "reaction of", "unit", *_extremes_in_column()), tuple(rows))
 
 
 def frequencies(result: RunResult) -> Table:
     """Lowest frequencies over the path coordinate s, or over the reach of a boom of sections."""
-    found = result.frequencies
-    heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in found.models.items() for k in range(f.shape[1])]
-    values = np.column_stack([found.along, *found.models.values()])
-    return Table((f"{result.coordinate} [m]", *heads), tuple(map(tuple, values.tolist())) if found.models else ())
+    lowest = result.frequencies
+    heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in lowest.models.items() for k in range(f.shape[1])]
+    values = np.column_stack([lowest.along, *lowest.models.values()])
+    return Table((f"{result.coordinate} [m]", *heads), tuple(map(tuple, values.tolist())) if lowest.models else ())
 
 
 def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
     """By model, the largest von Mises stress in each region of each body, as summary.json has it."""
-    found = dict[str, dict[str, Mapping[str, Any]]]()
+    peaks = dict[str, dict[str, Mapping[str, Any]]]()
     for name, part in parts_of(result.summary).items():
         for model, regions in part.get("stress_by_region", {}).items():
-            found.setdefault(model, {}).update({named(name, region): peak for region, peak in regions.items()})
-    return found
+            peaks.setdefault(model, {}).update({named(name, region): peak for region, peak in regions.items()})
+    return peaks
 
 
 def parts_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """What summary.json says of each section by its name; of a body alone, under the empty name, it is all."""
+    """Part of summary.json about each section by its name; of a body alone, under the empty name, it is all."""
     return {part["name"]: part for part in summary.get("sections", ())} or {ALONE: summary}
 
 
 def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[str, Any]]]:
     """By model, the largest von Mises stress in each region of each body; of a body without regions in all of it."""
-    found = dict[str, dict[str, Mapping[str, Any]]]()
+    peaks = dict[str, dict[str, Mapping[str, Any]]]()
     for name, part in parts_of(summary).items():
         for model, peak in part.get("stress_peak", {}).items():
             regions = part.get("stress_by_region", {}).get(model) or {WHOLE: peak}
-            found.setdefault(model, {}).update({named(name, region): one for region, one in regions.items()})
-    return found
+            peaks.setdefault(model, {}).update(
+                {named(name, region): region_peak for region, region_peak in regions.items()}
+            )
+    return peaks
 
 
 def stress(result: RunResult) -> Table:
@@ -176,8 +178,8 @@ def load_cycles(result: RunResult) -> Table:
     for model, response in result.responses.items():
         for probe in _probes(result, response):
             if probe["unit"] != "mm":
-                found = cycles(response.t, response.other(probe["name"]))
-                rows += [(model, probe["name"], probe["unit"], *cycle) for cycle in found.tolist()]
+                loops = cycles(response.t, response.other(probe["name"]))
+                rows += [(model, probe["name"], probe["unit"], *cycle) for cycle in loops.tolist()]
     return Table(("model", "probe", "unit", "range", "mean", "count", "t_begin [s]", "t_end [s]"), tuple(rows))
 
 
@@ -185,10 +187,10 @@ def section_forces(result: RunResult) -> Table:
     """Smallest and largest force and moment of each section of beams, and stress in its corners: the envelope."""
     rows = []
     for name, body in result.bodies.items():
-        for model, found in body.envelopes.items():
-            for k, (what, unit) in enumerate(zip(found.names, found.units, strict=True)):
-                values = found.x, found.least[k], found.least_at[k], found.most[k], found.most_at[k]
-                rows += [(model, name, what, unit, *one) for one in np.column_stack(values).tolist()]
+        for model, envelope in body.envelopes.items():
+            for k, (what, unit) in enumerate(zip(envelope.names, envelope.units, strict=True)):
+                values = envelope.x, envelope.least[k], envelope.least_at[k], envelope.most[k], envelope.most_at[k]
+                rows += [(model, name, what, unit, *row) for row in np.column_stack(values).tolist()]
     extremes = ("min", "t_min [s]", "max", "t_max [s]")
     return Table(("model", "body", "quantity", "unit", "x [m]", *extremes), tuple(rows))
 
@@ -209,7 +211,7 @@ def _extremes(unit: str) -> tuple[str, ...]:
 
 
 def _extremes_in_column() -> tuple[str, ...]:
-    """Where a column of its own says the unit."""
+    """Heads of extremes whose unit stands in a column of its own."""
     return tuple(name.removesuffix(" []") for name in _extremes(""))
 
 

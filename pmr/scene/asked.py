@@ -88,8 +88,13 @@ class Damping(Section):
             fits = False
         if not fits:
             raise ValueError("ratio with two ascending frequencies in Hz, or mass and stiffness, are allowed")
-        one, two = 2.0 * math.pi * first, 2.0 * math.pi * second
-        damping = handler({"mass": 2.0 * ratio * one * two / (one + two), "stiffness": 2.0 * ratio / (one + two)})
+        first_omega, second_omega = 2.0 * math.pi * first, 2.0 * math.pi * second
+        damping = handler(
+            {
+                "mass": 2.0 * ratio * first_omega * second_omega / (first_omega + second_omega),
+                "stiffness": 2.0 * ratio / (first_omega + second_omega),
+            }
+        )
         vars(damping)["written_ratio"] = ratio  # no field: equal dampings are equal
         return damping
 
@@ -112,7 +117,7 @@ class TimeChoice(Section):
 
 
 class Observe(Section):
-    """Where the motion is compared and drawn: places along the axis, and the mean of a group at the end, the tip.
+    """Places along the axis at which the motion is compared and drawn, and the tip: the mean of a group at the end.
 
     Without `start` and `end` the places are a beam's nodes; of more than a thousand nodes every second, third and so
     on.
@@ -146,7 +151,7 @@ class Observe(Section):
         return tuple(float(x) for x in np.linspace(self.start, self.end, self.count))
 
     def tip_along(self, direction: str) -> str:
-        """What the output of the tip's displacement along y or z is called."""
+        """Name of the output of the tip's displacement along y or z."""
         return f"{self.tip} {direction}"
 
 
@@ -192,7 +197,7 @@ class Fatigue(Section):
 
     @property
     def lines(self) -> tuple[Repeated, ...]:
-        """Of the spectrum."""
+        """Lines of the spectrum."""
         return self.spectrum or (Repeated(cycles=self.cycles),)
 
 
@@ -397,6 +402,6 @@ class Published(Section):
 
     @property
     def of_any_motion(self) -> Published | None:
-        """What a scene with changed keys may be compared with: frequencies, for errors are those of one motion."""
-        left: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
-        return self.model_copy(update=left) if self.frequencies else None
+        """Published figures that hold for a scene with changed keys: frequencies; errors are those of one motion."""
+        without_errors: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
+        return self.model_copy(update=without_errors) if self.frequencies else None

@@ -61,17 +61,19 @@ class Stretch:
     last: BoxProfile
 
     def at(self, x: float) -> BoxProfile:
-        """Its profile at a place."""
+        """Profile at a place."""
         return between(self.first, self.last, (x - self.start) / (self.end - self.start))
 
     def part(self, start: float, end: float) -> Stretch:
-        """Of it, from one place to another one."""
+        """Part of this stretch from one place to another one."""
         return self if self.first is self.last else Stretch(start, end, self.at(start), self.at(end))
 
     @property
     def tapers(self) -> bool:
         """Whether the middle of its walls does, not only their thickness."""
-        first, last = ([(side.start, side.end, side.centre) for side in one.sides] for one in (self.first, self.last))
+        first, last = (
+            [(side.start, side.end, side.centre) for side in profile.sides] for profile in (self.first, self.last)
+        )
         return first != last
 
 
@@ -113,12 +115,14 @@ class Box(BoxProfile):
     def _varies_as_it_can(self) -> Box:
         for key, taper in self._tapers.items():
             self._check_taper(key, taper)
-        for i, one in enumerate(self.doublers):
+        for i, doubler in enumerate(self.doublers):
             key = f"doublers[{i}]"
-            if not one.start + APART * self.length <= one.end <= (1.0 + SLACK) * self.length:
-                least = one.start + APART * self.length
-                raise of_key(f"{key}.end", one.end, f"from {least:g} m up to the length, {self.length:g} m, is allowed")
-            strange = next((face for face in one.faces or () if face not in self._plates), None)
+            if not doubler.start + APART * self.length <= doubler.end <= (1.0 + SLACK) * self.length:
+                least = doubler.start + APART * self.length
+                raise of_key(
+                    f"{key}.end", doubler.end, f"from {least:g} m up to the length, {self.length:g} m, is allowed"
+                )
+            strange = next((face for face in doubler.faces or () if face not in self._plates), None)
             if strange:
                 raise of_key(f"{key}.faces", strange, f"faces of this profile are allowed: {', '.join(self._plates)}")
         for a, b in pairwise(self.breaks):
@@ -142,24 +146,24 @@ class Box(BoxProfile):
     def breaks(self) -> list[float]:
         """Places along x where something begins or ends, its ends too, m."""
         low, high = self.straight
-        found = [0.0]
-        for at in sorted([low, high, *(at for one in self.doublers for at in (one.start, one.end))]):
-            if SLACK * self.length < at - found[-1] and at < (1.0 - SLACK) * self.length:
-                found.append(at)
-        return [*found, self.length]
+        breaks = [0.0]
+        for at in sorted([low, high, *(at for doubler in self.doublers for at in (doubler.start, doubler.end))]):
+            if SLACK * self.length < at - breaks[-1] and at < (1.0 - SLACK) * self.length:
+                breaks.append(at)
+        return [*breaks, self.length]
 
     @property
     def straight(self) -> tuple[float, float]:
         """From where to where along x its dimensions are those that it has by itself, m."""
-        low, high = (0.0 if one is None else one.length for one in (self.tail_taper, self.tip_taper))
+        low, high = (0.0 if taper is None else taper.length for taper in (self.tail_taper, self.tip_taper))
         return low, self.length - high
 
     @property
     def parallel(self) -> tuple[float, float]:
         """From where to where along x its faces are parallel to the axis, m."""
         low, high = self.straight
-        tapering = [one for one in self.stretches if one.tapers]
-        behind, before = any(one.start < low for one in tapering), any(one.end > high for one in tapering)
+        tapering = [stretch for stretch in self.stretches if stretch.tapers]
+        behind, before = any(stretch.start < low for stretch in tapering), any(one.end > high for one in tapering)
         return low if behind else 0.0, high if before else self.length
 
     @property
@@ -174,43 +178,43 @@ class Box(BoxProfile):
 
     @property
     def _tapers(self) -> dict[str, Taper]:
-        found = {"tail_taper": self.tail_taper, "tip_taper": self.tip_taper}
-        return {key: taper for key, taper in found.items() if taper is not None}
+        tapers = {"tail_taper": self.tail_taper, "tip_taper": self.tip_taper}
+        return {key: taper for key, taper in tapers.items() if taper is not None}
 
     @property
     def _plates(self) -> list[Face]:
         return [edge.face for edge in self.edges]
 
     def _check_taper(self, key: str, taper: Taper) -> None:
-        given: dict[str, Any] = taper.model_dump(exclude={"length"}, exclude_none=True)
-        if not given:
+        dimensions: dict[str, Any] = taper.model_dump(exclude={"length"}, exclude_none=True)
+        if not dimensions:
             raise of_key(key, None, "a dimension at the end is needed: width, height, wall, radius or chamfer")
         low, high = self.straight
         if low > high + SLACK * self.length:
             allowed = f"tapers of up to the box's length, {self.length:g} m, are allowed together"
             raise of_key(f"{key}.length", taper.length, allowed)
         for name in ("width", "height"):
-            if given.get(name, 0.0) > getattr(self, name):
+            if dimensions.get(name, 0.0) > getattr(self, name):
                 allowed = f"up to the box's own {getattr(self, name):g} m is allowed"
-                raise of_key(f"{key}.{name}", given[name], allowed)
+                raise of_key(f"{key}.{name}", dimensions[name], allowed)
         try:
             end = self._end(taper)
         except ValidationError as error:
-            found = error.errors()[0]
-            name = str(found.get("ctx", {}).get("key", "wall"))
-            raise of_key(f"{key}.{name}", given.get(name), f"at the end, {found['msg']}") from None
-        kinds = [[side.name if side.centre is None else None for side in one.sides] for one in (self, end)]
+            first_error = error.errors()[0]
+            name = str(first_error.get("ctx", {}).get("key", "wall"))
+            raise of_key(f"{key}.{name}", dimensions.get(name), f"at the end, {first_error['msg']}") from None
+        kinds = [[side.name if side.centre is None else None for side in profile.sides] for profile in (self, end)]
         if kinds[0] != kinds[1]:
             allowed = "the faces and rounded corners of the box are allowed at the end too: none may come or go"
-            raise of_key(f"{key}.{next(iter(given))}", None, allowed)
+            raise of_key(f"{key}.{next(iter(dimensions))}", None, allowed)
 
     def _end(self, taper: Taper) -> BoxProfile:
-        """Its profile at the end of a taper."""
-        own = {key: getattr(self, key) for key in BoxProfile.model_fields}
-        return BoxProfile(**(own | {k: v for k in own if (v := getattr(taper, k)) is not None}))
+        """Profile at the end of a taper."""
+        dimensions = {key: getattr(self, key) for key in BoxProfile.model_fields}
+        return BoxProfile(**(dimensions | {k: v for k in dimensions if (v := getattr(taper, k)) is not None}))
 
     def _shape(self, x: float) -> BoxProfile:
-        """Its profile without doublers."""
+        """Profile without doublers."""
         low, high = self.straight
         if self.tail_taper is not None and x < low:
             return between(self, self._end(self.tail_taper), 1.0 - x / low)
@@ -219,27 +223,27 @@ class Box(BoxProfile):
         return self
 
     def _stretch(self, start: float, end: float) -> Stretch:
-        """Between two places, with the doublers that are there."""
+        """Stretch between two places, with the doublers that are there."""
         middle = (start + end) / 2.0
-        found = {i: one for i, one in enumerate(self.doublers) if one.start < middle < one.end}
+        doublers = {i: doubler for i, doubler in enumerate(self.doublers) if doubler.start < middle < doubler.end}
         first, last = self._shape(start), self._shape(end)
         same = first is last
-        if found:
-            first = self._thickened(first, found)
-            last = first if same else self._thickened(last, found)
+        if doublers:
+            first = self._thickened(first, doublers)
+            last = first if same else self._thickened(last, doublers)
         return Stretch(start, end, first, last)
 
-    def _thickened(self, profile: BoxProfile, found: dict[int, Doubler]) -> BoxProfile:
+    def _thickened(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
         names: dict[WallName, None] = dict.fromkeys((*self._plates, *HALVES))  # corners take those of halves
         walls: dict[WallName, float] = {
             name: profile.thickness(name)
-            + sum(one.thickness for one in found.values() if one.faces is None or name in one.faces)
+            + sum(one.thickness for one in doublers.values() if one.faces is None or name in one.faces)
             for name in names
         }
-        own = {key: getattr(profile, key) for key in BoxProfile.model_fields} | {"wall": walls}
+        dimensions = {key: getattr(profile, key) for key in BoxProfile.model_fields} | {"wall": walls}
         try:
-            return BoxProfile(**own)
+            return BoxProfile(**dimensions)
         except ValidationError as error:
-            (i, one), why = list(found.items())[-1], error.errors()[0]["msg"]
+            (i, doubler), why = list(doublers.items())[-1], error.errors()[0]["msg"]
             allowed = f"plates that the profile has room for are allowed; with its walls: {why}"
-            raise of_key(f"doublers[{i}].thickness", one.thickness, allowed) from None
+            raise of_key(f"doublers[{i}].thickness", doubler.thickness, allowed) from None

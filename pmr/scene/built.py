@@ -176,7 +176,7 @@ class Support(Section):
         return "clamped" if {"ry", "rz"} & set(self.held) else "pinned" if "x" in self.held else "roller"
 
     def row_name(self, direction: str) -> str:
-        """What the row of one direction is called."""
+        """Name of the row of one direction."""
         if not self.name:
             return f"support {direction} " + (f"on {self.on}" if isinstance(self.on, str) else f"at {self.on:g} m")
         return self.name if len(self.held) == 1 else f"{self.name} {direction}"
@@ -199,9 +199,13 @@ class Slider(Section):
     travel: tuple[Place, Place] | None = Field(default=None, description="Smallest and largest s of the saved model")
 
 
-def clearance_on(given: float | Mapping[Face, float], face: str) -> float:
-    """Of the pads on a face, where one of all is given or several by face, m."""
-    return next((gap for name, gap in given.items() if name == face), 0.0) if isinstance(given, Mapping) else given
+def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
+    """Clearance of the pads on a face, where one of all is given or several by face, m."""
+    return (
+        next((gap for name, gap in clearances.items() if name == face), 0.0)
+        if isinstance(clearances, Mapping)
+        else clearances
+    )
 
 
 class PadRing(Section):
@@ -232,13 +236,13 @@ class PadRing(Section):
     )
 
     def clearance_on(self, face: Face) -> float:
-        """Of the pads on a face, m."""
+        """Clearance of the pads on a face, m."""
         return clearance_on(self.clearance, face)
 
     @property
     def places(self) -> list[tuple[str, Face, float]]:
         """Name, face and place across of each pad."""
-        found = []
+        pads = []
         for face, places in self.faces.items():
             for number, across in enumerate(places, start=1):
                 which = (
@@ -246,22 +250,22 @@ class PadRing(Section):
                     if len(places) == 2 and np.prod(places) < 0.0
                     else str(number)
                 )
-                found.append((f"{self.name} {face}" + (f" {which}" if len(places) > 1 else ""), face, float(across)))
-        return found
+                pads.append((f"{self.name} {face}" + (f" {which}" if len(places) > 1 else ""), face, float(across)))
+        return pads
 
 
 def force_of(name: str) -> str:
-    """What the force of a pad or slider is called, whether it is an output or the multiplier of a row."""
+    """Name of the force of a pad or slider, whether it is an output or the multiplier of a row."""
     return f"force of {name}"
 
 
 def reaction_of(name: str) -> str:
-    """What the force or moment of a rigid support is called."""
+    """Name of the force or moment of a rigid support."""
     return f"reaction of {name}"
 
 
 def friction_of(section: str) -> str:
-    """What the friction along a section's joint is called, of all its pads together."""
+    """Name of the friction along a section's joint, of all its pads together."""
     return f"friction of {section}"
 
 
@@ -329,12 +333,12 @@ class Gravity(Section):
     def _inclined(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         if not (isinstance(data, dict) and "inclination" in data):
             return handler(data)
-        rest, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]
+        other_keys, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]
         is_number = isinstance(angle, (int, float)) and not isinstance(angle, bool)
-        if "direction" in rest or not is_number or not -90.0 <= angle <= 90.0:
+        if "direction" in other_keys or not is_number or not -90.0 <= angle <= 90.0:
             raise of_key("inclination", angle, "a number from -90 to 90 in degrees, or direction, is allowed")
         radians = math.radians(angle)
-        gravity = handler(rest | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))})
+        gravity = handler(other_keys | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))})
         vars(gravity)["written_inclination"] = float(angle)  # no field: equal gravities are equal
         return gravity
 

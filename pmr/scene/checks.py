@@ -112,7 +112,7 @@ def _frequency_response(scene: Scene) -> None:
     """Linear equations in coordinates that are free: rows give way and hold both ways."""
     choice = scene.reduction
     rigid = bool(scene.points) or any(ring.stiffness == "rigid" for ring in scene.pads)
-    rigid = rigid or any(one.stiffness == "rigid" and one.points == "mean" for one in scene.supports)
+    rigid = rigid or any(support.stiffness == "rigid" and support.points == "mean" for support in scene.supports)
     if not scene.observe.frequency_response:
         return
     if (rigid and not choice.flexibility) or any(ring.unilateral for ring in scene.pads):
@@ -141,7 +141,7 @@ def _comparison(scene: Scene) -> None:
 
 
 def _simulators(scene: Scene) -> None:
-    """What can be checked before there is a model."""
+    """Check the simulators as far as that is possible before there is a model."""
     choice, (low, high) = scene.reduction, scene.path_bounds
     pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
     soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}
@@ -164,12 +164,12 @@ def _simulators(scene: Scene) -> None:
 
 
 def _ordered(scene: Scene) -> None:
-    """What is asked for in place of coordinates is one thing, and each kind of output once."""
-    asked, key = scene.ordered, "accuracy" if scene.accuracy is not None else "budget"
+    """Check that accuracy or budget alone is given, and each kind of output once."""
+    ordered, key = scene.ordered, "accuracy" if scene.accuracy is not None else "budget"
     if scene.accuracy is not None and scene.budget is not None:
         raise refusal("budget", None, "accuracy or budget is allowed, not both")
-    if asked is not None and len(set(asked.outputs)) < len(asked.outputs):
-        raise refusal(f"{key}.outputs", list(asked.outputs), "each kind once is allowed")
+    if ordered is not None and len(set(ordered.outputs)) < len(ordered.outputs):
+        raise refusal(f"{key}.outputs", list(ordered.outputs), "each kind once is allowed")
 
 
 def _accuracy(scene: Scene) -> None:

@@ -30,7 +30,7 @@ class Choice:
 
 
 def choose(member: Member) -> Choice:
-    """What the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that can carry what is asked."""
+    """Choose the model that the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that serves."""
     if member.part.body.model != "auto":
         return Choice(member.part.body.model, ("the scene names it",))
     if member.part.body.profile is not None:
@@ -65,7 +65,7 @@ def has_walls_that_could_give(member: Member) -> bool:
 
 
 def directions(member: Member) -> tuple[Direction, ...]:
-    """What a place of the chosen model can do."""
+    """Directions in which a place of the chosen model can move."""
     if model_of(member) != "beam2d":
         return ("x", "y", "z", "rx", "ry", "rz")
     profile = member.part.body.profile
@@ -73,7 +73,7 @@ def directions(member: Member) -> tuple[Direction, ...]:
 
 
 def parts_of(member: Member, load: Load) -> dict[str, Direction]:
-    """What the inputs of a load are called, and along which axis of the body each acts.
+    """Names of the inputs of a load, and the axis of the body along which each acts.
 
     A force along an axis of the ground has a part along each axis of the body that the frame may turn towards it.
     """
@@ -102,7 +102,8 @@ def acting(member: Member) -> tuple[Load, ...]:
 def is_pinned_beam(member: Member) -> bool:
     """Whether the scene is a planar beam that a pin at x = 0 and one point that slides hold, and nothing else."""
     held = [
-        (member.part.place(one.on), one.stiffness, set(one.held) & {"x", "z", "ry"}) for one in member.part.supports
+        (member.part.place(support.on), support.stiffness, set(support.held) & {"x", "z", "ry"})
+        for support in member.part.supports
     ]
     return (
         member.part.body.profile is not None
@@ -120,7 +121,9 @@ def is_axial(member: Member) -> bool:
 def has_tail(member: Member) -> bool:
     """Whether a cylinder may act on the tail of a body: its own one, or on the base that of the next section."""
     # every point of it
-    held = any(one.on == "tail" and one.points == "all" and "x" in one.held for one in member.part.supports)
+    held = any(
+        support.on == "tail" and support.points == "all" and "x" in support.held for support in member.part.supports
+    )
     return member.jointed and is_axial(member) and (member.number > 0 or not held)
 
 
@@ -145,9 +148,9 @@ def inertia_fields(member: Member) -> tuple[str, ...]:
 
 def _has_rotary_inertia(member: Member) -> bool:
     """Whether a beam's cross-sections, or what is attached to it, have inertia across the axis but for torsion."""
-    beside = [mass.at is not None and mass.at[1:] != (0.0, 0.0) for mass in member.part.masses]
+    is_off_axis = [mass.at is not None and mass.at[1:] != (0.0, 0.0) for mass in member.part.masses]
     attached = any(any(mass.inertia) for mass in member.part.masses)
-    return attached or any(beside) or (model_of(member) == "beam3d" and member.part.body.shear)
+    return attached or any(is_off_axis) or (model_of(member) == "beam3d" and member.part.body.shear)
 
 
 def is_planar(member: Member) -> bool:
@@ -185,8 +188,8 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
 
 def _stresses(member: Member) -> list[str]:
     measured = {measure for probe in member.part.probes for measure in probe.measures}
-    asked = member.recovery is not None and member.recovery.stress or bool(measured & {"stress", "strain"})
-    return ["stresses are asked for, which pads and walls decide"] * asked
+    has_stresses = member.recovery is not None and member.recovery.stress or bool(measured & {"stress", "strain"})
+    return ["stresses are asked for, which pads and walls decide"] * has_stresses
 
 
 def _walls(member: Member) -> list[str]:
@@ -194,38 +197,38 @@ def _walls(member: Member) -> list[str]:
     box, material = member.part.body.box, member.part.body.material
     if box is None:
         return []
-    highest = max((one.highest_frequency(-np.inf, np.inf) for one in member.signals.values()), default=0.0)
-    own = wall_frequency(box, material.young, material.poisson, material.density)
-    near = f"loads of {highest:g} Hz come near the walls' own frequency of {own:.3g} Hz"
-    return [near] * (highest > QUASI_STATIC * own) + ["the box has frames"] * bool(box.frames)
+    highest = max((signal.highest_frequency(-np.inf, np.inf) for signal in member.signals.values()), default=0.0)
+    of_walls = wall_frequency(box, material.young, material.poisson, material.density)
+    near = f"loads of {highest:g} Hz come near the walls' own frequency of {of_walls:.3g} Hz"
+    return [near] * (highest > QUASI_STATIC * of_walls) + ["the box has frames"] * bool(box.frames)
 
 
 def _beside(member: Member) -> list[str]:
     """Sections that are no planar beams: all sections are such beams, or none is."""
-    models = {one.part.name: choose(one).model for one in member.others}
+    models = {section.part.name: choose(section).model for section in member.others}
     return [f"section {name} is no planar beam" for name, model in models.items() if model != "beam2d"]
 
 
 def _lateral(member: Member) -> list[str]:
     """Reasons for which the motion leaves the vertical plane."""
-    found = [
+    reasons = [
         f"the load {load.name} acts along {load.direction}"
         for load in member.part.loads
         if load.direction in ("y", "rx", "rz")
     ]
-    found += [
+    reasons += [
         f"the mass {mass.name} lies beside the vertical plane"
         for mass in member.part.masses
         if mass.at is not None and mass.at[1] != 0.0
     ]
     box = member.part.body.box
-    profiles = () if box is None else [one for part in box.stretches for one in (part.first, part.last)]
-    if any(one.thickness(face) != one.thickness(other) for one in profiles for face, other in SIDES):
-        found.append("the walls at left and right differ")
+    profiles = () if box is None else [profile for part in box.stretches for profile in (part.first, part.last)]
+    if any(profile.thickness(face) != profile.thickness(other) for profile in profiles for face, other in SIDES):
+        reasons.append("the walls at left and right differ")
     if any(" " in face for ring in member.pads for face in ring.faces):
-        found.append("pads are on slanted faces")
+        reasons.append("pads are on slanted faces")
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
-        found.append("the weight has a lateral part")
+        reasons.append("the weight has a lateral part")
     if member.frame is not None and (member.frame.leaves_plane or member.frame.place[1] != 0.0):
-        found.append("the boom slews, or its base moves sideways")
-    return found
+        reasons.append("the boom slews, or its base moves sideways")
+    return reasons

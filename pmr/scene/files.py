@@ -52,7 +52,7 @@ def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
 
 
 def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
-    """The same with changes laid over it, one after the other."""
+    """Load a scene with changes laid over it, one after the other."""
     file, as_it_stands = _file(path), ""
     with suppress(InputError):  # a change may mend it
         as_it_stands = _scene(file).hash if changes and "published" in file.data else ""
@@ -71,7 +71,7 @@ def has_sections(path: str | Path) -> bool:
 
 
 def beam_scene(path: str | Path) -> Scene:
-    """As `load`, of a planar beam that is described by its stiffnesses, on which points slide; others are refused."""
+    """Load a planar beam that is described by its stiffnesses, on which points slide; others are refused."""
     scene = load(path)
     if scene.body.profile is None or scene.pads:
         raise InputError(str(path), "body.profile", None, "a scene with a planar beam, without pads, is allowed here")
@@ -83,7 +83,7 @@ def _file(path: str | Path) -> TomlFile:
 
 
 def _scene(file: TomlFile) -> Scene:
-    """Of either dialect: a body at the top, or sections."""
+    """Scene of either dialect: a body at the top, or sections."""
     scene = file.validated(Scene) if "sections" in file.data else Scene.of(file.validated(BodyFile))
     try:
         check(scene)

@@ -49,7 +49,7 @@ def _tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
     if first >= low:
         return
     ends = inner.profile_at(0.0), outer.profile_at(max(first, 0.0))
-    beyond = min(gaps(*(one.sides for one in ends)).values())
+    beyond = min(gaps(*(profile.sides for profile in ends)).values())
     if beyond <= 0.0:
         allowed = (
             f"{scene.names[number]} gets {first:.6g} m near the tail of {scene.names[number - 1]}, which tapers over "
@@ -77,12 +77,12 @@ def _frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 def _play(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:
     """Pads stand on faces of both sections that are parallel, and have no more play than the gap there."""
     (name, section), (around, tube) = inner, outer
-    own, other = section.faces, tube.faces
+    inner_faces, outer_faces = section.faces, tube.faces
     for face in seat.ring.faces or ():
-        for body, faces in ((name, own), (around, other)):
+        for body, faces in ((name, inner_faces), (around, outer_faces)):
             if face not in faces:
                 raise refusal(f"{key}.faces", face, f"faces that {body} has are allowed: {', '.join(faces) or 'none'}")
-        if own[face].normal @ other[face].normal < PARALLEL:
+        if inner_faces[face].normal @ outer_faces[face].normal < PARALLEL:
             allowed = f"faces that are parallel are allowed: the {face} of {name} and that of {around} are not"
             raise refusal(f"{key}.faces", face, allowed)
     room = gaps(section.sides, tube.sides)

@@ -47,11 +47,11 @@ def stored(data: Mapping[str, Any], source: str, context: Mapping[str, str] | No
     InputError
         For the first key that no version up to this one had.
     """
-    kept = deepcopy(dict(data))
+    content = deepcopy(dict(data))
     for name in GONE:
-        _leave_out(kept, name.split("."))
+        _leave_out(content, name.split("."))
     try:
-        return Scene.model_validate_json(json.dumps(kept), context=context)
+        return Scene.model_validate_json(json.dumps(content), context=context)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
@@ -61,11 +61,11 @@ def stored(data: Mapping[str, Any], source: str, context: Mapping[str, str] | No
 
 def _leave_out(data: Any, keys: Sequence[str]) -> None:
     """Take a key out of nested tables, of each entry where they are lists."""
-    first, *rest = keys
+    first, *inner_keys = keys
     if isinstance(data, list):
-        for one in data:
-            _leave_out(one, keys)
-    elif isinstance(data, dict) and rest:
-        _leave_out(data.get(first), rest)
+        for entry in data:
+            _leave_out(entry, keys)
+    elif isinstance(data, dict) and inner_keys:
+        _leave_out(data.get(first), inner_keys)
     elif isinstance(data, dict):
         data.pop(first, None)

@@ -86,18 +86,18 @@ class BaseMotion(Section):
     @property
     def motions(self) -> dict[str, SignalBase]:
         """Displacements in m and angles in the frame's unit, by their keys."""
-        found = {key: getattr(self, key) for key in DIRECTIONS}
-        return {key: signal for key, signal in found.items() if signal is not None}
+        signals = {key: getattr(self, key) for key in DIRECTIONS}
+        return {key: signal for key, signal in signals.items() if signal is not None}
 
     @property
     def accelerations(self) -> dict[str, SignalBase]:
-        """Those that are given as such, in m/s^2, by their axes."""
-        found = {axis: getattr(self.acceleration, axis) for axis in "xyz"}
-        return {axis: signal for axis, signal in found.items() if signal is not None}
+        """Accelerations that are given as such, in m/s^2, by their axes."""
+        signals = {axis: getattr(self.acceleration, axis) for axis in "xyz"}
+        return {axis: signal for axis, signal in signals.items() if signal is not None}
 
 
 class LuffingCylinder(Section):
-    r"""Where the cylinder that raises the boom is hinged: x and z from the pivot, z upwards where the boom lies level.
+    r"""Hinges of the cylinder that raises the boom: x and z from the pivot, z upwards where the boom lies level.
 
     With the foot :math:`r_0` on the machine and the lug :math:`r_1` on the boom its length at the angle
     :math:`\varphi` is :math:`L = |R(\varphi) r_1 - r_0|`, and by virtual work it carries the moment
@@ -119,17 +119,23 @@ class LuffingCylinder(Section):
     def length(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Length in m at luffing angles in rad, and what it grows by for each radian, its arm about the pivot, m."""
         lug = self.raised(angle)
-        own = lug - self.foot
-        length = np.linalg.norm(own, axis=-1)
-        turned = own[..., 1] * lug[..., 0] - own[..., 0] * lug[..., 1]
+        from_foot = lug - self.foot
+        length = np.linalg.norm(from_foot, axis=-1)
+        turned = from_foot[..., 1] * lug[..., 0] - from_foot[..., 0] * lug[..., 1]
         return length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0)
 
     def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
         """From the foot to the lug at luffing angles (...) in rad, (..., 2): x and z in the axes of the boom."""
-        own = self.raised(angle) - self.foot
-        own = own / np.linalg.norm(own, axis=-1, keepdims=True)
+        along_cylinder = self.raised(angle) - self.foot
+        along_cylinder = along_cylinder / np.linalg.norm(along_cylinder, axis=-1, keepdims=True)
         sine, cosine = np.sin(angle), np.cos(angle)
-        return np.stack([own[..., 0] * cosine + own[..., 1] * sine, own[..., 1] * cosine - own[..., 0] * sine], axis=-1)
+        return np.stack(
+            [
+                along_cylinder[..., 0] * cosine + along_cylinder[..., 1] * sine,
+                along_cylinder[..., 1] * cosine - along_cylinder[..., 0] * sine,
+            ],
+            axis=-1,
+        )
 
 
 class Frame(Section):
@@ -171,7 +177,7 @@ class Frame(Section):
 
     @property
     def place(self) -> tuple[float, float, float]:
-        """Of the base's tail, from the pivot, m."""
+        """Place of the base's tail from the pivot, m."""
         assert self.pivot is not None  # as the validator says
         return self.pivot
 
@@ -189,7 +195,7 @@ class Frame(Section):
 
     @property
     def turns(self) -> bool:
-        """Whether it has an angle."""
+        """Whether the frame has an angle."""
         return self.luffing is not None or self.slewing is not None or bool(self.rocking)
 
     @property
@@ -197,11 +203,11 @@ class Frame(Section):
         """The key of what moves the boom out of a vertical plane, None where nothing does."""
         if self.machine is not None:
             return "machine"
-        moved = {} if self.base is None else {f"base.{key}": one for key, one in self.base.motions.items()}
+        motions = {} if self.base is None else {f"base.{key}": signal for key, signal in self.base.motions.items()}
         if self.base is not None:
-            moved |= {f"base.acceleration.{axis}": one for axis, one in self.base.accelerations.items()}
+            motions |= {f"base.acceleration.{axis}": signal for axis, signal in self.base.accelerations.items()}
         out = ("base.y", "base.rx", "base.rz", "base.acceleration.y")
-        return next((key for key in ("slewing", *out) if key in moved or (key == "slewing" and self.slewing)), None)
+        return next((key for key in ("slewing", *out) if key in motions or (key == "slewing" and self.slewing)), None)
 
     def rotation(self, t: ArrayLike) -> NDArray[np.float64]:
         """From axes of the boom into those of the base at the times t (T,) s, (T, 3, 3)."""

@@ -81,8 +81,8 @@ def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None
     kinks = motion.kinks(scene.time.end)
     jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _jumps(motion, t)]
     if jumps or kinks:
-        at, found = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
-        allowed = f"{what} with a rate that does not jump is allowed, here is {found} at {at:g} s: a smooth_ramp"
+        at, defect = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
+        allowed = f"{what} with a rate that does not jump is allowed, here is {defect} at {at:g} s: a smooth_ramp"
         raise refusal(f"frame.{key}", None, allowed)
 
 

@@ -50,7 +50,7 @@ def frame_terms(scene: Scene) -> Iterator[FrameTerm]:
 
 
 def stress_terms(scene: Scene) -> Iterator[FrameTerm]:
-    """Those that change the stiffness, with second order or without it; none without a frame."""
+    """Terms that change the stiffness, with second order or without it; none without a frame."""
     if scene.frame is not None:
         yield from (term for term in _all(scene) if term.of in STRESSES)
 
@@ -68,7 +68,7 @@ def _all(scene: Scene) -> Iterator[FrameTerm]:
 
 
 def _fields(scene: Scene) -> dict[str, str]:
-    """Those that a frame has: without an angle it accelerates all places alike."""
+    """Fields of acceleration that a frame has: without an angle it accelerates all places alike."""
     return OF_FIELD if scene.frame is not None and scene.frame.turns else {"x": OF_FIELD["x"]}
 
 

@@ -104,7 +104,7 @@ def _sentences(numbers: Iterable[_Unusual]) -> list[str]:
 
 
 def _of_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_Unusual]:
-    """Of all numbers in a table and in those within it; `key` is the table's, with a dot behind it."""
+    """Find unusual numbers in a table and in those within it; `key` is the table's, with a dot behind it."""
     if isinstance(table, Hinted):
         scales = {**scales, **table.hint_scales(scales)}
         for name, (value, judged_by) in table.hint_numbers.items():
@@ -134,17 +134,21 @@ def _of_value(value: Any, key: str, usual: tuple[Usual, ...], unit: str, scales:
 
 
 def _of_number(value: float, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales) -> Iterator[_Unusual]:
-    known = [one for one in usual if not one.scale or scales.get(one.scale)]
-    if not (value and known):
+    ranges_of_key = [usual_range for usual_range in usual if not usual_range.scale or scales.get(usual_range.scale)]
+    if not (value and ranges_of_key):
         return
-    ranges = [(one.low * size, one.high * size) for one in known for size in (scales.get(one.scale, 1.0),)]
+    ranges = [
+        (usual_range.low * size, usual_range.high * size)
+        for usual_range in ranges_of_key
+        for size in (scales.get(usual_range.scale, 1.0),)
+    ]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low <= high and not low <= abs(value) <= high:
-        yield _Unusual(key, value, known[-1].unit or unit, low, high)
+        yield _Unusual(key, value, ranges_of_key[-1].unit or unit, low, high)
 
 
 def _scales(scene: Scene) -> dict[str, float]:
-    """Of the whole boom: its reach in m, mass in kg and weight in N (0: unknown); the simulated time in s, m/s^2."""
+    """Scales of the whole boom: reach in m, mass in kg and weight in N (0: unknown), simulated time in s, m/s^2."""
     sections = [_scales_of(part) for part in scene.sections]
     lengths, masses, weights = ([scales[name] for scales in sections] for name in ("length", "mass", "weight"))
     reach, mass, weight = (sum(sizes) if all(sizes) else 0.0 for sizes in (lengths, masses, weights))
@@ -152,9 +156,7 @@ def _scales(scene: Scene) -> dict[str, float]:
 
 
 def _scales_of(part: Part) -> dict[str, float]:
-    """Of a section: its length in m, its mass in kg, its weight in N; 0 where only a mesh tells, or its own numbers
-    are not usual.
-    """
+    """Length in m, mass in kg and weight in N of a section; 0 where only a mesh tells, or its numbers are unusual."""
     if any(_of_table(part.body, "", {"gravity": GRAVITY})):
         return dict.fromkeys(("length", "mass", "weight"), 0.0)
     return {"length": part.length, "mass": _mass(part), "weight": GRAVITY * _mass(part)}

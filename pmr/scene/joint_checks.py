@@ -39,7 +39,7 @@ def check_joints(scene: Scene) -> None:
     if scene.start == "equilibrium":
         for number in range(1, len(scene.sections)):
             _held_at_the_start(scene, number)
-    planar = [is_planar(one) for one in members(scene)]
+    planar = [is_planar(member) for member in members(scene)]
     if len(set(planar)) > 1:
         names = ", ".join(name for name, flat in zip(scene.names, planar, strict=True) if flat)
         raise refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
@@ -79,13 +79,17 @@ def _reduction(scene: Scene, number: int) -> None:
 def _driven(scene: Scene, number: int) -> None:
     """The extension is known, and without jumps."""
     joint, key = scene.joint(number), f"sections[{number}].joint"
-    seen = [scene.names[number]]
-    while (follows := scene.joint(scene.names.index(seen[-1])).follows) is not None:
-        others = [name for name in scene.names[1:] if name not in seen]
-        if follows not in others:
-            allowed = f"{', '.join(others)} are allowed, which do not follow it" if others else "a signal is needed"
+    chain = [scene.names[number]]
+    while (follows := scene.joint(scene.names.index(chain[-1])).follows) is not None:
+        allowed_names = [name for name in scene.names[1:] if name not in chain]
+        if follows not in allowed_names:
+            allowed = (
+                f"{', '.join(allowed_names)} are allowed, which do not follow it"
+                if allowed_names
+                else "a signal is needed"
+            )
             raise refusal(f"{key}.follows", joint.follows, allowed)
-        seen.append(follows)
+        chain.append(follows)
     if joint.rope is not None and rope_length(scene, number) is None:
         allowed = (
             "a length is needed: by itself it is known of a rope from the head of the section before the one that "
@@ -103,13 +107,13 @@ def _driven(scene: Scene, number: int) -> None:
 
 
 def _gives_way(scene: Scene, number: int) -> None:
-    """What moves a section that others hang on, and these, give way together."""
+    """Check that a section on which others hang gives way together with these."""
     if not has_tail(member_at(scene, number)):
         return  # nothing holds it along the boom
     key, drive, name = f"sections[{number}].joint", Drive.of(scene, number), scene.names[number]
     carried = rope_shares(scene)
     leads = [other for other, shares in carried.items() if name in shares and other != name]
-    soft = next((one for one in leads if Drive.of(scene, scene.names.index(one)).compliance), None)
+    soft = next((leader for leader in leads if Drive.of(scene, scene.names.index(leader)).compliance), None)
     if soft and not drive.compliance:
         allowed = (
             f"a rope with its EA, or cylinder.stiffness, is needed: what moves {soft}, which it follows, gives way"
@@ -148,7 +152,7 @@ def _held_at_the_start(scene: Scene, number: int) -> None:
 
 
 def _held_while_sliding(scene: Scene, number: int) -> None:
-    """What slides is not held along the boom by the ground."""
+    """Check that no section that slides is held along the boom by the ground."""
     ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
     moves = next(
         (name for name, (low, high) in ranges.items() if high - low > SLACK * scene.sections[number].length), None
@@ -166,7 +170,7 @@ def _held_while_sliding(scene: Scene, number: int) -> None:
 
 
 def _slides(scene: Scene, number: int) -> None:
-    """As `pmr.system.contacts.Joint.check`, in the words of a scene."""
+    """Check an extension as `pmr.system.contacts.Joint.check` does, in the words of a scene."""
     joint, name, outer = scene.joint(number), scene.names[number], scene.names[number - 1]
     path = scene.extension(number)
     (first, last), length = path.bounds(0.0, scene.time.end), scene.sections[number - 1].length
@@ -232,22 +236,24 @@ def _pads(scene: Scene, number: int) -> None:
 
 
 def _by_itself(scene: Scene, number: int) -> None:
-    """What any body is checked for, with the keys of its section or of the joint that a ring belongs to."""
-    part, one = scene.sections[number], member_at(scene, number)
+    """Check a section as any body, with the keys of the section or of the joint that a ring belongs to."""
+    part, member = scene.sections[number], member_at(scene, number)
     try:
         check_proportions(part)
         check_loads(part, scene.time.end)
-        check_structure(one)
+        check_structure(member)
         check_reserved("loads", (load.name for load in part.loads), (EXTENSION,))
     except InputError as error:
         if error.key.split(".")[0] in ("gravity", "recovery"):
             raise
         ring = re.match(r"pads\[(\d+)\]", error.key)
         if ring and int(ring[1]) >= len(part.pads):
-            name = one.pads[int(ring[1])].name
-            found = next(seat for seat in seats(scene, number) if footprint(scene, seat.ring) == name)
-            rest = error.key[ring.end() :]
-            raise refusal(f"sections[{found.joint}].joint.{found.key}{rest}", error.value, error.allowed) from None
+            name = member.pads[int(ring[1])].name
+            seat_of_ring = next(seat for seat in seats(scene, number) if footprint(scene, seat.ring) == name)
+            key_in_ring = error.key[ring.end() :]
+            raise refusal(
+                f"sections[{seat_of_ring.joint}].joint.{seat_of_ring.key}{key_in_ring}", error.value, error.allowed
+            ) from None
         raise refusal(f"sections[{number}].{error.key}", error.value, error.allowed) from None
 
 
@@ -271,7 +277,7 @@ def _frequency_response(scene: Scene) -> None:
         if number < len(scene.sections) - 1:
             raise refusal(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
         joints = [ring.unilateral for k in range(1, len(scene.sections)) for ring in scene.joint(k).rings]
-        if any(joints) or any(ring.unilateral for one in scene.sections for ring in one.pads):
+        if any(joints) or any(ring.unilateral for other_part in scene.sections for ring in other_part.pads):
             raise refusal(key, True, "true is allowed with pads that hold both ways: some only push")
 
 

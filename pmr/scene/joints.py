@@ -74,7 +74,7 @@ class JointPads(Section):
         return self
 
     def clearance_on(self, face: str) -> float:
-        """Of the pads on a face, m."""
+        """Clearance of the pads on a face, m."""
         return clearance_on(self.clearance, face)
 
 
@@ -143,7 +143,7 @@ class Joint(Section):
 
     @model_validator(mode="after")
     def _driven_once(self) -> Joint:
-        if sum(given is not None for given in (self.extension, self.overlap, self.follows)) != 1:
+        if sum(signal is not None for signal in (self.extension, self.overlap, self.follows)) != 1:
             raise ValueError("give extension, overlap or follows, one of them")
         if self.rope is not None and self.cylinder.stiffness != "rigid":
             raise ValueError("give rope or cylinder.stiffness, one of them: what moves the section")

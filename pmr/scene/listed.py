@@ -68,7 +68,7 @@ class Listed(Whole):
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """What drives each input of the model, by its name: what users of Exudyn give `add_sliding_body`."""
+        """Signal of each input of the model, by its name, as users of Exudyn give them to `add_sliding_body`."""
         weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
         return {load.name: load.signal for load in self.loads} | weight
 

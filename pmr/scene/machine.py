@@ -24,7 +24,7 @@ Rate = Annotated[float, Field(strict=True), Quantity("m/s, of angles frame.unit/
 class _ByDirection(Section):
     @property
     def given(self) -> dict[str, float]:
-        """Those that are not zero, by their directions."""
+        """Values that are not zero, by their directions."""
         return {key: value for key in DIRECTIONS if (value := getattr(self, key))}
 
 
@@ -51,7 +51,7 @@ class Dampers(_ByDirection):
 
 
 class Places(_ByDirection):
-    """Where free directions begin."""
+    """Places at which free directions begin."""
 
     x: Value = Field(default=0.0, description="Of the pivot along X of the ground")
     y: Value = Field(default=0.0, description="Of the pivot along Y of the ground")
@@ -81,7 +81,7 @@ class OnMachine(Section):
 
     @property
     def given(self) -> dict[str, SignalBase]:
-        """By their axes."""
+        """Signals by their axes."""
         return {axis: one for axis in "xyz" if (one := getattr(self, axis)) is not None}
 
 

@@ -43,14 +43,14 @@ def check_proportions(part: OneBody) -> None:
                 _check_ratio(f"body.section.{name}", slender, GYRATION, "length over radius of gyration")
 
 
-def _check_ratio(key: str, found: float, allowed: tuple[float, float], what: str) -> None:
-    if not allowed[0] <= found <= allowed[1]:
-        said = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {found:.3g}"
-        raise refusal(key, None, said)
+def _check_ratio(key: str, ratio: float, allowed: tuple[float, float], what: str) -> None:
+    if not allowed[0] <= ratio <= allowed[1]:
+        ratio_allowed = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {ratio:.3g}"
+        raise refusal(key, None, ratio_allowed)
 
 
 def jump_of(path: SignalBase, least: float) -> str | None:
-    """Where a signal in m first jumps by more than `least`, in words."""
+    """Describe where a signal in m first jumps by more than `least`; None where it does not."""
     at = np.array(path.breaks)
     # All at once: one call costs as much as the signal has knots, and a file of them has thousands.
     before, after = path.value(np.nextafter(at, -np.inf)), path.value(at)

@@ -33,13 +33,13 @@ class Ends:
     last: float
 
     def with_(self, other: Ends) -> Ends:
-        """What holds both."""
+        """Return the range that holds both."""
         return Ends(min(self.first, other.first), max(self.last, other.last))
 
 
 @dataclass(frozen=True)
 class Seat:
-    """Where a ring of pads sits on a section: centres from `at.first` to `at.last`, of the joint of section `joint`."""
+    """Seat of a ring of pads on a section: centres from `at.first` to `at.last`, of the joint of section `joint`."""
 
     joint: int
     ring: JointPads
@@ -73,23 +73,25 @@ class Member:
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """What drives each load and the weight, by their names; extensions and a frame drive a section besides."""
+        """Signal of each load and of the weight, by their names; extensions and a frame drive a section besides."""
         return {load.name: load.signal for load in self.part.loads} | self.weight
 
     @property
     def weight(self) -> dict[str, SignalBase]:
-        """What drives the input of the weight; nothing in a frame, which turns it."""
+        """Signal of the input of the weight; none in a frame, which turns it."""
         return {WEIGHT: self.gravity.signal} if self.gravity and self.frame is None else {}
 
     @property
     def content(self) -> str:
-        """The same for two bodies with equal full models: all but what they are called, and how loads change."""
+        """Text that is equal for bodies with equal full models: all but their names, and how loads change."""
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
         extended = self.jointed and self.number > 0  # which accelerates it
         moving = sorted(self.stretches.items()), sorted(self.ways.items())
         rows = self.pads, self.points, self.bounds, self.travel, *moving, self.straight
-        moved = self.frame and (self.frame.leaves_plane is None, self.frame.turns, self.frame.second_order)
-        return repr((part, extended, self.jointed, rows, self.gravity and self.gravity.direction, moved, self.damping))
+        of_frame = self.frame and (self.frame.leaves_plane is None, self.frame.turns, self.frame.second_order)
+        return repr(
+            (part, extended, self.jointed, rows, self.gravity and self.gravity.direction, of_frame, self.damping)
+        )
 
     @property
     def joint_rows(self) -> frozenset[str]:
@@ -102,10 +104,10 @@ def member_at(scene: Scene, number: int = 0) -> Member:
     """A body of a scene."""
     if len(scene.sections) == 1:
         return _alone(scene)
-    found = _section(scene, number)
-    if found.part.body.model != "auto":
-        return found
-    return replace(found, others=tuple(_section(scene, k) for k in range(len(scene.sections)) if k != number))
+    member = _section(scene, number)
+    if member.part.body.model != "auto":
+        return member
+    return replace(member, others=tuple(_section(scene, k) for k in range(len(scene.sections)) if k != number))
 
 
 def members(scene: Scene) -> tuple[Member, ...]:
@@ -126,28 +128,30 @@ def _slider_name(points: tuple[float, ...], at: float) -> str:
 
 
 def _section(scene: Scene, number: int) -> Member:
-    """With the pads of all joints that touch it on one path, its reach; rows are defined on a common stretch.
+    """Section with the pads of all joints that touch it on one path, its reach; rows share a common stretch.
 
     So all pads travel where any of them does, as far as the section's ends allow.
     """
-    part, found = scene.sections[number], list(seats(scene, number))
-    faced = [seat for seat in found if seat.ring.faces is not None]
+    part, seats_here = scene.sections[number], list(seats(scene, number))
+    faced = [seat for seat in seats_here if seat.ring.faces is not None]
     longest = max((seat.ring.length for seat in faced), default=0.0) / 2.0
-    everywhere = _everywhere(found)
+    everywhere = _everywhere(seats_here)
     reach = max(everywhere.first, longest), min(everywhere.last, part.length - longest)
-    points = (0.0,) if len(faced) < len(found) else ()
+    points = (0.0,) if len(faced) < len(seats_here) else ()
     rings, stretches = dict[str, PadRing](), dict[str, tuple[float, float]]()
     ways = dict[str, tuple[int, float, float]]()
     for seat in faced:
         name, half = footprint(scene, seat.ring), seat.ring.length / 2.0
         if name not in rings:
             rings[name] = as_pads(seat.ring, name)
-            own = _everywhere([one for one in faced if footprint(scene, one.ring) == name])
+            of_footprint = _everywhere(
+                [seat_of_footprint for seat_of_footprint in faced if footprint(scene, seat_of_footprint.ring) == name]
+            )
             taken, last = _everywhere(faced), part.length - half
-            travel = own.with_(Ends(max(taken.first, half), min(taken.last, last)))
+            travel = of_footprint.with_(Ends(max(taken.first, half), min(taken.last, last)))
             stretches[name] = travel.first, travel.last
             if part.body.walls == "give":
-                ways[name] = seat.joint, own.first, own.last
+                ways[name] = seat.joint, of_footprint.first, of_footprint.last
     return Member(
         part,
         number,
@@ -182,28 +186,28 @@ def seats(scene: Scene, number: int) -> Iterator[Seat]:
 
 
 def footprint(scene: Scene, ring: JointPads) -> str:
-    """What the pads of a ring are called on the sections that they touch.
+    """Name of the pads of a ring on the sections that they touch.
 
     Those of one pattern and size are alike, unless walls give way under them.
     """
     if ring.faces is None:
         return POINT
     joints = (scene.joint(number) for number in range(1, len(scene.sections)))
-    rings = [one for joint in joints for one in joint.rings if one.faces is not None]
+    rings = [other for joint in joints for other in joint.rings if other.faces is not None]
     if any(part.body.walls == "give" for part in scene.sections):  # each dents a wall where it is
-        return f"pads {[one is ring for one in rings].index(True) + 1}"
-    known = list(dict.fromkeys(_pattern(one) for one in rings))
-    return f"pads {known.index(_pattern(ring)) + 1}"
+        return f"pads {[other is ring for other in rings].index(True) + 1}"
+    patterns = list(dict.fromkeys(_pattern(other) for other in rings))
+    return f"pads {patterns.index(_pattern(ring)) + 1}"
 
 
 def _stiffened(scene: Scene, number: int) -> dict[tuple[str, str], float]:
     """Rows that keep a section straight in its rigid overlaps: their names, and the end of each that stays, m."""
-    found = {}
-    if number and (own := scene.joint(number)).rigid_overlap:
-        found[WITHIN] = own.first_at(own.tail)
+    ends = {}
+    if number and (joint := scene.joint(number)).rigid_overlap:
+        ends[WITHIN] = joint.first_at(joint.tail)
     if number + 1 < len(scene.sections) and (following := scene.joint(number + 1)).rigid_overlap:
-        found[AROUND] = scene.sections[number].length - following.first_at(following.mouth)
-    return found
+        ends[AROUND] = scene.sections[number].length - following.first_at(following.mouth)
+    return ends
 
 
 def as_pads(ring: JointPads, name: str) -> PadRing:
@@ -219,5 +223,5 @@ def _pattern(ring: JointPads) -> tuple[object, ...]:
     return (tuple((face, tuple(places)) for face, places in sorted(ring.faces.items())), ring.length, ring.width)
 
 
-def _everywhere(found: list[Seat]) -> Ends:
-    return Ends(float(np.min([seat.at.first for seat in found])), float(np.max([seat.at.last for seat in found])))
+def _everywhere(taken: list[Seat]) -> Ends:
+    return Ends(float(np.min([seat.at.first for seat in taken])), float(np.max([seat.at.last for seat in taken])))

@@ -7,15 +7,15 @@ ALONE, SLIDER = "", "slider"
 
 
 def input_of(body: str, what: str) -> str:
-    """What an input of a body is called among those of all bodies; of a body alone as it is."""
+    """Name of an input of a body among those of all bodies; of a body alone as it is."""
     return what if body == ALONE else f"{body}.{what}"
 
 
 def named(body: str, what: str) -> str:
-    """What something of a body is called among those of all bodies; of a body alone as it is."""
+    """Name of something of a body among those of all bodies; of a body alone as it is."""
     return what if body == ALONE else f"{body}: {what}"
 
 
 def cylinder_of(section: str) -> str:
-    """What the contact is called that drives a section along the boom."""
+    """Name of the contact that drives a section along the boom."""
     return f"cylinder of {section}"

@@ -37,7 +37,7 @@ class OneBody(Section):
 
     @property
     def files(self) -> dict[str, Path]:
-        """What is read to make the model, by the section that names it."""
+        """Files that the model is made from, by the section that names each."""
         named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
         return {section: file for section, file in named.items() if file is not None}
 
@@ -49,8 +49,8 @@ class OneBody(Section):
     @property
     def springs(self) -> dict[str, str]:
         """Supports that give way, in each direction, by name: the unit of their force, or moment."""
-        held = [(one, d) for one in self.supports if one.stiffness != "rigid" for d in one.held]
-        return {one.row_name(d): "N m" if d.startswith("r") else "N" for one, d in held}
+        held = [(support, d) for support in self.supports if support.stiffness != "rigid" for d in support.held]
+        return {support.row_name(d): "N m" if d.startswith("r") else "N" for support, d in held}
 
     @property
     def load_places(self) -> dict[str, float]:
@@ -60,12 +60,12 @@ class OneBody(Section):
 
     @property
     def length(self) -> float:
-        """Of the body in m, or where what is observed of it ends where a mesh that is read says how long it is."""
+        """Length of the body in m; of a mesh from a file the place where what is observed ends."""
         observed = self.observe.stations or (0.0,)
         return self.body.length or observed[-1] - min(observed[0], 0.0)
 
     def place(self, on: str | float) -> float | None:
-        """Where a place is along the axis, m; None for groups whose place the mesh decides."""
+        """Place along the axis, m; None for groups whose place the mesh decides."""
         if isinstance(on, str):
             return ENDS[on] * self.body.length if on in ENDS and self.body.length else None
         return on

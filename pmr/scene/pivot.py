@@ -34,8 +34,8 @@ class Pressed:
 
 
 def pressed_on_ground(scene: Scene, along: Mapping[str, Array]) -> list[Pressed]:
-    """All of it, where the scene's paths, by their names, are (T,) m."""
-    return [one for member in members(scene) for one in _pressed(scene, member, along)]
+    """Everything that stands between bodies and the ground, where the scene's paths, by their names, are (T,) m."""
+    return [pressed for member in members(scene) for pressed in _pressed(scene, member, along)]
 
 
 @dataclass(frozen=True)
@@ -54,19 +54,19 @@ def supports_at_lug(scene: Scene) -> tuple[str, ...]:
     if scene.frame is None or scene.frame.cylinder is None:
         return ()
     part, lug = members(scene)[0].part, scene.frame.cylinder.lug[0] - scene.frame.place[0]
-    places = {one.name: part.place(one.on) for one in part.supports if one.held == ("z",)}
+    places = {support.name: part.place(support.on) for support in part.supports if support.held == ("z",)}
     return tuple(name for name, x in places.items() if x is not None and abs(x - lug) <= NEAR)
 
 
 def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
-    """What holds a base that stands on a rigid pin and one luffing cylinder alone; None for any other base."""
+    """Rigid pin and single luffing cylinder that alone hold a base; None for any other base."""
     at_lug, base = supports_at_lug(scene), members(scene)[0]
     if len(at_lug) != 1 or base.part.pads or (base.points and not base.jointed):
         return None
     assert scene.frame is not None
     name, place = scene.names[0], scene.frame.place
-    others = [one for one in base.part.supports if one.name not in at_lug]
-    rows = {d: [one for one in others if d in one.held] for d in ("x", "z", "ry")}
+    other_supports = [support for support in base.part.supports if support.name not in at_lug]
+    rows = {d: [support for support in other_supports if d in support.held] for d in ("x", "z", "ry")}
     if [len(rows[d]) for d in ("x", "z", "ry")] != [1, 1, 0]:
         return None
     for support in (rows["x"][0], rows["z"][0]):
@@ -74,12 +74,12 @@ def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
         if at is None or np.hypot(at + place[0], place[2]) > NEAR or support.stiffness != "rigid":
             return None
     x, z = (reaction_of(named(name, rows[d][0].row_name(d))) for d in ("x", "z"))
-    across = next(one for one in base.part.supports if one.name in at_lug)
+    across = next(support for support in base.part.supports if support.name in at_lug)
     return PinAndCylinder((x, z), _names(name, across.row_name("z")))
 
 
 def _pressed(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[Pressed]:
-    """What stands between a body and the ground."""
+    """Everything that stands between a body and the ground."""
     body, moves = scene.names[member.number], directions(member)
     count = len(next(iter(along.values())))
     travelled = np.zeros(count) if member.jointed else along[SLIDER]
@@ -129,9 +129,9 @@ def _names(body: str, what: str) -> tuple[str, ...]:
 
 def _wrench(place: Array, direction: str) -> Array:
     """Force and moment (T, 6) about the pivot of a unit force, or moment, at a place (T, 3) m from it."""
-    axis, found = np.eye(3)["xyz".index(direction[-1])], np.zeros((len(place), 6))
+    axis, wrench = np.eye(3)["xyz".index(direction[-1])], np.zeros((len(place), 6))
     if direction.startswith("r"):
-        found[:, 3:] = axis
+        wrench[:, 3:] = axis
     else:
-        found[:, :3], found[:, 3:] = axis, np.cross(place, axis)
-    return found
+        wrench[:, :3], wrench[:, 3:] = axis, np.cross(place, axis)
+    return wrench

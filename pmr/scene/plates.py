@@ -33,12 +33,12 @@ class Side:
 
     @property
     def radius(self) -> float:
-        """Of an arc, m."""
+        """Radius of an arc, m."""
         return 0.0 if self.centre is None else float(np.hypot(*np.subtract(self.start, self.centre)))
 
     @property
     def length(self) -> float:
-        """Of the mid-line, m."""
+        """Length of the mid-line, m."""
         return self.radius * self.angle if self.centre is not None else float(np.hypot(*self._chord))
 
     def cells(self, size: float) -> int:
@@ -75,7 +75,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Corner:
-    """Where two flat plates would meet if nothing were rounded; its outside."""
+    """Corner where two flat plates would meet outside if nothing were rounded."""
 
     name: str
     at: Pair  # (y, z) m
@@ -114,36 +114,36 @@ class Edge:
         return math.acos(max(-1.0, min(1.0, float(before.along @ self.along))))
 
     def trim(self, before: Edge) -> float:
-        """What the arc at this corner takes from both plates, m."""
+        """Length that the arc at this corner takes from both plates, m."""
         return self.radius * math.tan(self.turn(before) / 2.0)
 
 
 def sides_of(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
     """Flat plates longer than `nothing`, and arcs."""
-    found = list[Side]()
+    sides = list[Side]()
     for k, edge in enumerate(edges):
         after = edges[(k + 1) % len(edges)]
         a, b = edge.start + edge.trim(edges[k - 1]) * edge.along, edge.end - after.trim(edge) * edge.along
         if (b - a) @ edge.along > nothing:
-            found.append(Side(edge.face, _pair(a), _pair(b), edge.thickness))
+            sides.append(Side(edge.face, _pair(a), _pair(b), edge.thickness))
         if after.radius:
             end, centre = after.start + after.trim(edge) * after.along, b - after.radius * edge.out
             angle = after.turn(edge)
-            found.append(Side(after.arc, _pair(b), _pair(end), after.arc_thickness, _pair(centre), angle))
-    return tuple(found)
+            sides.append(Side(after.arc, _pair(b), _pair(end), after.arc_thickness, _pair(centre), angle))
+    return tuple(sides)
 
 
 def corners_of(edges: Sequence[Edge]) -> tuple[Corner, ...]:
-    """As if all were sharp."""
-    found = list[Corner]()
+    """Corners of a profile as if all were sharp."""
+    corners = list[Corner]()
     for k, edge in enumerate(edges):
         before = edges[k - 1]
         walls = np.array([before.thickness, edge.thickness])
         at = edge.start + np.linalg.solve(np.array([before.out, edge.out]), walls / 2.0)
-        up, beside = sorted((before.face, edge.face), key=lambda face: face not in ("bottom", "top"))
-        name = f"{before.face} - {edge.face}" if " " in up + beside else f"{up} {beside}"
-        found.append(Corner(name, _pair(at), float(walls.min())))
-    return tuple(found)
+        up, side = sorted((before.face, edge.face), key=lambda face: face not in ("bottom", "top"))
+        name = f"{before.face} - {edge.face}" if " " in up + side else f"{up} {side}"
+        corners.append(Corner(name, _pair(at), float(walls.min())))
+    return tuple(corners)
 
 
 def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
@@ -152,7 +152,7 @@ def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
     Negative: so far it stands out.
     """
     places = [place for k in range(len(inner)) for place in _outside(inner, k)]
-    found = dict[str, float]()
+    gap_of_face = dict[str, float]()
     for side in outer:
         if side.centre is None:
             room = [float(side.normal @ (np.array(side.start) - p)) - side.thickness / 2.0 for p in places]
@@ -160,8 +160,8 @@ def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
             arms = [p - side.centre for p in places]
             within = [float(np.hypot(*arm)) for arm in arms if _faces(side, arm)]
             room = [side.radius - side.thickness / 2.0 - distance for distance in within]
-        found[side.name] = min(room, default=np.inf)
-    return found
+        gap_of_face[side.name] = min(room, default=np.inf)
+    return gap_of_face
 
 
 def _outside(sides: Sequence[Side], k: int) -> list[Array]:

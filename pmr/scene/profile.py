@@ -66,13 +66,13 @@ class BoxProfile(Section):
         (y0, z0), (y1, z1) = self.cut("bottom"), self.cut("top")
         right = [(-b + y1, h), (-b, h - z1), (-b, -h + z0)]
         ends = [np.array(p) for p in [(-b + y0, -h), (b - y0, -h), (b, -h + z0), (b, h - z1), (b - y1, h), *right]]
-        alike, found = self.thickness("bottom") == self.thickness("top"), list[Edge]()
+        alike, edges = self.thickness("bottom") == self.thickness("top"), list[Edge]()
         for face, start, end in zip(FACES, ends, [*ends[1:], ends[0]], strict=True):
             half: Half = "top" if start[1] > -self.nothing else "bottom"
             arc = CORNERS if alike else f"{half} {CORNERS}"
             edge = Edge(face, start, end, self.thickness(face), arc, self.radius_at(half), self.thickness(half))
-            found += [edge] * (edge.length > self.nothing)
-        return found
+            edges += [edge] * (edge.length > self.nothing)
+        return edges
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -86,7 +86,7 @@ class BoxProfile(Section):
 
     @property
     def corners(self) -> tuple[Corner, ...]:
-        """Of the plates, around the profile; rounded ones as if they were sharp."""
+        """Corners of the plates, around the profile; rounded ones as if they were sharp."""
         return corners_of(self.edges)
 
     @property
@@ -101,7 +101,7 @@ class BoxProfile(Section):
         return NOTHING * max(self.width, self.height)
 
     def thickness(self, face: str) -> float:
-        """Of the plate on a face, m; of bottom and top also that of rounded corners there."""
+        """Thickness of the plate on a face, m; of bottom and top also that of rounded corners there."""
         if not isinstance(self.wall, dict):
             return self.wall
         by_name = {str(name): wall for name, wall in self.wall.items()}
@@ -109,7 +109,7 @@ class BoxProfile(Section):
         return by_name.get(face, by_name.get(half, 0.0))
 
     def radius_at(self, half: Half) -> float:
-        """Of the corners at the bottom or at the top, m."""
+        """Radius of the corners at the bottom or at the top, m."""
         return self.radius.get(half, 0.0) if isinstance(self.radius, dict) else self.radius
 
     def cut(self, half: Half) -> Pair:
@@ -148,7 +148,7 @@ def _check_walls(profile: BoxProfile) -> None:
 
 
 def _mitre(edge: Edge, other: Edge, angle: float) -> float:
-    """What an edge lacks inside where it meets another, m."""
+    """Length that an edge lacks inside where it meets another one, m."""
     return float((other.thickness - edge.thickness * np.cos(angle)) / (2.0 * np.sin(angle)))
 
 
@@ -158,12 +158,14 @@ def _check_radii(profile: BoxProfile) -> None:
     for half in ("bottom", "top"):
         r, wall, most = profile.radius_at(half), profile.thickness(half), np.inf
         for k, edge in enumerate(edges):
-            tangents, rest = 0.0, edge.length
+            tangents, straight = 0.0, edge.length
             for after, before in ((edge, edges[k - 1]), (edges[(k + 1) % len(edges)], edge)):
-                own = not isinstance(profile.radius, dict) or (after.start[1] > -profile.nothing) == (half == "top")
-                tangents += own * np.tan(after.turn(before) / 2.0)
-                rest -= 0.0 if own else after.trim(before)
-            most = min(most, max(rest, 0.0) / tangents) if tangents else most
+                has_radius = not isinstance(profile.radius, dict) or (after.start[1] > -profile.nothing) == (
+                    half == "top"
+                )
+                tangents += has_radius * np.tan(after.turn(before) / 2.0)
+                straight -= 0.0 if has_radius else after.trim(before)
+            most = min(most, max(straight, 0.0) / tangents) if tangents else most
         if r and not wall / 2.0 < r <= most + profile.nothing:
             allowed = f"0 is allowed, or more than {wall / 2.0:g} m, half the wall, and at most {most:g} m"
             raise of_key("radius", profile.radius, allowed)

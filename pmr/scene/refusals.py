@@ -23,13 +23,13 @@ _FEW, _NAMED = 12, 8
 
 
 def of_key(key: str, value: Any, allowed: str) -> PydanticCustomError:
-    """What a validator of a whole table raises where one of its keys is meant."""
+    """Error that a validator of a whole table raises about one of its keys."""
     return PydanticCustomError(_OF_A_KEY, "{allowed}", {"key": key, "value": value, "allowed": allowed})
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Where a value stands that is refused, the value (None: not shown) and what is allowed."""
+    """Location of a value that is refused, the value (None: not shown) and what is allowed."""
 
     location: Location
     value: Any
@@ -38,10 +38,12 @@ class Refusal:
     @classmethod
     def of(cls, error: ValidationError, model: type[BaseModel], data: Any) -> Refusal:
         """The first thing that pydantic refuses of what a file says; unknown keys go first."""
-        found = error.errors()
-        of_table = isinstance(found[0]["input"], (dict, list)) and found[0]["type"] == "float_type"
-        within = [e for e in found if of_table and e["input"] is not found[0]["input"]]  # a number, or a table of them
-        first = next((e for e in found if e["type"] == "extra_forbidden"), [*within, found[0]][0])
+        errors = error.errors()
+        of_table = isinstance(errors[0]["input"], (dict, list)) and errors[0]["type"] == "float_type"
+        within = [
+            e for e in errors if of_table and e["input"] is not errors[0]["input"]
+        ]  # a number, or a table of them
+        first = next((e for e in errors if e["type"] == "extra_forbidden"), [*within, errors[0]][0])
         spelled = {key for _, _, key, _ in keys_of(data)} | {""}  # not the branches of unions
         location: list[str | int] = [part for part in first["loc"] if isinstance(part, int) or part in spelled]
         value, allowed, about = first["input"], first["msg"].removeprefix("Value error, "), first.get("ctx", {})
@@ -52,9 +54,9 @@ class Refusal:
             case "extra_forbidden":
                 allowed = _unknown(str(first["loc"][-1]), value, model.model_json_schema(), first["loc"][:-1])
             case "union_tag_invalid":
-                known = re.findall(r"'(\w+)'", about["expected_tags"])
+                tags = re.findall(r"'(\w+)'", about["expected_tags"])
                 location, value = [*location, "kind"], about["tag"]
-                allowed = f"{hint(value, known)}{', '.join(known)} are allowed"
+                allowed = f"{hint(value, tags)}{', '.join(tags)} are allowed"
             case "literal_error":
                 close = hint(value, re.findall(r"'([\w-]+)'", about["expected"]))
                 allowed = f"{close}{about['expected']} is allowed"
@@ -68,15 +70,15 @@ class Refusal:
 
 
 def keys_of(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, str, Any]]:
-    """Where each key of nested tables stands, the same without places in lists, the key itself, and what it holds."""
+    """Keys of nested tables: where each stands, the same without places in lists, the key itself, and its value."""
     if isinstance(data, list):
         for i, part in enumerate(data):
             yield from keys_of(part, f"{location}[{i}]", name)
     elif isinstance(data, Mapping):
         for key, value in data.items():
-            here, called = (f"{prefix}.{key}" if prefix else str(key) for prefix in (location, name))
-            yield here, called, key, None if isinstance(value, (Mapping, list)) else value
-            yield from keys_of(value, here, called)
+            place, dotted_name = (f"{prefix}.{key}" if prefix else str(key) for prefix in (location, name))
+            yield place, dotted_name, key, None if isinstance(value, (Mapping, list)) else value
+            yield from keys_of(value, place, dotted_name)
 
 
 def dotted(location: Location) -> str:
@@ -85,7 +87,7 @@ def dotted(location: Location) -> str:
 
 
 def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
-    """What may be meant instead of a key, and which keys its table has: of a large one those like it, and the first.
+    """Explain an unknown key: which one may be meant, and which keys its table has.
 
     A key may be meant that it is like, in its table or in all of the file; or, of a table, the same key further down.
     """
@@ -94,19 +96,19 @@ def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
         of_kind = [table for table in tables if table["properties"].get("kind", {}).get("const") == part]
         within = [inner for table in tables for inner in _tables(table["properties"].get(part, {}), parts)]
         tables = of_kind or within or tables  # a name in a table of names leads no further
-    known = [*dict.fromkeys(key for table in tables for key in table["properties"])]
-    known += ["extends"] * (tables[0] is schema)
-    paths = _paths(schema) | {name: name for name in known}
-    near = [*get_close_matches(key, known, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.8)]
+    allowed_keys = [*dict.fromkeys(key for table in tables for key in table["properties"])]
+    allowed_keys += ["extends"] * (tables[0] is schema)
+    paths = _paths(schema) | {name: name for name in allowed_keys}
+    near = [*get_close_matches(key, allowed_keys, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.8)]
     holds = isinstance(value, (Mapping, list))
     below = {f"{name}.{key}" for name, of in _inner(tables, parts) if any(_tables(of["properties"].get(key), parts))}
     only = below if holds and len(below) == 1 else ()
-    guesses = [*(paths[name] for name in near), *only, *get_close_matches(key, known)]
+    guesses = [*(paths[name] for name in near), *only, *get_close_matches(key, allowed_keys)]
     meant = f"did you mean {guesses[0]!r}? " if guesses else ""
-    if len(known) <= _FEW:
-        return f"unknown key; {meant}allowed: {', '.join(known)}"
-    named = [*dict.fromkeys([*get_close_matches(key, known), *known])][:_NAMED]
-    return f"unknown key; {meant}allowed: {', '.join(named)} and {len(known) - len(named)} more"
+    if len(allowed_keys) <= _FEW:
+        return f"unknown key; {meant}allowed: {', '.join(allowed_keys)}"
+    named = [*dict.fromkeys([*get_close_matches(key, allowed_keys), *allowed_keys])][:_NAMED]
+    return f"unknown key; {meant}allowed: {', '.join(named)} and {len(allowed_keys) - len(named)} more"
 
 
 def _inner(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[str, Schema]]:
@@ -118,15 +120,15 @@ def _inner(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[str, Schem
 
 def _paths(schema: Schema) -> dict[str, str]:
     """Each key that a single table of a file may have, and the shortest way to it."""
-    found, seen, ahead = dict[str, list[str]](), list[Schema](), [("", schema)]
+    prefixes_of, visited, ahead = dict[str, list[str]](), list[Schema](), [("", schema)]
     for prefix, node in ahead:  # which grows meanwhile
         for table in _tables(node, schema.get("$defs", {})):
-            if not any(table is one for one in seen):
-                seen.append(table)
+            if not any(table is visited_table for visited_table in visited):
+                visited.append(table)
                 for key, inner in table["properties"].items():
-                    found.setdefault(key, []).append(f"{prefix}{key}")
+                    prefixes_of.setdefault(key, []).append(f"{prefix}{key}")
                     ahead.append((f"{prefix}{key}.", inner))
-    return {key: paths[0] for key, paths in found.items() if len(paths) == 1}
+    return {key: paths[0] for key, paths in prefixes_of.items() if len(paths) == 1}
 
 
 def _tables(node: Any, parts: Schema) -> Iterator[Schema]:

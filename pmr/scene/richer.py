@@ -31,21 +31,23 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
         raise _none("none", "not measured: compare.richer = 'none' leaves it out")
     if scene.compare.richer == "auto":
         return _unasked(scene)
-    asked, own = scene.compare.richer, [model_of(member) for member in members(scene)]
-    known = [ORDER.index(model) for model in own if model in ORDER]
-    if len(known) < len(own) or max(known) == len(ORDER) - 1:
-        models = " and ".join(dict.fromkeys(own))
-        raise _none(asked, f"a shell is the richest model there is to compare with, beams are less; this is {models}")
-    richer = ORDER[max(known) + 1] if asked == "next" else asked
-    if ORDER.index(richer) <= max(known):
-        raise _none(asked, f"{' and '.join(dict.fromkeys(own))} knows as much")
+    richer_model, models_of_scene = scene.compare.richer, [model_of(member) for member in members(scene)]
+    ranks = [ORDER.index(model) for model in models_of_scene if model in ORDER]
+    if len(ranks) < len(models_of_scene) or max(ranks) == len(ORDER) - 1:
+        models = " and ".join(dict.fromkeys(models_of_scene))
+        raise _none(
+            richer_model, f"a shell is the richest model there is to compare with, beams are less; this is {models}"
+        )
+    richer = ORDER[max(ranks) + 1] if richer_model == "next" else richer_model
+    if ORDER.index(richer) <= max(ranks):
+        raise _none(richer_model, f"{' and '.join(dict.fromkeys(models_of_scene))} knows as much")
     if any(part.body.box is None for part in scene.sections):
-        raise _none(asked, "a box is needed to make one of")
+        raise _none(richer_model, "a box is needed to make one of")
     if richer == "shell" and any(part.body.section is not None for part in scene.sections):
-        raise _none(asked, "body.section gives stiffnesses that a shell of the box does not have")
+        raise _none(richer_model, "body.section gives stiffnesses that a shell of the box does not have")
     if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
-        raise _none(asked, "walls that give way are to be compared with a shell")
-    return alike(scene), _with(scene, [richer] * len(own)), richer
+        raise _none(richer_model, "walls that give way are to be compared with a shell")
+    return alike(scene), _with(scene, [richer] * len(models_of_scene)), richer
 
 
 def _unasked(scene: Scene) -> tuple[Scene, Scene, str]:
@@ -53,23 +55,23 @@ def _unasked(scene: Scene) -> tuple[Scene, Scene, str]:
     of the scene, and are compared with shells on the same ones: what such cells are off by is in both.
     """
     compare = scene.compare.model_copy(update={"richer": ORDER[-1]})
-    own, shells, called = beside(scene.model_copy(update={"compare": compare}))
+    of_scene, shells, called = beside(scene.model_copy(update={"compare": compare}))
     by = 1.0 if any(part.body.walls == "give" for part in scene.sections) else COARSE
     if sum(rectangles(part, by) for part in shells.sections) > MOST_RECTANGLES:
         minutes = (FIXED + EACH * sum(rectangles(part, 1.0) for part in shells.sections)) / 60.0
         raise _none("auto", f"not measured; compare.richer = 'shell' measures it, in some {minutes:.2g} minutes")
     if by == 1.0:
-        return own, shells, called
+        return of_scene, shells, called
     parts = []
     for part in shells.sections:
         along = part.mesh.along and by * part.mesh.along
         cells = part.mesh.model_copy(update={"size": by * part.mesh.size, "along": along})
         parts.append(part.model_copy(update={"mesh": cells}))
-    return own, shells.model_copy(update={"sections": tuple(parts)}), f"coarse {called}"
+    return of_scene, shells.model_copy(update={"sections": tuple(parts)}), f"coarse {called}"
 
 
 def rectangles(part: Part, by: float) -> float:
-    """Of cells of a shell, `by` times as long."""
+    """Number of cells of a shell, `by` times as long."""
     assert part.body.box is not None  # as `beside` says
     around, along = by * part.mesh.size, by * (part.mesh.along or part.mesh.size)
     return sum(max(2.0, side.length / around) for side in part.body.box.sides) * part.length / along
@@ -86,18 +88,20 @@ def candidates(scene: Scene) -> list[Scene]:
         return []
     least = max(ORDER.index(model_of(member)) for member in open_)
     beams = [(walls, model) for walls in ("rigid", "give") for model in ORDER[least:-1]]
-    asked = [walls for walls in ("rigid", "give") if any(one.part.body.walls == walls for one in open_)][-1]
-    found = [_decided(scene, model, walls) for walls, model in beams if asked in ("rigid", walls)]
-    return [*filter(_sound, found), _decided(scene, ORDER[-1], "rigid")]
+    walls_of_scene = [walls for walls in ("rigid", "give") if any(member.part.body.walls == walls for member in open_)][
+        -1
+    ]
+    beam_scenes = [_decided(scene, model, walls) for walls, model in beams if walls_of_scene in ("rigid", walls)]
+    return [*filter(_sound, beam_scenes), _decided(scene, ORDER[-1], "rigid")]
 
 
-def alike(one: Scene) -> Scene:
+def alike(scene: Scene) -> Scene:
     """The scene with its models, but places and a reduction by which models can be compared."""
-    return _with(one, [model_of(member) for member in members(one)])
+    return _with(scene, [model_of(member) for member in members(scene)])
 
 
 def _decided(scene: Scene, model: str, walls: str) -> Scene:
-    """With this model and these walls wherever none is known."""
+    """Return the scene with this model and these walls wherever none is chosen."""
     parts = []
     for member in members(scene):
         part = member.part
@@ -117,8 +121,8 @@ def _sound(scene: Scene) -> bool:
     return True
 
 
-def _none(asked: str, why: str) -> InputError:
-    return InputError("scene", "compare.richer", asked, why)
+def _none(value: str, why: str) -> InputError:
+    return InputError("scene", "compare.richer", value, why)
 
 
 def _with(scene: Scene, models: list[str]) -> Scene:

@@ -35,13 +35,13 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
     joined = [name for name in names if follows[name] is not None or name in {*follows.values(), *ropes}]
 
     def of(name: str) -> dict[str, float]:
-        found = {name: 1.0}
+        shares = {name: 1.0}
         for other in joined:
             if follows[other] == name:
                 ratio = scene.joint(scene.names.index(other)).ratio
-                for one, share in of(other).items():
-                    found[one] = found.get(one, 0.0) + ratio * share
-        return found
+                for carried, share in of(other).items():
+                    shares[carried] = shares.get(carried, 0.0) + ratio * share
+        return shares
 
     return {name: of(name) for name in joined}
 
@@ -64,7 +64,7 @@ def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
 
 
 def rope_length(scene: Scene, number: int) -> float | None:
-    """Of the rope of a section, 1 or more, in m, where the section's extension is 0.
+    """Length of the rope of a section, 1 or more, in m, where the section's extension is 0.
 
     None without one, or where it goes another way and none is given.
     """
@@ -78,7 +78,7 @@ def rope_length(scene: Scene, number: int) -> float | None:
 
 
 def longest(scene: Scene, number: int) -> float:
-    """Of such a rope on the whole way, m; negative where it is used up on the way."""
+    """Greatest length of such a rope on the whole way, m; negative where it is used up on the way."""
     rope, length = scene.joint(number).rope, rope_length(scene, number)
     assert rope is not None and length is not None  # as the scene's checks say
     ends = [length + rope.lengthens * s for s in scene.extension(number).bounds(0.0, scene.time.end)]
@@ -94,7 +94,7 @@ class Drive:
 
     @classmethod
     def of(cls, scene: Scene, number: int) -> Drive:
-        """Of a section, 1 or more."""
+        """Drive of a section, 1 or more."""
         joint = scene.joint(number)
         if joint.rope is not None:
             length, EA = rope_length(scene, number), joint.rope.strands * joint.rope.EA

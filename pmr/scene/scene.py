@@ -36,7 +36,7 @@ class BodyFile(OneBody, Whole):
 
 
 def _with_common(schema: dict[str, Any]) -> None:
-    """What sections have in common is said once."""
+    """Describe in the schema once which keys all sections share."""
     about = "Keys that every section has unless it has its own"
     schema["properties"]["section"] = {"type": "object", "description": about, "default": {}}
 
@@ -57,13 +57,13 @@ class Scene(Listed):
         if "sections" not in data:
             return cls._fields_of(BodyFile.model_validate(data))
         common, sections = data.get("section", {}), data["sections"]
-        rest = {key: value for key, value in data.items() if key != "section"}
+        content = {key: value for key, value in data.items() if key != "section"}
         if not isinstance(common, dict):
             raise of_key("section", None, "a table of keys is allowed")
         if not isinstance(sections, list):
-            return rest
+            return content
         base = {key: value for key, value in common.items() if key != "joint"}  # which slides in nothing
-        return rest | {
+        return content | {
             "sections": [
                 _extended(common if number else base, part) if isinstance(part, dict) else part
                 for number, part in enumerate(sections)
@@ -86,15 +86,15 @@ class Scene(Listed):
 
     @model_serializer(mode="wrap")
     def _written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        found: dict[str, Any] = handler(self)
-        return found if self.sections[0].name else _at_the_top(found)
+        content: dict[str, Any] = handler(self)
+        return content if self.sections[0].name else _at_the_top(content)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """With some fields changed; keys of a body are those of a body alone."""
+        """Return a copy with some fields changed; keys of a body are those of a body alone."""
         changed = dict(update or {})
-        own = {key: changed.pop(key) for key in OF_A_BODY & set(changed)}
-        if own:
-            changed["sections"] = (self.alone.model_copy(update=own),)
+        of_body = {key: changed.pop(key) for key in OF_A_BODY & set(changed)}
+        if of_body:
+            changed["sections"] = (self.alone.model_copy(update=of_body),)
         return super().model_copy(update=changed, deep=deep)
 
     @property
@@ -114,7 +114,7 @@ class Scene(Listed):
 
     @property
     def files_read(self) -> dict[str, Path]:
-        """What is read to make its models, by the table that names it, such as ``mesh`` or ``sections[1].mesh``."""
+        """Files that models are made from, by the table that names each, such as ``mesh`` or ``sections[1].mesh``."""
         several = len(self.sections) > 1
         return {
             (f"sections[{number}]." if several else "") + table: file
@@ -124,7 +124,7 @@ class Scene(Listed):
 
     @property
     def recorded(self) -> dict[str, Any]:
-        """What a saved model says of the scene that it was made from: ``scene``, ``scene_hash``, ``files``.
+        """Record of the scene in a saved model: ``scene``, ``scene_hash``, ``files``.
 
         Files are named without their folders, and by the SHA-256 of what they hold.
         """
@@ -153,7 +153,7 @@ class Scene(Listed):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the bodies; a body alone has the empty name."""
+        """Names of the bodies; a body alone has the empty name."""
         return (ALONE,) if len(self.sections) == 1 else tuple(part.name for part in self.sections)
 
     @property
@@ -163,7 +163,7 @@ class Scene(Listed):
 
     @property
     def ordered(self) -> asked.Accuracy | asked.Budget | None:
-        """What decides coordinates and step in place of the scene."""
+        """Accuracy or budget that decides coordinates and step in place of the scene; None without."""
         return self.accuracy or self.budget
 
     @property
@@ -190,12 +190,12 @@ class Scene(Listed):
         return Linear(signal=followed, ratio=joint.ratio, offset=joint.offset)
 
     def reach(self, t: ArrayLike) -> Array:
-        """Where the tip is along the boom, from the tail of the base, m at the times t."""
+        """Reach of the tip along the boom from the tail of the base, m, at the times t."""
         tails = [self.extension(number).value(t) for number in range(1, len(self.sections))]
         return np.asarray(np.sum([np.zeros_like(np.asarray(t, float)), *tails], axis=0) + self.sections[-1].length)
 
     def along(self, t: ArrayLike) -> Array:
-        """Where the way has led at the times t, m: the path coordinate of a body alone, the reach of sections."""
+        """Path coordinate of a body alone, or reach of sections, m, at the times t."""
         return self.reach(t) if len(self.sections) > 1 else np.asarray(self.slider.path.value(t))
 
     def without_loads(self) -> Self:
@@ -210,10 +210,10 @@ class Scene(Listed):
 
 
 def _at_the_top(content: dict[str, Any]) -> dict[str, Any]:
-    """What a scene of one body says, with what is said of the body at the top."""
+    """Content of a scene of one body, with the keys of the body at the top."""
     sections = content.pop("sections", [])
-    for own in sections:
-        content |= {key: value for key, value in own.items() if key in OF_A_BODY}
+    for section in sections:
+        content |= {key: value for key, value in section.items() if key in OF_A_BODY}
     return content
 
 

@@ -40,49 +40,49 @@ def scenes() -> Schema:
 def of(schemas: Sequence[Schema], title: str) -> Schema:
     """The schema of files that fit one of several pydantic models; parts of one name are the same in all of them."""
     parts: Schema = {}
-    whole, extending = [], []
+    complete, extending = [], []
     for schema in schemas:
-        own = _spoken(schema)
-        parts |= own.pop("$defs", {})
-        changed = _in_part(own)
+        spelled_schema = _spoken(schema)
+        parts |= spelled_schema.pop("$defs", {})
+        changed = _in_part(spelled_schema)
         changed["properties"]["extends"] = EXTENDS
-        whole.append(own)
+        complete.append(spelled_schema)
         extending.append(changed | {"required": ["extends"]})
     parts |= {f"{name}{IN_PART}": _in_part(part) for name, part in parts.items()}
-    return {"$schema": DRAFT, "title": title, "$defs": parts, "anyOf": [*whole, *extending]}
+    return {"$schema": DRAFT, "title": title, "$defs": parts, "anyOf": [*complete, *extending]}
 
 
 def _spoken(node: Any) -> Any:
-    """The same in draft 7, with units where an editor shows them, and numbers for signals."""
+    """Rewrite a schema in draft 7, with units where an editor shows them, and numbers for signals."""
     if isinstance(node, list):
-        return [_spoken(one) for one in node]
+        return [_spoken(entry) for entry in node]
     if not isinstance(node, dict):
         return node
-    found = {key: _spoken(value) for key, value in node.items() if key != "discriminator"}
-    if "prefixItems" in found:
-        found["items"] = found.pop("prefixItems")
+    spelled_node = {key: _spoken(value) for key, value in node.items() if key != "discriminator"}
+    if "prefixItems" in spelled_node:
+        spelled_node["items"] = spelled_node.pop("prefixItems")
     if "constant" in node.get("discriminator", {}).get("mapping", {}):
-        found["anyOf"] = [{"type": "number"}, {"oneOf": found.pop("oneOf")}]
+        spelled_node["anyOf"] = [{"type": "number"}, {"oneOf": spelled_node.pop("oneOf")}]
     if isinstance(node.get("description"), str) and isinstance(node.get("unit"), str) and node["unit"] != "1":
-        found["description"] += f", in {node['unit']}"
-    return found
+        spelled_node["description"] += f", in {node['unit']}"
+    return spelled_node
 
 
 def _in_part(node: Any) -> Any:
-    """The same with nothing required, and with changes of single entries where there are lists of tables."""
+    """Rewrite a schema with nothing required, and with changes of single entries where there are lists of tables."""
     if isinstance(node, list):
-        return [_in_part(one) for one in node]
+        return [_in_part(entry) for entry in node]
     if not isinstance(node, dict):
         return node
-    found = {key: _in_part(value) for key, value in node.items()}
-    if isinstance(found.get("required"), list):
-        del found["required"]
+    part = {key: _in_part(value) for key, value in node.items()}
+    if isinstance(part.get("required"), list):
+        del part["required"]
     if isinstance(node.get("$ref"), str) and not node["$ref"].endswith(IN_PART):
-        found["$ref"] = f"{node['$ref']}{IN_PART}"
+        part["$ref"] = f"{node['$ref']}{IN_PART}"
     if isinstance(node.get("oneOf"), list):
-        found["anyOf"] = found.pop("oneOf")
+        part["anyOf"] = part.pop("oneOf")
     if node.get("type") == "array" and "$ref" in str(node.get("items")):
-        about = {key: found.pop(key) for key in ("description", "default", "title") if key in found}
-        entries = {"type": "object", "additionalProperties": found["items"]}
-        found = {**about, "anyOf": [found, entries]}
-    return found
+        about = {key: part.pop(key) for key in ("description", "default", "title") if key in part}
+        entries = {"type": "object", "additionalProperties": part["items"]}
+        part = {**about, "anyOf": [part, entries]}
+    return part

@@ -142,7 +142,7 @@ def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
 
 @cache
 def usual_of(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
-    """What is usual of these numbers, all of which holds."""
+    """Usual ranges of these numbers, all of which hold."""
     return tuple(part for part in _declared(section, key) if isinstance(part, Usual))
 
 
@@ -159,24 +159,24 @@ def _annotations(parts: tuple[Any, ...]) -> Iterator[Any]:
 
 def check_sizes(part: Section) -> None:
     """Refuse any number, in a section or in those within it, that is out of its range."""
-    for key, value, known in _sized(part, ""):
-        if not known.low <= value <= known.high:
+    for key, value, quantity in _sized(part, ""):
+        if not quantity.low <= value <= quantity.high:
             raise InputError(
-                "scene", key, value, f"a number from {known.low:g} to {known.high:g} is allowed (SI units)"
+                "scene", key, value, f"a number from {quantity.low:g} to {quantity.high:g} is allowed (SI units)"
             )
 
 
-def _sized(part: Any, key: str, known: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
+def _sized(part: Any, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
     """Key and value of every number in a section and in those within it, and what is known of it."""
-    if isinstance(part, (int, float)) and known is not None:
-        yield key, part, known
+    if isinstance(part, (int, float)) and quantity is not None:
+        yield key, part, quantity
     elif isinstance(part, (tuple, list)):
-        for i, one in enumerate(part):
-            yield from _sized(one, f"{key}[{i}]", known)
+        for i, entry in enumerate(part):
+            yield from _sized(entry, f"{key}[{i}]", quantity)
     elif isinstance(part, dict):
-        for name, one in part.items():
-            yield from _sized(one, f"{key}.{name}", known)
+        for name, entry in part.items():
+            yield from _sized(entry, f"{key}.{name}", quantity)
     elif isinstance(part, Section):
         for name in type(part).model_fields:
-            here = f"{key}.{name}" if key else name
-            yield from _sized(getattr(part, name), here, quantity_of(type(part), name))
+            entry_key = f"{key}.{name}" if key else name
+            yield from _sized(getattr(part, name), entry_key, quantity_of(type(part), name))

@@ -10,7 +10,7 @@ from pmr.errors import InputError
 
 @dataclass(frozen=True)
 class Needs:
-    """What a body on its way asks of a simulator; rows by their names."""
+    """Needs of a body on its way that a simulator has to meet; rows by their names."""
 
     pushing: tuple[str, ...] = ()  #: Rows that only push
     #: Those of them that neither a pad's stiffness nor residual flexibility lets give way
@@ -24,7 +24,7 @@ class Needs:
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a simulator declares to do; its integration in time is generalized-alpha, which damps less than rho_inf."""
+    """Capabilities of a simulator; it integrates by generalized-alpha, which damps less than rho_inf says."""
 
     rows_that_push: bool = False
     rows_that_give_way: bool = True
@@ -46,7 +46,7 @@ SIMULATORS = {
 
 @dataclass(frozen=True)
 class Asked:
-    """Where a simulator is named: file or ``"scene"``, key and value there."""
+    """Place where a simulator is named: file or ``"scene"``, key and value there."""
 
     source: str
     key: str
@@ -57,9 +57,9 @@ class Asked:
 REFERENCE = Asked("scene", "compare.against", ["full"])
 
 
-def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
+def refuse(name: str, needs: Needs, place: Asked | None = None) -> None:
     """Refuse, by InputError, what the simulator of this name can't do, in a line that names the key that mends it."""
-    can, asked = SIMULATORS[name], asked or Asked("scene", "simulation.simulators", name)
+    can, place = SIMULATORS[name], place or Asked("scene", "simulation.simulators", name)
     lacking = {
         "rows_that_push": (needs.pushing, f"knows no rows that only push ({', '.join(needs.pushing)})"),
         "rows_that_give_way": (needs.giving, f"knows no rows that give way ({', '.join(needs.giving)})"),
@@ -68,9 +68,11 @@ def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
     }
     for capability, (needed, reason) in lacking.items():
         if needed and not getattr(can, capability):
-            able = [one for one, has in SIMULATORS.items() if has.reduced_models and getattr(has, capability)]
-            instead = "[]" if asked is REFERENCE else " or ".join(able)
-            raise InputError(asked.source, asked.key, asked.value, f"{instead} is allowed: {name} {reason}")
+            able = [
+                simulator for simulator, has in SIMULATORS.items() if has.reduced_models and getattr(has, capability)
+            ]
+            instead = "[]" if place is REFERENCE else " or ".join(able)
+            raise InputError(place.source, place.key, place.value, f"{instead} is allowed: {name} {reason}")
     if needs.rigid_pushing:
         allowed = (
             f"{', '.join(needs.rigid_pushing)} only push and are rigid: true, or a stiffness in N/m of the pads, is "
@@ -78,7 +80,7 @@ def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
         )
         raise InputError("scene", "reduction.flexibility", False, allowed)
     if needs.rho_inf == 1.0 and needs.rigid_moving:
-        without = ", or compare.against = []" if asked is REFERENCE else ""
+        without = ", or compare.against = []" if place is REFERENCE else ""
         allowed = (
             f"less than 1 is allowed while the rigid row {', '.join(needs.rigid_moving)} moves: an algebraic "
             "constraint (index 3) has multipliers that nothing damps, and they grow without bound; pads that give "

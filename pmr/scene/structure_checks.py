@@ -177,7 +177,7 @@ def _along_the_box(member: Member, box: Box) -> None:
 
 
 def _frames(box: Box) -> None:
-    """Of a beam; who draws a shell or solid says the same of its cells."""
+    """Check the frames of a beam; the shell's and solid's mesh does so for cells."""
     places = (0.0, *box.frames, box.length)
     if any(b <= a for a, b in pairwise(places)):
         allowed = f"ascending places within 0 and {box.length:g} m are allowed"
@@ -202,10 +202,10 @@ def _walls(member: Member) -> None:
 
 def _planar(member: Member) -> None:
     """A planar beam knows x, z and the rotation about y; what holds it along others does nothing."""
-    known = directions(member)
+    planar_directions = directions(member)
     for i, load in enumerate(member.part.loads):
-        if load.direction not in known:
-            allowed = f"{', '.join(known[:-1])} and {known[-1]} are allowed for beam2d, z is up"
+        if load.direction not in planar_directions:
+            allowed = f"{', '.join(planar_directions[:-1])} and {planar_directions[-1]} are allowed for beam2d, z is up"
             if load.direction == "x":
                 allowed = "an axial load needs body.profile.axial = true"
             raise refusal(f"loads[{i}].direction", load.direction, allowed)
@@ -244,9 +244,9 @@ def _along(member: Member, length: float, ring: PadRing, key: str) -> None:
     if start >= first - slack and end <= last + slack:
         return
     name, face, _ = ring.places[0] if ring.places else (ring.name, "any", 0.0)
-    moved = f" as s goes from {low:.6g} to {high:.6g} m" if ring.moving else ""
+    while_moving = f" as s goes from {low:.6g} to {high:.6g} m" if ring.moving else ""
     allowed = (
-        f"the pad {name} reaches from {start:.6g} to {end:.6g} m along the axis{moved}; "
+        f"the pad {name} reaches from {start:.6g} to {end:.6g} m along the axis{while_moving}; "
         f"the face {face} offers {first:.6g} to {last:.6g} m, all of a pad has to be on it"
         + ("; where the box tapers, its faces are not parallel to the axis" if (first, last) != (0.0, length) else "")
     )
@@ -288,5 +288,5 @@ def check_reserved(key: str, names: Iterable[str], reserved: Iterable[str]) -> N
 
 
 def refusal(key: str, value: Any, allowed: str) -> InputError:
-    """Of a scene's key; the reader of the file names the file."""
+    """Error of a scene's key; the reader of the file names the file."""
     return InputError("scene", key, value, allowed)

@@ -60,7 +60,7 @@ class Change:
 
 @dataclass
 class TomlFile:
-    """What a file and everything that it extends say, and where each key was written."""
+    """Content of a file and of everything that it extends, and where each key was written."""
 
     path: Path
     dialect: Dialect
@@ -71,7 +71,7 @@ class TomlFile:
     def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
         """Read a file; its ``extends`` key names a base file, relative to it, or a workflow; its own keys count."""
         file = cls(Path(path), dialect, {})
-        file.data = file._with_base(file.path, seen=())
+        file.data = file._with_base(file.path, extending=())
         return file
 
     def apply(self, change: Change) -> None:
@@ -94,22 +94,26 @@ class TomlFile:
         try:
             return model.model_validate(self.data)
         except ValidationError as error:
-            found = Refusal.of(error, model, self.data)
-            raise InputError(self.origin(found.location), dotted(found.location), found.value, found.allowed) from None
+            refused = Refusal.of(error, model, self.data)
+            raise InputError(
+                self.origin(refused.location), dotted(refused.location), refused.value, refused.allowed
+            ) from None
 
     def origin(self, key: str | Sequence[str | int]) -> str:
         """The file (or option) that wrote a key last, or something in its table, or the nearest one above it."""
         words = tuple(re.findall(r"\w+", key) if isinstance(key, str) else map(str, key))
-        inside = [source for known, source in self.origins.items() if words and known[: len(words)] == words]
+        inside = [
+            source for key_of_origin, source in self.origins.items() if words and key_of_origin[: len(words)] == words
+        ]
         above = [self.origins[words[:k]] for k in range(len(words), 0, -1) if words[:k] in self.origins]
         return (inside[-1:] or above or [str(self.path)])[0]
 
-    def _with_base(self, path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    def _with_base(self, path: Path, extending: tuple[Path, ...]) -> dict[str, Any]:
         what = self.dialect.name
         data = tables(path, what)
-        if path.resolve() in seen:
+        if path.resolve() in extending:
             raise InputError(str(path), "extends", None, "a file must not extend itself")
-        if len(seen) > DEEPEST:
+        if len(extending) > DEEPEST:
             raise InputError(str(path), "extends", None, f"at most {DEEPEST} files that extend one another are allowed")
         _anchor(data, path.parent, self.dialect.references)
         base: dict[str, Any] = {}
@@ -117,13 +121,13 @@ class TomlFile:
             extends = data.pop("extends")
             if not isinstance(extends, str):
                 raise InputError(str(path), "extends", extends, f"the name of a {what} is allowed")
-            beside = path.parent / extends
-            base_file = beside if isfile(beside) else workflow(extends)
+            file_beside = path.parent / extends
+            base_file = file_beside if isfile(file_beside) else workflow(extends)
             if base_file is None:
                 allowed = f"{hint(extends, workflows())}the name of a {what} is allowed; there is none"
-                allowed += ", but a folder" * (extends != "" and isdir(beside))
+                allowed += ", but a folder" * (extends != "" and isdir(file_beside))
                 raise InputError(str(path), "extends", extends, allowed)
-            base = self._with_base(base_file, (*seen, path.resolve()))
+            base = self._with_base(base_file, (*extending, path.resolve()))
             for key in self.dialect.own:
                 base.pop(key, None)
         self._forget_alternatives(base, data)
@@ -161,13 +165,13 @@ def override(text: str) -> Change:
 
 def laid_over(base: Mapping[str, Any], update: Mapping[str, Any]) -> dict[str, Any]:
     """Tables over others, as a file lies over the one that it extends."""
-    found = deepcopy(dict(base))
-    _merge(found, deepcopy(dict(update)), "scene", {})
-    return found
+    merged = deepcopy(dict(base))
+    _merge(merged, deepcopy(dict(update)), "scene", {})
+    return merged
 
 
 def tables(path: Path, what: str) -> dict[str, Any]:
-    """What one file says, nothing merged; raises InputError if there is no such file, or it is no TOML."""
+    """Read the tables of one file, nothing merged; an InputError is raised if it is missing, or no TOML."""
     if not isfile(path):
         close = hint(path.stem, workflows()) if path.name == str(path) else ""
         close = f"a change of a key stands behind {OPTION}" if "=" in path.name else close
@@ -183,19 +187,19 @@ def tables(path: Path, what: str) -> dict[str, Any]:
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    """What TOML says; ValueError for what is none, too deep or too long."""
+    """Parse TOML; a ValueError is raised for other texts, and for what is too deep or too long."""
     with suppress(RecursionError):
         if not _DEEP_KEY.search(text) and not _is_deep(data := tomllib.loads(text)):
             return data
     raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
 
 
-def _is_deep(data: Any, left: int = DEEPEST) -> bool:
+def _is_deep(data: Any, depth: int = DEEPEST) -> bool:
     """Whether tables and lists stand deeper within each other than allowed; ValueError at integers of over 64 bits."""
     if isinstance(data, int) and not -LONGEST <= data < LONGEST:
         raise ValueError("integers of 64 bits are allowed")
     inner = data.values() if isinstance(data, dict) else data if isinstance(data, list) else None
-    return inner is not None and (left < 0 or any(_is_deep(one, left - 1) for one in inner))
+    return inner is not None and (depth < 0 or any(_is_deep(entry, depth - 1) for entry in inner))
 
 
 def _anchor(data: Any, folder: Path, references: tuple[str, ...]) -> None:
@@ -217,21 +221,21 @@ def _merge(
     A table over a list changes the list's entries: its keys are their names, or their numbers from 0 on.
     """
     for key, value in update.items():
-        here, old = (*prefix, key), base.get(key)
+        location, old = (*prefix, key), base.get(key)
         if isinstance(value, Mapping) and isinstance(old, dict) and "kind" not in value:
-            _merge(old, value, source, origins, here)
+            _merge(old, value, source, origins, location)
         elif isinstance(value, Mapping) and isinstance(old, list):
             for name, part in value.items():
-                number = _entry(old, name, (source, *_leaf(dotted([*here, name]), part)))
+                number = _entry(old, name, (source, *_leaf(dotted([*location, name]), part)))
                 if isinstance(part, Mapping):
-                    _merge(old[number], part, source, origins, (*here, str(number)))
+                    _merge(old[number], part, source, origins, (*location, str(number)))
                 else:
                     old[number] = part  # what no entry can be, the model refuses
         else:
             base[key] = value
-            for known in [known for known in origins if known[: len(here)] == here]:
-                del origins[known]
-            origins[here] = source
+            for overwritten in [known for known in origins if known[: len(location)] == location]:
+                del origins[overwritten]
+            origins[location] = source
 
 
 def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
@@ -245,12 +249,12 @@ def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
         return int(name)
     if not tables:
         raise InputError(source, key, value, "this list can't be changed in part; set it as a whole")
-    known = ", ".join(str(i) if found is None else f"{found} ({i})" for i, found in enumerate(names))
-    allowed = f"the entries of this list are allowed, by name or number: {known}"
+    listed = ", ".join(str(i) if entry_name is None else f"{entry_name} ({i})" for i, entry_name in enumerate(names))
+    allowed = f"the entries of this list are allowed, by name or number: {listed}"
     before = key.removesuffix(name)
     if before.endswith("."):  # the key itself, and not what is inside
-        first = next((str(found) for found in names if found is not None), "0")
-        allowed = f"this is a list; which of its entries is said before {name}, as in {before}{first}.{name}: {known}"
+        first = next((str(entry_name) for entry_name in names if entry_name is not None), "0")
+        allowed = f"this is a list; which of its entries is said before {name}, as in {before}{first}.{name}: {listed}"
     raise InputError(source, key, value, allowed)
 
 

@@ -51,21 +51,21 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
     if "sections" not in file.data:
         _refuse_any(file, "", file.data, _of_body(member_at(scene), compared))
     else:
-        for number, (one, own) in enumerate(zip(members(scene), file.data["sections"], strict=True)):
-            _refuse_any(file, f"sections[{number}].", own, _of_body(one, compared))
+        for number, (member, section) in enumerate(zip(members(scene), file.data["sections"], strict=True)):
+            _refuse_any(file, f"sections[{number}].", section, _of_body(member, compared))
             if number:
-                _refuse_any(file, f"sections[{number}].", own, _of_joint(scene, number))
+                _refuse_any(file, f"sections[{number}].", section, _of_joint(scene, number))
     _refuse_any(file, "", file.data, _of_simulation(scene))
 
 
-def _refuse_any(file: TomlFile, prefix: str, own: Mapping[str, Any], found: Iterator[Unused]) -> None:
-    for one in found:
-        if not _stands(own, one.key):
+def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, Any], unused_keys: Iterator[Unused]) -> None:
+    for unused in unused_keys:
+        if not _stands(content, unused.key):
             continue
-        writer, decided = file.origin(prefix + one.key), _stands(own, one.by) or not prefix
-        decider = file.origin(prefix + one.by if decided else f"section.{one.by}") if one.by else writer
+        writer, decided = file.origin(prefix + unused.key), _stands(content, unused.by) or not prefix
+        decider = file.origin(prefix + unused.by if decided else f"section.{unused.by}") if unused.by else writer
         if writer == OPTION or writer == decider == str(file.path):
-            raise refusal(f"{prefix}{one.key}", None, f"leave it out: {one.why}")
+            raise refusal(f"{prefix}{unused.key}", None, f"leave it out: {unused.why}")
 
 
 def _stands(data: Any, key: str) -> bool:

@@ -14,7 +14,7 @@ from pmr.scene.section import Section, Text
 
 
 class Whole(Section):
-    """What is asked of all bodies together."""
+    """Tables about all bodies together."""
 
     title: Text = Field(description="Title of the report")
     gravity: Gravity | None = Field(

@@ -25,15 +25,15 @@ def workflow(name: str) -> Path | None:
     return workflows().get(name.removesuffix(".toml"))
 
 
-def found(asked: Path, within: str) -> Path:
+def found(path: Path, within: str) -> Path:
     """The file itself, the one called `within` in a folder, or a workflow by its name; else what was asked for.
 
     A folder of results that is called as a workflow doesn't hide it.
     """
     try:
-        if asked.is_dir() and (asked / within).is_file():
-            return asked / within
-        there = asked.exists() and not asked.is_dir()
+        if path.is_dir() and (path / within).is_file():
+            return path / within
+        is_usable = path.exists() and not path.is_dir()
     except OSError:  # a name that no file can have
-        there = True
-    return asked if there else workflow(str(asked)) or asked  # what is wrong with it, its reader says
+        is_usable = True
+    return path if is_usable else workflow(str(path)) or path  # what is wrong with it, its reader says

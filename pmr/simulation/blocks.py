@@ -87,7 +87,6 @@ def in_blocks(
     It takes steps first to last, the latter excluded; then `taken` learns of them, and `progress` of the share that is
     done.  Where steps may be as `heavy` as so many, the first blocks are smaller.
     """
-    advance(1, 1)  # none: what is compiled or loaded for the first time is not the solver's time
     first, seconds, size = 1, 0.0, max(1, most // heavy)
     while first < end:
         last = min(first + size, end)

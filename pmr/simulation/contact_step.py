@@ -6,7 +6,7 @@ A body that lands on closed pads swings on them, for half a period of
 
 taken over the rows that only push.  A step with h omega of 1 or more takes the energy of an impact and most of its
 force; what is lost falls with the square (docs/pads.md).  So a step is made in equal parts, as many as h omega takes;
-that is the most, and an estimate of the error decides (`pmr.simulation.native.levels`).
+that is the most, and an estimate of the error decides (src/substeps.c of `pmr.kernel`).
 """
 
 from __future__ import annotations

@@ -73,7 +73,8 @@ class FreeBase:
             raise InputError("scene", "frame", None, allowed)
         n = assembly.size
         sections = [_carried(scene, k, system.reduced[name], assembly) for k, name in enumerate(scene.names)]
-        self._fields = {
+        #: numbers of the inputs by which a frame accelerates the boom: by section, over 1, x, y, z, along x, y, z
+        self.fields = {
             (k, " xyz".index(over or " "), "xyz".index(along)): column
             for k, name in enumerate(scene.names)
             for along, over, column in _fields(system.reduced[name], assembly.inputs[name].start)
@@ -103,14 +104,14 @@ class FreeBase:
     def moments(self, B: Array) -> Array:
         """Beta (..., S, 4, 3, n) out of what inputs do to coordinates (..., n, i): alone, or with contacts' answers."""
         found = np.zeros((*B.shape[:-2], self._count, 4, 3, self.size))
-        section, over, along = np.array(list(self._fields)).T
-        found[..., section, over, along, :] = np.swapaxes(B[..., list(self._fields.values())], -1, -2)
+        section, over, along = np.array(list(self.fields)).T
+        found[..., section, over, along, :] = np.swapaxes(B[..., list(self.fields.values())], -1, -2)
         return found
 
     def weight(self, upwards: Array, count: int) -> Array:
         """Loads (i,) of `count` inputs that the weight makes, whose acceleration is (3,) m/s^2 in the boom's axes."""
         found = np.zeros(count)
-        for (_, over, along), column in self._fields.items():
+        for (_, over, along), column in self.fields.items():
             found[column] = 0.0 if over else -upwards[along]
         return found
 
@@ -121,7 +122,7 @@ class FreeBase:
         X, X_rate, X_second = (np.cumsum(one[:S]) for one in (extended.value, extended.rate, extended.second))
         at = motion.weight + driven[:3] + (self.boom.place + np.outer(X, e)) @ gradient.T
         at = at + 2.0 * np.outer(X_rate, spin @ e) + np.outer(X_second, e)
-        for (section, over, along), column in self._fields.items():
+        for (section, over, along), column in self.fields.items():
             found[column] = -(gradient[along, over - 1] if over else at[section, along])
         return found
 

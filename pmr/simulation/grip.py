@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.friction import slide
+from pmr.kernel.laws import JointCylinder, slide_pads
 from pmr.system.contacts import Contact
 from pmr.system.friction import Friction
 
@@ -35,18 +35,17 @@ class Grip:
 
 
 def slid(known: Friction, old: Grip, given: Array, s: Array, multipliers: Array, matrix: Array) -> Grip:
-    """After a step to s (J,) m that ends with multipliers (m,) N, found under a friction `given` (n,) N.
+    """After a step to s (J,) m that ends with multipliers (m,) N, found under joints' friction `given` (J,) N.
 
-    `matrix` (m, m) is that of the multipliers, of which the diagonal counts.  As
-    `pmr.simulation.native.friction.rub`, where it is explained.
+    `matrix` (m, m) is that of the multipliers, of which the diagonal counts.
     """
-    forces, limits = np.zeros(len(old.forces)), known.coefficients * np.abs(multipliers[known.pads])
-    held, driven = known.totals(given), np.where(known.cylinders < 0, 0.0, multipliers[known.cylinders])
+    forces = np.zeros(len(old.forces))
+    driven = np.where(known.cylinders < 0, 0.0, multipliers[known.cylinders])
     for joint, (c, gives) in enumerate(zip(known.cylinders, known.gives, strict=True)):
-        own, moved, softness = slice(known.first[joint], known.first[joint + 1]), s[joint] - old.s[joint], 0.0
-        if gives > 0.0:
-            a = max(float(matrix[c, c]) - gives, 0.0)
-            softness = gives * a / (gives + a)
-            moved -= gives * (driven[joint] + held[joint] - old.drives[joint])
-        slide(known.stiffness[own], old.forces[own], limits[own], moved, softness, held[joint], forces[own])
+        own = slice(known.first[joint], known.first[joint + 1])
+        cylinder = JointCylinder(gives, matrix[c, c], driven[joint], given[joint], old.drives[joint])
+        pads, moved = known.pads[own], s[joint] - old.s[joint]
+        forces[own] = slide_pads(
+            known.stiffness[own], known.coefficients[own], multipliers[pads], old.forces[own], moved, cylinder
+        )
     return Grip(forces, s, driven + known.totals(forces))

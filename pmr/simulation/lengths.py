@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.kernel.laws import SchemeFactors
 from pmr.simulation import contact_step
-from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]
@@ -34,9 +34,9 @@ class Lengths:
     def finest(self) -> int:
         return int(self.parts.max())
 
-    def method(self, parts: int) -> GeneralizedAlpha:
-        """For the parts of a step that is made in so many."""
-        return GeneralizedAlpha(self.stepping.divided(parts).step, self.stepping.rho_inf)
+    def factors(self, parts: int) -> SchemeFactors:
+        """Factors of the scheme for one of so many parts of a step."""
+        return SchemeFactors.of(self.stepping.divided(parts).step, self.stepping.rho_inf)
 
     @cached_property
     def numbers(self) -> Indices:

@@ -158,6 +158,23 @@ class MovingFrame:
             found[0, self.drivers.index(GRAVITY)] = self.scene.gravity.acceleration
         return found
 
+    @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        """Signals of the drivers (n,) in the scene."""
+        frame = self.scene.frame
+        assert frame is not None
+        angles = dict(zip((*OF_FRAME, *OF_BASE), (*frame.angles, *frame.rocking), strict=False))
+        shaken = dict(zip(AXES, base_accelerations(self.scene), strict=False))
+        signals = dict(self.scene.paths) | _loads(self.scene) | angles | shaken
+        return tuple(signals[name] for name in self.drivers)
+
+    def drives(self, excitation: Excitation) -> bool:
+        """Whether an excitation's paths, loads and amplitudes of terms are those of the scene on its time grid."""
+        if self.scene.frame is None or self.scene.frame.machine is not None:
+            return False
+        of_scene = Excitation.of(self.scene).on_grid(excitation.stepping)
+        return all(getattr(of_scene, part) == getattr(excitation, part) for part in ("paths", "loads", "terms"))
+
     def _valued(self, drivers: Array) -> Array:
         """Quantities (q,)."""
         at, none = dict(zip(self.drivers, drivers.T, strict=True)), np.zeros(3)

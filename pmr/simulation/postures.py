@@ -23,10 +23,10 @@ from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import accelerated, level_or_inclined, resting
 from pmr.simulation.excitation import Excitation, in_order
 from pmr.simulation.rest_rows import rest_rows
+from pmr.simulation.statics.loaded import Equations
 from pmr.simulation.turning import Turning
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of, names_of, units_of
-from pmr.system.loaded import Equations
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulation.postures import HOOK, Postures
+from pmr.simulation.statics.loaded import Loaded, State, States
 from pmr.studies.limits import Limit
 from pmr.studies.searches import Search, Share, first_load, searched
-from pmr.system.loaded import Loaded, State, States
 
 Array = NDArray[np.float64]
 

@@ -77,7 +77,7 @@ def simulator(model: ReducedModel) -> Callable[[Excitation, int], Motion]:
 def _simulated(form: ModalForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
     """From rest or equilibrium, in modal coordinates."""
     alone = SystemForm.alone(form)
-    return systems.simulate_form(alone, excitation, systems.start_of(alone.system, excitation), every=every)
+    return systems.simulate_form(alone, excitation, every=every)
 
 
 def _outputs(body: ReducedModel, run: SystemTrajectory) -> Array:

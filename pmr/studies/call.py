@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from pmr.errors import environment
-from pmr.studies.engine.frozen import sources
 from pmr.studies.engine.graph import open_nodes
 from pmr.studies.engine.pools import Pool
 from pmr.studies.engine.runner import Watch, run
@@ -46,7 +45,7 @@ class Outcome:
 
 def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
     """Compute what is not there yet; results of tasks go into a folder of `folder`, no table is written."""
-    store, code = Store(folder / "tasks"), environment.code_digest(sources().files, NOT_COMPUTING)
+    store, code = Store(folder / "tasks"), environment.code_digest(environment.sources(), NOT_COMPUTING)
     store.prepare()
     nodes = open_nodes([part.plan for part in project.parts], code, store.sound)
     failures = run(nodes, store, pool, watch)

@@ -17,10 +17,10 @@ from pmr.results import Energy, Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.simulation.postures import Postures
+from pmr.simulation.statics.loaded import State
 from pmr.studies.allowed import Place
 from pmr.system.contacts import Contact
 from pmr.system.contacts import Place as ContactPlace
-from pmr.system.loaded import State
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

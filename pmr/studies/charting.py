@@ -13,6 +13,9 @@ from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation.bent import Bent
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, turned
+from pmr.simulation.statics.buckling import buckling_factors
+from pmr.simulation.statics.lift_off import Rope, lift_off
+from pmr.simulation.statics.loaded import Loaded
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
 from pmr.studies.field_probes import with_fields
@@ -21,9 +24,6 @@ from pmr.studies.limits import LEAST, STABILITY, Limit
 from pmr.studies.richer_model import STRESS, UNCOMPARED
 from pmr.studies.stops import Stopping
 from pmr.system.assembly import Assembly
-from pmr.system.buckling import buckling_factors
-from pmr.system.lift_off import Rope, lift_off
-from pmr.system.loaded import Loaded
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -26,12 +26,12 @@ from pmr.scene.names import named
 from pmr.scene.ropes import rope_shares
 from pmr.scene.section import Hinted, Usual
 from pmr.simulation.postures import Postures
+from pmr.simulation.statics.loaded import Form, States
 from pmr.studies.field_probes import FIELD, WHOLE, bodies_with_field
 from pmr.studies.own_limits import Own, amount_of, check_names, expression_of, function_of
 from pmr.studies.searches import Share
 from pmr.studies.tipping import Mass, Tipping, area
 from pmr.system.from_scene import force_names
-from pmr.system.loaded import Form, States
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0)]

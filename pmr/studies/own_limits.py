@@ -15,9 +15,9 @@ from pmr.errors.text import hint
 from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.simulation.postures import Postures
+from pmr.simulation.statics.loaded import States
 from pmr.studies.expressions import Value, entries, value_of
 from pmr.system.from_scene import force_names
-from pmr.system.loaded import States
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.system.loaded import Loaded, States
+from pmr.simulation.statics.loaded import Loaded, States
 
 Array = NDArray[np.float64]
 #: Asks for the shares of a limit that some loads use, and then of others, and returns the load that reaches it.

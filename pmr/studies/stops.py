@@ -11,10 +11,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pmr.scene.section import Usual
 from pmr.simulation.postures import HOOK
+from pmr.simulation.statics.loaded import States
+from pmr.simulation.statics.stopping import Acting, stopping
 from pmr.studies.allowed import Place
 from pmr.studies.limits import Limit
-from pmr.system.loaded import States
-from pmr.system.stopping import Acting, stopping
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from pmr.errors import InputError
 from pmr.scene.frame import rotation
 from pmr.scene.section import Usual
 from pmr.simulation.postures import HOOK, WEIGHT, Postures
-from pmr.system.loaded import States
+from pmr.simulation.statics.loaded import States
 
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z", "rx", "ry", "rz")

@@ -89,9 +89,13 @@ class Friction:
 
     def gaps(self, friction: Array) -> Array:
         """By how much (..., m) m cylinders give way to it."""
-        found, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
-        found[..., self.cylinders[driven]] = (self.gives * self.totals(friction))[..., driven]
-        return found
+        return self.gaps_of(self.totals(friction))
+
+    def gaps_of(self, totals: Array) -> Array:
+        """By how much (..., m) m cylinders give way to the friction of their joints (..., J) N."""
+        gaps, driven = np.zeros((*totals.shape[:-1], self.count)), self.cylinders >= 0
+        gaps[..., self.cylinders[driven]] = (self.gives * totals)[..., driven]
+        return gaps
 
     def stored(self, friction: Array, forces: Array) -> Array:
         r"""What cylinders store in J beyond :math:`\lambda^2 / 2 k`, with the forces (..., m) N of all contacts."""

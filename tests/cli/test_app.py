@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import atexit
-import gc
 import io
 import json
 import subprocess
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from on_pads import beam_on_pads, modes_on_pads
@@ -19,8 +16,6 @@ from rich.console import Console
 
 from pmr.cli.console import broken, tell
 from pmr.cli.described import described_model
-from pmr.errors.aside import Aside
-from pmr.simulation.native import ahead
 
 SIMPLE = "workflows/paper_simple.toml"
 SHORT = [
@@ -74,15 +69,12 @@ def test_several_scenes_make_one_report(tmp_path: Path, monkeypatch, capsys) -> 
     second = tmp_path / "second.toml"
     second.write_text(f'extends = "{Path(SIMPLE).resolve()}"\ntitle = "A second scene"\n')
     both = ("run", SIMPLE, str(second), "--out", str(tmp_path / "out"))
-    asked, ask = list[Any](), Aside.ask
-    monkeypatch.setattr(Aside, "ask", lambda aside, *work: (asked.append(work), ask(aside, *work))[1])
     done = called(monkeypatch, capsys, *both, *SHORT, "--set", "compare.against=[]")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.pdf").exists()
     for stem in ("paper_simple", "second"):
         assert (tmp_path / "out" / stem / "summary.json").exists()
     html = (tmp_path / "out" / "report.html").read_text()
-    assert asked[0] == (ahead.compile_for, ahead.held) != asked[1]  # both are of one kind
     assert "A second scene" in html and "Sliding beam, simple case" in html
 
 
@@ -296,12 +288,3 @@ def test_sentences_break_between_words_on_a_terminal_alone(terminal: bool) -> No
     tell(screen, text)
     lines = screen.file.getvalue().rstrip("\n").split("\n")
     assert " ".join(map(str.strip, lines)) == text and (max(map(len, lines)) <= 80) == (len(lines) > 1) == terminal
-
-
-def test_what_is_left_at_the_end_is_not_looked_through(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    at_the_end: list[object] = []
-    monkeypatch.setattr(atexit, "register", lambda do, *_: at_the_end.append(do))
-    assert called(monkeypatch, capsys, "--version").returncode == 0
-    assert gc.freeze in at_the_end

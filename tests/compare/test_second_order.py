@@ -10,8 +10,8 @@ from pmr.compare.second_order import TIMES, stressed
 from pmr.fullmodel.build import build_bodies
 from pmr.scene.frame_terms import stress_terms
 from pmr.simulation.frame import term_signals
+from pmr.simulation.statics.buckling import geometric_stiffness
 from pmr.system.assembly import Assembly
-from pmr.system.buckling import geometric_stiffness
 from pmr.system.from_scene import system_of
 
 SHORT = ["section.mesh.elements=8", "time.end=2.0", "time.step=1e-3", "frame.pivot=[0.0,0.0,0.0]", "frame.luffing=0.5"]

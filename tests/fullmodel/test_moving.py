@@ -41,9 +41,9 @@ from pmr.scene.structures import (
     ShellBody,
     SolidBody,
 )
+from pmr.simulation.statics.buckling import buckling_factors
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.buckling import buckling_factors
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import System
 from pmr.system.terms import Term

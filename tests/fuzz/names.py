@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import zlib
 from pathlib import Path
 from xml.etree import ElementTree
@@ -62,9 +63,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
     strictly_read((folder / "results" / "summary.json").read_text())
     model = outcome.reduced.save(folder / f"{_file_name(other)}.npz")
     script = write_exudyn_script(model, folder / "script.py")
-    names: dict = {}
-    code = compile(script.read_text(encoding="utf-8"), "script.py", "exec")
-    exec(code, names)
+    names = runpy.run_path(str(script))
     if names["TITLE"] != visible(title.replace("\ud800", "?")):
         raise NonsenseError(f"the script's title is {names['TITLE']!r}")
     return "shown"

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from kernels import kernel_of, motions_of
-from nested import Nested, reduced
+from nested import Nested, full, reduced
 
 from pmr.errors import SimulationError
 from pmr.kernel.kernel import Settings, State
+from pmr.simulation.start import InitialState, consistent_start
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
-from pmr.system.statics import equilibrium
 from pmr.system.system import System
+from pmr.system.terms import Term
 
 
 @pytest.mark.parametrize("how", [{}, {"clearance": 2e-4, "compliance": 1e-7}, {"clearance": 0.0}])
@@ -36,8 +39,10 @@ def test_equilibrium_is_that_of_statics_and_nothing_moves_from_it(how: dict[str,
     np.testing.assert_allclose(state.z, before, atol=1e-8 * np.abs(before).max())
 
 
-def test_multipliers_of_a_given_start_follow_from_the_position() -> None:
+@pytest.mark.parametrize("count", [1, 2])
+def test_multipliers_of_a_given_start_follow_from_the_position(count: int) -> None:
     system = reduced(Nested(2, elements=8), 3)
+    system = replace(system, contacts=system.contacts[:count])
     kernel, forms = kernel_of(system)
     rng, state = np.random.default_rng(4), State(kernel, Settings(1e-3))
     z, v, f = np.zeros(kernel.modes), np.zeros(kernel.modes), rng.normal(size=kernel.inputs)
@@ -51,9 +56,50 @@ def test_multipliers_of_a_given_start_follow_from_the_position() -> None:
     np.testing.assert_array_equal(state.v, v)
 
 
-def held_by_a_rigid_row() -> System:
-    from dataclasses import replace
+def test_forces_of_a_given_rest_are_sharp_where_contacts_hardly_give_way() -> None:
+    """By 1e-16 m/N: what round-off leaves of the motion would be some 10 N."""
+    system = full(Nested(2, elements=8, compliance=1e-16))
+    kernel, forms = kernel_of(system)
+    f = np.array([5e3 if name.endswith(".F") else 9.81 for name in system.input_names])
+    x = system.coordinates({"1": 2.5})
+    at_rest = equilibrium(Assembly(system), x, f, np.zeros(0))
+    z, state = in_modes(system, forms, kernel, at_rest.q), State(kernel, Settings(1e-3))
+    state.start("given", [2.5, *f], z, np.zeros(kernel.modes))
+    np.testing.assert_allclose(state.outputs()[1], at_rest.forces, atol=1e-9 * np.abs(at_rest.forces).max())
 
+
+@pytest.mark.parametrize("kind", ["given", "equilibrium"])
+def test_rates_that_violate_rigid_contacts_are_corrected_as_by_an_impulse(kind: Any) -> None:
+    """By the change of least kinetic energy, beside the package's start in the bodies' own coordinates."""
+    system = full(Nested(2, elements=6, compliance=0.0))
+    assembly, (kernel, forms) = Assembly(system), kernel_of(system)
+    f = np.array([5e3 if name.endswith(".F") else 9.81 for name in system.input_names])
+    x, d = system.coordinates({"1": 2.3}), 1e-5
+    x_rate = 0.7 * (system.coordinates({"1": 2.3 + d}) - system.coordinates({"1": 2.3 - d})) / (2.0 * d)
+    q = equilibrium(assembly, x, f, np.zeros(0)).q
+    v = np.random.default_rng(5).normal(size=len(q)) if kind == "given" else np.zeros(len(q))
+    initial = dict[str, InitialState]()
+    for name, body in system.bodies.items():
+        initial[name] = InitialState(np.zeros(body.size), np.zeros(body.size))
+        for all_of_body, of_system in ((initial[name].q, q), (initial[name].v, v)):
+            all_of_body[assembly.free[name]] = of_system[assembly.coordinates[name]]
+    expected = np.zeros(len(q))
+    for name, start in consistent_start(assembly, x, x_rate, initial).items():
+        expected[assembly.coordinates[name]] = start.v[assembly.free[name]]
+    state = State(kernel, Settings(1e-3))
+    state.start(kind, [2.3, *f], *(in_modes(system, forms, kernel, one) for one in (q, v)), rates=[0.7])
+    found = motions_of(system, forms, kernel) @ state.v
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    assert np.abs(expected - v).max() > 1e-3 * np.abs(expected).max()
+
+
+def in_modes(system: System, forms: Any, kernel: Any, q: np.ndarray) -> np.ndarray:
+    """Modal coordinates (modes,) of the assembled bodies' q (n,)."""
+    motions = motions_of(system, forms, kernel)
+    return np.asarray(motions.T @ (Assembly(system).M @ q))
+
+
+def held_by_a_rigid_row() -> System:
     system = reduced(Nested(2, elements=8), 3)
     return replace(system, contacts=(system.contacts[0],))
 
@@ -63,3 +109,23 @@ def test_what_nothing_holds_is_refused() -> None:
     kernel, _ = kernel_of(system)
     with pytest.raises(SimulationError, match="holds"):
         State(kernel, Settings(1e-3)).start("equilibrium", [2.5, *np.full(kernel.inputs, 9.81)])
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8])
+def test_terms_that_soften_what_open_pads_hold_stand_as_statics_has_it(share: float) -> None:
+    """Sections that topple while pads are open which close later: there changing sides need not end."""
+    boom = reduced(Nested(3, elements=8, clearance=2e-4, compliance=1e-7), 3)
+    topples = [Term(f"topples {name}", (name,), stiffness=np.asarray(body.M)) for name, body in boom.bodies.items()]
+    system = replace(boom, terms=tuple(topples))
+    kernel, forms = kernel_of(system)
+    s, assembly = {path: 2.5 for path in kernel.names("drivers")[: kernel.paths]}, Assembly(system)
+    f = np.array([3e3 if name.endswith(".F") else 9.81 for name in system.input_names])
+    rows = assembly.at(system.coordinates(s))
+    held = assembly.K.toarray() + rows.C.T @ np.linalg.solve(rows.F, rows.C)
+    c = np.full(kernel.terms, -share * np.linalg.eigvals(np.linalg.solve(assembly.M.toarray(), held)).real.min())
+    found = equilibrium(assembly, system.coordinates(s), f, c)
+    state = State(kernel, Settings(1e-3))
+    state.start("equilibrium", [*s.values(), *f, *c])
+    q = motions_of(system, forms, kernel) @ state.z
+    np.testing.assert_allclose(q, found.q, atol=1e-11 * np.abs(found.q).max())
+    np.testing.assert_array_equal(state.outputs()[1] > 0.0, found.closed & ~np.isnan(system.clearance))

@@ -13,7 +13,7 @@ from nested import Nested, reduced
 from numpy.typing import NDArray
 from plain_step import Plain
 
-from pmr.kernel.kernel import Settings, State
+from pmr.kernel.kernel import Record, Settings, State
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -108,3 +108,22 @@ def test_pads_open_and_close_in_what_is_compared() -> None:
         opened += before & (state.multipliers == 0.0)
         before = state.multipliers > 0.0
     assert opened.sum() >= 3
+
+
+@pytest.mark.parametrize("make", ["terms, pads that push", "friction, pads that push"])
+def test_work_is_that_of_the_parts_a_step_ends_with(make: str) -> None:
+    """Steps that are taken back and made in more parts, beside the same parts from the outset."""
+    kernel, _ = kernel_of(CASES[make]())
+    t = STEP * np.arange(2 * STEPS + 1)[:, None] / 8.0
+    forces = 2e3 * np.sin((19.0 + 31.0 * np.arange(kernel.inputs)) * t) * (t > 4.0 * STEP)
+    u = np.hstack([np.full((len(t), kernel.paths), 2.0) + 0.3 * t, forces, np.ones((len(t), kernel.terms))])
+    settings, records = Settings(STEP, 0.7, (1, 2, 4, 8), contact_omega=2e3, tolerance=2e-2), list[Record]()
+    for is_given in (False, True):
+        state, record = State(kernel, settings), Record(kernel, len(t) // 8)
+        state.start("rest", u[0])
+        state.advance_sampled(u, 8, record, parts=records[0].parts if is_given else None)
+        records.append(record)
+    assert np.any(np.diff(records[0].parts) > 0) and np.any(np.diff(records[0].parts) < 0)
+    for what in ("z", "multipliers", "friction", "energy"):
+        expected = records[1][what]
+        np.testing.assert_allclose(records[0][what], expected, rtol=0.0, atol=1e-11 * np.abs(expected).max(initial=0.0))

@@ -18,7 +18,6 @@ from pmr.compare.boom_figures import frequency_map
 from pmr.compare.evaluation import respond
 from pmr.compare.pad_forces import part
 from pmr.errors import InputError
-from pmr.errors.aside import Aside
 from pmr.export.paraview import Travelling, write_series
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
@@ -120,30 +119,6 @@ def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.Monk
         a, b = (getattr(one.responses["full"], name) for one in (dense, sparse))
         assert np.abs(a - b).max() < 1e-6 * np.abs(a).max()
     assert sparse.frequencies.models["full"] == pytest.approx(dense.frequencies.models["full"], rel=1e-6)
-
-
-@pytest.mark.slow
-def test_what_another_process_finds_is_the_same() -> None:
-    """The full model's frequencies and motion, and the step's error: to the last digit, and they come from there."""
-    boom, aside = load(*QUICK, "time.end=0.1", "simulation.repeats=1"), Aside.started()
-    try:
-        alone, beside = run(boom), run(boom, aside=aside)
-    finally:
-        aside.close()
-    assert alone is not None and beside is not None
-    (_, full), (_, moved), (_, step) = aside.answers
-    assert all(well for well, _ in aside.answers) and np.array_equal(full, alone.result.frequencies.models["full"])
-    for name in ("displacement", "slider_force"):
-        made, there, here = (
-            getattr(one, name)
-            for one in (moved.response, beside.result.responses["full"], alone.result.responses["full"])
-        )
-        assert np.array_equal(made, here) and np.array_equal(there, here)
-    assert beside.result.responses["full"].seconds == moved.response.seconds
-    assert beside.result.summary["step"] == step.figures["step"]
-    one, two = (found.result.summary["step"] | {"seconds": 0.0} for found in (alone, beside))
-    assert one == two and alone.result.summary["warnings"] == beside.result.summary["warnings"]
-    assert list(beside.result.frequencies.models) == list(alone.result.frequencies.models)
 
 
 @pytest.mark.mpi

@@ -18,7 +18,6 @@ from pmr.compare.evaluation import respond
 from pmr.compare.saved_model import simulate_saved
 from pmr.compare.way import frequencies, visited
 from pmr.errors import InputError
-from pmr.errors.aside import Aside
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
 from pmr.results import Frequencies
@@ -54,7 +53,7 @@ def natural(scene: Scene) -> Frequencies:
     at = visited(scene, excitation, full.whole.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
     found = frequencies(scene, made.system, excitation, at)
-    return replace(found, models={**found.models, "full": full.frequencies_by(Aside(), at.s, at.count, c)()})
+    return replace(found, models={**found.models, "full": full.frequencies(at.s, at.count, c)})
 
 
 def pressed(share: float) -> float:

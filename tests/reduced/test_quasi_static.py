@@ -18,9 +18,9 @@ from pmr.reduction.basis import modal_basis
 from pmr.reduction.residual.model import section_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.statics import equilibrium
 from pmr.system.system import System
 from pmr.system.terms import Term
 

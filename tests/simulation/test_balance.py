@@ -9,6 +9,7 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven
+from generalized_alpha import GeneralizedAlpha
 from numpy.typing import NDArray
 from one_body import Simulate
 from oracle import enriched, flexible, full_body
@@ -16,7 +17,6 @@ from oracle import enriched, flexible, full_body
 from pmr.errors import SimulationError
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import InitialState, TimeStepping, balance
-from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.system.body import FullBody
 
 Array = NDArray[np.float64]

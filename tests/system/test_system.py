@@ -13,9 +13,9 @@ from oracle import flexible, rich_body
 
 from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.errors import BEYOND_ENDS, InputError
+from pmr.simulation.statics.equilibrium import Equilibrium, equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE, SLIDER, Contact, Place
-from pmr.system.statics import Equilibrium, equilibrium
 from pmr.system.system import System
 
 #: Hz, retracted to 5.4 m of overlap and extended to 1.5 m, of a separate planar code.

@@ -46,7 +46,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True)
 class OtherMesh:
-    """What a scene is compared with."""
+    """Scene on another mesh, with which a scene is compared."""
 
     scene: Scene
     called: str
@@ -68,15 +68,17 @@ def other_mesh(scene: Scene) -> OtherMesh:
 
 def has_rigid_beams(scene: Scene) -> bool:
     """Whether all bodies are beams whose walls don't give way."""
-    return all(model_of(one) in ("beam2d", "beam3d") and one.part.body.walls == "rigid" for one in members(scene))
+    return all(
+        model_of(member) in ("beam2d", "beam3d") and member.part.body.walls == "rigid" for member in members(scene)
+    )
 
 
 def has_long_elements(scene: Scene) -> bool:
     """Whether elements of a beam are longer than `LONGEST_ELEMENT` times its shortest pad that has a length."""
     return any(
-        one.part.length / one.part.mesh.elements > LONGEST_ELEMENT * ring.length > 0.0
-        for one in members(scene)
-        for ring in one.pads
+        member.part.length / member.part.mesh.elements > LONGEST_ELEMENT * ring.length > 0.0
+        for member in members(scene)
+        for ring in member.pads
     )
 
 
@@ -112,30 +114,30 @@ def unasked(scene: Scene, beside_own: Callable[[Callable[[], Scene], str], Mappi
         other = other_mesh(scene)
     except InputError as error:
         return {"mesh": None, "mesh_reason": error.allowed}
-    found = beside_own(lambda: once(other.scene), other.called)
-    kinds = [kind for kind in MEASURED if found.get(kind) is not None]
-    return {"mesh": {kind: other.share * found[kind] for kind in kinds} or None, "mesh_reason": found.get("reason")}
+    errors = beside_own(lambda: once(other.scene), other.called)
+    kinds = [kind for kind in MEASURED if errors.get(kind) is not None]
+    return {"mesh": {kind: other.share * errors[kind] for kind in kinds} or None, "mesh_reason": errors.get("reason")}
 
 
 def warnings(scene: Scene) -> list[str]:
     """A line where cells of walls are so long beside pads that the walls, and what the mesh is off by, are in doubt."""
-    worst, said = LONGEST, ""
-    for one in members(scene):
-        body, cells = one.part.body, one.part.mesh
-        has_walls = has_giving_walls(one) or model_of(one) in ("shell", "solid")
+    worst, message = LONGEST, ""
+    for member in members(scene):
+        body, cells = member.part.body, member.part.mesh
+        has_walls = has_giving_walls(member) or model_of(member) in ("shell", "solid")
         if body.box is None or cells.file is not None or not has_walls:
             continue
         across = {side.name: side.length / side.cells(cells.size) for side in body.box.sides}
-        for ring in one.pads:
-            found = [(across[face], ring.width, "wide", "size") for face in ring.faces if face in across]
-            for cell, pad, way, key in (*found, (cells.along or cells.size, ring.length, "long", "along")):
+        for ring in member.pads:
+            across_sizes = [(across[face], ring.width, "wide", "size") for face in ring.faces if face in across]
+            for cell, pad, way, key in (*across_sizes, (cells.along or cells.size, ring.length, "long", "along")):
                 if cell / pad > worst:
-                    where, worst = f"section {one.part.name}: " if len(scene.sections) > 1 else "", cell / pad
-                    said = (
+                    where, worst = f"section {member.part.name}: " if len(scene.sections) > 1 else "", cell / pad
+                    message = (
                         f"{where}cells are {cell:.3g} m {way} under pads of {pad:.3g} m: walls are too stiff, and "
                         f"the mesh may be further off than its bar says; a smaller mesh.{key} helps"
                     )
-    return [said] if said else []
+    return [message] if message else []
 
 
 def once(scene: Scene) -> Scene:
@@ -148,20 +150,20 @@ def once(scene: Scene) -> Scene:
     return scene.model_copy(update={"sections": tuple(parts), "simulation": once, "recovery": None})
 
 
-def part_of(own: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
+def part_of(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
     """Part of the mesh by kind, fractions of `own`: a `share` of what the same model on the other mesh is apart.
 
     Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.halved_steps`).  Raises
     InputError or SimulationError as for `pmr.simulation.Simulator`.
     """
-    (mine, floors), (theirs, _) = own.undamped(sizes, steps), other.undamped(sizes, steps)
-    here, there = _common(own.places, other.places)
-    apart = differences(theirs.moved_at(there), mine.moved_at(here), floors, own.wanted)
+    (mine, floors), (theirs, _) = of_scene.undamped(sizes, steps), other.undamped(sizes, steps)
+    numbers, other_numbers = _common(of_scene.places, other.places)
+    apart = differences(theirs.moved_at(other_numbers), mine.moved_at(numbers), floors, of_scene.wanted)
     return {kind: share * size for kind, size in apart.items()}
 
 
-def _common(own: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]) -> tuple[list[int], list[int]]:
+def _common(places: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]) -> tuple[list[int], list[int]]:
     """Numbers of the displacements that both have: of many nodes not all are observed."""
-    at, near = {name: k for k, (name, _) in enumerate(other)}, SAME * np.ptp([x for _, x in own])
-    common = [(k, at[name]) for k, (name, x) in enumerate(own) if name in at and abs(other[at[name]][1] - x) <= near]
-    return [one for one, _ in common], [theirs for _, theirs in common]
+    at, near = {name: k for k, (name, _) in enumerate(other)}, SAME * np.ptp([x for _, x in places])
+    common = [(k, at[name]) for k, (name, x) in enumerate(places) if name in at and abs(other[at[name]][1] - x) <= near]
+    return [number for number, _ in common], [theirs for _, theirs in common]

@@ -62,8 +62,8 @@ class Choice:
     @property
     def holds(self) -> bool:
         """Whether the sum is within the tolerance, if there is one, and the step's error is known."""
-        asked = self.scene.accuracy
-        return asked is None or (self.trial.settled and max(self.sum.values()) <= asked.tolerance)
+        accuracy = self.scene.accuracy
+        return accuracy is None or (self.trial.settled and max(self.sum.values()) <= accuracy.tolerance)
 
 
 def prepared(scene: Scene) -> Scene:
@@ -182,13 +182,13 @@ def summary(choice: Choice) -> dict[str, Any]:
     and ``mesh`` by kind of output (fractions, None where unknown), their ``sum`` and which is ``first`` to be improved;
     ``mesh_reason`` says why the part of the mesh isn't known.  A tolerance ``holds`` where the sum is within it.
     """
-    trial, asked = choice.trial, _asked(choice.scene)
+    trial, ordered = choice.trial, _asked(choice.scene)
     sizes = {name: model.size for name, model in choice.models.items()}
     parts = {"reduction": trial.reduction, "step": trial.step} | ({"mesh": choice.mesh} if choice.mesh else {})
     of_bodies = {} if ALONE in sizes else {"sections": sizes}
     accuracy = {
         "tolerance": choice.scene.accuracy.tolerance if choice.scene.accuracy else None,
-        "outputs": list(asked.outputs),
+        "outputs": list(ordered.outputs),
         "holds": choice.holds,
         "chosen": {"coordinates": trial.coordinates, **of_bodies, "step": choice.scene.time.step},
         "reasons": list(choice.reasons),
@@ -211,23 +211,23 @@ def _finite(errors: Mapping[str, float]) -> dict[str, float | None]:
 
 def warnings(choice: Choice) -> list[str]:
     """A line where a tolerance isn't held, by the model and its step or by the mesh."""
-    asked, trial = choice.scene.accuracy, choice.trial
-    if asked is None:
+    accuracy, trial = choice.scene.accuracy, choice.trial
+    if accuracy is None:
         return []
-    limit, lines = _percent(asked.tolerance), list[str]()
-    allowed = dict.fromkeys(trial.total, asked.tolerance)
+    limit, lines = _percent(accuracy.tolerance), list[str]()
+    allowed = dict.fromkeys(trial.total, accuracy.tolerance)
     if not within(trial, allowed):
         model = f"{trial.coordinates} coordinates with steps of {choice.scene.time.step:.3g} s"
         larger = "reduction" if share(trial.reduction, allowed) >= share(trial.step, allowed) else "step"
         cause = f"most of it by the {larger}" if trial.settled else "and shorter steps do not settle it"
-        sizes = _listed(asked.tolerance, trial.total)
+        sizes = _listed(accuracy.tolerance, trial.total)
         lines.append(f"the tolerance of {limit} isn't held: {model} are off by {sizes}, {cause}")
-    beyond = {kind: size for kind, size in (choice.mesh or {}).items() if size > asked.tolerance}
+    beyond = {kind: size for kind, size in (choice.mesh or {}).items() if size > accuracy.tolerance}
     if beyond:
-        sizes = _listed(asked.tolerance, beyond)
+        sizes = _listed(accuracy.tolerance, beyond)
         lines.append(f"the mesh can't hold the tolerance of {limit}: it is off by {sizes}; shorter cells help")
     elif not lines and not choice.holds:
-        sizes, of_mesh = _listed(asked.tolerance, choice.sum), _percent(max((choice.mesh or {}).values()))
+        sizes, of_mesh = _listed(accuracy.tolerance, choice.sum), _percent(max((choice.mesh or {}).values()))
         lines.append(
             f"the tolerance of {limit} isn't held: all is off by {sizes}, {of_mesh} by the mesh; shorter cells help"
         )

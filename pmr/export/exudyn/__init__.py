@@ -1,1 +1,1 @@
-"""A reduced model as a standalone Python script for Exudyn."""
+"""A reduced system as a standalone Python script for Exudyn."""

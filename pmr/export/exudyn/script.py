@@ -1,157 +1,182 @@
 """Export of a reduced system, with its scene, as a standalone Python script for Exudyn.
 
-The script consists of functions copied from `script_parts`, `script_system` and `script_carriers` (or, of a body alone,
-`script_tables`), and of what the scene says (`script_scene`): paths, loads and time stepping.
-Whatever comes with the system (names, title, numbers) stands in it as a literal of Python: none of it is ever run.
+The script is ``templates/sliding_body.py`` as it stands; the arrays that it reads are written beside it.  Names and
+numbers that come with the system stand in that file alone: none of them is ever run.
 """
 
 from __future__ import annotations
 
-import inspect
 import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
 from pmr.errors import InputError
 from pmr.errors.text import visible
-from pmr.export.exudyn import script_carriers, script_parts, script_system, script_tables
-from pmr.export.exudyn.script_scene import listed, scene_text
 from pmr.files.whole import replaced
+from pmr.scene.frame import INERTIA
+from pmr.scene.signals import SignalBase
 from pmr.scene.simulators import Asked, refuse
+from pmr.simulation import contact_step
+from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.recorded import Recorded, recorded
+from pmr.simulation.statics.equilibrium import equilibrium
+from pmr.system.assembly import Assembly
 from pmr.system.body import force_outputs
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
-_SCRIPT = '''\
-"""A reduced system in Exudyn.
-
-    M q'' + D q' + K q + C(s)^T lambda = B f(t),    C(s) q + H(s) f - F(s) lambda = 0,
-    y = outputs q + W f - X(s) lambda
-
-with {size} reduced coordinates q of {bodies}, path coordinates s(t) and outputs y; SI units throughout.
-
-Written by pmr; needs numpy, scipy and exudyn, and the file MODEL in this folder.
-"""
-
-{imports}
-
-TITLE = {title!r}
-MODEL = {file_name!r}
-CONTACTS = {contacts}  # the rows of C
-OF = {where!r}
-
-# --- What happens: change it here -------------------------------------------------------------------
-
-{scene}
-
-# --- Signals ----------------------------------------------------------------------------------------
-
-
-{signals}
-
-
-# --- The bodies in Exudyn ---------------------------------------------------------------------------
-
-
-{system}
-
-
-def main():
-    model = read_model(Path(__file__).with_name(MODEL))
-    t, y = simulate(model, PATHS, LOADS, END, STEP, RHO_INF, START, PARTS)
-    tip = y[:, {tip}]
-    print(f"Displacement{{OF}} at x = {{model.output_positions[{tip}]:g}} m over {{t[-1]:g}} s:")
-    for name, value in (("smallest", tip.min()), ("largest", tip.max()), ("last", tip[-1])):
-        print(f"  {{name}}: {{1e3 * value:.4f}} mm")
-
-
-if __name__ == "__main__":
-    main()
-'''
+Array = NDArray[np.float64]
+Arrays = dict[str, Any]
 
 
 def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
-    """Write a script that simulates a saved system under its scene's paths and loads.
+    """Write a script that simulates a saved system under its scene's paths and loads, and its data beside it.
 
-    It needs numpy, scipy and exudyn only, and the system in its own folder, into which it is copied if need be.
-    Raises InputError as `exudyn_script`, if the file is no system, or if writing would replace one.
+    It needs numpy, scipy and exudyn only.  Raises InputError as `script_data`, if the file is no system, or if the data
+    would replace it.
     """
     npz_path, target = Path(npz_path), Path(target)
-    text = exudyn_script(
-        System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name), npz_path.name
-    )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    beside = target.with_name(npz_path.name)
-    if target == beside:
+    system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)
+    arrays, beside = script_data(system, npz_path.name), target.with_suffix(".npz")
+    if beside.resolve() == npz_path.resolve():
         raise InputError("command line", "--out", str(target), "a name other than the model's is allowed")
-    if not beside.exists():
-        with replaced(beside) as part:
-            shutil.copyfile(npz_path, part)
-    elif beside.read_bytes() != npz_path.read_bytes():
-        raise InputError("command line", "--out", str(target), f"{beside} is another model; another folder is allowed")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with replaced(beside) as part, part.open("wb") as file:
+        np.savez(file, **arrays)
     with replaced(target) as part:
-        part.write_text(text, encoding="utf-8")
+        shutil.copyfile(Path(__file__).with_name("templates") / "sliding_body.py", part)
     return target
 
 
-def exudyn_script(system: System, file_name: str) -> str:
-    """Text of a script that reads `system` from `file_name`.
+def script_data(system: System, source: str) -> Arrays:
+    """Arrays that the script reads: matrices, contacts, signals, start.
 
-    Raises InputError if the system's provenance has no usable scene, or its output is no displacement.
+    Raises InputError of the file `source` if the system's provenance has no usable scene, the scene has a frame that
+    moves or a signal that is no sum of polynomials and sines, or no output is a displacement.
     """
     for body in system.bodies.values():
         if ALONE in system.bodies:
-            body.ensure_whole(file_name)
-    scene, equations = scene_text(system, file_name), Equations(system)
-    first = {name: float(path.value(0.0)) for name, path in zip(system.paths, scene.paths.values(), strict=True)}
+            body.ensure_whole(source)
+    scene, equations, assembly = recorded(system, source), Equations(system), Assembly(system)
+    if any(name.startswith(INERTIA) for body in system.bodies.values() for name in body.input_names):
+        allowed = "a scene without a frame is allowed in a script; `pmr run` and `pmr simulate` simulate one by Exudyn"
+        raise InputError(source, "frame", None, allowed)
+    excitation = scene.excitation
+    first = dict(zip(excitation.paths, excitation.s[0].tolist(), strict=True))
     x = equations.at(first or {"": 0.0})  # of a system in which nothing travels
-    refuse("exudyn", equations.needs(x), Asked(file_name, "", None))
-    units = [(name, force) for name, body in system.bodies.items() for force in force_outputs(body)]
-    moved = [k for k, (_, force) in enumerate(units) if not force]
+    refuse("exudyn", equations.needs(x), Asked(source, "", None))
+    omega = contact_frequency(system, excitation)
+    start = equilibrium(assembly, x[0], scene.first_loads).q if scene.static else np.zeros(assembly.size)
+    return {
+        "title": scene.title,
+        "paths": np.array(system.paths, str),
+        "inputs": np.array(system.input_names, str),
+        "contacts": np.array(system.contact_names, str),
+        "time": np.array([excitation.stepping.end, excitation.stepping.step, excitation.stepping.rho_inf]),
+        "parts": contact_step.parts(omega, excitation.stepping) if omega else 1,
+        "start": start,
+        "ends": np.cumsum([len(free) for free in assembly.free.values()]),
+        **{name: getattr(assembly, name).toarray() for name in ("M", "D", "K", "B", "outputs")},
+        "W": assembly.direct,
+        "clearance": system.clearance,
+        **(_tables(system, x[0]) if ALONE in system.bodies else _sides(system, assembly, x[0])),
+        **_signals(scene, system, source),
+        **_tip(system, source),
+    }
+
+
+def _tip(system: System, source: str) -> Arrays:
+    """The displacement that the script prints: the last one."""
+    of = [
+        (name, position, force)
+        for name, body in system.bodies.items()
+        for position, force in zip(body.output_positions, force_outputs(body), strict=True)
+    ]
+    moved = [k for k, (_, _, force) in enumerate(of) if not force]
     if not moved:
-        raise InputError(file_name, "outputs", None, "at least one displacement is allowed in a script")
-    reader: Any = script_tables if ALONE in system.bodies else script_carriers
-    signals = scene.kinds | ({"akima"} if "table" in scene.kinds else set())
-    return _SCRIPT.format(
-        title=scene.title,
-        size=equations.size,
-        bodies=f"{len(system.bodies)} bodies" if len(system.bodies) > 1 else "a body",
-        contacts=listed(system.contact_names),
-        file_name=file_name,
-        imports=_imports(scene.kinds, reader),
-        scene=scene.text(),
-        signals=_sources(script_parts, signals),
-        system=f"{_sources(reader)}\n\n\n{_sources(script_system)}",
-        tip=moved[-1],
-        where=visible(f" of {units[moved[-1]][0]}").rstrip() if ALONE not in system.bodies else "",
-    )
+        raise InputError(source, "outputs", None, "at least one displacement is allowed in a script")
+    name, position, _ = of[moved[-1]]
+    where = "" if ALONE in system.bodies else visible(f" of {name}").rstrip()
+    return {"tip": moved[-1], "tip_of": where, "tip_position": position}
 
 
-def _sources(module: Any, names: set[str] | None = None) -> str:
-    """Source text of some functions of a module, or of all, in the module's order."""
-    functions = {name: f for name, f in vars(module).items() if getattr(f, "__module__", None) == module.__name__}
-    return "\n\n\n".join(
-        inspect.getsource(f).rstrip() for name, f in functions.items() if names is None or name in names
-    )
+def _signals(scene: Recorded, system: System, source: str) -> Arrays:
+    """Strands of paths and loads (`pmr.scene.signals.base.Strand`) in the order of the system's names."""
+    excitation = scene.excitation
+    names = [*system.paths, *system.input_names]
+    chosen = [excitation.paths[name] for name in system.paths]
+    chosen += [excitation.loads[name] for name in system.input_names]
+    strands = [(k, strand) for k, signal in enumerate(chosen) for strand in _strands(signal, names[k], source)]
+    arrays: Arrays = {
+        "strands.signal": np.array([k for k, _ in strands]),
+        "strands.amplitude": np.array([strand.amplitude for _, strand in strands]),
+        "strands.spread": np.array([strand.spread for _, strand in strands]),
+    }
+    for k, (_, strand) in enumerate(strands):
+        angles = np.broadcast_to(strand.angles, (len(strand.breaks), 3))
+        arrays |= {f"strands.{k}": strand.polynomials.T, f"strands.{k}.angle": angles.T}
+        arrays |= {f"strands.{k}.breaks": strand.breaks, f"strands.{k}.angle.breaks": strand.breaks}
+    return arrays
 
 
-def _imports(kinds: set[str], reader: Any) -> str:
-    """What the copied functions need; the items as their module imports them."""
-    items = "".join(
-        f"    {name},\n"
-        for name, value in vars(script_system).items()
-        if getattr(value, "__module__", None) == "exudyn.itemInterface"
-    )
-    cache = "from functools import lru_cache\n" if "table" in kinds else ""
-    scipy = ["from scipy.interpolate import Akima1DInterpolator"] if "table" in kinds else []
-    if reader is script_tables:
-        scipy = [f"from scipy.interpolate import {'Akima1DInterpolator, ' if scipy else ''}PPoly"]
-    else:
-        scipy.append("from scipy.linalg import block_diag")
-    first = "" if reader is script_tables else "import json\n"
-    return (
-        f"{first}import warnings\n{cache}from pathlib import Path\nfrom types import SimpleNamespace\n\n"
-        "import exudyn as exu\nimport numpy as np\n"
-        f"from exudyn.itemInterface import (\n{items})\n" + "\n".join(scipy)
-    )
+def _strands(signal: SignalBase, name: str, source: str) -> Any:
+    try:
+        return signal.strands
+    except NotImplementedError as error:
+        raise InputError(source, f"signal of {name}", None, f"{error}; one is allowed in a script") from None
+
+
+def _tables(system: System, x: Array) -> Arrays:
+    """C, F, H and X of a body alone over its path."""
+    (body,) = system.reduced.values()
+    numbers = [body.row_names.index(side.place.row) for side in system.sides]
+    m, i, o = len(numbers), len(body.input_names), len(body.output_positions)
+    arrays, compliance, known = dict[str, Array](), system.gives(x), body.flexibility
+    arrays["C"], arrays["C.breaks"] = body.rows.c[:, :, numbers], body.rows.x
+    shapes = {"F": (m, m), "H": (m, i), "X": (o, m)}
+    for name, shape in shapes.items():
+        arrays[name], arrays[f"{name}.breaks"] = np.zeros((1, 1, *shape)), np.array(body.domain)
+    if known is not None:
+        tables: dict[str, tuple[PPoly, Any]] = {
+            "F": (known.rows, np.ix_(numbers, numbers)),
+            "H": (known.inputs, np.ix_(numbers)),
+            "X": (known.outputs, np.ix_(range(o), numbers)),
+        }
+        for name, (table, chosen) in tables.items():
+            arrays[name], arrays[f"{name}.breaks"] = np.array(table.c[(slice(None), slice(None), *chosen)]), table.x
+    arrays["F"] = arrays["F"].copy()
+    arrays["F"][-1] += compliance
+    return arrays
+
+
+def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
+    """The sides of contacts, and what their bodies answer to forces on carriers."""
+    paths, names = list(system.paths), list(system.bodies)
+    arrays: Arrays = {
+        "compliance": system.gives(x),
+        "sides.contact": np.array([side.contact for side in system.sides]),
+        "sides.body": np.array([names.index(side.place.body) for side in system.sides]),
+        "sides.path": np.array([-1 if (p := side.place.path) is None else paths.index(p) for side in system.sides]),
+        "sides.at": np.array([side.place.at for side in system.sides], float),
+        "sides.rate": np.array([side.place.rate for side in system.sides], float),
+    }
+    for k, side in enumerate(system.sides):
+        row = system.row(side.place)
+        arrays |= {f"sides.{k}": side.sign * row.coefficients, f"sides.{k}.touched": row.touched[None]}
+        arrays |= {f"sides.{k}.breaks": row.breaks, f"sides.{k}.touched.breaks": row.breaks}
+    n, i, o = assembly.size, assembly.B.shape[1], assembly.outputs.shape[0]
+    for k, (name, body) in enumerate(system.bodies.items()):
+        assert body.carriers is not None
+        values, known = body.carriers.values, body.carriers.flexibility
+        K = len(values)
+        V, R, H, X = np.zeros((K, n)), np.zeros((K, K)), np.zeros((K, i)), np.zeros((o, K))
+        V[:, assembly.coordinates[name]] = values[:, assembly.free[name]]
+        if known is not None:
+            R, H[:, assembly.inputs[name]], X[assembly.observed[name]] = known.rows, known.inputs, known.outputs
+        arrays |= {f"bodies.{k}.V": V, f"bodies.{k}.R": R, f"bodies.{k}.H": H, f"bodies.{k}.X": X}
+    return arrays

@@ -113,9 +113,11 @@ static int start_in_frame(pmr_state *st, int kind, const double *motions, const 
                           const double *v)
 {
     const pmr_system *y = st->system;
-    int failed = pmr_frame_drivers(y, motions, st->u_next, st->quantities);
+    int failed = pmr_frame_drivers(y, motions, st->u_next, st->quantities), k;
     if (failed) return failed;
-    failed = start(st, kind, st->u_next, z, v);
+    for (k = 0; k < y->paths; k++) /* of those whose rates count */
+        st->s_rates[k] = !rows || rows[y->frame_paths[k]] > 1 ? motions[y->motions + y->frame_paths[k]] : 0.0;
+    failed = start(st, kind, st->u_next, st->s_rates, z, v);
     if (!failed) take_motions(y, motions, rows, st->motions);
     return failed;
 }

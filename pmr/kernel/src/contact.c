@@ -89,10 +89,10 @@ static int solve_closed(problem *c)
     return PMR_DONE;
 }
 
-static int count_wrong(problem *c)
+static void mark_wrong(problem *c)
 {
     double largest = 0.0;
-    int count = 0, k, n;
+    int k, n;
     for (k = 0; k < c->rows; k++) largest = larger(largest, fabs(c->lambda[k]));
     for (k = 0; k < c->rows; k++) {
         c->wrong[k] = 0;
@@ -109,31 +109,40 @@ static int count_wrong(problem *c)
             }
             c->wrong[k] = gap < -ROUND_OFF * size;
         }
-        count += c->wrong[k];
     }
+}
+
+/* Leave in `wrong` (m,) the contacts that change sides now, and return how many were wrong. */
+static int choose_changes(int m, int32_t *wrong, pmr_search *search)
+{
+    int count = 0, first = 1, k;
+    for (k = 0; k < m; k++) count += wrong[k] != 0;
+    if (!count) return 0;
+    if (!search->fewest || count < search->fewest) {
+        search->fewest = count;
+        search->chances = CHANCES;
+    } else {
+        search->chances--;
+    }
+    if (search->chances >= 0) return count;
+    for (k = 0; k < m; k++)
+        if (wrong[k]) {
+            wrong[k] = first;
+            first = 0;
+        }
     return count;
 }
 
 static int settle(problem *c)
 {
-    int fewest = c->rows + 1, chances = CHANCES, tries, k;
+    pmr_search search = {0, 0};
+    int tries, k;
     for (tries = 0; tries < MOST_SOLVES; tries++) {
-        int wrong, changes;
         if (solve_closed(c)) return PMR_DEPENDENT;
-        wrong = count_wrong(c);
-        if (!wrong) return PMR_DONE;
-        if (wrong < fewest) {
-            fewest = wrong;
-            chances = CHANCES;
-        } else {
-            chances--;
-        }
-        changes = chances >= 0 ? wrong : 1;
-        for (k = 0; k < c->rows && changes > 0; k++)
-            if (c->wrong[k]) {
-                c->closed[k] = 1.0 - c->closed[k];
-                changes--;
-            }
+        mark_wrong(c);
+        if (!choose_changes(c->rows, c->wrong, &search)) return PMR_DONE;
+        for (k = 0; k < c->rows; k++)
+            if (c->wrong[k]) c->closed[k] = 1.0 - c->closed[k];
         c->factored = -1;
     }
     return PMR_UNSETTLED;
@@ -204,7 +213,7 @@ static void remember_forces(pmr_state *st, const pmr_scheme *c)
 }
 
 static int contact_alone(int m, const double *A, const double *b, const int32_t *pushes, double *lambda,
-                         int32_t *closed, double *work, int *solves)
+                         int32_t *closed, double *work, int *trouble)
 {
     problem c = {.rows = m,
                  .stride = m,
@@ -222,6 +231,6 @@ static int contact_alone(int m, const double *A, const double *b, const int32_t 
     for (k = 0; k < m; k++) c.closed[k] = !pushes[k] || closed[k] ? 1.0 : 0.0;
     failed = settle(&c);
     for (k = 0; k < m; k++) closed[k] = c.closed[k] != 0.0;
-    if (solves) *solves = (int)c.solves;
+    if (trouble) *trouble = failed == PMR_DEPENDENT ? c.trouble : -1;
     return failed;
 }

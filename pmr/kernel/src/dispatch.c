@@ -67,7 +67,12 @@ void pmr_state_view(pmr_state *state, pmr_view *view)
 
 int pmr_start(pmr_state *state, int kind, const double *u, const double *z, const double *v)
 {
-    return chosen()->start(state, kind, u, z, v);
+    return chosen()->start(state, kind, u, NULL, z, v);
+}
+
+int pmr_start_moving(pmr_state *state, int kind, const double *u, const double *rates, const double *z, const double *v)
+{
+    return chosen()->start(state, kind, u, rates, z, v);
 }
 
 int pmr_start_from(pmr_state *state, const double *u, const double *z, const double *v, const double *a,
@@ -100,6 +105,31 @@ int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *ro
     return chosen()->step_in_frame(state, motions, rows);
 }
 
+int pmr_carried_open(pmr_state *state, const pmr_machine *machine, pmr_carried **carried)
+{
+    return chosen()->carried_open(state, machine, carried);
+}
+
+void pmr_carried_close(pmr_carried *carried) { pmr_free_aligned(carried); }
+
+int pmr_carried_needed(pmr_carried *carried, const double *b, const double *z, const double *v, const double *a,
+                       double *needed)
+{
+    return chosen()->carried_needed(carried, b, z, v, a, needed);
+}
+
+int pmr_carried_start(pmr_carried *carried, const double *b, const double *z, const double *v,
+                      const pmr_carried_record *record)
+{
+    return chosen()->carried_start(carried, b, z, v, record);
+}
+
+int pmr_carried_advance(pmr_carried *carried, int64_t first, int64_t count, const pmr_carried_record *record,
+                        int64_t *taken)
+{
+    return chosen()->carried_advance(carried, first, count, record, taken);
+}
+
 int pmr_advance(pmr_state *state, const pmr_signals *signals, int64_t count, int64_t every, const int32_t *parts,
                 const pmr_record *record, int64_t *taken)
 {
@@ -114,6 +144,11 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 
 void pmr_outputs(pmr_state *state, double *y, double *forces) { chosen()->outputs(state, y, forces); }
 
+void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values)
+{
+    chosen()->observe(state, count, numbers, values);
+}
+
 void pmr_energy(const pmr_state *state, double *energy) { memcpy(energy, state->energy, 2 * sizeof(double)); }
 
 int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobian)
@@ -124,13 +159,24 @@ int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobia
 size_t pmr_contact_work(int m) { return m < 0 ? 0 : (size_t)m * m + 4 * (size_t)m + 1; }
 
 int pmr_contact(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed,
-                double *work, int *solves)
+                double *work, int *trouble)
 {
-    return m < 0 ? PMR_REFUSED : chosen()->contact(m, A, b, pushes, lambda, closed, work, solves);
+    return m < 0 ? PMR_REFUSED : chosen()->contact(m, A, b, pushes, lambda, closed, work, trouble);
 }
 
-double pmr_friction(int n, const double *kappa, const double *old, const double *limits, double moved, double softness,
-                    double given, double *f)
+int pmr_choose_changes(int m, int32_t *wrong, pmr_search *search)
 {
-    return chosen()->friction(n, kappa, old, limits, moved, softness, given, f);
+    return chosen()->choose_changes(m, wrong, search);
+}
+
+void pmr_restart(pmr_iteration *iteration) { iteration->pairs = iteration->begun = 0; }
+
+void pmr_extrapolate(pmr_iteration *iteration) { chosen()->extrapolate(iteration); }
+
+void pmr_scheme_factors(double h, double rho_inf, pmr_factors *factors) { chosen()->factors(h, rho_inf, factors); }
+
+double pmr_friction(int n, const double *kappa, const double *coefficients, const double *forces, const double *old,
+                    double moved, const pmr_cylinder *cylinder, double *limits, double *f)
+{
+    return chosen()->friction(n, kappa, coefficients, forces, old, moved, cylinder, limits, f);
 }

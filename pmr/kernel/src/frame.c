@@ -126,6 +126,24 @@ static turning turn(const course *c)
     return found;
 }
 
+static void read_turning(const turning *from, pmr_turning *to)
+{
+    int i, j;
+    for (i = 0; i < 3; i++) {
+        to->velocity[i] = from->velocity[i].at;
+        to->acceleration[i] = from->acceleration[i].at;
+        for (j = 0; j < 3; j++) to->R[3 * i + j] = from->R[i][j].at;
+    }
+}
+
+void pmr_frame_turning(const pmr_system *y, const double *motions, pmr_turning *boom, pmr_turning *base)
+{
+    const course c = {y, motions, NULL};
+    const turning of_boom = turn(&c), of_base = rock(angle_of(&c, 2), angle_of(&c, 3), angle_of(&c, 4));
+    read_turning(&of_boom, boom);
+    read_turning(&of_base, base);
+}
+
 /* Entry i, j of alpha x . + omega x (omega x .). */
 static number gradient(const turning *turned, int i, int j)
 {

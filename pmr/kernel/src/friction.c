@@ -10,8 +10,7 @@
    pad touches, an arm e from the axis, friction makes a moment -e sign(lambda) f: the multiplier of a row C' behind
    the contacts.
 
-   A new friction law is a function like `slide`, called in `revise_friction`, with its constants in the system's
-   data. */
+   A new friction law is a function like `slide`, called in `find_friction`, with its constants in the system's data. */
 
 /* Of the lengths that a slip is found from: what is round-off; and how often it is improved at most. */
 #define SLIP_ROUND_OFF 1e-15
@@ -53,6 +52,31 @@ static double slide(int count, const double *kappa, const double *old, const dou
     return total;
 }
 
+/* Largest friction of a pad that presses with a force. */
+INLINE double friction_limit(double coefficient, double force) { return coefficient * fabs(force); }
+
+/* New friction of a joint's pads after the old one, with their limits, where the joint's path has moved so far; returns
+   its sum. */
+static double slide_joint(int count, const double *kappa, const double *old, const double *limits, double moved,
+                          const pmr_cylinder *c, double *f)
+{
+    double softness = 0.0;
+    if (c->gives > 0.0) {
+        const double soft = larger(c->compliance - c->gives, 0.0); /* as more friction lets it slide less */
+        softness = c->gives * soft / (c->gives + soft);
+        moved -= c->gives * (c->force + c->friction - c->drive);
+    }
+    return slide(count, kappa, old, limits, moved, softness, c->friction, f);
+}
+
+static double friction_alone(int n, const double *kappa, const double *coefficients, const double *forces,
+                             const double *old, double moved, const pmr_cylinder *c, double *limits, double *f)
+{
+    int j;
+    for (j = 0; j < n; j++) limits[j] = friction_limit(coefficients[j], forces[j]);
+    return slide_joint(n, kappa, old, limits, moved, c, f);
+}
+
 static double total_friction(const pmr_system *y, const double *friction, int joint)
 {
     double sum = 0.0;
@@ -61,56 +85,78 @@ static double total_friction(const pmr_system *y, const double *friction, int jo
     return sum;
 }
 
-/* Moments and gaps of the present friction. */
-static void apply_friction(pmr_state *st)
+/* Moments of pads by friction and the present multipliers. */
+static void find_moments(const pmr_state *st, const double *friction, double *moments)
 {
     const pmr_system *y = st->system;
-    int i, j;
-    for (i = 0; i < y->joints; i++)
-        if (y->joint_gives[i] > 0.0)
-            st->gap[y->joint_cylinders[i]] = y->joint_gives[i] * total_friction(y, st->friction, i);
+    int j;
     for (j = 0; j < y->pads; j++) {
-        const double moment = y->pad_arms[j] * st->friction[j];
-        st->lambda[y->contacts + j] = st->lambda[y->pad_contacts[j]] < 0.0 ? moment : -moment;
+        const double moment = y->pad_arms[j] * friction[j];
+        moments[j] = st->lambda[y->pad_contacts[j]] < 0.0 ? moment : -moment;
     }
 }
 
-/* Find friction from the present multipliers; 0 if they were found under it. */
-static int revise_friction(pmr_state *st, double bound)
+/* Let cylinders give way to the sums of their joints' friction. */
+static void set_gaps(pmr_state *st)
 {
     const pmr_system *y = st->system;
-    double change = 0.0, size = st->progress.gap_largest;
+    int i;
+    for (i = 0; i < y->joints; i++)
+        if (y->joint_gives[i] > 0.0) st->gap[y->joint_cylinders[i]] = y->joint_gives[i] * st->joint_sums[i];
+}
+
+/* Friction, its moments and its sums that follow from the present multipliers, which were found under the old ones.
+   What counts as small is measured by what all pads could bear: gaps by sum mu |lambda| / k, forces on the modes by
+   sum (e mu |lambda|)^2 |C'|^2, of which the largest so far stay. */
+static void find_friction(pmr_state *st)
+{
+    const pmr_system *y = st->system;
+    double gap = 0.0, square = 0.0;
     int i, j;
-    for (j = 0; j < y->pads; j++) st->limits[j] = y->pad_coefficients[j] * fabs(st->lambda[y->pad_contacts[j]]);
-    for (i = 0; i < y->joints; i++) {
-        const double gives = y->joint_gives[i], given = total_friction(y, st->friction, i);
-        const int first = y->first_pad[i], count = y->first_pad[i + 1] - first;
-        double softness = 0.0, moved = st->s[y->joint_paths[i]] - st->travelled[i];
-        if (gives > 0.0) {
-            const int k = y->joint_cylinders[i];
-            const double soft = larger(st->A[k * y->mp + k] - gives, 0.0); /* as more friction lets it slide less */
-            softness = gives * soft / (gives + soft);
-            moved -= gives * (st->lambda[k] + given - st->drives[i]);
-        }
-        slide(count, y->pad_stiffness + first, st->old_friction + first, st->limits + first, moved, softness, given,
-              st->new_friction + first);
-    }
     for (j = 0; j < y->pads; j++) {
-        change = larger(change, fabs(st->new_friction[j] - st->friction[j]));
-        size = larger(size, fabs(st->new_friction[j]));
-        st->friction[j] = st->new_friction[j];
+        const double *row = st->C + (size_t)(y->contacts + j) * y->modes;
+        const double limit = friction_limit(y->pad_coefficients[j], st->lambda[y->pad_contacts[j]]),
+                     moment = y->pad_arms[j] * limit;
+        st->limits[j] = limit;
+        square += moment * moment * dot(row, row, 0, y->modes);
     }
-    apply_friction(st);
-    st->progress.gap_largest = size;
-    return change > bound * size;
+    for (i = 0; i < y->joints; i++) {
+        const int first = y->first_pad[i], count = y->first_pad[i + 1] - first, k = y->joint_cylinders[i];
+        pmr_cylinder c = {.gives = y->joint_gives[i], .friction = st->joint_sums[i], .drive = st->drives[i]};
+        if (c.gives > 0.0) {
+            c.compliance = st->A[k * y->mp + k];
+            c.force = st->lambda[k];
+            for (j = first; j < first + count; j++) gap += c.gives * st->limits[j];
+        }
+        st->new_sums[i] =
+            slide_joint(count, y->pad_stiffness + first, st->old_friction + first, st->limits + first,
+                        st->s[y->joint_paths[i]] - st->travelled[i], &c, st->friction + first);
+    }
+    find_moments(st, st->friction, st->new_moments);
+    st->progress.gap_largest = larger(st->progress.gap_largest, gap);
+    st->progress.rub_largest = larger(st->progress.rub_largest, square);
+}
+
+/* Whether gaps have changed by more than a share of the largest that could be. */
+static int gaps_change(const pmr_state *st, double bound)
+{
+    const pmr_system *y = st->system;
+    double change = 0.0;
+    int i;
+    for (i = 0; i < y->joints; i++)
+        change = larger(change, y->joint_gives[i] * fabs(st->new_sums[i] - st->joint_sums[i]));
+    return change > bound * st->progress.gap_largest;
 }
 
 /* Go on from the last step's end, whatever was tried since. */
 static void begin_friction(pmr_state *st)
 {
     const pmr_system *y = st->system;
+    int i;
     copy(st->friction, st->old_friction, y->pads);
-    apply_friction(st);
+    find_moments(st, st->friction, st->lambda + y->contacts);
+    for (i = 0; i < y->joints; i++) st->joint_sums[i] = total_friction(y, st->friction, i);
+    set_gaps(st);
 }
 
 /* Work of the gaps that friction makes, of cylinders and of what moments move in the contacts by residual

@@ -113,7 +113,7 @@ typedef struct {
     double largest;      /* N: largest force so far */
     double term_largest; /* largest |w|^2 so far */
     double term_first, term_change, term_shrinks, term_trusted;
-    double gap_largest; /* m: largest gap of friction so far */
+    double gap_largest, rub_largest; /* m and N^2: largest gap and |w|^2 that friction could make so far */
 } pmr_progress;
 
 struct pmr_state {
@@ -132,11 +132,12 @@ struct pmr_state {
     double *w, *old_w, *extra; /* (r'), (4, r'), (r'): forces of terms, of the steps before; with moments of friction */
     double *accelerated;       /* (r') */
     double *friction, *gap;    /* (pads), (mp) */
+    double *joint_sums;        /* (joints) N: friction that the gaps are of */
     double *u, *motions;       /* (N), (4, n): drivers and motions where it stands; how many rows of those count */
     size_t saved;              /* doubles */
     /* workspace */
     double *began, *peak;
-    double *s, *x; /* (P), (blocks): paths, and how far each block is into its interval */
+    double *s, *s_rates, *x; /* (P), (P), (blocks): paths, their rates at the start, places in blocks' intervals */
     int32_t *interval;
     double *C, *H, *A, *factor;
     double *weighted, *excess, *entries, *motion, *pushed;
@@ -148,10 +149,11 @@ struct pmr_state {
     double load_energy, old_load_energy;
     double *acceleration, *before_closed, *before_lambda;
     double *w_new, *w_divided, *z_before; /* (r') */
-    double *limits, *new_friction, *pair_sums;
+    double *limits, *new_moments, *new_sums, *pair_sums;
+    pmr_iteration iteration;
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
-    double *y;                                       /* (op) */
+    double *y, *all;                                 /* (op), (o + forces) */
     pmr_scheme *scheme;                              /* (levels) */
     int32_t placed, factored, moved, trouble;
     int64_t solves;
@@ -162,7 +164,7 @@ typedef struct {
     const char *name;
     int (*state_open)(const pmr_system *, const pmr_settings *, pmr_state **, char *);
     int (*state_restore)(pmr_state *, const void *, size_t, char *);
-    int (*start)(pmr_state *, int, const double *, const double *, const double *);
+    int (*start)(pmr_state *, int, const double *, const double *, const double *, const double *);
     int (*start_from)(pmr_state *, const double *, const double *, const double *, const double *, const double *,
                       const int32_t *);
     int (*step)(pmr_state *, const double *, const double *);
@@ -171,10 +173,19 @@ typedef struct {
     int (*advance)(pmr_state *, const pmr_signals *, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *);
     int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *,
                            int64_t *, int *);
+    int (*carried_open)(pmr_state *, const pmr_machine *, pmr_carried **);
+    int (*carried_needed)(pmr_carried *, const double *, const double *, const double *, const double *, double *);
+    int (*carried_start)(pmr_carried *, const double *, const double *, const double *, const pmr_carried_record *);
+    int (*carried_advance)(pmr_carried *, int64_t, int64_t, const pmr_carried_record *, int64_t *);
     void (*outputs)(pmr_state *, double *, double *);
+    void (*observe)(pmr_state *, int, const int32_t *, double *);
     int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);
     int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
-    double (*friction)(int, const double *, const double *, const double *, double, double, double, double *);
+    int (*choose_changes)(int, int32_t *, pmr_search *);
+    void (*extrapolate)(pmr_iteration *);
+    void (*factors)(double, double, pmr_factors *);
+    double (*friction)(int, const double *, const double *, const double *, const double *, double, const pmr_cylinder *,
+                       double *, double *);
     size_t (*state_bytes)(const pmr_state *);
     void (*state_save)(const pmr_state *, void *);
 } pmr_functions;
@@ -185,6 +196,13 @@ int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u
 void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, double *u, double *along,
                      double *work);
 int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
+/* How a frame, or the base that carries it, is turned: its rotation (3, 3) into axes of the ground, its angular velocity
+   and acceleration in its own axes. */
+typedef struct {
+    double R[9], velocity[3], acceleration[3];
+} pmr_turning;
+
+void pmr_frame_turning(const pmr_system *system, const double *motions, pmr_turning *boom, pmr_turning *base);
 /* How fast the rate of a driver grows within h around t. */
 double pmr_signals_spread(const pmr_signals *signals, int32_t driver, double t, double h);
 

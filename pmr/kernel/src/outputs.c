@@ -40,3 +40,16 @@ static void outputs(pmr_state *st, double *y_out, double *forces)
     }
     copy(y_out, out, y->outputs);
 }
+
+/* Some outputs and forces, by their numbers among all outputs and, behind these, all forces. */
+static void observe(pmr_state *st, int count, const int32_t *numbers, double *values)
+{
+    const int o = st->system->outputs;
+    int moved = 0, forces = 0, k;
+    for (k = 0; k < count; k++) {
+        moved |= numbers[k] < o;
+        forces |= numbers[k] >= o;
+    }
+    outputs(st, moved ? st->all : NULL, forces ? st->all + o : NULL);
+    for (k = 0; k < count; k++) values[k] = st->all[numbers[k]];
+}

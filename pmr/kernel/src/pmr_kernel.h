@@ -48,7 +48,9 @@ enum {
     PMR_UNSETTLED = 3,   /* which contacts are closed was not found in 1000 solves */
     PMR_UNCONVERGED = 4, /* forces of terms or friction do not converge within a step */
     PMR_NOT_FINITE = 5,  /* a coordinate is infinite or no number */
-    PMR_NO_MEMORY = 6
+    PMR_NO_MEMORY = 6,
+    PMR_LOST = 7,        /* a machine's motion is not found */
+    PMR_UPRIGHT = 8      /* a machine pitches by 90 degrees, where roll and yaw turn about one axis */
 };
 
 /* Room for a message, with the zero at its end. */
@@ -133,7 +135,11 @@ enum { PMR_AT_REST = 0, PMR_GIVEN = 1, PMR_IN_EQUILIBRIUM = 2 };
    PMR_IN_EQUILIBRIUM: at rest under the loads, v = 0.  Multipliers of contacts that give way follow from the
    position, those of rigid ones from the accelerations. */
 int pmr_start(pmr_state *state, int kind, const double *u, const double *z, const double *v);
-/* The same with accelerations a (r',), multipliers (m,) and which contacts are closed (m,) as they are: how a
+/* The same where paths move by `rates` (P,) m/s: rates v that violate rigid contacts are corrected by the change of
+   least kinetic energy, those of bodies at rest and in equilibrium too. */
+int pmr_start_moving(pmr_state *state, int kind, const double *u, const double *rates, const double *z,
+                     const double *v);
+/* As `pmr_start` with accelerations a (r',), multipliers (m,) and which contacts are closed (m,) as they are: how a
    simulation that another program began goes on. */
 int pmr_start_from(pmr_state *state, const double *u, const double *z, const double *v, const double *a,
                    const double *multipliers, const int32_t *closed);
@@ -154,6 +160,63 @@ int pmr_frame(const pmr_system *system, const double *motions, double *u, double
 int pmr_start_in_frame(pmr_state *state, int kind, const double *motions, const int32_t *rows, const double *z,
                        const double *v);
 int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *rows);
+
+/* ---- a machine that carries the frame ---- */
+
+/* A machine below the boom of a system with a frame, whose motion is found with the boom's (machine.c).  Its directions
+   are x, y, z of the pivot along the ground's axes in m, and roll, pitch and yaw in rad.  Arrays stay as long as what is
+   opened with them; those over T steps, t = 0 the first, say what drives it. */
+typedef struct {
+    int32_t sections;        /* S, the base first */
+    int32_t shortened_count; /* G: moments that are quadratic in the modes */
+    int32_t inertial_count;  /* inputs by which the frame accelerates the boom */
+    int32_t axes[3];         /* motions that are accelerations of the pivot along the ground's axes */
+    int32_t free[6];         /* directions that it moves in by itself */
+    double mass, center[3], inertia[3]; /* kg, m from the pivot, kg m^2 about it along its own axes */
+    double stiffness[6], damping[6];
+    double boom_mass, largest_weight;   /* kg, m/s^2 */
+    double place[3], section_inertia[9]; /* m: the base's tail from the pivot; kg m^2: the sum about the tails */
+    const int32_t *section_paths;  /* (S,): motions by which sections move along, less than 0: none */
+    const int32_t *fields;         /* (S, 4, 3): inputs of acceleration fields over 1, x, y, z along x, y, z, or -1 */
+    const int32_t *inertial;       /* (inertial_count,) inputs */
+    const double *masses, *first;  /* (S,) kg, (S, 3) kg m from each tail */
+    const double *loads;           /* (S, 6, i): forces and moments about the tails of all inputs */
+    const double *rotating;        /* (3, r', r') kg */
+    const double *carried;         /* (3, 3, r', r') kg */
+    const int32_t *of_shortened;   /* (G, 3): section, over 1 or x, section over whose extension it is or -1 */
+    const double *shortened;       /* (G, r', r') */
+    const double *motions;         /* (T, 3, n): of the frame, those of the machine left out */
+    const double *rates;           /* (T, n) m/s: of the motions that are paths; at kinks the mean of both sides */
+    const double *given;           /* (T, 3, 6): directions that are held, and what springs stand on */
+    const double *pushed;          /* (T, 6) N and N m: forces and moments on the pivot, along the ground's axes */
+    const double *weight;          /* (T,) m/s^2 */
+} pmr_machine;
+
+typedef struct pmr_carried pmr_carried;
+
+/* Where steps of a machine are recorded, one row each. */
+typedef struct {
+    double *motion;  /* (., 3, 6): directions with rates and second rates */
+    double *held;    /* (., 6) N, N m: what holds directions that are not free */
+    double *springs; /* (., 6): of springs and dampers, by the directions */
+    double *momenta; /* (., 6): linear and angular momentum about the ground's origin */
+    double *inertia; /* (., inertial_count): inputs by which the frame accelerates the boom */
+} pmr_carried_record;
+
+/* PMR_REFUSED for a system whose frame has no base that moves or whose contacts push, and for steps in parts. */
+int pmr_carried_open(pmr_state *state, const pmr_machine *machine, pmr_carried **carried);
+void pmr_carried_close(pmr_carried *carried);
+/* What has to hold the machine (6,), by its directions, at t = 0 where it moves as b (3, 6) and the boom as z, v, a
+   (r',). */
+int pmr_carried_needed(pmr_carried *carried, const double *b, const double *z, const double *v, const double *a,
+                       double *needed);
+/* Begin at t = 0 with b (3, 6), whose second rates of free directions are found, and the boom at z and v (r',); row 0
+   is recorded. */
+int pmr_carried_start(pmr_carried *carried, const double *b, const double *z, const double *v,
+                      const pmr_carried_record *record);
+/* Take `count` steps, the first of which is number `first`, 1 or more; row 0 is that step.  `*taken` were taken. */
+int pmr_carried_advance(pmr_carried *carried, int64_t first, int64_t count, const pmr_carried_record *record,
+                        int64_t *taken);
 
 /* ---- signals ---- */
 
@@ -209,6 +272,8 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 
 /* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
 void pmr_outputs(pmr_state *state, double *y, double *forces);
+/* Some of them, by their numbers (count,): of outputs, and behind these of forces. */
+void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values);
 /* Energy stored and work done since the start, both in J. */
 void pmr_energy(const pmr_state *state, double *energy);
 
@@ -233,15 +298,58 @@ int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobia
 size_t pmr_contact_work(int m);
 /* lambda (m,) of A lambda = b + w with lambda >= 0, w >= 0, lambda w = 0 at those that push and w = 0 at the others.
    A (m, m) symmetric and positive definite; b (m,): how far they would come out beyond their clearances without forces.
-   `closed` (m,) is what it begins with, and tells which are closed.  `*solves`, unless NULL: linear systems solved.
-   PMR_DEPENDENT, PMR_UNSETTLED as for a step. */
+   `closed` (m,) is what it begins with, and tells which are closed.  PMR_DEPENDENT, PMR_UNSETTLED as for a step;
+   `*trouble`, unless NULL, is the number of the contact that PMR_DEPENDENT is about, else -1. */
 int pmr_contact(int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed,
-                double *work, int *solves);
-/* Friction (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
-   and slide at limits (n,) N: f = clip(old + kappa x, -limit, limit), with the slip x of x + softness (sum f - given)
-   = moved. Returns their sum. */
-double pmr_friction(int n, const double *kappa, const double *old, const double *limits, double moved, double softness,
-                    double given, double *f);
+                double *work, int *trouble);
+/* How the same search stands where the caller solves for the forces of closed contacts: fewest contacts that were
+   wrong, and how often all wrong ones may still change sides.  Zeros begin a search. */
+typedef struct {
+    int32_t fewest, chances;
+} pmr_search;
+/* Leave in `wrong` (m,), the contacts that pull although they only push or overlap although they are open, those that
+   change sides before the next solve.  Returns how many were wrong. */
+int pmr_choose_changes(int m, int32_t *wrong, pmr_search *search);
+/* Iterates of a fixed point x = phi(x), of which the first `measured` numbers count in a residual's size.  All arrays
+   begin on a multiple of 32 bytes, `count` and `measured` are multiples of four. */
+typedef struct {
+    double *x, *f;                /* (count,): iterate and residual phi(x) - x */
+    double *least_x, *least_f;    /* (count,): where the residual was least so far, and that */
+    double *directions, *changes; /* (most, count) */
+    int32_t count, measured, most, pairs, begun;
+    void (*sum)(double *value, void *context); /* NULL; or adds up an inner product of all parts of an iterate */
+    void *context;
+} pmr_iteration;
+/* Forget all iterates before, as where phi has become another function. */
+void pmr_restart(pmr_iteration *iteration);
+/* Replace x, whose residual is f, by the next iterate (extrapolation.c). */
+void pmr_extrapolate(pmr_iteration *iteration);
+/* Factors of generalized-alpha.  With a the acceleration-like variable and z'' the acceleration,
+
+       a* = a_from_share a + a_from_force z'',    v* = v + v_from_share a + v_from_force z'',
+       z* = z + h v + z_from_share a + z_from_force z''
+
+   are what a step begins with, and its acceleration adds gain, v_gain and z_gain times itself to them. */
+typedef struct {
+    double h;
+    double gain, v_gain, z_gain;
+    double a_from_force, a_from_share, v_from_force, v_from_share, z_from_force, z_from_share;
+} pmr_factors;
+/* Factors of a step of h s with the spectral radius rho_inf at infinite frequency. */
+void pmr_scheme_factors(double h, double rho_inf, pmr_factors *factors);
+/* Cylinder of a joint whose pads rub. */
+typedef struct {
+    double gives;      /* m/N: 1/k; 0 of a rigid one or none */
+    double compliance; /* m/N: its diagonal entry of A */
+    double force;      /* N: its multiplier */
+    double friction;   /* N: sum of the pads' friction under which that was found */
+    double drive;      /* N: force plus friction at the end of the last step */
+} pmr_cylinder;
+/* Friction f (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
+   and slide at limits (n,) N, coefficients (n,) times the pads' forces (n,) N; from the `old` one (n,) N, where the path
+   of the joint has moved by `moved` m.  Returns their sum. */
+double pmr_friction(int n, const double *kappa, const double *coefficients, const double *forces, const double *old,
+                    double moved, const pmr_cylinder *cylinder, double *limits, double *f);
 
 /* ---- up to here ---- */
 

@@ -36,6 +36,22 @@ static void set_factors(pmr_scheme *c, double h, double rho)
     c->z_from_share = h * h * (0.5 - beta + beta * a_from_a);
 }
 
+static void factors_alone(double h, double rho, pmr_factors *factors)
+{
+    pmr_scheme c;
+    set_factors(&c, h, rho);
+    *factors = (pmr_factors){.h = c.h,
+                             .gain = c.gain,
+                             .v_gain = c.v_gain,
+                             .z_gain = c.z_gain,
+                             .a_from_force = c.a_from_force,
+                             .a_from_share = c.a_from_share,
+                             .v_from_force = c.v_from_force,
+                             .v_from_share = c.v_from_share,
+                             .z_from_force = c.z_from_force,
+                             .z_from_share = c.z_from_share};
+}
+
 /* result = S^-1 x of modes first to last. */
 static void over_S(const pmr_system *y, const pmr_scheme *c, const double *x, int first, int last, double *result)
 {

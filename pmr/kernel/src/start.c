@@ -5,9 +5,17 @@
 #define ALMOST_FREE 1e-8
 #define UNCHANGED 1e-3
 #define BALANCED 1e-9
+/* Shares of the lowest omega^2 in steps towards an equilibrium with terms: until which, steps of each, solves of each.
+   */
+#define LEAST_SHARE 5e-5
+#define STEPS_OF_SHARE 20
+#define FEW_TRIES 50
+/* What is left of a row that depends on those before; violation of a rigid contact by rates that is round-off. */
+#define DEPENDENT_ROW 1e-13
+#define VIOLATED 1e-8
 
-/* Solve A x = b (n) with partial pivoting, x in place of b; 1 if A is singular. */
-static int solve_dense(int n, double *A, double *x)
+/* L U of a matrix (n, n) in its place, with partial pivoting: which row came to each; 1 if it is singular. */
+static int factorise_dense(int n, double *A, int32_t *rows)
 {
     int i, j, k;
     for (k = 0; k < n; k++) {
@@ -15,28 +23,53 @@ static int solve_dense(int n, double *A, double *x)
         for (i = k + 1; i < n; i++)
             if (fabs(A[(size_t)i * n + k]) > fabs(A[(size_t)best * n + k])) best = i;
         if (!(fabs(A[(size_t)best * n + k]) > 0.0)) return 1;
-        if (best != k) {
-            const double value = x[k];
-            for (j = 0; j < n; j++) {
-                const double entry = A[(size_t)k * n + j];
-                A[(size_t)k * n + j] = A[(size_t)best * n + j];
-                A[(size_t)best * n + j] = entry;
-            }
-            x[k] = x[best];
-            x[best] = value;
+        rows[k] = best;
+        for (j = 0; best != k && j < n; j++) {
+            const double entry = A[(size_t)k * n + j];
+            A[(size_t)k * n + j] = A[(size_t)best * n + j];
+            A[(size_t)best * n + j] = entry;
         }
         for (i = k + 1; i < n; i++) {
             const double factor = A[(size_t)i * n + k] / A[(size_t)k * n + k];
-            if (factor == 0.0) continue;
-            for (j = k + 1; j < n; j++) A[(size_t)i * n + j] -= factor * A[(size_t)k * n + j];
-            x[i] -= factor * x[k];
+            A[(size_t)i * n + k] = factor;
+            for (j = k + 1; factor != 0.0 && j < n; j++) A[(size_t)i * n + j] -= factor * A[(size_t)k * n + j];
         }
     }
-    for (k = n - 1; k >= 0; k--) {
-        double value = x[k];
-        for (j = k + 1; j < n; j++) value -= A[(size_t)k * n + j] * x[j];
-        x[k] = value / A[(size_t)k * n + k];
+    return 0;
+}
+
+/* x in place of b, with that factor. */
+static void solve_factored(int n, const double *A, const int32_t *rows, double *x)
+{
+    int j, k;
+    for (k = 0; k < n; k++) {
+        const double value = x[rows[k]];
+        x[rows[k]] = x[k];
+        x[k] = value;
     }
+    for (k = 0; k < n; k++)
+        for (j = 0; j < k; j++) x[k] -= A[(size_t)k * n + j] * x[j];
+    for (k = n - 1; k >= 0; k--) {
+        for (j = k + 1; j < n; j++) x[k] -= A[(size_t)k * n + j] * x[j];
+        x[k] /= A[(size_t)k * n + k];
+    }
+}
+
+/* Solve A x = b (n), x in place of b, improved once by what is left; 1 if A is singular.  `room` has n (n + 2)
+   doubles. */
+static int solve_dense(int n, const double *A, double *x, double *room)
+{
+    double *factor = room, *b = factor + (size_t)n * n, *left = b;
+    int32_t *rows = (int32_t *)(b + n);
+    int k, j;
+    memcpy(factor, A, (size_t)n * n * sizeof(double));
+    copy(b, x, n);
+    if (factorise_dense(n, factor, rows)) return 1;
+    solve_factored(n, factor, rows, x);
+    for (k = 0; k < n; k++)
+        for (j = 0; j < n; j++) left[k] -= A[(size_t)k * n + j] * x[j];
+    solve_factored(n, factor, rows, left);
+    for (k = 0; k < n; k++) x[k] += left[k];
     return 0;
 }
 
@@ -51,7 +84,7 @@ static int is_rigid(const pmr_state *st, int k)
 }
 
 /* [K + floor, C^T; C, -F] (z, lambda) = (forces, clearance - H f), open contacts left out; without `loaded` no
-   clearance and no H f. */
+   clearance, no H f and no terms. */
 static int solve_held(pmr_state *st, double floor, const double *forces, int loaded, double *x)
 {
     const pmr_system *y = st->system;
@@ -63,7 +96,7 @@ static int solve_held(pmr_state *st, double floor, const double *forces, int loa
         A[(size_t)n * size + n] = y->omega2[n] + floor;
         x[n] = forces[n];
     }
-    if (y->registers)
+    if (y->registers && loaded)
         for (k = 0; k < r / PMR_LANES; k++)
             for (u = y->of_rows[3 * k]; u < y->of_rows[3 * k + 1]; u++)
                 for (l = 0; l < PMR_LANES; l++)
@@ -84,7 +117,7 @@ static int solve_held(pmr_state *st, double floor, const double *forces, int loa
         for (l = 0; l < y->contacts; l++) row[r + l] = -st->A[(k > l ? k : l) * y->mp + (k > l ? l : k)];
         if (loaded) x[r + k] = y->clearance[k] - st->pushed[k];
     }
-    return solve_dense(size, A, x);
+    return solve_dense(size, A, x, A + (size_t)size * size);
 }
 
 /* Contacts that pull although they only push, or would have to push although they are open: their number, each
@@ -113,28 +146,19 @@ static int mark_unbalanced(pmr_state *st, const double *x)
     return count;
 }
 
-/* Equilibrium under the loads: z and multipliers.  What open contacts leave free for the moment is held by a share of
-   the lowest omega^2, of which the last solve has none. */
-static int find_equilibrium(pmr_state *st)
+/* Equilibrium x of a stiffness K + floor under forces, of which those that push are found from the closed ones on: all
+   that are wrong change sides as long as that leaves fewer, or has failed to three times at most, then the first one.
+   After `limit` solves some may still be wrong: PMR_UNSETTLED. */
+static int close_contacts(pmr_state *st, double floor, const double *forces, int limit, double *x)
 {
     const pmr_system *y = st->system;
-    double *x = st->held, *held = st->held + y->modes + y->contacts, *forces = st->others, floor, product = 0.0,
-           square = 0.0, largest = 0.0, off = 0.0;
-    int fewest = y->contacts + 1, chances = CHANCES, tries, k, n;
-    for (k = 0; k < y->contacts; k++) st->closed[k] = 1.0;
-    for (n = 0; n < y->modes; n++) forces[n] = !is_fill(y, n);
-    if (solve_held(st, 0.0, forces, 0, x)) return PMR_DEPENDENT;
-    for (n = 0; n < y->modes; n++) {
-        product += x[n];
-        square += x[n] * x[n];
-    }
-    floor = y->pushing ? ALMOST_FREE * fabs(product / square) : 0.0;
-    copy(forces, st->push, y->modes);
-    for (tries = 0; tries < STATIC_TRIES; tries++) {
+    int fewest = y->contacts + 1, chances = CHANCES, tries, k;
+    for (tries = 0;; tries++) {
         int count, changes;
-        if (solve_held(st, floor, forces, 1, held)) return PMR_DEPENDENT;
-        count = mark_unbalanced(st, held);
-        if (!count) break;
+        if (solve_held(st, floor, forces, 1, x)) return PMR_DEPENDENT;
+        count = mark_unbalanced(st, x);
+        if (!count) return PMR_DONE;
+        if (tries == limit - 1) return PMR_UNSETTLED;
         if (count < fewest) {
             fewest = count;
             chances = CHANCES;
@@ -145,22 +169,126 @@ static int find_equilibrium(pmr_state *st)
         for (k = 0; k < y->contacts; k++)
             if (st->wrong[k] && changes-- > 0) st->closed[k] = 1.0 - st->closed[k];
     }
-    if (tries == STATIC_TRIES) return PMR_UNSETTLED;
-    if (solve_held(st, 0.0, forces, 1, x)) return PMR_DEPENDENT;
-    for (n = 0; n < y->modes; n++) {
-        largest = larger(largest, fabs(x[n]));
-        off = larger(off, fabs(x[n] - held[n]));
-    }
-    if (!(off <= UNCHANGED * largest) || mark_unbalanced(st, x)) return PMR_DEPENDENT;
-    copy(st->z, x, y->modes);
-    copy(st->lambda, x + y->modes, y->contacts);
-    for (k = 0; k < y->contacts; k++)
-        if (st->closed[k] == 0.0) st->lambda[k] = 0.0;
-    return PMR_DONE;
 }
 
-/* Multipliers of the contacts that give way from where the bodies stand, of those that push which are closed. */
-static int find_giving(pmr_state *st)
+/* Whether the bodies stand by K alone with the closed contacts, as `almost` with a little more than K: then z and
+   multipliers. */
+static int stands(pmr_state *st, const double *almost)
+{
+    const pmr_system *y = st->system;
+    double *x = st->held, largest = 0.0, off = 0.0;
+    int k, n;
+    if (solve_held(st, 0.0, st->push, 1, x)) return 0;
+    for (n = 0; n < y->modes; n++) {
+        largest = larger(largest, fabs(x[n]));
+        off = larger(off, fabs(x[n] - almost[n]));
+    }
+    if (!(off <= UNCHANGED * largest) || mark_unbalanced(st, x)) return 0;
+    copy(st->z, x, y->modes);
+    for (k = 0; k < y->contacts; k++) st->lambda[k] = st->closed[k] == 0.0 ? 0.0 : x[y->modes + k];
+    return 1;
+}
+
+static void close_all(pmr_state *st)
+{
+    int k;
+    for (k = 0; k < st->system->contacts; k++) st->closed[k] = 1.0;
+}
+
+/* Equilibrium under the loads: z and multipliers.  What open contacts leave free for the moment is held by a share of
+   the lowest omega^2, of which the last solve has none.
+
+   Terms may make K indefinite while contacts are open that close later; then changing sides need not end.  So the
+   energy is minimised in steps, each with a share of omega^2 added and its force at the last z taken away, which has
+   one solution; where they come to rest the bodies stand by themselves (Rockafellar 1976). */
+static int find_equilibrium(pmr_state *st)
+{
+    const pmr_system *y = st->system;
+    double *x = st->held, *almost = x + y->modes + y->contacts, *forces = st->others, product = 0.0, square = 0.0,
+           softest, share;
+    int n, step, settled;
+    close_all(st);
+    for (n = 0; n < y->modes; n++) forces[n] = !is_fill(y, n);
+    if (solve_held(st, 0.0, forces, 0, x)) return PMR_DEPENDENT;
+    for (n = 0; n < y->modes; n++) {
+        product += x[n];
+        square += x[n] * x[n];
+    }
+    softest = fabs(product / square);
+    settled = close_contacts(st, y->pushing ? ALMOST_FREE * softest : 0.0, st->push, STATIC_TRIES, almost);
+    if (!settled && stands(st, almost)) return PMR_DONE;
+    if (!y->registers || !y->pushing) return settled ? settled : PMR_DEPENDENT;
+    close_all(st);
+    for (n = 0; n < y->modes; n++) almost[n] = 0.0;
+    for (share = 1.0; share > LEAST_SHARE; share *= 0.1)
+        for (step = 0; step < STEPS_OF_SHARE; step++) {
+            const double floor = share * softest;
+            for (n = 0; n < y->modes; n++) forces[n] = st->push[n] + floor * almost[n];
+            if (close_contacts(st, floor, forces, FEW_TRIES, almost) == PMR_DEPENDENT) return PMR_DEPENDENT;
+            if (stands(st, almost)) return PMR_DONE;
+        }
+    return PMR_UNSETTLED;
+}
+
+/* Forces of contacts x (m) that hold the accelerations `free`, by least squares of C^T x = free; 0 where contacts
+   depend on each other.  Rows of C are made orthonormal (Gram and Schmidt, twice): C = R^T Q. */
+static int find_resting(pmr_state *st, const double *free, double *x)
+{
+    const pmr_system *y = st->system;
+    const int r = y->modes, m = y->contacts;
+    double *Q = st->scratch, *left = Q + (size_t)m * r, *R = left + r; /* registers are read of the first two */
+    int k, j, n, time;
+    memset(R, 0, (size_t)m * m * sizeof(double));
+    copy(left, free, r);
+    for (k = 0; k < m; k++) {
+        double *q = Q + (size_t)k * r, length;
+        const double *row = st->C + (size_t)k * r, whole = sqrt(dot(row, row, 0, r));
+        copy(q, row, r);
+        for (time = 0; time < 2; time++)
+            for (j = 0; j < k; j++) {
+                const double share = dot(Q + (size_t)j * r, q, 0, r);
+                R[j * m + k] += share;
+                add_share(q, Q + (size_t)j * r, -share, r);
+            }
+        length = sqrt(dot(q, q, 0, r));
+        if (!(length > DEPENDENT_ROW * whole)) return 0;
+        R[k * m + k] = length;
+        for (n = 0; n < r; n++) q[n] /= length;
+        x[k] = dot(q, left, 0, r);
+        add_share(left, q, -x[k], r);
+    }
+    for (k = m - 1; k >= 0; k--) {
+        for (j = k + 1; j < m; j++) x[k] -= R[k * m + j] * x[j];
+        x[k] /= R[k * m + k];
+    }
+    return 1;
+}
+
+/* Whether forces x that let nothing accelerate explain the motion of contacts that give way but for round-off. */
+static int is_resting(pmr_state *st, const double *free, double *x)
+{
+    const pmr_system *y = st->system;
+    int k, l, n;
+    if (!find_resting(st, free, x)) return 0;
+    for (k = 0; k < y->contacts; k++) {
+        const double *row = st->C + (size_t)k * y->modes;
+        double off = st->pushed[k], size = 0.0;
+        if (is_rigid(st, k)) continue;
+        for (n = 0; n < y->modes; n++) {
+            off += row[n] * st->z[n];
+            size += fabs(row[n] * st->z[n]);
+        }
+        for (n = 0; n < y->inputs; n++) size += fabs(st->H[k * y->ip + n] * st->loads[n]);
+        for (l = 0; l < y->contacts; l++) off -= *lower(st->A, y->mp, k, l) * x[l];
+        if (!(fabs(off) <= DBL_EPSILON * y->modes * size)) return 0;
+    }
+    return 1;
+}
+
+/* Multipliers of the contacts that give way from where the bodies stand, of those that push which are closed.  Where
+   these hardly give way, round-off of the motion is much in their forces: of a body that rests under the accelerations
+   `free` without contacts they are those that hold it. */
+static int find_giving(pmr_state *st, const double *free)
 {
     const pmr_system *y = st->system;
     int32_t *giving = st->numbers;
@@ -172,8 +300,16 @@ static int find_giving(pmr_state *st)
                  .closed = st->before_closed,
                  .entries = st->entries,
                  .factored = -1};
-    for (k = 0; k < y->contacts; k++)
+    for (k = 0; k < y->contacts; k++) {
+        st->lambda[k] = 0.0;
+        st->closed[k] = !y->pushes[k];
         if (!is_rigid(st, k)) giving[count++] = k;
+    }
+    if (!count) return PMR_DONE;
+    if (!y->pushing && is_resting(st, free, lambda)) {
+        for (k = 0; k < count; k++) st->lambda[giving[k]] = lambda[giving[k]];
+        return PMR_DONE;
+    }
     factor = F + (size_t)count * count;
     for (k = 0; k < count; k++) {
         const double *row = st->C + giving[k] * y->modes;
@@ -191,10 +327,6 @@ static int find_giving(pmr_state *st)
     if (failed) {
         st->trouble = failed == PMR_DEPENDENT ? giving[c.trouble] : -1;
         return failed;
-    }
-    for (k = 0; k < y->contacts; k++) {
-        st->lambda[k] = 0.0;
-        st->closed[k] = !y->pushes[k];
     }
     for (k = 0; k < count; k++) {
         st->lambda[giving[k]] = lambda[k];
@@ -218,7 +350,7 @@ static int solve_rigid(pmr_state *st, double *right)
             A[(size_t)k * m + l] = both ? dot(st->C + k * y->modes, st->C + l * y->modes, 0, y->modes) : k == l;
         }
     }
-    return solve_dense(m, A, right);
+    return solve_dense(m, A, right, A + (size_t)m * m);
 }
 
 /* Set the prediction of the first step from z, v, accelerations and multipliers, and the energy. */
@@ -250,7 +382,6 @@ static int begin(pmr_state *st)
     }
     for (n = 0; n < y->modes; n++) st->pulled[n] = 0.0;
     subtract_rows(st, 0, y->contacts, st->pulled);
-    for (n = 0; n < y->modes; n++) st->extra[n] = st->w[n];
     load_bodies(st, st->u + y->paths); /* those of `stand` are those of the step before by now */
     account(st, c);                    /* p enters by its square */
     st->energy[1] = st->energy[2] = 0.0;
@@ -275,7 +406,39 @@ static int start_from(pmr_state *st, const double *u, const double *z, const dou
     return begin(st);
 }
 
-static int start(pmr_state *st, int kind, const double *u, const double *z, const double *v)
+/* Correct rates that violate rigid contacts which move with their paths by `rates` (P,) m/s, by the change of least
+   kinetic energy, as an impulse of these contacts does it:
+
+       C v + sum s' C_s z = 0,    v += C^T mu */
+static int correct_rates(pmr_state *st, const pmr_scheme *still, const double *rates)
+{
+    const pmr_system *y = st->system;
+    double *off = st->entries, largest_z = 0.0, largest_v = 0.0;
+    int violated = 0, k, n, p;
+    find_slopes(st, still);
+    for (n = 0; n < y->modes; n++) {
+        largest_z = larger(largest_z, fabs(st->z[n]));
+        largest_v = larger(largest_v, fabs(st->v[n]));
+    }
+    for (k = 0; k < y->contacts; k++) {
+        double size = 0.0;
+        off[k] = 0.0;
+        if (!is_rigid(st, k)) continue;
+        for (n = 0; n < y->modes; n++) {
+            double slope = 0.0;
+            for (p = 0; p < y->paths; p++) slope += rates[p] * slopes_of(st, p).C[(size_t)k * y->modes + n];
+            off[k] += st->C[(size_t)k * y->modes + n] * st->v[n] + slope * st->z[n];
+            size += fabs(st->C[(size_t)k * y->modes + n]) * largest_v + fabs(slope) * largest_z;
+        }
+        violated |= fabs(off[k]) > VIOLATED * size;
+    }
+    if (!violated) return PMR_DONE;
+    if (solve_rigid(st, off)) return PMR_DEPENDENT;
+    for (k = 0; k < y->contacts; k++) add_share(st->v, st->C + (size_t)k * y->modes, -off[k], y->modes);
+    return PMR_DONE;
+}
+
+static int start(pmr_state *st, int kind, const double *u, const double *rates, const double *z, const double *v)
 {
     const pmr_system *y = st->system;
     const pmr_scheme *still = st->scheme + st->settings.levels;
@@ -287,16 +450,23 @@ static int start(pmr_state *st, int kind, const double *u, const double *z, cons
     failed = place(st, still, u);
     /* without a step F may be singular, as of rigid contacts: it is solved for below */
     if (failed == PMR_DEPENDENT) failed = PMR_DONE;
+    st->trouble = -1;
     load_bodies(st, u + y->paths);
     if (kind == PMR_GIVEN) {
         copy(st->z, z, y->modes);
         copy(st->v, v, y->modes);
     }
     if (y->registers) combine_terms(st, u + y->paths + y->inputs);
-    failed = kind == PMR_IN_EQUILIBRIUM ? find_equilibrium(st) : find_giving(st);
+    if (kind == PMR_IN_EQUILIBRIUM) failed = find_equilibrium(st);
+    if (!failed && rates) failed = correct_rates(st, still, rates);
     if (failed) return failed;
     begin_terms(st, u + y->paths + y->inputs);
     accelerate(st, u + y->paths, st->accelerated);
+    if (kind != PMR_IN_EQUILIBRIUM) {
+        failed = find_giving(st, st->accelerated);
+        if (failed) return failed;
+        subtract_rows(st, 0, y->contacts, st->accelerated);
+    }
     for (k = 0; k < y->contacts; k++) {
         st->entries[k] = dot(st->C + k * y->modes, st->accelerated, 0, y->modes);
         rigid |= is_rigid(st, k);

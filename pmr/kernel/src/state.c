@@ -44,13 +44,32 @@ static void lay_out_scheme(const pmr_system *y, pmr_scheme *c, room *r)
     INTEGERS(in_pairs, 2 * y->pairs);
 }
 
+/* Iterates of forces of terms, of friction on cylinders and of its moments, each filled up. */
+static void lay_out_iteration(const pmr_system *y, pmr_state *st, room *r)
+{
+    pmr_iteration *it = &st->iteration;
+    const int varies = y->registers || y->pads;
+    size_t count;
+    it->measured = varies ? y->modes + PMR_UP(y->joints) : 0;
+    it->count = varies ? it->measured + PMR_UP(y->pads) : 0;
+    count = it->count;
+    it->most = MOST_PAIRS;
+    it->sum = NULL;
+    NUMBERS(iteration.x, count);
+    NUMBERS(iteration.f, count);
+    NUMBERS(iteration.least_x, count);
+    NUMBERS(iteration.least_f, count);
+    NUMBERS(iteration.directions, MOST_PAIRS * count);
+    NUMBERS(iteration.changes, MOST_PAIRS * count);
+}
+
 /* Doubles of `scratch`: of any table's values, of a body's modes, of what outputs take. */
 static size_t scratch_size(const pmr_system *y)
 {
     size_t size = (size_t)y->largest_table + y->mp + y->modes + 64;
     const size_t held = (size_t)y->modes + y->rows;
     if (y->coupled && size < (size_t)y->modes * y->modes) size = (size_t)y->modes * y->modes;
-    if (size < 2 * held * held) size = 2 * held * held; /* of the equilibrium at the start */
+    if (size < 2 * held * (held + 1)) size = 2 * held * (held + 1); /* of the equilibrium at the start */
     return size;
 }
 
@@ -100,12 +119,14 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(accelerated, n);
     NUMBERS(friction, y->pads);
     NUMBERS(gap, mp);
+    NUMBERS(joint_sums, y->joints);
     NUMBERS(u, y->drivers);
     NUMBERS(motions, 4 * y->motions);
     st->saved = (r->at - first) / sizeof(double);
     NUMBERS(began, st->saved);
     NUMBERS(peak, mp);
     NUMBERS(s, y->paths);
+    NUMBERS(s_rates, y->paths);
     NUMBERS(x, y->blocks);
     INTEGERS(interval, y->blocks);
     NUMBERS(C, m * n);
@@ -141,7 +162,9 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(w_divided, n);
     NUMBERS(z_before, n);
     NUMBERS(limits, y->pads);
-    NUMBERS(new_friction, y->pads);
+    NUMBERS(new_moments, y->pads);
+    NUMBERS(new_sums, y->joints);
+    lay_out_iteration(y, st, r);
     NUMBERS(pair_sums, pair_width(y));
     NUMBERS(u_next, y->drivers);
     NUMBERS(u_begun, y->drivers);
@@ -149,6 +172,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(motions_now, 3 * y->motions);
     NUMBERS(quantities, 2 * y->quantities);
     NUMBERS(y, y->op);
+    NUMBERS(all, (size_t)y->outputs + y->forces);
     NUMBERS(held, 2 * (n + mp));
     NUMBERS(slopes, y->paths * m * (n + y->ip + mp));
     NUMBERS(seeds, 13 * n + y->drivers);

@@ -180,6 +180,7 @@ static int find_multipliers(pmr_state *st, const pmr_scheme *c)
             }
         }
         if (again == SETTLED && y->pushing && release(st, c)) {
+            pmr_restart(&st->iteration); /* the step leads elsewhere */
             if (y->quasi_static) forget_quasi_static(st, c);
             if (y->coupled) { /* anew: what was taken back acts on all modes of a body */
                 free_motion(st, c);
@@ -259,7 +260,7 @@ static int advance(pmr_state *st, const pmr_scheme *c, const double *f, const do
     failed = find_multipliers(st, c);
     if (failed) return failed;
     if (y->pushing) remember_forces(st, c);
-    if (!y->whole) {
+    if (!y->whole || y->coupled) {
         for (n = 0; n < y->modes; n += VL) V(st->pulled + n) = CV(st->push + n);
         subtract_rows(st, 0, y->contacts, st->pulled);
         for (n = 0; n < y->modes; n += VL) {

@@ -2,9 +2,10 @@
    scheme keeps its order.
 
    S, the rows and their factor stay those of the constant matrices: w begins with what a cubic through the four steps
-   before makes of it, and multipliers and w are found anew until w no longer changes.  Each time its error shrinks by
-   the largest ratio of z_gain x G x + v_gain x V x to x S x, which is below the share of the buckling load with any
-   step.  Beyond that, or where a tension raises frequencies that the step does not resolve, it does not converge.
+   before makes of it, and multipliers and w are found anew until w no longer changes.  Each time its error is
+   multiplied by the largest ratio of z_gain x G x + v_gain x V x to x S x, which is below the share of the buckling
+   load with any step.  Where that is not small, as under a tension that makes most of the stiffness, the iterates are
+   extrapolated (extrapolation.c).
 
    Friction is iterated beside it (friction.c). */
 
@@ -71,6 +72,7 @@ static void expect_terms(pmr_state *st, const pmr_scheme *c, const double *ampli
     const size_t r = y->modes;
     int n;
     copy(st->z_before, st->z, y->modes);
+    pmr_restart(&st->iteration);
     if (!y->registers) return;
     combine_terms(st, amplitudes);
     for (n = 0; n < y->modes; n += VL) {
@@ -101,31 +103,100 @@ static void reach_end(pmr_state *st, const pmr_scheme *c)
     }
 }
 
+/* sums -= C'^T moments of pads. */
+INLINE void subtract_moments(const pmr_state *st, const double *moments, double *sums)
+{
+    const pmr_system *y = st->system;
+    int j, k, n;
+    for (j = 0; j < y->pads; j++) {
+        k = y->contacts + j;
+        if (moments[j] == 0.0) continue;
+        for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n += VL)
+            V(sums + n) -= CV(st->C + (size_t)k * y->modes + n) * moments[j];
+    }
+}
+
+/* The iterate and its residual: forces on the modes by w and moments; what cylinders give way, in the unit of forces;
+   moments, which nothing measures by themselves. */
+static void set_iterate(pmr_state *st)
+{
+    const pmr_system *y = st->system;
+    pmr_iteration *it = &st->iteration;
+    const int r = y->modes, of_moments = it->measured;
+    double *x = it->x, *f = it->f;
+    int n;
+    for (n = 0; n < r; n += VL) {
+        V(x + n) = y->registers ? CV(st->w + n) : (vec){0.0};
+        V(f + n) = y->registers ? CV(st->w_new + n) : (vec){0.0};
+    }
+    if (y->pads) {
+        subtract_moments(st, st->lambda + y->contacts, x);
+        subtract_moments(st, st->new_moments, f);
+    }
+    for (n = 0; n < r; n += VL) V(f + n) -= CV(x + n);
+    for (n = 0; n < y->joints; n++) {
+        x[r + n] = st->joint_sums[n];
+        f[r + n] = st->new_sums[n] - st->joint_sums[n];
+    }
+    for (n = 0; n < y->pads; n++) {
+        x[of_moments + n] = st->lambda[y->contacts + n];
+        f[of_moments + n] = st->new_moments[n] - st->lambda[y->contacts + n];
+    }
+}
+
+/* Take w, gaps and moments from the next iterate. */
+static void take_iterate(pmr_state *st, const pmr_scheme *c)
+{
+    const pmr_system *y = st->system;
+    pmr_iteration *it = &st->iteration;
+    double *moments = it->x + it->measured;
+    int n;
+    if (y->pads) {
+        copy(st->joint_sums, it->x + y->modes, y->joints);
+        set_gaps(st);
+        copy(st->lambda + y->contacts, moments, y->pads);
+    }
+    if (!y->registers) return;
+    for (n = 0; n < y->pads; n++) moments[n] = -moments[n]; /* what they make of forces is in lambda */
+    subtract_moments(st, moments, it->x);
+    for (n = 0; n < y->modes; n += VL) V(st->z_free + n) -= CV(st->w_divided + n) * c->z_gain;
+    copy(st->w, it->x, y->modes);
+    push_terms(st, c);
+}
+
 /* Find w and friction anew from the multipliers: SETTLED, AGAIN where these have to follow, LAST_TIME where that
    will change nothing that counts, less than 0 where it does not converge. */
 static int revise(pmr_state *st, const pmr_scheme *c, int times)
 {
     const pmr_system *y = st->system;
     pmr_progress *known = &st->progress;
+    const pmr_iteration *it = &st->iteration;
     const int last = times >= MOST_TIMES;
     const double bound = last ? PMR_ACCEPTED : PMR_CONVERGED;
-    double change = 0.0, size = 0.0, largest, usual;
+    vec changes = {0.0}, sizes = {0.0};
+    double change, size, largest, usual;
     int rubs = 0, foreseen, n;
     if (y->registers) {
         reach_end(st, c);
         find_terms(st, st->z, st->v, st->w_new);
-        for (n = 0; n < y->modes; n++) {
-            const double off = st->w_new[n] - st->w[n];
-            change += off * off;
-            size += st->w_new[n] * st->w_new[n];
-        }
     }
-    if (y->pads) rubs = revise_friction(st, bound);
-    largest = larger(known->term_largest, size);
+    if (y->pads) {
+        find_friction(st);
+        rubs = gaps_change(st, bound);
+    }
+    set_iterate(st);
+    for (n = 0; n < y->modes; n += VL) {
+        vec off = CV(it->f + n), now = CV(it->x + n) + off;
+        changes += off * off;
+        sizes += now * now;
+    }
+    change = sum_of(changes);
+    size = sum_of(sizes);
+    largest = larger(larger(known->term_largest, size), known->rub_largest);
     if (times == 1) known->term_first = size;
     usual = larger(known->term_largest, known->term_first);
     if (usual > 0.0 && change > DIVERGED * DIVERGED * usual) return -1;
-    if (times > 1 && known->term_change > 0.0) {
+    if (times == 2 && known->term_change > 0.0) {
         known->term_shrinks = larger(known->term_shrinks / 2.0, change / known->term_change);
         known->term_trusted = 0.0;
     }
@@ -135,11 +206,8 @@ static int revise(pmr_state *st, const pmr_scheme *c, int times)
         return SETTLED;
     }
     if (last) return -1;
-    if (y->registers) {
-        for (n = 0; n < y->modes; n += VL) V(st->z_free + n) -= CV(st->w_divided + n) * c->z_gain;
-        copy(st->w, st->w_new, y->modes);
-        push_terms(st, c);
-    }
+    extrapolate(&st->iteration);
+    take_iterate(st, c);
     known->term_trusted += 1.0;
     foreseen = !rubs && known->term_shrinks > 0.0 && known->term_trusted < MOST_TRUSTED &&
                change * known->term_shrinks <= FORESEEN * PMR_CONVERGED * FORESEEN * PMR_CONVERGED * largest;
@@ -153,10 +221,15 @@ static void begin_terms(pmr_state *st, const double *amplitudes)
 {
     const pmr_system *y = st->system;
     int k, n;
-    if (y->pads) begin_friction(st);
+    for (n = 0; n < y->modes; n++) st->extra[n] = 0.0;
+    if (y->pads) {
+        begin_friction(st);
+        subtract_moments(st, st->lambda + y->contacts, st->extra);
+    }
     if (!y->registers) return;
     combine_terms(st, amplitudes);
     find_terms(st, st->z, st->v, st->w);
+    for (n = 0; n < y->modes; n += VL) V(st->extra + n) += CV(st->w + n);
     for (k = 0; k < 4; k++)
         for (n = 0; n < y->modes; n += VL) V(st->old_w + (size_t)k * y->modes + n) = CV(st->w + n);
 }

@@ -2,6 +2,7 @@
    PMR_FUNCTIONS. */
 #include "internal.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -16,6 +17,7 @@ static void couple(const pmr_state *st, const pmr_scheme *c, const double *z, co
 static int stand(pmr_state *st);
 INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums);
 
+#include "extrapolation.c"
 #include "friction.c"
 #include "terms.c"
 #include "energy.c"
@@ -23,11 +25,34 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "substeps.c"
 #include "outputs.c"
 #include "state.c"
-#include "start.c"
 #include "linearize.c"
+#include "start.c"
 #include "advance.c"
+#include "machine.c"
 
 const pmr_functions PMR_FUNCTIONS = {
-    PMR_VARIANT,     state_open,      state_restore, start,     start_from,    step_to, start_in_frame, step_in_frame,
-    advance_signals, advance_sampled, outputs,       linearize, contact_alone, slide,   state_bytes,    state_save,
+    .name = PMR_VARIANT,
+    .state_open = state_open,
+    .state_restore = state_restore,
+    .start = start,
+    .start_from = start_from,
+    .step = step_to,
+    .start_in_frame = start_in_frame,
+    .step_in_frame = step_in_frame,
+    .advance = advance_signals,
+    .advance_sampled = advance_sampled,
+    .carried_open = carried_open,
+    .carried_needed = carried_needed,
+    .carried_start = carried_start,
+    .carried_advance = carried_advance,
+    .outputs = outputs,
+    .observe = observe,
+    .linearize = linearize,
+    .contact = contact_alone,
+    .choose_changes = choose_changes,
+    .extrapolate = extrapolate,
+    .factors = factors_alone,
+    .friction = friction_alone,
+    .state_bytes = state_bytes,
+    .state_save = state_save,
 };

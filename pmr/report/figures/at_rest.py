@@ -32,16 +32,16 @@ class AtRest:
         largest = float(np.abs(self.across).max(initial=0.0))
         if largest <= 0.0:
             return 1.0
-        wanted = BENT * float(self.along.max()) / largest
-        decade = 10.0 ** np.floor(np.log10(wanted))
-        return float(max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= wanted))
+        enlargement = BENT * float(self.along.max()) / largest
+        decade = 10.0 ** np.floor(np.log10(enlargement))
+        return float(max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= enlargement))
 
 
 def at_rest(boom: AtRest) -> Figure:
     """The undeformed axis, thin, and the bent sections, displacements enlarged."""
     c, s = np.cos(boom.luffing), np.sin(boom.luffing)
-    moved = boom.scale * boom.across
-    x, z = boom.along * c - moved * s, boom.along * s + moved * c
+    deflection = boom.scale * boom.across
+    x, z = boom.along * c - deflection * s, boom.along * s + deflection * c
     reach = float(boom.along.max())
     low = np.minimum(0.0, [min(x.min(), 0.0), min(z.min(), 0.0)])
     high = np.array([max(x.max(), reach * c, 0.1 * reach), max(z.max(), reach * s, 0.1 * reach)])
@@ -53,9 +53,11 @@ def at_rest(boom: AtRest) -> Figure:
     ax.plot([0.0, reach * c], [0.0, reach * s], color=MUTED, linewidth=0.6, zorder=1.0)
     colours = of_sections(boom.names)
     for k, colour in enumerate(colours.values()):
-        own = boom.section == k
-        order = np.argsort(boom.along[own])
-        ax.plot(x[own][order], z[own][order], color=colour, linewidth=2.0, zorder=2.0, solid_capstyle="butt")
+        of_section = boom.section == k
+        order = np.argsort(boom.along[of_section])
+        ax.plot(
+            x[of_section][order], z[of_section][order], color=colour, linewidth=2.0, zorder=2.0, solid_capstyle="butt"
+        )
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, zorder=3.0)
     ax.annotate("", (x[-1], z[-1] - 0.12 * reach), (x[-1], z[-1]), arrowprops={"arrowstyle": "->", "color": INK})
     ax.set_xlim(low[0], high[0])

@@ -26,14 +26,14 @@ NAMES = {
 def budget(result: RunResult) -> Figure:
     """A bar for each part and kind of output in %, and the tolerance."""
     summary = result.summary
-    kinds, known = summary["accuracy"]["outputs"], summary["budget"]
-    parts = [name for name in COLOURS if any((known.get(name) or {}).get(kind) is not None for kind in kinds)]
+    kinds, errors = summary["accuracy"]["outputs"], summary["budget"]
+    parts = [name for name in COLOURS if any((errors.get(name) or {}).get(kind) is not None for kind in kinds)]
     height = 0.16 * len(kinds) * (len(parts) + 1)
     figure, axes = sheet(WIDE, 0.7 + height, margins={"left": 1.0, "top": 0.3, "bottom": 0.4})
     ax, pitch, ticks = axes[0, 0], len(parts) + 1, []
     for row, kind in enumerate(kinds):
         for number, name in enumerate(parts):
-            share = 100.0 * (known[name].get(kind) or 0.0)
+            share = 100.0 * (errors[name].get(kind) or 0.0)
             ax.barh(-row * pitch - number, share, height=0.85, color=COLOURS[name], linewidth=0.0)
         ticks.append(-row * pitch - (len(parts) - 1) / 2.0)
     handles: list[Artist] = [Patch(color=COLOURS[name], label=name) for name in parts]

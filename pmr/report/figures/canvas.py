@@ -148,13 +148,13 @@ def key_rows(names: Sequence[str], width: float) -> int:
 def key(figure: Figure, handles: list[Any], rows: int = 1) -> None:
     """Legend entries above the axes, where no curve runs."""
     if handles:
-        left, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
+        left_edge, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
         names = [handle.get_label() for handle in handles]
         legend = figure.legend(
             handles=handles,
             labels=[str(number) for number, _ in enumerate(names)],
             loc="upper left",
-            bbox_to_anchor=(left - 0.01, 1.0),
+            bbox_to_anchor=(left_edge - 0.01, 1.0),
             ncols=ceil(len(handles) / rows),
             borderaxespad=0.25,
             columnspacing=1.2 if roomy else 0.9,

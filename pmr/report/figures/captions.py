@@ -41,7 +41,7 @@ def beside(result: RunResult, signals: Mapping[str, Array], shown: str) -> str:
 
 
 def _framed(window: Span | None, where: str) -> str:
-    """What of a history is enlarged; empty where nothing is."""
+    """Sentence about the part of a history that is enlarged; empty where none is."""
     if window is None:
         return ""
     return f" The frame, {window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s{where}, is enlarged on the right."
@@ -54,11 +54,11 @@ def tip(result: RunResult, direction: str, what: Quantity) -> str:
 
 
 def tip_alone(result: RunResult, direction: str, what: Quantity, apart: float) -> str:
-    """The same where the others are `apart` (m) from it at most, which is nothing."""
+    """Caption of the tip's displacement where the others are `apart` (m) from it at most, which is nothing."""
     time, signal = Timeline(result), what(result.responses["reduced"])
     window = time.window(int(np.argmax(np.abs(signal))))
-    said = f"Displacement of the tip, {direction}; that of {called(reference(result) or '')} differs by "
-    return f"{said}{length(apart, 2)} at most.{_framed(window, ', where it moves most')}"
+    sentence = f"Displacement of the tip, {direction}; that of {called(reference(result) or '')} differs by "
+    return f"{sentence}{length(apart, 2)} at most.{_framed(window, ', where it moves most')}"
 
 
 def snapshots(result: RunResult) -> str:
@@ -94,10 +94,10 @@ def basis(of: Shapes) -> str:
 
 
 def frequencies(result: RunResult) -> str:
-    """Below the eigenfrequencies."""
-    found = result.frequencies
-    if found.t is not None:
-        stays = len(found.along) > 1 and not np.ptp(found.along)
+    """Caption of the eigenfrequencies."""
+    lowest = result.frequencies
+    if lowest.t is not None:
+        stays = len(lowest.along) > 1 and not np.ptp(lowest.along)
         when = "over time" if stays else "when it is there first"
         return f"Lowest natural frequencies {when}, as the frame and axial forces stress the boom, every pad closed."
     if moving(result) == "boom":

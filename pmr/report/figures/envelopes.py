@@ -15,22 +15,24 @@ from pmr.results import RunResult
 
 def envelopes(result: RunResult, quantities: Sequence[str]) -> Figure:
     """The reduced model's, one panel each: from the smallest to the largest value along each beam."""
-    known = {name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes}
+    envelopes_by_body = {
+        name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes
+    }
     columns = min(len(quantities), 2)
     rows = -(-len(quantities) // columns)
     gaps = {"hspace": 0.45, "wspace": 0.28}
     figure, axes = sheet(WIDE, 0.66 + 1.25 * rows, rows, columns, margins={"top": 0.42}, sharex=True, gridspec_kw=gaps)
-    colours = {name: colour for name, colour in of_sections(result.bodies).items() if name in known}
+    colours = {name: colour for name, colour in of_sections(result.bodies).items() if name in envelopes_by_body}
     for k, quantity in enumerate(quantities):
         ax = axes.flat[k]
-        shown = {name: one for name, one in known.items() if quantity in one.names}
+        shown = {name: one for name, one in envelopes_by_body.items() if quantity in one.names}
         numbers = {name: one.names.index(quantity) for name, one in shown.items()}
         largest = max(np.abs([one.least[numbers[n]], one.most[numbers[n]]]).max() for n, one in shown.items())
         unit = unit_for(float(largest), next(one.units[numbers[n]] for n, one in shown.items()))
-        for name, one in shown.items():
+        for name, envelope in shown.items():
             of = numbers[name]
-            band = one.least[of] / unit.size, one.most[of] / unit.size
-            ax.fill_between(one.x, *band, color=colours[name], alpha=0.45, linewidth=0.8)
+            band = envelope.least[of] / unit.size, envelope.most[of] / unit.size
+            ax.fill_between(envelope.x, *band, color=colours[name], alpha=0.45, linewidth=0.8)
         ax.axhline(0.0, linewidth=0.4, color="0.5")
         ax.set_title(f"{quantity.capitalize()} in {unit.name}", loc="left", pad=2.0)
         if k >= len(quantities) - columns:

@@ -46,12 +46,12 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
 
 
 def pivot(result: RunResult, outputs: Sequence[Output]) -> Figure:
-    """What the boom presses on its machine with, forces or moments, in one panel."""
+    """Draw the forces, or moments, of the boom on its machine in one panel."""
     time, response = Timeline(result), result.responses["reduced"]
-    signals = [response.other(one.name) for one in outputs]
+    signals = [response.other(output.name) for output in outputs]
     unit = unit_for(max(float(np.abs(signal).max()) for signal in signals), outputs[0].unit)
     figure, axes = sheet(HALF, 1.9)
-    lines = list(zip(signals, [one.name.rpartition(" ")[2] for one in outputs], SECTIONS[1:], strict=False))
+    lines = list(zip(signals, [output.name.rpartition(" ")[2] for output in outputs], SECTIONS[1:], strict=False))
     for signal, _, colour in lines:
         shown = extremes(signal, bins_of(axes[0, 0]))
         axes[0, 0].plot(time.t[shown], signal[shown] / unit.size, color=colour, linewidth=0.8)
@@ -64,8 +64,8 @@ def pivot(result: RunResult, outputs: Sequence[Output]) -> Figure:
 
 def stresses(result: RunResult, body: BodyResult) -> dict[str, Array]:
     """The largest stress over time (T,) Pa by model, in the order in which they are drawn."""
-    known, t = [name for name in ("full", "reduced") if name in body.peak_stress], stress_times(result, body)
-    return {name: onto(result.responses["reduced"].t, t, body.peak_stress[name]) for name in known}
+    names, t = [name for name in ("full", "reduced") if name in body.peak_stress], stress_times(result, body)
+    return {name: onto(result.responses["reduced"].t, t, body.peak_stress[name]) for name in names}
 
 
 def stress(result: RunResult, body: BodyResult) -> Figure:

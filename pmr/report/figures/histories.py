@@ -40,14 +40,14 @@ def history(result: RunResult, what: Quantity, label: str, base: str, focus: Qua
 
 
 def alone(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
-    """The same without differences, where these are nothing; the detail is about the largest value."""
+    """Draw a history without differences, where these are nothing; the detail is about the largest value."""
     time = Timeline(result)
     signals = time.signals(what)
     return _panels(time, [(label, signals)], base, time.window(int(np.argmax(np.abs(signals["reduced"])))))
 
 
 def curves(time: Timeline, signals: Mapping[str, Array], label: str, base: str, window: Span | None) -> Figure:
-    """The same of signals (T,) that are at hand, with the detail that `window` names."""
+    """Draw signals (T,) that are at hand, with the detail that `window` names."""
     (differences,) = time.apart(signals)
     return _panels(time, [(label, signals), *([("Difference", differences)] if differences else [])], base, window)
 
@@ -89,7 +89,9 @@ def energy_parts(result: RunResult) -> Figure:
 
 def _parts(time: Timeline, axes: Sequence[Axes], labels: Sequence[str], panels: Sequence[Mapping[str, Array]]) -> None:
     """Energies (T,) in J below each other, in one unit: they are seen against each other."""
-    unit = unit_for(max((float(np.abs(one).max()) for panel in panels for one in panel.values()), default=0.0), "J")
+    unit = unit_for(
+        max((float(np.abs(signal).max()) for panel in panels for signal in panel.values()), default=0.0), "J"
+    )
     for ax, label, panel in zip(axes, labels, panels, strict=True):
         time.trace(ax, panel, unit.size, weight=0.6)
         time.frame(ax, f"{label} in {unit.name}", last=ax is axes[-1])
@@ -101,15 +103,15 @@ def residual(result: RunResult, what: Quantity, label: str) -> Figure:
     figure, axes = sheet(HALF, 2.0)
     ax = axes[0, 0]
     signals = {name: np.abs(signal) for name, signal in time.signals(what).items()}
-    seen = [0.0]
+    drawn_values = [0.0]
     for order, (name, signal) in enumerate(signals.items()):
         shown = ceiling(signal, bins_of(ax))
         shown = shown[signal[shown] > 0.0]
         ax.plot(time.t[shown], signal[shown], zorder=2.0 + order / 10.0, **PENS[name].line())
-        seen.extend(signal[shown])
+        drawn_values.extend(signal[shown])
     time.frame(ax, label)
-    if max(seen) > 0.0:
-        log_axis(ax, min(value for value in seen if value > 0.0), max(seen))
+    if max(drawn_values) > 0.0:
+        log_axis(ax, min(value for value in drawn_values if value > 0.0), max(drawn_values))
     else:
         ax.set_ylim(0.0, 1.0)
         ax.text(0.5, 0.5, "zero at all times" if signals else "not known", transform=ax.transAxes, ha="center")
@@ -118,13 +120,13 @@ def residual(result: RunResult, what: Quantity, label: str) -> Figure:
 
 
 def band(result: RunResult, what: Quantity, wide: Array) -> Figure:
-    """Of a displacement of the tip the band (T,) in m; in it the difference to the full model, where there is one."""
+    """Draw the error band (T,) in m of a displacement of the tip, and the difference to the full model in it."""
     time = Timeline(result)
     off = time.differences(time.signals(what))
     figure, axes = sheet(WIDE, 1.7)
     ax = axes[0, 0]
     shown = ceiling(wide, bins_of(ax))
-    unit = unit_for(float(max(wide.max(), *(np.abs(one).max() for one in off.values()), 0.0)), "m")
+    unit = unit_for(float(max(wide.max(), *(np.abs(difference).max() for difference in off.values()), 0.0)), "m")
     edge = wide[shown] / unit.size
     ax.fill_between(time.t[shown], -edge, edge, color=COLOUR, linewidth=0.0, zorder=1.0)
     time.trace(ax, {"reduced": off["reduced"]} if "reduced" in off else {}, unit.size)

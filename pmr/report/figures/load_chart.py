@@ -50,16 +50,16 @@ def load_chart(chart: Chart) -> Figure:
     return _drawn(chart)[0]
 
 
-def pointed(chart: Chart, said: Sequence[str]) -> str:
+def pointed(chart: Chart, texts: Sequence[str]) -> str:
     """Cells that show nothing but what is ``said`` of them, an entry each, at the pointer: for the end of the SVG."""
-    if not 0 < len(said) <= MOST_CELLS:
+    if not 0 < len(texts) <= MOST_CELLS:
         return ""
     figure, corners = _drawn(chart)
     to_points = figure.axes[0].transData.transform(corners.reshape(-1, 2)) * 72.0 / figure.dpi
     x, y = to_points.reshape(corners.shape).transpose(2, 0, 1)
     y = figure.get_figheight() * 72.0 - y
     cells = []
-    for number, text in enumerate(said):
+    for number, text in enumerate(texts):
         i, k = divmod(number, chart.load.shape[1])
         round_ = [(i, k), (i + 1, k), (i + 1, k + 1), (i, k + 1)]
         path = "L".join(f"{x[at]:.2f} {y[at]:.2f}" for at in round_)
@@ -80,9 +80,9 @@ def _drawn(chart: Chart) -> tuple[Figure, Array]:
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
     for number in np.unique(chart.which):  # one outline a colour: cells by themselves take seconds in a PDF
-        own = cells[chart.which == number]
-        codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(own)
-        outline = Path(own.reshape(-1, 2), codes)
+        cells_of_limit = cells[chart.which == number]
+        codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(cells_of_limit)
+        outline = Path(cells_of_limit.reshape(-1, 2), codes)
         ax.add_patch(PathPatch(outline, color=colours.get(int(number), SHADE), linewidth=0.3, zorder=1.0))
     levels = _levels(chart.load)
     if min(chart.load.shape) > 1 and levels:
@@ -102,13 +102,13 @@ def _drawn(chart: Chart) -> tuple[Figure, Array]:
 
 def _levels(load: Array) -> list[float]:
     """Loads in kg that curves are drawn for."""
-    known = load[np.isfinite(load) & (load > 0.0)]
-    if not len(known) or known.max() <= known.min():
+    finite = load[np.isfinite(load) & (load > 0.0)]
+    if not len(finite) or finite.max() <= finite.min():
         return []
-    decades = range(int(np.floor(np.log10(known.max()))) - 2, int(np.floor(np.log10(known.max()))) + 1)
+    decades = range(int(np.floor(np.log10(finite.max()))) - 2, int(np.floor(np.log10(finite.max()))) + 1)
     every = [step * 10.0**decade for decade in decades for step in STEPS]
-    inside = [level for level in every if known.min() < level < known.max()]
-    return inside[-CURVES:] or np.linspace(known.min(), known.max(), 5)[1:-1].tolist()
+    inside = [level for level in every if finite.min() < level < finite.max()]
+    return inside[-CURVES:] or np.linspace(finite.min(), finite.max(), 5)[1:-1].tolist()
 
 
 def _entry(colour: str, name: str) -> Line2D:
@@ -117,7 +117,7 @@ def _entry(colour: str, name: str) -> Line2D:
 
 def _pale(colour: str) -> str:
     mixed = [round(int(colour[k : k + 2], 16) * (1.0 - PALE) + 255.0 * PALE) for k in (1, 3, 5)]
-    return "#" + "".join(f"{one:02x}" for one in mixed)
+    return "#" + "".join(f"{channel:02x}" for channel in mixed)
 
 
 def _corners(place: Array) -> Array:

@@ -21,7 +21,7 @@ CLOSE = 1e-10  # of the range: a tick so near to its end is inside
 
 
 class _Quick:
-    """What an axis does without ticks as objects.
+    """Axis without ticks as objects.
 
     Each would be two texts and three lines, of which our style shows a label and a line of the grid.  To make them, to
     copy their looks and to measure them would take longer than all else in a figure.

@@ -44,11 +44,11 @@ def basis(result: RunResult, of: Shapes) -> Figure:
     end = length(result)
     amplitude, flat = np.abs(shapes).max(axis=0), _flat(of)
     for k in range(count):
-        left, middle = (k % columns) * GAP * end, -CELL * (k // columns)
-        ax.plot([left, left + end], [middle, middle], color="#c9d1d9", linewidth=0.5, zorder=1.0)
+        x_offset, middle = (k % columns) * GAP * end, -CELL * (k // columns)
+        ax.plot([x_offset, x_offset + end], [middle, middle], color="#c9d1d9", linewidth=0.5, zorder=1.0)
         shape = np.zeros_like(x) if flat[k] else shapes[:, k] / amplitude[k]
-        ax.plot(x + left, middle + shape, color=PENS["reduced"].colour)
-        ax.text(left, middle + 1.3, str(k + 1), color=MUTED, va="center")
+        ax.plot(x + x_offset, middle + shape, color=PENS["reduced"].colour)
+        ax.text(x_offset, middle + 1.3, str(k + 1), color=MUTED, va="center")
     starts = np.arange(columns) * GAP * end
     ax.set_xticks(np.ravel([starts, starts + end], order="F"), ["0", f"{end:g}"] * columns)
     ax.set_yticks([side - CELL * row for row in range(rows) for side in (1.0, -1.0)], ["1", "−1"] * rows)
@@ -68,8 +68,8 @@ def snapshots(result: RunResult) -> Figure:
     chosen = [int(part[np.argmax(farthest[part])]) for part in parts if len(part)]
     axis = lines(result, reduced)
     deflected = {
-        name: [(of, onto(reduced.t, one.t, of.moved(one))[chosen]) for of in lines(result, one)]
-        for name, one in beams.items()
+        name: [(of, onto(reduced.t, response.t, of.moved(response))[chosen]) for of in lines(result, response)]
+        for name, response in beams.items()
     }
     unit = unit_for(max(float(np.abs(w).max()) for found in deflected.values() for _, w in found), "m")
     gaps = {"wspace": 0.05, "hspace": 0.4}
@@ -77,9 +77,9 @@ def snapshots(result: RunResult) -> Figure:
         WIDE, 2.8, SNAPSHOTS // 2, 2, margins={"top": 0.45}, sharex=True, sharey=True, gridspec_kw=gaps
     )
     for i, ax in enumerate(axes.flat[: len(chosen)]):
-        for order, (name, found) in enumerate(deflected.items()):
-            for own, (of, w) in zip(axis, found, strict=True):
-                at = own.tail[chosen[i]] + of.x
+        for order, (name, deflected_lines) in enumerate(deflected.items()):
+            for axis_line, (of, w) in zip(axis, deflected_lines, strict=True):
+                at = axis_line.tail[chosen[i]] + of.x
                 ax.plot(at, w[i] / unit.size, zorder=2.0 + order / 10.0, **PENS[name].line())
         _fixtures(ax, result, float(result.along[chosen[i]]))
         ax.set_title(f"t = {float(reduced.t[chosen[i]]):.4g} s", loc="left", pad=2.0)

@@ -28,7 +28,7 @@ THIN, THICK = 0.22, 0.5  # in, least and largest height of a section as drawn
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Where s begins and how far it goes, m."""
+    """Range of the path: where s begins and how far it goes, m."""
 
     start: float
     low: float
@@ -56,7 +56,7 @@ def _is_boom(result: RunResult) -> bool:
 
 
 def caption(result: RunResult) -> str:
-    """What the sketch shows."""
+    """Caption of the sketch."""
     if _is_boom(result):
         return space.caption(result, "from the side")
     low, high = result.scene.path_bounds
@@ -79,8 +79,8 @@ def _on_supports(result: RunResult, stretch: _Stretch) -> Figure:
             _slider(paper, (stretch.high if stretch.start < stretch.high else stretch.low) + ahead, "none")
     first = offsets(result)[0]
     if stretch.moves:
-        said = f"s = {stretch.words(stretch.low, stretch.high)}"
-        paper.range(-0.28 * paper.inch, stretch.low + first, stretch.high + first, said)
+        range_text = f"s = {stretch.words(stretch.low, stretch.high)}"
+        paper.range(-0.28 * paper.inch, stretch.low + first, stretch.high + first, range_text)
     paper.range(-0.52 * paper.inch, 0.0, end, f"{plain(end)}{SPACE}m")
     _loads(paper, result, 0.0, end, 0.05 * paper.inch)
     _ring(paper, result, 0.0, 0.0)
@@ -127,10 +127,10 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
 
 
 def _body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float) -> None:
-    """Its outline, as it tapers, and doublers along top and bottom."""
+    """Draw the outline of a body, as it tapers, and doublers along top and bottom."""
     stretches = shape.stretches if shape else []
-    x = np.array([0.0, *(one.end for one in stretches)]) if stretches else np.array([0.0, end])
-    heights = [stretches[0].first.height, *(one.last.height for one in stretches)] if stretches else [1.0, 1.0]
+    x = np.array([0.0, *(stretch.end for stretch in stretches)]) if stretches else np.array([0.0, end])
+    heights = [stretches[0].first.height, *(stretch.last.height for stretch in stretches)] if stretches else [1.0, 1.0]
     half = tall / 2.0 * np.array(heights) / max(heights)
     upper = np.column_stack([tail + x, half])
     outline = np.vstack([upper, (upper * [1.0, -1.0])[::-1]])
@@ -203,8 +203,8 @@ def _masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[str, 
 
 def _load(paper: Paper, load: Acting, values: NDArray[np.float64], at: float, above: float) -> None:
     """An arrow the way the load acts, with two heads where it acts both ways."""
-    size, both = ARROW * paper.inch, bool(values.min(initial=0.0) < 0.0 < values.max(initial=0.0))
-    back = not both and values.min(initial=0.0) < 0.0
+    size, two_heads = ARROW * paper.inch, bool(values.min(initial=0.0) < 0.0 < values.max(initial=0.0))
+    back = not two_heads and values.min(initial=0.0) < 0.0
     if load.direction == "turn":
         paper.ax.add_patch(
             Arc((at, 0.0), size, size, theta1=30.0, theta2=330.0, edgecolor=LOAD, facecolor="none", linewidth=0.9)
@@ -217,7 +217,7 @@ def _load(paper: Paper, load: Acting, values: NDArray[np.float64], at: float, ab
             paper.ax.add_patch(patch)
     elif load.direction == "along":
         start = at + (size if back else 0.0)
-        paper.arrow(start, 0.0, -size if back else size, 0.0, both=both)
+        paper.arrow(start, 0.0, -size if back else size, 0.0, two_heads=two_heads)
     else:
         start = above + (size if back else 0.0)
-        paper.arrow(at, start, 0.0, -size if back else size, both=both)
+        paper.arrow(at, start, 0.0, -size if back else size, two_heads=two_heads)

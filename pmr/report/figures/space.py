@@ -50,7 +50,7 @@ def side(result: RunResult) -> Figure:
 
 
 def plan(result: RunResult) -> Figure:
-    """The same from above."""
+    """Draw the boom from above."""
     return _boom(result, "plan", "X in m", "Y in m")
 
 
@@ -68,9 +68,9 @@ def tip(result: RunResult) -> Figure:
 
 def buckling(result: RunResult, over: str) -> Figure:
     """The buckling factor over the ``reach`` or over the ``angle`` of luffing, along the way of this run."""
-    found, frame, times = result.summary["buckling"]["over"], result.scene.frame, result.responses["reduced"].t
+    over_way, frame, times = result.summary["buckling"]["over"], result.scene.frame, result.responses["reduced"].t
     assert frame is not None  # of who has a factor
-    t, factor = np.array(found["t"]), np.array([np.nan if one is None else one for one in found["factor"]])
+    t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
     figure, axes = sheet(HALF, 2.0)
     ax: Axes = axes[0, 0]
     if over == "angle":
@@ -106,11 +106,11 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     bodies = space.axes(result, steps, scale)
     way = getattr(space.axes(result, spread(len(t), WAY), scale)[-1], view)[:, -1]
     raising = _cylinders(result, steps) if ground else []
-    worst, colours = space.stressed(result), of_sections(one.body for one in bodies)
+    worst, colours = space.stressed(result), of_sections(item.body for item in bodies)
     named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
     named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
-    drawn = [way, *(getattr(one, view).reshape(-1, 2) for one in bodies), *raising]
-    ax, figure = _paper(drawn, across, up, rows := key_rows([str(one.get_label()) for one in named], HALF))
+    drawn = [way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising]
+    ax, figure = _paper(drawn, across, up, rows := key_rows([str(item.get_label()) for item in named], HALF))
     key(figure, named, rows)
     ax.plot(*way.T, color=MUTED, linewidth=0.6, linestyle=(0, (4.0, 2.5)), zorder=1.5)
     moment = 0 if worst is None else int(np.argmax(steps == worst.step))
@@ -127,18 +127,18 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
         ax.plot(ax.get_xlim(), [0.0, 0.0], color=GROUND, linewidth=1.2, zorder=1.0)
     labels = _labels(ax, getattr(bodies[-1], view), t[steps], moment)
     if worst is not None:
-        _ring(ax, worst, next(one for one in bodies if one.body == worst.body), view, moment, labels)
+        _ring(ax, worst, next(item for item in bodies if item.body == worst.body), view, moment, labels)
     ax.plot([0.0], [0.0], marker="^" if ground else "o", markersize=6.0, color=INK, zorder=4.0)
     return figure
 
 
 def _pale(colour: str, share: float) -> Any:
     """So much of a colour on white: as opaque as the colour, so that what is below it is not seen through it."""
-    return colour if share == 1.0 else tuple(1.0 - share * (1.0 - one) for one in to_rgb(colour))
+    return colour if share == 1.0 else tuple(1.0 - share * (1.0 - channel) for channel in to_rgb(colour))
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
-    """What raises the boom at some steps, each from its foot to its lug (2, 2) m; none where it is not said."""
+    """Luffing cylinder at some steps, each from its foot to its lug (2, 2) m; none where the scene has none."""
     frame, t = result.scene.frame, result.responses["reduced"].t
     if frame is None or frame.cylinder is None:
         return []
@@ -190,7 +190,7 @@ def _clear(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array
     The nearest of such places between two corners, where there is one; else the clearest.
     """
     turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    found, best = np.zeros(2), -1.0
+    clearest, best = np.zeros(2), -1.0
     for aside in (far * np.array([np.cos(turn), np.sin(turn)]) for far in np.arange(0.3, 3.0, 0.1) for turn in turns):
         box = _box(at + aside, text, "center", "center")
         if (box[0] < low).any() or (box[1] > high).any():
@@ -198,12 +198,12 @@ def _clear(at: Array, text: str, drawn: Array, low: Array, high: Array) -> Array
         away = float(np.linalg.norm(np.maximum(np.maximum(box[0] - drawn, drawn - box[1]), 0.0), axis=1).min())
         if away >= CLEAR:
             return aside
-        found, best = (aside, away) if away > best else (found, best)
-    return found
+        clearest, best = (aside, away) if away > best else (clearest, best)
+    return clearest
 
 
 def _inches(ax: Axes, places: Array) -> Array:
-    """Where places (..., 2) m are on the sheet, in."""
+    """Positions on the sheet, in inches, of places (..., 2) m."""
     return np.asarray(ax.transData.transform(places)) / ax.figure.dpi
 
 

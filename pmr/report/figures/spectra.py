@@ -59,17 +59,17 @@ def frequencies(result: RunResult) -> Figure:
 
     Where a body slides out of a mouth, against what of it reaches beyond that.
     """
-    found = result.frequencies
+    lowest = result.frequencies
     # 0 Hz, of what is past its buckling load, has no place on a logarithmic axis
-    curves = {name: np.where(f > 0.0, f, np.nan) for name, f in found.models.items() if name in PENS}
+    curves = {name: np.where(f > 0.0, f, np.nan) for name, f in lowest.models.items() if name in PENS}
     top = np.max([np.nanmax(f, axis=1) for f in curves.values()], axis=0)[:, None]
-    closed = found.models.get("closed_form", np.empty((len(found.along), 0)))
+    closed = lowest.models.get("closed_form", np.empty((len(lowest.along), 0)))
     closed = np.where(closed <= 1.01 * top, closed, np.nan)
     heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
-    x = length(result) - found.along if moving(result) == "mouth" else found.along
+    x = length(result) - lowest.along if moving(result) == "mouth" else lowest.along
     head = heads.get(moving(result), "Reach from the base's tail in m")
-    if found.t is not None and len(x) > 1 and not np.ptp(x):  # it stays, and what stresses it changes
-        x, head = found.t, "Time in s"
+    if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # it stays, and what stresses it changes
+        x, head = lowest.t, "Time in s"
     single = {"marker": "o"} if len(x) == 1 else {}
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
@@ -89,22 +89,28 @@ def frequencies(result: RunResult) -> Figure:
 
 def frequency_map(result: RunResult) -> Figure:
     """First natural frequency over the extensions of two joints, as lines of equal frequency, and the run's way."""
-    found = result.frequencies.over_joints
-    assert found is not None  # who asks for the figure has looked
+    over_joints = result.frequencies.over_joints
+    assert over_joints is not None  # who asks for the figure has looked
     figure, axes = sheet(HALF, 2.6)
     ax = axes[0, 0]
-    levels = MaxNLocator(LEVELS).tick_values(found.lowest.min(), found.lowest.max())
-    ax.contourf(found.first, found.second, found.lowest.T, levels, cmap=LinearSegmentedColormap.from_list("", RAMP[:3]))
-    columns = [result.paths.names.index(name) for name in found.joints]
+    levels = MaxNLocator(LEVELS).tick_values(over_joints.lowest.min(), over_joints.lowest.max())
+    ax.contourf(
+        over_joints.first,
+        over_joints.second,
+        over_joints.lowest.T,
+        levels,
+        cmap=LinearSegmentedColormap.from_list("", RAMP[:3]),
+    )
+    columns = [result.paths.names.index(name) for name in over_joints.joints]
     ax.plot(*result.paths.values[:, columns].T, color="white", linewidth=2.5)
-    lines = ax.contour(found.first, found.second, found.lowest.T, levels, colors=INK, linewidths=0.5)
-    low, high = (np.array([found.first[k], found.second[k]]) for k in (0, -1))
+    lines = ax.contour(over_joints.first, over_joints.second, over_joints.lowest.T, levels, colors=INK, linewidths=0.5)
+    low, high = (np.array([over_joints.first[k], over_joints.second[k]]) for k in (0, -1))
     for label in ax.clabel(lines, fmt=lambda value: f"{value:.3g}", inline=False):
         label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
         share = (np.array(label.get_position()) - low) / (high - low)
         label.set_visible(bool(share.min() >= EDGE and share.max() <= 1.0 - EDGE))  # at the edge half of it is cut off
-    ax.set_xlabel(f"Extension of {found.joints[0]} in m")
-    ax.set_ylabel(f"Extension of {found.joints[1]} in m")
+    ax.set_xlabel(f"Extension of {over_joints.joints[0]} in m")
+    ax.set_ylabel(f"Extension of {over_joints.joints[1]} in m")
     return figure
 
 
@@ -119,22 +125,22 @@ def _dots(edge: str, fill: str, size: float) -> dict[str, Any]:
     }
 
 
-def gain(found: FrequencyResponse, load: int) -> Figure:
+def gain(response: FrequencyResponse, load: int) -> Figure:
     """Gain over frequency for a load, a curve for each place of the sliders."""
     figure, axes = sheet(HALF, 2.15)
-    ax, values = axes[0, 0], found.gain[:, :, load]
+    ax, values = axes[0, 0], response.gain[:, :, load]
     handles = []
-    for k, s in enumerate(found.s):
+    for k, s in enumerate(response.s):
         look: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "linewidth": 0.9}
-        ax.plot(found.f, values[k], **look)
+        ax.plot(response.f, values[k], **look)
         handles.append(Line2D([], [], label=f"{s:.3g}", **look))
     ax.set_xscale("log")
-    decades = [10.0**k for k in range(floor(log10(found.f[0])) + 1, floor(log10(found.f[-1])) + 1)]
+    decades = [10.0**k for k in range(floor(log10(response.f[0])) + 1, floor(log10(response.f[-1])) + 1)]
     ax.set_xticks(decades, [f"{decade:g}" for decade in decades])
     ax.xaxis.set_minor_locator(NullLocator())
     positive = values[values > 0.0]
     log_axis(ax, max(float(positive.min()), 1e-6 * float(positive.max())), float(positive.max()))
     ax.set_xlabel("Frequency in Hz")
-    ax.set_ylabel(f"Gain in {found.units[load]}")
+    ax.set_ylabel(f"Gain in {response.units[load]}")
     key(figure, handles)
     return figure

@@ -39,7 +39,7 @@ def drawn(result: RunResult) -> Mapping[str, Response]:
 
 
 def reference(result: RunResult) -> str | None:
-    """What the others are compared with: the full model, or else ANCF; None for a reduced model alone."""
+    """Model with which the others are compared: the full one, or else ANCF; None for a reduced model alone."""
     return next((name for name in ("full", "ancf") if name in result.responses), None)
 
 
@@ -75,7 +75,7 @@ class Timeline:
 
     def signals(self, what: Quantity) -> dict[str, Array]:
         """A quantity for each simulator that knows it; the others hold values that are no numbers."""
-        found = {name: onto(self.t, one.t, what(one)) for name, one in drawn(self.result).items()}
+        found = {name: onto(self.t, response.t, what(response)) for name, response in drawn(self.result).items()}
         return {name: signal for name, signal in found.items() if np.isfinite(signal).all()}
 
     def differences(self, signals: Mapping[str, Array]) -> dict[str, Array]:
@@ -87,12 +87,12 @@ class Timeline:
 
     def apart(self, *panels: Mapping[str, Array]) -> list[dict[str, Array]]:
         """The differences of each of some signals of one kind; none of any where all of them are as good as nothing."""
-        found = [self.differences(signals) for signals in panels]
+        differences = [self.differences(signals) for signals in panels]
         sizes = [
-            max((float(np.abs(one).max()) for of in some for one in of.values()), default=0.0)
-            for some in (found, panels)
+            max((float(np.abs(signal).max()) for of in some for signal in of.values()), default=0.0)
+            for some in (differences, panels)
         ]
-        return found if sizes[0] > unseen(self.result) * sizes[1] else [{} for _ in panels]
+        return differences if sizes[0] > unseen(self.result) * sizes[1] else [{} for _ in panels]
 
     def detail(self, what: Quantity) -> Span | None:
         """A twentieth of the time, about the largest difference of the reduced model to its reference.

@@ -75,7 +75,7 @@ def album(result: RunResult, prefix: str) -> Callable[[], Album]:
 
 
 class _Views:
-    """What the pictures of a case share: surfaces of bodies, what stands around them, colours and scale."""
+    """Surfaces of bodies, surroundings, colours and scale that the pictures of a case share."""
 
     def __init__(self, result: RunResult) -> None:
         self.result, self.fields, self.places = result, seen(result), places(result)
@@ -99,17 +99,17 @@ class _Views:
         """Bodies at a moment, displaced by `scale` times as much, in colours of their stress in MPa."""
         for name, surface in self.surfaces.items():
             fields = self.fields[name]
-            moved = surface.moved(fields, fields.displacement[moment.frame])
-            points = surface.points + self.scale * moved + (self.places[name][moment.frame], 0.0, 0.0)
+            displaced = surface.moved(fields, fields.displacement[moment.frame])
+            points = surface.points + self.scale * displaced + (self.places[name][moment.frame], 0.0, 0.0)
             values = stress_of(fields)[moment.frame, surface.cell] / 1e6 if fields.von_mises else None
             yield Piece(self._in_space(moment.frame, points), surface.faces, values, STEEL, edges=edges)
 
     def _surroundings(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
         back = np.array([moment.s, 0.0, 0.0])
-        found = [_piece(block, PAD) for block in self.stage.near]
-        found += [_piece(block, PAD, back) for block in self.stage.tail]
-        found += [replace(_piece(block, SECTION), opacity=opacity, edges=1.0) for block in self.stage.section]
-        yield from (replace(piece, points=self._in_space(moment.frame, piece.points)) for piece in found)
+        pieces = [_piece(block, PAD) for block in self.stage.near]
+        pieces += [_piece(block, PAD, back) for block in self.stage.tail]
+        pieces += [replace(_piece(block, SECTION), opacity=opacity, edges=1.0) for block in self.stage.section]
+        yield from (replace(piece, points=self._in_space(moment.frame, piece.points)) for piece in pieces)
 
     def _in_space(self, frame: int, points: Array) -> Array:
         """Points where they are drawn: turned with a frame that moves."""
@@ -121,8 +121,8 @@ class _Views:
         points = self.surfaces[name].points
         low, high = points.min(axis=0), points.max(axis=0)
         middle = (low + high) / 2.0
-        left, above = place[1] > high[1] - 0.05 * (high[1] - low[1]), place[2] >= middle[2]
-        direction, up = (SIDE[0], -SIDE[1] if left else SIDE[1], 0.45 if above else -0.45), (0.0, 0.0, 1.0)
+        from_left, above = place[1] > high[1] - 0.05 * (high[1] - low[1]), place[2] >= middle[2]
+        direction, up = (SIDE[0], -SIDE[1] if from_left else SIDE[1], 0.45 if above else -0.45), (0.0, 0.0, 1.0)
         if self.pose is not None:
             (ahead, aside, high_up), (x, y, z) = (
                 (float(c) for c in self.pose.turned(moment.frame, way)) for way in (direction, up)
@@ -132,17 +132,17 @@ class _Views:
         centre = np.array([float(place[0] + self.places[name][moment.frame]), float(middle[1]), float(middle[2])])
         x, y, z = (float(c) for c in self._in_space(moment.frame, centre))
         shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8), up)
-        side = f"the {'left' if left else 'right'} and {'above' if above else 'below'}"
-        tip = f"the tip is to the {'left' if left else 'right'}"
+        side = f"the {'left' if from_left else 'right'} and {'above' if above else 'below'}"
+        tip = f"the tip is to the {'left' if from_left else 'right'}"
         return "close", shot, f"The neighbourhood of the largest stress, seen from {side}; {tip}. {self._when(moment)}."
 
     def _when(self, moment: Moment) -> str:
         """The time of the picture of the largest stress, and when that is, where no fields were kept then."""
-        at, said = f"{moment.t:.2f}{SPACE}s", "displacements as above"
+        at, displacements = f"{moment.t:.2f}{SPACE}s", "displacements as above"
         peak = self.result.summary.get("stress_peak", {}).get("reduced", {}).get("t", moment.t)
         if abs(peak - moment.t) <= 0.005:
-            return f"At {at}; {said}"
-        return f"At {at}, of the times whose fields are kept the nearest to {peak:.2f}{SPACE}s; {said}"
+            return f"At {at}; {displacements}"
+        return f"At {at}, of the times whose fields are kept the nearest to {peak:.2f}{SPACE}s; {displacements}"
 
     def _mesh(self) -> tuple[str, Shot, str]:
         bodies = [
@@ -153,7 +153,9 @@ class _Views:
         tail = [_piece(block, PAD, np.array([at, 0.0, 0.0])) for block in self.stage.tail]
         near = [_piece(block, MOVING) for block in self.stage.near]
         (shot,) = framed([Shot((*bodies, *tail, *near), SIDE)], WIDTH)
-        cells, vertices = (sum(len(getattr(one, of)) for one in self.fields.values()) for of in ("cells", "points"))
+        cells, vertices = (
+            sum(len(getattr(fields, of)) for fields in self.fields.values()) for of in ("cells", "points")
+        )
         where = f"grey the pads that stay on the body, orange those that move along it, at s = {plain(round(at, 3))}"
         pads = f"; {where}{SPACE}m" if self.stage.near or self.stage.tail else ""
         return "mesh", shot, f"The mesh: {plain(cells)} cells, {plain(vertices)} vertices{pads}."

@@ -40,7 +40,7 @@ def seen(result: RunResult) -> dict[str, Fields]:
 
 
 def times(result: RunResult) -> Array:
-    """Of the fields, (F,) s."""
+    """Times of the fields, (F,) s."""
     return next(iter(seen(result).values())).t
 
 
@@ -85,10 +85,14 @@ def place_of_the_peak(result: RunResult, moment: Moment) -> tuple[str, Array]:
     fields, peak = seen(result), _named_peak(result)
     if "position" in peak and (body := peak.get("section", next(iter(fields)))) in fields:
         return body, np.array(peak["position"])
-    stresses = {name: stress_of(one)[moment.frame] for name, one in fields.items() if one.von_mises}
+    stresses = {
+        name: stress_of(fields_of_body)[moment.frame]
+        for name, fields_of_body in fields.items()
+        if fields_of_body.von_mises
+    }
     body = max(stresses, key=lambda name: float(stresses[name].max()))
-    found = fields[body]
-    return body, found.points[found.cells[int(np.argmax(stresses[body]))]].mean(axis=0)
+    stressed_fields = fields[body]
+    return body, stressed_fields.points[stressed_fields.cells[int(np.argmax(stresses[body]))]].mean(axis=0)
 
 
 def _largest(values: Array, among: NDArray[np.int64], preferred: int | None) -> int:
@@ -106,15 +110,15 @@ def _named_peak(result: RunResult) -> Mapping[str, Any]:
 
 def _named_frame(result: RunResult) -> int | None:
     """The frame at the time of the largest stress that the summary names, if it was kept."""
-    t, found = _named_peak(result).get("t"), times(result)
+    t, field_times = _named_peak(result).get("t"), times(result)
     if t is None:
         return None
-    near = int(np.argmin(np.abs(found - t)))
-    return near if abs(found[near] - t) <= 1e-9 * max(1.0, abs(t)) else None
+    near = int(np.argmin(np.abs(field_times - t)))
+    return near if abs(field_times[near] - t) <= 1e-9 * max(1.0, abs(t)) else None
 
 
 def positions(result: RunResult) -> Array:
-    """Where the mouth is at the times of the fields, (F,) m; of a boom, how much shorter it is than at its longest."""
+    """Path of the mouth at the times of the fields, (F,) m; of a boom, how much shorter it is than at its longest."""
     s = result.along if result.reach is None else length(result) - result.reach
     return onto(times(result), result.responses["reduced"].t, s)
 

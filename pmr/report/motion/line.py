@@ -23,7 +23,7 @@ REACH = 0.1  # largest deflection as drawn, over the length of the beam
 
 
 def motion(result: RunResult) -> dict[str, Any]:
-    """What the player needs, ready for JSON.
+    """Data of the player, ready for JSON.
 
     Series are little-endian 16-bit integers in base64, with the value of one count beside them.  Each of `lanes` is
     what a model says of all bodies: of each its places in m, displacements (frames, points) and, of a boom's section,
@@ -32,10 +32,13 @@ def motion(result: RunResult) -> dict[str, Any]:
     """
     t, response = result.responses["reduced"].t, result.responses["reduced"]
     frames, axis = spread(len(t), FRAMES), lines(result, response)
-    motions = {name: [of.moved(one) for of in lines(result, one)] for name, one in drawn(result).items()}
-    every = [moved for of in motions.values() for moved in of]
-    largest, end = max(float(np.abs(moved).max()) for moved in every), length(result)
-    low, high = min(float(moved.min()) for moved in every), max(float(moved.max()) for moved in every)
+    motions = {
+        name: [of.moved(model_response) for of in lines(result, model_response)]
+        for name, model_response in drawn(result).items()
+    }
+    every = [deflection for of in motions.values() for deflection in of]
+    largest, end = max(float(np.abs(deflection).max()) for deflection in every), length(result)
+    low, high = min(float(deflection.min()) for deflection in every), max(float(moved.max()) for moved in every)
     return {
         "length": end,
         "label": "x in m" if alone(result) else "along the boom in m",
@@ -65,7 +68,7 @@ def motion(result: RunResult) -> dict[str, Any]:
 
 
 def in_space(result: RunResult) -> dict[str, Any]:
-    """What the player of a boom in a frame that moves needs, ready for JSON: the reduced model alone.
+    """Data of the player of a boom in a frame that moves, ready for JSON: the reduced model alone.
 
     Of each body its places along the axis in m, deflections in the plane of luffing and aside (frames, points) and its
     tail (frames,); angles in rad and pivot; `side` and `plan` are what is reached in either view, least and largest
@@ -75,7 +78,9 @@ def in_space(result: RunResult) -> dict[str, Any]:
     assert frame is not None  # of who is shown so
     frames, axis = spread(len(t), FRAMES), lines(result, response)
     aside = {of.body: of.moved(response) for of in lines(result, response, "y")}
-    largest = max(float(np.abs(moved).max()) for moved in (*(of.moved(response) for of in axis), *aside.values()))
+    largest = max(
+        float(np.abs(deflection).max()) for deflection in (*(of.moved(response) for of in axis), *aside.values())
+    )
     scale = round_number(shapes.REACH * length(result) / largest) if largest > 0.0 else 1.0
     drawn_axes = space.axes(result, spread(len(t), 300), scale)
     beams = _lane(result, "reduced", frames)["beams"]
@@ -94,8 +99,8 @@ def in_space(result: RunResult) -> dict[str, Any]:
         "luffing": luffing,
         "slewing": slewing,
         "beams": beams,
-        "side": _reached([one.side for one in drawn_axes]),
-        "plan": _reached([one.plan for one in drawn_axes]) if space.slews(result) else None,
+        "side": _reached([drawn_axis.side for drawn_axis in drawn_axes]),
+        "plan": _reached([drawn_axis.plan for drawn_axis in drawn_axes]) if space.slews(result) else None,
         "pads": _pads(result, axis, frames),
         "loads": _forces(result, axis, frames),
         "speeds": speeds(float(t[-1] - t[0])),
@@ -104,12 +109,12 @@ def in_space(result: RunResult) -> dict[str, Any]:
 
 def _forces(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
     """Forces (frames, 3) along the axes of the boom over the largest of each; those of one load together."""
-    found: dict[tuple[str, str], list[Acting]] = {}
+    by_load: dict[tuple[str, str], list[Acting]] = {}
     for load in loads(result):
         if load.direction != "turn":
-            found.setdefault((load.body, load.of), []).append(load)
+            by_load.setdefault((load.body, load.of), []).append(load)
     drawn_forces = []
-    for (body, name), parts in found.items():
+    for (body, name), parts in by_load.items():
         vectors = np.zeros((len(frames), 3))
         for part in parts:
             vectors[:, ("along", "aside", "up").index(part.direction)] = part.values[frames]
@@ -128,16 +133,16 @@ def _reached(views: list[NDArray[np.float64]]) -> list[float]:
 
 
 def _lane(result: RunResult, name: str, frames: NDArray[np.int64]) -> dict[str, Any]:
-    """What one model says of all bodies: in its own pen, a boom's sections in their colours, outer ones thicker."""
+    """Lane of one model with all bodies: in its own pen, a boom's sections in their colours, outer ones thicker."""
     response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
-    found = lines(result, response)
-    beams, colours = [], of_sections(of.body for of in found)
-    for k, of in enumerate(found):
+    lines_of_model = lines(result, response)
+    beams, colours = [], of_sections(of.body for of in lines_of_model)
+    for k, of in enumerate(lines_of_model):
         points = spread(len(of.x), POINTS)
         beam = {
             "label": of.body or pen.label,
             "colour": colours[of.body] if of.body else pen.colour,
-            "width": 3 + 3 * (len(found) - 1 - k) if of.body else pen.width,
+            "width": 3 + 3 * (len(lines_of_model) - 1 - k) if of.body else pen.width,
             "dash": pen.dash,
             "x": of.x[points].round(6).tolist(),
             "w": packed(onto(t, response.t, of.moved(response)[:, points])[frames]),
@@ -148,8 +153,8 @@ def _lane(result: RunResult, name: str, frames: NDArray[np.int64]) -> dict[str, 
 
 def _pads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
     """Rings above and below, one for all pads of a ring on one face; `section` is the body that they sit on."""
-    found, names = list(rings(result)), [of.body for of in axis]
-    largest = max((float(np.abs(ring.force).max()) for ring in found), default=0.0) or 1.0
+    rings_of_run, names = list(rings(result)), [of.body for of in axis]
+    largest = max((float(np.abs(ring.force).max()) for ring in rings_of_run), default=0.0) or 1.0
     return [
         {
             "section": names.index(ring.body),
@@ -157,7 +162,7 @@ def _pads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> lis
             "at": packed(ring.at[frames]),
             "force": packed(ring.force[frames] / largest),
         }
-        for ring in found
+        for ring in rings_of_run
         if ring.body in names
     ]
 

@@ -33,14 +33,18 @@ MOST_VALUES = 400_000  # of all shapes of a quantity: two bytes each, and a thir
 
 
 def player(result: RunResult) -> dict[str, Any]:
-    """What the page's player needs, ready for JSON; empty without fields of two times or with too many faces.
+    """Data of the page's player, ready for JSON; empty without fields of two times or with too many faces.
 
     Of each body points in m, where it is along x, coefficients (frames, k) with shapes (k, 3 P) of the displacement in
     m and (k, S) of the faces' stress over that of the last colour; the first face of each pair of triangles has the
     same number as the second.  In a frame that moves all of it is turned as `pose` says.
     """
     bodies = surfaces(result)
-    if not bodies or len(t := times(result)) < 2 or sum(len(one.faces) for one in bodies.values()) > MOST_FACES:
+    if (
+        not bodies
+        or len(t := times(result)) < 2
+        or sum(len(body_surface.faces) for body_surface in bodies.values()) > MOST_FACES
+    ):
         return {}
     around, alongs = stage(result, next(iter(bodies.values()))), places(result)
     shown = [_body(result, name, surface, alongs[name], MOST_VALUES // len(bodies)) for name, surface in bodies.items()]
@@ -59,19 +63,19 @@ def player(result: RunResult) -> dict[str, Any]:
         "section": [_block(block) for block in around.section],
         "near": [_block(block) for block in around.near],
         "tail": [_block(block) for block in around.tail],
-        "lost": max(one["lost"] for one in shown),
+        "lost": max(body_surface["lost"] for body_surface in shown),
         "pose": _pose(result),
     }
 
 
 def _pose(result: RunResult) -> dict[str, Any] | None:
-    """Of a frame that moves: rotations (frames, 9), origins (frames, 3) m, and the middle and size of what is seen."""
+    """Motion of a frame: rotations (frames, 9), origins (frames, 3) m, and the middle and size of the picture."""
     if (pose := result.pose(times(result))) is None:
         return None
     bodies, alongs = surfaces(result), places(result)
     ends = [
-        pose.places(np.array([one.points.min(axis=0), one.points.max(axis=0)]) + _ahead(alongs[name]))
-        for name, one in bodies.items()
+        pose.places(np.array([body_surface.points.min(axis=0), body_surface.points.max(axis=0)]) + _ahead(alongs[name]))
+        for name, body_surface in bodies.items()
     ]
     every = np.concatenate([np.zeros((1, 3)), *(places.reshape(-1, 3) for places in ends)])
     low, high = every.min(axis=0), every.max(axis=0)
@@ -124,13 +128,13 @@ def compressed(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str,
     squares, vectors = np.linalg.eigh(X @ X.T)
     squares, vectors = np.maximum(squares[::-1], 0.0), vectors[:, ::-1]
     most = max(1, min(MOST_SHAPES, most_values // X.shape[1]))
-    kept = max(1, int(np.count_nonzero(squares[:most] > EXACT**2 * squares[0])))
-    A = vectors[:, :kept]
-    A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(kept)])  # of two directions the same one everywhere
+    count = max(1, int(np.count_nonzero(squares[:most] > EXACT**2 * squares[0])))
+    A = vectors[:, :count]
+    A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(count)])  # of two directions the same one everywhere
     shapes = A.T @ X
-    lost = float(np.sqrt(squares[kept:].sum() / squares.sum())) if squares[0] > 0.0 else 0.0
+    lost = float(np.sqrt(squares[count:].sum() / squares.sum())) if squares[0] > 0.0 else 0.0
     each = [packed(shape) for shape in shapes]
-    return {"count": kept, "coefficients": [packed(column) for column in A.T], "shapes": each}, lost
+    return {"count": count, "coefficients": [packed(column) for column in A.T], "shapes": each}, lost
 
 
 def _indices(values: NDArray[np.int64]) -> str:

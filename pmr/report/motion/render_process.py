@@ -38,10 +38,10 @@ def develop(shot: Shot) -> bytes:
     camera.up = shot.up
     camera.parallel_projection, camera.parallel_scale = True, shot.height / 2.0
     plotter.renderer.ResetCameraClippingRange()
-    seen = Image.fromarray(plotter.screenshot(return_img=True))
+    image = Image.fromarray(plotter.screenshot(return_img=True))
     plotter.close()
     buffer = io.BytesIO()
-    seen.resize(shot.size, Image.Resampling.BOX).quantize(COLOURS).save(buffer, "PNG", optimize=True)
+    image.resize(shot.size, Image.Resampling.BOX).quantize(COLOURS).save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 

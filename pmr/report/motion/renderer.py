@@ -68,18 +68,18 @@ def framed(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list[Shot
     right = np.cross((0.0, 0.0, 1.0), towards)
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(towards, right), towards])
-    seen = [np.concatenate([piece.points for piece in shot.pieces]) @ axes.T for shot in shots]
+    projected = [np.concatenate([piece.points for piece in shot.pieces]) @ axes.T for shot in shots]
     low, high = (
-        np.min([s.min(axis=0) for s in seen], axis=0) - margin,
-        np.max([s.max(axis=0) for s in seen], axis=0) + margin,
+        np.min([s.min(axis=0) for s in projected], axis=0) - margin,
+        np.max([s.max(axis=0) for s in projected], axis=0) + margin,
     )
     metre = width / float(high[0] - low[0])  # px
-    found = []
-    for shot, points in zip(shots, seen, strict=True):
+    framed_shots = []
+    for shot, points in zip(shots, projected, strict=True):
         bottom, height = float(points[:, 1].min()) - margin, float(np.ptp(points[:, 1])) + 2.0 * margin
         x, y, z = (float(c) for c in np.array([(low[0] + high[0]) / 2.0, bottom + height / 2.0, 0.0]) @ axes)
-        found.append(replace(shot, centre=(x, y, z), height=height, size=(width, max(round(metre * height), 1))))
-    return found
+        framed_shots.append(replace(shot, centre=(x, y, z), height=height, size=(width, max(round(metre * height), 1))))
+    return framed_shots
 
 
 class NoPictureError(Exception):

@@ -26,7 +26,7 @@ _THIN = 0.05
 
 @dataclass(frozen=True)
 class Surface:
-    """What of a body is seen.
+    """Visible surface of a body.
 
     Attributes
     ----------
@@ -50,11 +50,11 @@ class Surface:
 
     def moved(self, fields: Fields, displacement: NDArray[np.float32]) -> NDArray[np.float32]:
         """Displacements (..., P, 3) in m of the points, from those (..., N, 3) of the vertices."""
-        moved = np.asarray(displacement[..., self.vertex, :])
+        displaced = np.asarray(displacement[..., self.vertex, :])
         if np.any(self.lever):
             slope = np.gradient(displacement, fields.points[:, 0], axis=-2)[..., self.vertex, 1:]
-            moved[..., 0] -= np.sum(slope * self.lever, axis=-1)  # sections stay across the axis
-        return moved
+            displaced[..., 0] -= np.sum(slope * self.lever, axis=-1)  # sections stay across the axis
+        return displaced
 
     @property
     def triangles(self) -> Indices:
@@ -89,7 +89,7 @@ def surface(fields: Fields, box: Box | None = None) -> Surface:
 
 
 def surfaces(result: RunResult) -> dict[str, Surface]:
-    """Of all bodies that have fields."""
+    """Surfaces of all bodies that have fields."""
     bodies = result.scene.bodies
     return {
         name: surface(body.fields, bodies[name].body.box)
@@ -109,7 +109,7 @@ def _tube(fields: Fields, box: Box | None) -> Surface:
     vertex, lever = np.repeat(np.arange(count), around), corners.reshape(-1, 2)
     points = fields.points[vertex].astype(float)
     points[:, 1:] += lever
-    one, other = around * fields.cells[:, 0], around * fields.cells[:, 1]
+    first, second = around * fields.cells[:, 0], around * fields.cells[:, 1]
     ends = [(k, (k + 1) % around) for k in range(around)]
-    walls = [np.stack([one + a, other + a, other + b, one + b], axis=1) for a, b in ends]
+    walls = [np.stack([first + a, second + a, second + b, first + b], axis=1) for a, b in ends]
     return Surface(points, np.concatenate(walls), np.tile(np.arange(len(fields.cells)), around), vertex, lever)

@@ -48,11 +48,14 @@ def stage(result: RunResult, body: Surface) -> Stage:
     if not alone(result):
         return Stage((), (), ())
     low, high, box = body.points.min(axis=0), body.points.max(axis=0), result.scene.body.box
-    found = {moving: [ring for ring in result.scene.pads if ring.moving is moving] for moving in (False, True)}
+    rings_by_motion = {
+        moving: [ring for ring in result.scene.pads if ring.moving is moving] for moving in (False, True)
+    }
     near, tail = (
-        tuple(block for ring in found[moving] for block in _pads(ring, low, high, box)) for moving in (True, False)
+        tuple(block for ring in rings_by_motion[moving] for block in _pads(ring, low, high, box))
+        for moving in (True, False)
     )
-    ahead = max((ring.at + ring.length / 2.0 for ring in found[True]), default=0.1)
+    ahead = max((ring.at + ring.length / 2.0 for ring in rings_by_motion[True]), default=0.1)
     start = np.array([low[0] - float(result.along.max()) - 0.1, *(low[1:] - 1.2 * THICK)])
     end = np.array([ahead, *(high[1:] + 1.2 * THICK)])
     return Stage((_block(start, end, _SIDES[2:]),), near, tail)

@@ -36,12 +36,12 @@ def block(runs: Sequence[RunRecord]) -> Block | None:
 
 def columns(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
     """For each quantity that any of the runs has the value of every run."""
-    found = {}
+    cells = {}
     for word, (names, printed) in ROWS.items():
         values = [_extreme(run, names, min if word.startswith("lowest") else max) for run in runs]
         if any(value is not None for value in values):
-            found[word] = ["–" if value is None else printed(value) for value in values]
-    return found
+            cells[word] = ["–" if value is None else printed(value) for value in values]
+    return cells
 
 
 def _extreme(run: RunRecord, names: str, which: Callable[..., float | None]) -> float | None:

@@ -40,14 +40,14 @@ def log_x(ax: Axes, low: float, high: float) -> None:
 def dots(number: int, size: float = 2.6) -> dict[str, Any]:
     """Keywords for `Axes.plot` of the curve with this number; beyond the colours, dashes and filled markers go on."""
     colour, marker = SERIES[number % len(SERIES)]
-    again = number // len(SERIES) % 3
+    cycle = number // len(SERIES) % 3
     return {
         "color": colour,
         "linewidth": 0.9,
-        "linestyle": ("-", "--", ":")[again],
+        "linestyle": ("-", "--", ":")[cycle],
         "marker": marker,
         "markersize": size,
-        "markerfacecolor": ("white", colour, "#c9d1d9")[again],
+        "markerfacecolor": ("white", colour, "#c9d1d9")[cycle],
         "markeredgewidth": 0.7,
     }
 
@@ -95,8 +95,8 @@ def _curves(done: Sequence[RunRecord], over: str) -> list[tuple[dict[str, Any], 
 
 def _points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> tuple[list[float], list[float]]:
     """Values of a figure in the unit of its axis, in the order of their places."""
-    found = sorted((places[run.key], value_of(run, name) / quantity_of(name).size) for run in having(group, name))
-    return [x for x, _ in found], [y for _, y in found]
+    points = sorted((places[run.key], value_of(run, name) / quantity_of(name).size) for run in having(group, name))
+    return [x for x, _ in points], [y for _, y in points]
 
 
 def _value_axis(ax: Axes, name: str) -> None:
@@ -115,7 +115,7 @@ def _value_axis(ax: Axes, name: str) -> None:
 
 
 def _room(done: Sequence[RunRecord], over: str) -> dict[str, float]:
-    """What the legend takes above the axes, in."""
+    """Room of the legend above the axes, in inches."""
     return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, over)) // 3), MOST_CURVES // 3)}
 
 

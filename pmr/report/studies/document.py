@@ -56,17 +56,17 @@ def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) ->
 
 
 def chapter(study: FinishedStudy, anchor: str) -> Chapter:
-    """Everything that the report says about one study; while a run is missing, what the runs say that are there."""
-    known = {module.name for module in pkgutil.iter_modules(sections.__path__)}
-    if study.kind in known and not study.unfinished:
-        found: Chapter = importlib.import_module(f"{sections.__name__}.{study.kind}").content(study, anchor)
+    """Chapter about one study; while a run is missing, about the runs that are there."""
+    kinds = {module.name for module in pkgutil.iter_modules(sections.__path__)}
+    if study.kind in kinds and not study.unfinished:
+        content: Chapter = importlib.import_module(f"{sections.__name__}.{study.kind}").content(study, anchor)
     else:
-        found = runs.content(study, anchor)
+        content = runs.content(study, anchor)
     hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]
-    found = replace(found, warnings=[*hints, *found.warnings])
+    content = replace(content, warnings=[*hints, *content.warnings])
     published = comparison(study)
-    if published.rows and not any(block.errors for block in found.blocks):
-        found = replace(found, blocks=[*found.blocks, Block("Beside the publication", errors=published)])
+    if published.rows and not any(block.errors for block in content.blocks):
+        content = replace(content, blocks=[*content.blocks, Block("Beside the publication", errors=published)])
     unfinished = [f"{called(run)} ({run.status}: {run.reason})" for run in study.unfinished]
-    warnings = [one.line(len(study.results.runs)) for one in study.results.warnings]
-    return replace(found, unfinished=unfinished, warnings=[text[:1].upper() + text[1:] for text in warnings])
+    warnings = [warning.line(len(study.results.runs)) for warning in study.results.warnings]
+    return replace(content, unfinished=unfinished, warnings=[text[:1].upper() + text[1:] for text in warnings])

@@ -15,7 +15,7 @@ from pmr.studies.study import Statement
 
 @dataclass(frozen=True)
 class FinishedStudy:
-    """What a folder holds.
+    """Content of a study's folder.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class FinishedStudy:
 
     @property
     def figures(self) -> Mapping[str, Scalar]:
-        """What the runs say together; empty while one of them is missing."""
+        """Figures of all runs together; empty while one of them is missing."""
         return dict(self.summary["figures"])
 
     @property

@@ -39,7 +39,7 @@ def _page(
     out = {p.removeprefix("extension."): float(v) for p, v in study.results.runs[row].parameters.items() if v}
     angle, tails = float(arrays["at.luffing"][n]), np.cumsum([0.0, *out.values()])
     section, upwards = arrays["at.bent.section"].astype(int), arrays["at.direction.names"] == "z"
-    sections = tuple(str(one) if one != ALONE else "boom" for one in arrays["at.section.names"])
+    sections = tuple(str(name) if name != ALONE else "boom" for name in arrays["at.section.names"])
     radius, height = arrays["place"][k]
     boom = AtRest(
         along=(arrays["at.bent.x"] + tails[section])[upwards],
@@ -59,48 +59,52 @@ def _page(
         f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}, the largest load that this limit "
         "governs."
     )
-    text += "".join(f" {one}" for one in _stops(study, names[n], arrays["at.stops"][n]))
+    text += "".join(f" {name}" for name in _stops(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, at_rest, caption, boom)
     return Block(
         f"Governed by {names[n]}", ((drawn,),), text=text, columns=_columns(names, n, arrays, sections), page=True
     )
 
 
-def _stops(study: FinishedStudy, limit: str, found: Array) -> Iterator[str]:
+def _stops(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
     """Sentences on how it stops turning there."""
-    for one, (factor, rest, steady, most, speed) in zip(study.asked["stops"], found.tolist(), strict=True):
+    for stop, (factor, at_rest_share, steady, most, speed) in zip(study.asked["stops"], stops.tolist(), strict=True):
         if np.isnan(factor):
             continue
-        said = f"If {one['of']} at {np.rad2deg(speed):.3g}°/s stops within {one['within']:g}{SPACE}s, the tip swings "
-        said += f"{factor:.3g} times as far as a steady deceleration moves it"
-        if one["class_factor"] is not None:
-            said += f" (the study's own factor is {one['class_factor']:g})"
-        if most > steady or most > rest:
-            said += f", and the use of {limit} goes from {100 * rest:.3g} to {100 * most:.4g}{SPACE}%"
-            said += f", by the steady deceleration to {100 * steady:.4g}{SPACE}%"
-        yield f"{said}."
+        sentence = (
+            f"If {stop['of']} at {np.rad2deg(speed):.3g}°/s stops within {stop['within']:g}{SPACE}s, the tip swings "
+        )
+        sentence += f"{factor:.3g} times as far as a steady deceleration moves it"
+        if stop["class_factor"] is not None:
+            sentence += f" (the study's own factor is {stop['class_factor']:g})"
+        if most > steady or most > at_rest_share:
+            sentence += f", and the use of {limit} goes from {100 * at_rest_share:.3g} to {100 * most:.4g}{SPACE}%"
+            sentence += f", by the steady deceleration to {100 * steady:.4g}{SPACE}%"
+        yield f"{sentence}."
 
 
 def _columns(
     names: list[str], n: int, arrays: Mapping[str, NDArray[Any]], sections: tuple[str, ...]
 ) -> list[list[Table]]:
-    """What is used, stresses and displacements beside the forces."""
+    """Shares of limits, stresses and displacements beside the forces."""
     used = zip(names, arrays["at.used"][n], strict=True)
-    left = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
+    tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
     if len(stress := arrays["at.stress"][n]):
         probes = zip(arrays["at.stress.names"], stress, strict=True)
-        left.append(Table("Von Mises' stress", tuple((str(name), quantity(float(one), "Pa")) for name, one in probes)))
+        tables.append(
+            Table("Von Mises' stress", tuple((str(name), quantity(float(value), "Pa")) for name, value in probes))
+        )
     direction, of, bent = arrays["at.direction.names"], arrays["at.bent.section"], _rounded(arrays["at.bent"][n])
-    for d, said in (("z", "upwards"), ("y", "to the left")):
+    for d, way in (("z", "upwards"), ("y", "to the left")):
         if (direction == d).any():
-            moved = [float(bent[(of == k) & (direction == d)][-1]) for k in range(len(sections))]
-            tips = tuple((name, quantity(one, "m")) for name, one in zip(sections, moved, strict=True))
-            left.append(Table(f"Tips of sections, across the boom {said}", tips))
+            deflections = [float(bent[(of == k) & (direction == d)][-1]) for k in range(len(sections))]
+            tips = tuple((name, quantity(value, "m")) for name, value in zip(sections, deflections, strict=True))
+            tables.append(Table(f"Tips of sections, across the boom {way}", tips))
     forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _rounded(arrays["at.forces"][n]), strict=True)
     some = tuple((str(name), quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES)
-    return [left, [Table("Forces, positive where they push", some)]] if some else [left]
+    return [tables, [Table("Forces, positive where they push", some)]] if some else [tables]
 
 
 def _rounded(values: Array) -> Array:
-    """Without what is round-off beside the largest."""
+    """Replace what is round-off beside the largest value by zero."""
     return np.where(np.abs(values) < ROUND_OFF * np.abs(values).max(initial=0.0), 0.0, values)

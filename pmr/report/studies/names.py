@@ -30,7 +30,7 @@ _AGAINST = {"full": "", "ancf": " against ANCF"}
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a figure of a run is called, and how its value is printed; `unit` and `size` are those of an axis."""
+    """Label of a figure of a run, and how its value is printed; `unit` and `size` are those of an axis."""
 
     label: str
     printed: Callable[[float], str] = lambda value: significant(value, 4).replace(SPACE, "")
@@ -72,8 +72,8 @@ def unit_of(key: str) -> str:
         inside = section.model_fields.get(part.partition("[")[0])  # what is no key names an entry of a list
         if inside is not None:
             section = next(_sections(inside.annotation), section)
-    found = quantity_in(section, last) if last in section.model_fields else None
-    return "" if found is None or found.unit == "1" else found.unit.replace("^2", "²").replace("^3", "³")
+    quantity = quantity_in(section, last) if last in section.model_fields else None
+    return "" if quantity is None or quantity.unit == "1" else quantity.unit.replace("^2", "²").replace("^3", "³")
 
 
 def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -92,26 +92,26 @@ def heading(key: str) -> str:
 
 def called(run: RunRecord, left_out: str = "") -> str:
     """A run by what distinguishes it, but for one of its parameters."""
-    said = []
+    words = []
     for key, value in run.parameters.items():
         unit = unit_of(key)
         if key == left_out:
             continue
         if key in ("case", "scene"):
-            said.append(worded(value))
+            words.append(worded(value))
         elif isinstance(value, int) and not isinstance(value, bool):
-            said.append(f"{worded(value)} {key_words(key)}")
+            words.append(f"{worded(value)} {key_words(key)}")
         else:
-            said.append(f"{key_words(key)} {worded(value)}" + (f"{SPACE}{unit}" if unit else ""))
-    return ", ".join(said) or run.key
+            words.append(f"{key_words(key)} {worded(value)}" + (f"{SPACE}{unit}" if unit else ""))
+    return ", ".join(words) or run.key
 
 
 def quantity_of(name: str) -> Quantity:
-    """What a figure of a run is."""
+    """Quantity of a figure of a run."""
     parts = name.split(".", 2) if name.startswith("errors.") else name.split(".")
     if parts[0] == "errors" and len(parts) == 3:
-        one, _, other = parts[1].partition("_vs_")
-        of = "" if one == "reduced" else f", {one}"
+        model, _, other = parts[1].partition("_vs_")
+        of = "" if model == "reduced" else f", {model}"
         return Quantity(
             f"error {_PLACES.get(parts[2], f'of {parts[2]}')}{of}{_AGAINST.get(other, other)}", percent, "%", 0.01
         )

@@ -59,40 +59,40 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 
 def _opening(runs: Sequence[RunRecord]) -> str:
     """How many runs, and over what, with the values of what takes few."""
-    said = []
+    parts = []
     for key in dict.fromkeys(key for run in runs for key in run.parameters):
         values = list(dict.fromkeys(worded(run.parameters.get(key)) for run in runs))
         if 1 < len(values) <= MOST_VALUES:
             unit = unit_of(key)
-            said.append(f"{key_words(key)} ({', '.join(values)}{f'{SPACE}{unit}' if unit else ''})")
+            parts.append(f"{key_words(key)} ({', '.join(values)}{f'{SPACE}{unit}' if unit else ''})")
         elif len(values) > 1:
-            said.append(f"{key_words(key)} ({len(values)} values)")
+            parts.append(f"{key_words(key)} ({len(values)} values)")
     count = f"{len(runs)} runs" if len(runs) != 1 else "One run"
-    return f"{count} over {listed(said)}." if said else ""
+    return f"{count} over {listed(parts)}." if parts else ""
 
 
 def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
-    there = f"{len(done)} of {count} runs are there." if len(done) < count or error is None else ""
+    finished_text = f"{len(done)} of {count} runs are there." if len(done) < count or error is None else ""
     if error is None:
-        return there
-    known = sorted(having(done, error), key=lambda run: value_of(run, error))
-    best, worst, what = known[0], known[-1], quantity_of(error)
-    if len(known) < 2:
-        return there
+        return finished_text
+    ordered = sorted(having(done, error), key=lambda run: value_of(run, error))
+    best, worst, what = ordered[0], ordered[-1], quantity_of(error)
+    if len(ordered) < 2:
+        return finished_text
     return (
         f"The {what.label} is {what.cell(best.figures[error])} at least ({called(best)}) and "
-        f"{what.cell(worst.figures[error])} at most ({called(worst)}). {there}".rstrip()
+        f"{what.cell(worst.figures[error])} at most ({called(worst)}). {finished_text}".rstrip()
     )
 
 
 def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNumber]:
     """Errors at most and at best, what is largest of all."""
     for name in (error, "max_error", "max_displacement", "largest_force"):
-        if name is None or not (known := having(done, name)):
+        if name is None or not (runs_with_figure := having(done, name)):
             continue
-        what, ordered = quantity_of(name), sorted(known, key=lambda run: value_of(run, name))  # noqa: B023
+        what, ordered = quantity_of(name), sorted(runs_with_figure, key=lambda run: value_of(run, name))  # noqa: B023
         best, worst = ordered[0], ordered[-1]
-        if not differs(known, name):
+        if not differs(runs_with_figure, name):
             yield KeyNumber(what.cell(worst.figures[name]), what.label, "in all runs")
         elif name in (error, "max_error"):
             note = f"at best {what.cell(best.figures[name])}, {called(best)}"
@@ -117,13 +117,13 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         return
     drawn = list[tuple[Drawing, ...]]()
     ranges = [name for name in dict.fromkeys(n for run in done for n in run.figures) if name.endswith(".range")]
-    beside = [name for name in (error, *BESIDE, *ranges[:1]) if name and differs(done, name) and _seen(done, name)]
-    if beside:
-        others = {key_words(key) for key in done[0].parameters if key != over}
-        apart = f", a curve for each {' and '.join(sorted(others))}" if others else ""
+    shown = [name for name in (error, *BESIDE, *ranges[:1]) if name and differs(done, name) and _seen(done, name)]
+    if shown:
+        other_parameters = {key_words(key) for key in done[0].parameters if key != over}
+        apart = f", a curve for each {' and '.join(sorted(other_parameters))}" if other_parameters else ""
         caption = f"What was found over the {key_words(over)}{apart}."
-        for k in range(0, len(beside), MOST_PANELS):  # more of them would leave a page empty
-            name, panels = f"{prefix}-varied{k // MOST_PANELS or ''}", beside[k : k + MOST_PANELS]
+        for k in range(0, len(shown), MOST_PANELS):  # more of them would leave a page empty
+            name, panels = f"{prefix}-varied{k // MOST_PANELS or ''}", shown[k : k + MOST_PANELS]
             drawn.append((drawing(name, over_parameter, caption, done, over, panels),))
     timed = [run for run in done if run.seconds.get(TIME)]
     if error and len(having(timed, error)) > 1 and _cost_differs(timed):
@@ -154,24 +154,24 @@ def varied(done: Sequence[RunRecord]) -> str | None:
 
 
 def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
-    """What was varied, the error and what each run bears, for a terminal on which so many columns and rows fit.
+    """Parameters, error and forces of each run, for a terminal on which so many columns and rows fit.
 
     A column for each of a few runs, else a row; then of more figures than fit those stay in which runs differ.  A kind
     of study that has none of these shows its own figures.
     """
     heads, error = _varied_keys(runs), next((name for name in ERRORS if having(runs, name)), None)
-    found = {quantity_of(error).label: [_cell(run, error) for run in runs]} if error else {}
-    found |= at_a_glance.columns(runs)
-    if len(found) < 2:
-        found |= {quantity_of(name).label: [_cell(run, name) for run in runs] for name in _columns(runs)}
+    cells_by_name = {quantity_of(error).label: [_cell(run, error) for run in runs]} if error else {}
+    cells_by_name |= at_a_glance.columns(runs)
+    if len(cells_by_name) < 2:
+        cells_by_name |= {quantity_of(name).label: [_cell(run, name) for run in runs] for name in _columns(runs)}
     more = f"{len(runs) - rows} more runs and all" if len(runs) > rows else "All"
     caption = f"{more} figures, with times and places, stand in runs.csv."
     if len(runs) <= columns - 2:  # the first column is as wide as two
-        lines = [(name, *cells) for name, cells in found.items()][:rows]
+        lines = [(name, *cells) for name, cells in cells_by_name.items()][:rows]
         return Grid(caption, ("", *map(called, runs)), tuple(lines))
-    differ = [name for name, cells in found.items() if len(set(cells)) > 1]
-    first = [*differ, *(name for name in found if name not in differ)][: max(columns - len(heads), 1)]
-    lines = [(*_names(run, heads), *(found[name][k] for name in first)) for k, run in enumerate(runs[:rows])]
+    differ = [name for name, cells in cells_by_name.items() if len(set(cells)) > 1]
+    first = [*differ, *(name for name in cells_by_name if name not in differ)][: max(columns - len(heads), 1)]
+    lines = [(*_names(run, heads), *(cells_by_name[name][k] for name in first)) for k, run in enumerate(runs[:rows])]
     return Grid(caption, (*_headings(heads), *first), tuple(lines))
 
 
@@ -192,21 +192,21 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
     """Parameters and figures of all runs, as many columns as fit on a page; what all have alike is said once."""
     parameters = list(dict.fromkeys(key for run in runs for key in run.parameters))
     heads = _varied_keys(runs)
-    found = {name: [_cell(run, name) for run in runs] for name in _columns(runs)}
-    same = {name: cells[0] for name, cells in found.items() if len(runs) > 1 and len(set(cells)) == 1}
-    shown = [name for name in found if name not in same and not _doubles(runs, name, parameters)]
+    cells_by_name = {name: [_cell(run, name) for run in runs] for name in _columns(runs)}
+    same = {name: cells[0] for name, cells in cells_by_name.items() if len(runs) > 1 and len(set(cells)) == 1}
+    shown = [name for name in cells_by_name if name not in same and not _doubles(runs, name, parameters)]
     alike = "; ".join(f"{quantity_of(name).label}: {cell}" for name, cell in same.items() if cell != "–")
     wide = max(MOST_COLUMNS - max(len(heads), 1), 2)
     parts = [shown[k : k + wide] for k in range(0, len(shown), wide)][:MOST_GRIDS] or [[]]
-    left = len(shown) > wide * MOST_GRIDS or len(runs) > MOST_ROWS
+    is_cut = len(shown) > wide * MOST_GRIDS or len(runs) > MOST_ROWS
     for place, part in enumerate(parts):
         rows = tuple(
-            (*_names(run, heads), *(found[name][k] for name in part)) for k, run in enumerate(runs[:MOST_ROWS])
+            (*_names(run, heads), *(cells_by_name[name][k] for name in part)) for k, run in enumerate(runs[:MOST_ROWS])
         )
-        said = [f"In all runs: {alike}."] if alike and place == 0 else []
-        said += ["Everything else stands in runs.csv."] if left and place == len(parts) - 1 else []
+        sentences = [f"In all runs: {alike}."] if alike and place == 0 else []
+        sentences += ["Everything else stands in runs.csv."] if is_cut and place == len(parts) - 1 else []
         names = tuple(quantity_of(name).label for name in part)
-        yield Grid(" ".join(["Runs with what was varied and found.", *said]), (*_headings(heads), *names), rows)
+        yield Grid(" ".join(["Runs with what was varied and found.", *sentences]), (*_headings(heads), *names), rows)
 
 
 def _columns(runs: Sequence[RunRecord]) -> list[str]:

@@ -38,19 +38,19 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
     """Tables of what the runs have; none for many runs, or for runs that have nothing of it."""
     if not (done := few(runs)):
         return
-    found = {heading: _spans(done, *of) for heading, of in _SPANS.items()}
-    found |= {
+    tables = {heading: _spans(done, *of) for heading, of in _SPANS.items()}
+    tables |= {
         "Frequencies": (f"In Hz, while pads and sliders rest{_stretch(done)}.", _frequencies(done)),
         "Probes": ("Least … largest, and the largest range of a load cycle.", _probes(done)),
     }
     head = ("", *(called(run) for run in done))
-    for heading, (caption, rows) in found.items():
+    for heading, (caption, rows) in tables.items():
         if rows:
             yield Block(heading, grids=(Grid(caption, head, tuple(rows)),))
 
 
 def few(runs: Sequence[RunRecord]) -> list[RunRecord]:
-    """Those with a result, where they fit side by side; else none."""
+    """Runs with a result, where they fit side by side; else none."""
     done = [run for run in runs if run.status == "done"]
     return done if len(done) <= MOST_RUNS else []
 
@@ -78,7 +78,7 @@ def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
 
 
 def _stretch(runs: Sequence[RunRecord]) -> str:
-    """Where the path begins and ends, if it does so in all runs alike."""
+    """Range of the path, if it is that of all runs alike."""
     ends = {(number_of(run.figures.get("path.s_min")), number_of(run.figures.get("path.s_max"))) for run in runs}
     low, high = ends.pop()
     if ends or low is None or high is None:
@@ -123,5 +123,5 @@ def _span(run: RunRecord, name: str, size: float) -> str:
 
 
 def _printed(value: Scalar, size: float) -> str:
-    found = number_of(value)
-    return "–" if found is None else significant(found / size, 3)
+    number = number_of(value)
+    return "–" if number is None else significant(number / size, 3)

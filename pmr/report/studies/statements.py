@@ -27,10 +27,10 @@ def comparison(study: Compared) -> ErrorTable:
     """Table of published statements beside the study's figures, without those whose figure the study does not have."""
     rows, reasons = [], list[str]()
     for statement in study.published:
-        here = study.figures.get(statement.figure)
-        if here is None:
+        figure = study.figures.get(statement.figure)
+        if figure is None:
             continue
-        rows.append(_row(statement, here))
+        rows.append(_row(statement, figure))
         if statement.why and statement.why not in reasons:
             reasons.append(statement.why)
     source = str(study.summary["source"]) or "publication"
@@ -57,22 +57,22 @@ def combination(key: str) -> str:
     return f"({first},{second})" if first.isdigit() and second.isdigit() else key
 
 
-def _row(statement: Statement, here: Scalar) -> Row:
-    shown = formatted(here, statement.quantity)
+def _row(statement: Statement, figure: Scalar) -> Row:
+    shown = formatted(figure, statement.quantity)
     if statement.value is None:
         return Row(statement.text, "", shown, statement.words or None)
     printed = statement.words or formatted(statement.value, statement.quantity)
-    mark, deviation = _verdict(statement, here)
+    mark, deviation = _verdict(statement, figure)
     return Row(statement.text, "", shown, printed, deviation, mark)
 
 
-def _verdict(statement: Statement, here: Scalar) -> tuple[Mark, str | None]:
-    if isinstance(statement.value, str) or isinstance(here, str):
-        return (SAME if here == statement.value else DIFFERENT), None
-    published, found = number(statement.value), number(here)
-    if found == published or not statement.words and round(found, _decimals(published)) == published:
+def _verdict(statement: Statement, figure: Scalar) -> tuple[Mark, str | None]:
+    if isinstance(statement.value, str) or isinstance(figure, str):
+        return (SAME if figure == statement.value else DIFFERENT), None
+    published, value = number(statement.value), number(figure)
+    if value == published or not statement.words and round(value, _decimals(published)) == published:
         return SAME, None
-    return mark_for(found, published, statement.is_error), signed_deviation(found, published)
+    return mark_for(value, published, statement.is_error), signed_deviation(value, published)
 
 
 def _decimals(value: float) -> int:

@@ -39,7 +39,7 @@ class Strand:
 
 
 class SignalBase(BaseModel):
-    """What every signal can do; times in s, broadcast over arrays."""
+    """Signal over time; times in s, broadcast over arrays."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
@@ -99,7 +99,7 @@ class SignalBase(BaseModel):
 
 
 class Constant(SignalBase):
-    """The same value at all times."""
+    """Signal with the same value at all times."""
 
     kind: Literal["constant"] = Field(default="constant", description="One value")
     amount: Real = Field(description="The value")

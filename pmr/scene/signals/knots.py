@@ -27,7 +27,7 @@ class _Curve:
     """
 
     def __init__(self, coefficients: Array, times: Floats, values: Floats) -> None:
-        """Of `coefficients` (p, knots - 1), highest power first, of the time since each knot."""
+        """Make a curve of `coefficients` (p, knots - 1), highest power first, of the time since each knot."""
         held = np.zeros((len(coefficients), 2))
         held[-1] = values[0], values[-1]
         c = np.column_stack([held[:, 0], coefficients, held[:, 1]])
@@ -83,8 +83,8 @@ class _Knots(SignalBase):
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         """Of what rises or falls all the way between two knots: just before one, round-off may be beyond its value."""
         inside = [value for t, value in zip(self.times, self.values, strict=True) if start <= t <= end]
-        found = [*self.value([start, end]), *inside]
-        return float(min(found)), float(max(found))
+        values = [*self.value([start, end]), *inside]
+        return float(min(values)), float(max(values))
 
     def rate(self, t: ArrayLike) -> Array:
         return self._curve.derivatives[1](t)
@@ -121,9 +121,9 @@ class SmoothRamp(_Knots):
     def _coefficients(self) -> Array:
         duration, rise = self._rises
         transition = np.array(TRANSITIONS[self.degree])
-        found = transition[:, None] * rise / duration ** np.arange(len(transition) - 1, -1, -1)[:, None]
-        found[-1] = self.values[:-1]
-        return found
+        coefficients = transition[:, None] * rise / duration ** np.arange(len(transition) - 1, -1, -1)[:, None]
+        coefficients[-1] = self.values[:-1]
+        return coefficients
 
 
 def _or_file(schema: dict[str, Any]) -> None:
@@ -151,10 +151,10 @@ class Table(_Knots):
     def _read(cls, data: Any) -> Any:
         if not (isinstance(data, dict) and "file" in data):
             return data
-        given = dict(data)
-        if "times" in given or "values" in given:
+        content = dict(data)
+        if "times" in content or "values" in content:
             raise ValueError("give either file or times and values")
-        path = Path(str(given.pop("file")))
+        path = Path(str(content.pop("file")))
         if not isfile(path):
             raise ValueError(f"{no_file(path)}: {path}")
         try:
@@ -176,7 +176,7 @@ class Table(_Knots):
             raise ValueError(f"{path}: line {int(np.argmin(np.isfinite(columns).all(axis=1))) + 1} is not finite")
         if not np.all(np.diff(columns[:, 0]) >= CLOSEST):
             raise ValueError(f"{path}: times must increase, by at least {CLOSEST:g} s")
-        return {**given, "times": columns[:, 0].tolist(), "values": columns[:, 1].tolist()}
+        return {**content, "times": columns[:, 0].tolist(), "values": columns[:, 1].tolist()}
 
     @property
     def _is_straight(self) -> bool:

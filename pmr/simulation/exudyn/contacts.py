@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
+from pmr.kernel.laws import ContactError, solve_contact
 from pmr.simulation.balance import dot, half_form, mean
 from pmr.simulation.exudyn import inputs as driving
 from pmr.simulation.exudyn.equations import Equations
-from pmr.simulation.native import contact as native
-from pmr.simulation.native.handles import handle
-from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.system.contact_rows import ContactRows
 
 Array = NDArray[np.float64]
@@ -31,20 +29,15 @@ class Contacts:
         self.rigid = ~np.any(equations.rows(inputs.at(0.0)).F[0], axis=1)
         self.gives = ~self.rigid
         self._names = [name for name, gives in zip(equations.system.contact_names, self.gives, strict=True) if gives]
-        self._room = np.zeros((len(self._names),) * 2)
-        # of the method none but the clearances and which are closed is asked for
-        self._pushing = native.contact(equations.system.clearance[self.gives], GeneralizedAlpha(1.0, 0.0).memory())
-        self._rows: ContactRows | None = None
+        clearance = equations.system.clearance[self.gives]
+        self._pushes, self._clearance = ~np.isnan(clearance), np.nan_to_num(clearance)
+        #: Contacts that give way and were closed when their forces were found last.
+        self.closed = ~self._pushes
 
     @property
     def push(self) -> bool:
         """Whether any only pushes."""
-        return self._pushing is not None
-
-    @property
-    def closed(self) -> Mask:
-        """Which of those that give way were when their forces were found last."""
-        return np.ones(len(self._names), bool) if self._pushing is None else self._pushing.closed.astype(bool)
+        return bool(self._pushes.any())
 
     def springs(self, x: Array) -> Array:
         """K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), of those that give way and hold both ways."""
@@ -68,28 +61,17 @@ class Contacts:
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
         """Of those that give way, (T, m') N, at T places; a SimulationError if which are closed is not settled."""
         motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
-        if self._pushing is None:
+        if not self.push:
             return np.asarray(self._answers(rows, motion[:, :, None])[:, :, 0])
-        return np.array([self.settled(rows.at(k), one) for k, one in enumerate(motion)]).reshape(motion.shape)
-
-    def force(self, rows: ContactRows, q: Array, f: Array) -> Array:
-        """The same (m',) at one place."""
-        whole = ContactRows(rows.C[None], rows.F[None], rows.H[None], rows.X[None])
-        return np.asarray(self.forces(whole, q[None], f[None])[0])
-
-    def settled(self, rows: ContactRows, motion: Array) -> Array:
-        """The same at one place, where the contacts move by C q + H f (m',) m."""
-        assert self._pushing is not None
-        if rows is not self._rows:
-            self._rows, self._pushing.factored[0] = rows, native.STALE
-        found = motion.copy()
-        if native.settle(handle(self._pushing), np.ascontiguousarray(rows.F), self._room, found):
-            raise SimulationError(f"which of the contacts {', '.join(self._names)} are closed was not settled")
-        return found
+        return np.array([self.pressed(rows.at(k), one) for k, one in enumerate(motion)]).reshape(motion.shape)
 
     def pressed(self, rows: ContactRows, motion: Array) -> Array:
-        """The same, whether any only pushes or none does."""
-        return self._answers(rows, motion[:, None])[:, 0] if self._pushing is None else self.settled(rows, motion)
+        """The same (m',) at one place, where the contacts move by C q + H f (m',) m."""
+        try:
+            forces, self.closed = solve_contact(rows.F, motion - self._clearance, self._pushes, self.closed)
+        except ContactError as error:
+            raise SimulationError(f"the contacts {', '.join(self._names)}: {error}") from None
+        return forces
 
     def stiffness(self, rows: ContactRows) -> Array:
         """C^T F^-1 C (n, n) of those that were closed when the forces were settled last."""

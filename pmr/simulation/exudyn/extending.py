@@ -71,7 +71,7 @@ class Extending:
         near = self._along.at(s)
         now, slopes = self._contacts.giving(near.rows), self._contacts.giving(near.slopes)
         C, F, H = (A[numbers] for A in (slopes.C, slopes.F, slopes.H))
-        forces = self._contacts.force(now, q, f)
+        forces = self._contacts.pressed(now, now.C @ q + now.H @ f)
         moved, bent = C @ q + H @ f, F @ forces  # (e, m)
         found, K = np.zeros(n + S), np.zeros((n + S, n + S))
         found[:n], found[n + numbers] = -now.C.T @ forces, -moved @ forces + bent @ forces / 2.0

@@ -2,7 +2,7 @@ r"""Three ways of having Exudyn know the contacts and loads of a system.
 
 Springs: rows and loads are set once a step; contacts that give way are no constraints but springs that travel,
 ``K(s) = K + C^T F^-1 C``, and where some only push, Python is called in every iteration for the forces of all that give
-way, those of the closed ones found by pivoting (`pmr.simulation.native.contact`); Newton's method takes the stiffness
+way, those of the closed ones found by the kernel (`pmr.kernel.laws`); Newton's method takes the stiffness
 of those that are closed.  Multipliers: contacts that give way keep theirs, for comparison.  Callbacks: as in the paper,
 Python is called for rows, their Jacobian and loads in every iteration, for comparison.
 """
@@ -104,7 +104,7 @@ def _pushing(contacts: Contacts, equations: Equations, inputs: Inputs, steps: St
     def settled(t: float, q: Any) -> tuple[ContactRows, Array]:
         found = table(t)
         rows = ContactRows(found[:, :n], found[:, -m:], found[:, n:-m], np.empty((0, m)))
-        return rows, contacts.settled(rows, rows.C @ np.asarray(q) + rows.H @ np.array(inputs.loads(t)))
+        return rows, contacts.pressed(rows, rows.C @ np.asarray(q) + rows.H @ np.array(inputs.loads(t)))
 
     def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
         rows, forces = settled(t, q)

@@ -99,7 +99,7 @@ class Rubbing:
         diagonal[self._contacts.gives] = np.diag(rows.giving.F)
         for _ in range(LIMIT):
             multipliers, given = self._multipliers(rows, q, f, gap), grip
-            grip = slid(known, self.grip, given.forces, rows.s, multipliers, np.diag(diagonal))
+            grip = slid(known, self.grip, known.totals(given.forces), rows.s, multipliers, np.diag(diagonal))
             moments = known.moments(grip.forces, multipliers)
             old, gap = gap, known.gaps(grip.forces) - rows.answers @ moments
             limits = known.coefficients * np.abs(multipliers[known.pads])

@@ -7,12 +7,10 @@ With P and L the linear and angular momentum of machine and boom about the groun
 
 hold to round-off, so that a machine without springs in space keeps both, while the boom bends and telescopes.  The
 machine's velocity is that which these momenta need with what the boom's coordinates have of them
-(`pmr.simulation.free_base`); the coordinates follow the compiled loop of `march` in the frame that the machine moves.
+(`pmr.simulation.free_base`); the coordinates follow the kernel's step in the frame that the machine moves.
 
-- `rigid`: what of momenta and forces machine and boom have,
-- `flexible`: the boom's coordinates in a step whose motion of the machine is given,
-- `weights`: generalized-alpha for the machine, so that with constant matrices it is that of the whole,
-- `motion`: both together, step by step.
+- `carrying`: what of machine and boom the kernel has, and what drives them,
+- `motion`: the start, and the steps that the kernel takes (src/machine.c).
 
 The motion is then that of a frame (`pmr.simulation.found`), in which everything else goes on.
 """

@@ -1,242 +1,226 @@
-"""What drives a stepper: where its paths lead, its loads and how its frame moves, at the end of a step and before."""
+"""What drives a stepper: paths, loads and motions of a frame at the end of a step, as its user gives them."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.errors.text import hint
-from pmr.simulation import cubics
-from pmr.simulation.moving import MovingFrame
-from pmr.system.system import System
+from pmr.simulation.moving import AXES
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 #: Angles but that of slewing turn once at most, rad.  A motion that a step takes farther than this share of its range,
 #: or of a turn, jumps; one in a frame that goes on by so much, m or rad, without second rates has no inertia.
 WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
+#: Largest float that is taken at once; what has no such name.
+LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0)
+#: Types of motions with rates that are read at once.
+FLOATS = [float] * 2, [float] * 3
 #: Of a motion: its value, or that with its rate, or with its rate and its second rate.
 Motion = float | Sequence[float]
 Values = Mapping[str, float] | Mapping[str, Motion] | ArrayLike
-#: Row of `Motions` with the number of rows above it that count.
-GIVEN = 3
-#: A driver's number, its value, rate and second rate, and how many of these were given.
-Taken = tuple[int, float, float, float, int]
+#: A motion's number, its value, rate and second rate, zero where they are left out, and how many there are.
+Reading = tuple[int, float, float, float, int]
 
 
-class Motions(NamedTuple):
-    """Of n drivers in a step."""
+class Drivers:
+    """Motions (3, n) at the end of a step: paths, then loads, then what moves a frame; values, rates, second rates.
 
-    begun: Array  # (4, n): values, rates and second rates where it begins, and how many of these have been given
-    ended: Array  # (4, n): where it ends
-    step: float  # s: its length
+    Those that are not given at a step stay.  `rows` (n,) counts the rows of each that were given for the next step.
+    Both are arrays that the kernel reads, and are written as memory views, in a tenth of the time that NumPy takes.
 
-
-class Driving:
-    """Drivers are paths, loads and what moves a frame, n of them; without a frame the loads are the system's inputs.
-
-    What is given at a step is written through memory views, in a tenth of the time that NumPy takes for a number.
+    An InputError is raised for what is out of its range, has no such name, is not finite, or is missing at the start.
     """
 
-    def __init__(self, system: System, ranges: Mapping[str, tuple[float, float]], step: float) -> None:
-        self.frame = MovingFrame.of(system)
-        if self.frame is None:
-            system.ensure_without_terms("stepper")
-        self._paths, first = list(ranges), len(ranges)
-        self.inputs = list(system.input_names if self.frame is None else self.frame.loads)
-        moving = [] if self.frame is None else [*self.frame.angles, *self.frame.axes]
-        n = first + len(self.inputs) + len(moving)
-        self.motions = Motions(np.zeros((4, n)), np.zeros((4, n)), step)
-        ended = self.motions.ended
-        ended[GIVEN] = 1.0
-        self._order = np.arange(n)  # of the frame's drivers among these
-        if self.frame is not None:
-            if set(self.frame.paths) != set(ranges):
-                raise InputError("stepper", "paths", ", ".join(ranges), f"{', '.join(self.frame.paths)} are allowed")
-            self._order[:first] = [self._paths.index(path) for path in self.frame.paths]
-            ended[:GIVEN, first:] = self.frame.start[:, first:]
-        self.s = ended[0, :first]  # (P,) m
-        self.s[:] = np.nan
-        self.f = ended[0, first:] if self.frame is None else np.zeros(len(system.input_names))  # (i,) N
-        self.c = np.zeros(len(system.terms)) if system.terms else None  # (K,): amplitudes of terms
-        self._written: list[Any] = [memoryview(row) for row in ended]
-        self._numbers = (
-            _numbers(self._paths, 0),
-            _numbers(self.inputs, first),
-            _numbers(moving, first + len(self.inputs)),
-        )
-        beyond = [BEYOND_ENDS * (high - low) for low, high in ranges.values()]
-        self._ranges = [(low, high, low - b, high + b) for (low, high), b in zip(ranges.values(), beyond, strict=True)]
-        self._missing, self._begun, self._told = True, False, set[str]()
-        angles = () if self.frame is None else tuple(self.frame.angles)
-        self._angles = {self._numbers[2][name]: name for name in angles}
-        self._moves = [*range(first if self.frame is not None else 0), *self._angles]  # with an inertia of their own
+    def __init__(
+        self,
+        motions: Array,
+        rows: NDArray[np.int32],
+        names: tuple[Sequence[str], Sequence[str], Sequence[str] | None],
+        ranges: Mapping[str, tuple[float, float]],
+        step: float,
+        in_parts: bool,
+    ) -> None:
+        self.motions, self.rows, self._step = motions, rows, step
+        self._values, self._rates, self._seconds = (memoryview(row) for row in motions)  # type: ignore[arg-type]
+        self._counts = memoryview(rows)  # type: ignore[arg-type]
+        rows[:] = 1
+        paths, loads, frame = names  # in the order of motions; no frame: None
+        self._in_frame, self._in_parts = frame is not None, in_parts
+        self.paths, first = list(paths), len(paths)
+        self._ranges = [ranges[path] for path in paths]
+        self._path_numbers = _numbers(list(ranges), [self.paths.index(path) for path in ranges])
+        self._load_numbers = _numbers(loads, range(first, first + len(loads)))
+        self._frame_numbers = _numbers(frame or (), range(first + len(loads), motions.shape[1]))
+        self._angles = {first + len(loads) + k: name for k, name in enumerate(frame or ()) if name not in AXES}
+        #: names by numbers of what has inertia in a frame, and no warning yet that its second rate is missing
+        self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
+        self._told, self._placed, self._started = set[str](), False, False
+        self._begun, self._begun_rows = motions.copy(), rows.copy()  # where the last step ended
 
-    def leave(self) -> None:
-        """Note where a step ended; without a frame compiled code does (`pmr.simulation.native.stepped`)."""
-        begun, ended, _ = self.motions
-        if self._begun:
-            self._check_second_rates()
-        self._begun = True
-        begun[:] = ended
-        ended[GIVEN] = 1.0
+        # numbers of motions by their names, and between what floats are taken at once
+        jumps = [JUMP * (high - low) for low, high in self._ranges]
+        limits = {k: (k, *self._ranges[k], jumps[k]) for k in range(first)}
+        self._limits = {name: limits[k] for name, k in self._path_numbers.items()}
+        whole = (-LARGEST, LARGEST, 2.0 * LARGEST)
+        self._unlimited = {name: (k, *whole) for name, k in self._load_numbers.items()}
+
+    @property
+    def places(self) -> dict[str, float]:
+        """Where the paths stand, in m by their names."""
+        return {path: self._values[k] for path, k in self._path_numbers.items() if isinstance(path, str)}
 
     def take_path(self, s: Values) -> None:
-        """Where paths lead; an InputError is raised where one leaves its range, or is missing at the start."""
-        taken = _taken(s, self._numbers[0], "s", "one path coordinate for each path")
-        for n, (k, at, rate, second, count) in enumerate(taken):
-            low, high, least, most = self._ranges[k]
+        """Take where paths lead: within their ranges, or at an end that they are beyond by little."""
+        if type(s) is dict and self._take_floats(s, self._limits):
+            return
+        readings = self._read(s, self._path_numbers, "s", "one path coordinate for each path")
+        for n, (k, at, rate, second, count) in enumerate(readings):
+            low, high = self._ranges[k]
             if not low <= at <= high:
-                if not least <= at <= most:
-                    allowed = f"{low:g} to {high:g} m is allowed"
-                    raise InputError("stepper", f"s.{self._paths[k]}", at, allowed)
-                taken[n] = k, min(max(at, low), high), rate, second, count
-            if abs(rate) * self.motions.step > high - low:
-                fastest = f"{(high - low) / self.motions.step:g} m/s, its range in a step, is allowed at most"
-                raise InputError("stepper", f"s.{self._paths[k]}", [at, rate, second][:count], fastest)
-            self.note_path(k, at)
-        if self._missing:
-            if len({k for k, *_ in taken}) < len(self._paths):
-                raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(self._paths)}")
-            self._missing = False
-        self._take(taken)
+                beyond = BEYOND_ENDS * (high - low)
+                if not low - beyond <= at <= high + beyond:
+                    raise InputError("stepper", f"s.{self.paths[k]}", at, f"{low:g} to {high:g} m is allowed")
+                readings[n] = k, min(max(at, low), high), rate, second, count
+            if abs(rate) * self._step > high - low:
+                fastest = f"{(high - low) / self._step:g} m/s, its range in a step, is allowed at most"
+                raise InputError("stepper", f"s.{self.paths[k]}", [at, rate, second][:count], fastest)
+            if self._placed and abs(at - self._values[k]) > JUMP * (high - low):
+                self._warn_of_jump(self.paths[k], abs(at - self._values[k]), "m")
+        if not self._placed:
+            if len({k for k, *_ in readings}) < len(self.paths):
+                raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(self.paths)}")
+            self._placed = True
+        self._write(readings)
+
+    def _take_floats(self, values: dict[Any, Any], limits: dict[str | int, tuple[int, float, float, float]]) -> bool:
+        """Whether these are floats within their limits and no jumps, which are then taken in a third of the time."""
+        if self._in_frame or self._in_parts or not self._started:
+            return False
+        written = self._values
+        for name, value in values.items():
+            k, low, high, jump = limits.get(name, NOWHERE)
+            if type(value) is not float or not (low <= value <= high and -jump <= value - written[k] <= jump):
+                return False
+        for name, value in values.items():
+            written[limits[name][0]] = value
+        return True
 
     def take_loads(self, F: Values) -> None:
-        """Loads, as they are or as a frame turns them."""
-        what = "one load for each input"
-        if _by_name(F):
-            return self._take(_taken(F, self._numbers[1], "F", what))
-        ended, own = self.motions.ended, slice(len(self._paths), len(self._paths) + len(self.inputs))
-        ended[0, own], ended[GIVEN, own] = _in_order(F, self._numbers[1], "F", what), 1.0
+        """Take loads, as they are or as a frame turns them."""
+        if type(F) is dict and self._take_floats(F, self._unlimited):
+            return
+        self._write(self._read(F, self._load_numbers, "F", "one load for each input"))
 
     def take_frame(self, frame: Mapping[str, Motion]) -> None:
-        """How the frame moves."""
-        taken = _taken(frame, self._numbers[2], "frame", "")
-        for k, value, *_ in taken:
+        """Take how the frame moves."""
+        readings = self._read(frame, self._frame_numbers, "frame", "")
+        for k, value, *_ in readings:
             name = self._angles.get(k)
-            if name not in (None, "slewing") and abs(value) > WHOLE_TURN:
+            if name is None:
+                continue
+            if name != "slewing" and abs(value) > WHOLE_TURN:
                 raise InputError("stepper", f"frame.{name}", value, "at most one turn is allowed, 2 pi: it is in rad")
-            if name is not None and self._begun:
-                self._note(name, abs(value - self.motions.ended[0, k]), WHOLE_TURN, "rad")
-        self._take(taken)
+            if self._started and abs(value - self._values[k]) > JUMP * WHOLE_TURN:
+                self._warn_of_jump(name, abs(value - self._values[k]), "rad")
+        self._write(readings)
 
-    def note_path(self, k: int, at: float) -> None:
-        """Warn, once, of a path that a step takes so far, to `at` m, that it jumps."""
-        if not self._missing:
-            low, high, *_ = self._ranges[k]
-            self._note(self._paths[k], abs(at - self.s[k]), high - low, "m")
+    def lead_rates(self, rates: Array) -> None:
+        """Fill in rates (2, n) at both ends of the step: of cubics where they are given at both, else of lines."""
+        smooth, mean = np.minimum(self.rows, self._begun_rows) >= 2, (self.motions[0] - self._begun[0]) / self._step
+        rates[0], rates[1] = np.where(smooth, self._begun[1], mean), np.where(smooth, self.motions[1], mean)
 
-    def _note(self, name: str, change: float, whole: float, unit: str) -> None:
-        if change > JUMP * whole and name not in self._told:
-            self._told.add(name)
-            said = "%s jumps by %g %s in a step of %g s, which excites what no boom does: give it at each step, in %s"
-            logger.warning(said, name, change, unit, self.motions.step, unit)
+    def end_step(self) -> None:
+        """End a step, or the start; what is not given at the next one has no rates that count."""
+        if self._in_frame or self._in_parts:
+            if self._unwarned and self._started:
+                self._check_second_rates()
+            self._begun[:], self._begun_rows[:] = self.motions, self.rows
+            self.rows[:] = 1
+        self._started = True
 
     def _check_second_rates(self) -> None:
         """Warn, once, of what moves in a frame without second rates."""
-        (begun, ended, h), at = self.motions, self._moves
-        off = np.abs(ended[0, at] - begun[0, at] - h * begun[1, at])
-        for n in np.flatnonzero((off > LEFT_OUT) & (begun[2, at] == 0.0) & (ended[2, at] == 0.0)):
-            name = self._angles.get(at[n]) or self._paths[at[n]]
-            if name not in self._told:
-                self._told.add(name)
-                said = "%s moves without a second rate, so the inertia of what moves is left out: both rates are needed"
-                logger.warning(said, name)
+        for k, name in list(self._unwarned.items()):
+            if self._seconds[k] != 0.0:
+                continue
+            begun, rate, second = self._begun[:, k].tolist()
+            if second == 0.0 and abs(self._values[k] - begun - self._step * rate) > LEFT_OUT:
+                message = (
+                    "%s moves without a second rate, so the inertia of what moves is left out: both rates are needed"
+                )
+                logger.warning(message, name)
+                del self._unwarned[k]
 
-    def find(self) -> None:
-        """Amplitudes of inputs and terms from the frame's motion at the end of the step."""
-        if self.frame is not None:
-            self.f[:], c = self.frame.find(self.motions.ended[:GIVEN, self._order])
-            if self.c is not None:
-                self.c[:] = c
+    def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
+        if name in self._told:
+            return
+        self._told.add(name)
+        message = "%s jumps by %g %s in a step of %g s, which excites what no boom does: give it at each step, in %s"
+        logger.warning(message, name, change, unit, self._step, unit)
 
-    def samples(self, parts: int) -> tuple[Array, Array, Array]:
-        """Paths (parts + 1, P), loads (., i) and amplitudes (., K) at equal parts of a step, its beginning included.
+    def _write(self, readings: list[Reading]) -> None:
+        for k, value, rate, second, count in readings:
+            self._values[k] = value
+            if self._in_frame or self._in_parts:  # rates of others are not read
+                self._rates[k], self._seconds[k], self._counts[k] = rate, second, count
 
-        With a frame; without one compiled code finds them (`pmr.simulation.native.stepped`).
-        """
-        assert self.frame is not None
-        at = [self.motions.begun, *self._between(parts), self.motions.ended]
-        found = [self.frame.find(motions[:GIVEN, self._order]) for motions in at]
-        s = np.array([motions[0, : len(self._paths)] for motions in at])
-        return s, np.array([f for f, _ in found]), np.array([c for _, c in found])
-
-    def _between(self, parts: int) -> list[Array]:
-        """Motions (3, n) of the drivers at the parts of a step but its ends."""
-        if parts == 1:
-            return []
-        (begun, ended, step), lines = self.motions, cubics.by_lines
-        both = np.minimum(begun[GIVEN], ended[GIVEN])
-        smooth = cubics.by_rates(begun[0], ended[0], begun[1], ended[1], step)
-        led_on = np.where(both >= 2, smooth, lines(begun[0], ended[0], step))
-        accelerated = cubics.by_second_rates(begun[0], ended[0], begun[2], ended[2], step)
-        led_on = np.where(both >= 3, accelerated, led_on)
-        return [cubics.after(led_on, step * k / parts) for k in range(1, parts)]
-
-    def _take(self, taken: list[Taken]) -> None:
-        values, rates, seconds, given = self._written
-        for k, value, rate, second, count in taken:
-            values[k], given[k] = value, count
-            if count > 1 or self.frame is not None:  # else nobody asks for them
-                rates[k], seconds[k] = rate, second
+    def _read(self, values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> list[Reading]:
+        """Read motions that are given by name, or of all in their order."""
+        if not _by_name(values):
+            in_order = _in_order(values, numbers, key, what).tolist()
+            return [(k, value, 0.0, 0.0, 1) for k, value in zip(numbers.values(), in_order, strict=False)]
+        readings = list[Reading]()
+        for name, motion in values.items():
+            k = numbers.get(name, -1)
+            if k < 0:
+                number_of(name, _names(numbers), key)  # refused
+            if isinstance(motion, float) and isfinite(motion):
+                readings.append((k, motion, 0.0, 0.0, 1))
+            elif type(motion) is tuple and [*map(type, motion)] in FLOATS and isfinite(sum(motion)):
+                readings.append((k, *motion, 3) if len(motion) == 3 else (k, *motion, 0.0, 2))
+            else:
+                read = _motion(motion, f"{key}.{name if isinstance(name, str) else _names(numbers)[name]}")
+                value, rate, second = [*read, 0.0, 0.0][:3]
+                readings.append((k, value, rate, second, len(read)))
+        return readings
 
 
-def _numbers(names: Sequence[str], first: int) -> dict[str | int, int]:
-    """Of drivers among all, by their names, in their order, and then by their numbers among these."""
-    return {name: first + k for k, name in enumerate(names)} | {k: first + k for k in range(len(names))}
+def _numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | int, int]:
+    """Numbers of motions among all, by their names, in their order, and then by their numbers among these."""
+    return dict(zip(names, numbers, strict=True)) | dict(enumerate(numbers))
 
 
-def number_of(name: str | int, names: list[str], key: str) -> int:
-    """Of a name among all, or a number as it is."""
+def number_of(name: str | int, names: Sequence[str], key: str) -> int:
+    """Number of a name among all, or a number as it is; an InputError is raised for another name or number."""
     if not isinstance(name, str) and 0 <= name < len(names):
         return int(name)
     if name not in names:
-        raise InputError("stepper", key, name, f"{hint(name, names)}{', '.join(names) or 'none'} are allowed")
+        allowed = f"{hint(name, list(names))}{', '.join(names) or 'none'} are allowed"
+        raise InputError("stepper", key, name, allowed)
     return names.index(str(name))
 
 
-def _by_name(values: Values) -> TypeGuard[Mapping[str, Motion]]:
-    return type(values) is dict or isinstance(values, Mapping)  # the former is known sooner
-
-
-def _taken(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> list[Taken]:
-    """Motions that were given by name, or of all in their order, by their numbers."""
-    if not _by_name(values):
-        in_order = _in_order(values, numbers, key, what).tolist()
-        return [(k, value, 0.0, 0.0, 1) for k, value in zip(numbers.values(), in_order, strict=False)]
-    found = list[Taken]()
-    for name, motion in values.items():
-        if name not in numbers:
-            number_of(name, _names(numbers), key)  # refused
-        if isinstance(motion, float) and isfinite(motion):
-            found.append((numbers[name], motion, 0.0, 0.0, 1))
-        elif type(motion) is tuple and [*map(type, motion)] == [float, float] and isfinite(sum(motion)):
-            found.append((numbers[name], motion[0], motion[1], 0.0, 2))
-        else:
-            value, rate, second = [*(given := _motion(motion, f"{key}.{_name(name, numbers)}")), 0.0, 0.0][:3]
-            found.append((numbers[name], value, rate, second, len(given)))
-    return found
+def _by_name(values: Values) -> TypeGuard[Mapping[str, Any]]:
+    return type(values) is dict or isinstance(values, Mapping)  # the former is quicker
 
 
 def _names(numbers: Mapping[str | int, int]) -> list[str]:
     return [name for name in numbers if isinstance(name, str)]
 
 
-def _name(name: str | int, numbers: Mapping[str | int, int]) -> str:
-    return name if isinstance(name, str) else _names(numbers)[name]
-
-
 def _in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
-    """Values of all drivers."""
-    names = len(numbers) // 2
+    """Values of all motions of a kind."""
+    count = len(numbers) // 2
     array = np.asarray(values, dtype=float)
-    if array.shape != (names,) and not (array.ndim == 0 and names == 1):
+    if array.shape != (count,) and not (array.ndim == 0 and count == 1):
         allowed = f"{what} is allowed, in this order: {', '.join(_names(numbers)) or 'none'}; or some by their names"
         raise InputError("stepper", key, array.tolist(), allowed)
     if not np.isfinite(array).all():
@@ -246,10 +230,10 @@ def _in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: 
 
 def _motion(value: Motion, key: str) -> list[float]:
     """Value, and as far as they are given rate and second rate."""
-    given = np.atleast_1d(np.asarray(value, float))
-    if given.ndim != 1 or not 1 <= len(given) <= 3:
+    array = np.atleast_1d(np.asarray(value, float))
+    if array.ndim != 1 or not 1 <= len(array) <= 3:
         allowed = "a value, or that with its rate and its second rate, is allowed"
-        raise InputError("stepper", key, given.tolist(), allowed)
-    if not np.isfinite(given).all():
+        raise InputError("stepper", key, array.tolist(), allowed)
+    if not np.isfinite(array).all():
         raise InputError("stepper", key, value, "finite numbers are allowed")
-    return list(given.tolist())
+    return list(array.tolist())

@@ -18,33 +18,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
+from pmr.kernel.bound import BoundStep
+from pmr.kernel.kernel import Kernel, Settings, State, StepError
 from pmr.scene.built import force_of
 from pmr.scene.names import SLIDER
 from pmr.scene.signals import Constant, Ramp
-from pmr.simulation.contact_step import MOST_PARTS, contact_frequency
+from pmr.scene.simulators import refuse
+from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, levels
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import bound_step as bound_step
-from pmr.simulation.native import tables
-from pmr.simulation.native.arrays import Drive, V, Z
-from pmr.simulation.native.driving import JUMP, Driving, Motion, Values, number_of
+from pmr.simulation.moving import MovingFrame
+from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.handles import Handle, entry_of, handle
-from pmr.simulation.native.march import March
-from pmr.simulation.native.part import Alone
-from pmr.simulation.native.parts import COARSE
-from pmr.simulation.native.start import places_of
-from pmr.simulation.native.stepped import outputs_of, step_observed, step_of
-from pmr.simulation.native.systems import static_start
+from pmr.simulation.native.march import DENSE
+from pmr.simulation.native.states import failed_at, places_of, start_modes, static_start
+from pmr.simulation.needs import needs_of
 from pmr.simulation.recorded import Recorded, recorded
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.friction import Friction
 from pmr.system.system import System
@@ -53,11 +50,9 @@ Array = NDArray[np.float64]
 
 
 class Stepper:
-    """The compiled simulator of `pmr.simulation.native.systems`, which your own loop advances step by step.
+    """The kernel's step (docs/kernel.md), which your own loop takes one by one.
 
-    A step of a single body on one path takes well under a microsecond from Python.  Neither the step nor the outputs
-    allocate memory.  Compiled code of your own (Numba) calls ``step_on_tables(*stepper.arguments, s, f, y)`` of
-    `pmr.simulation.native.part`, without Python in between.
+    A step of a single body on one path takes about a microsecond from Python.  No step allocates memory.
 
     Parameters
     ----------
@@ -121,63 +116,56 @@ class Stepper:
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
         system = body if isinstance(body, System) else System.of(body)
-        form, moved = SystemForm.of(system), system.output_names
-        on_tables = form.on_tables
-        self._system, self._step, self._steps = system, step, 0
-        self._ranges = system.ranges
-        if on_tables is not None:  # a body that nothing moves has a place all the same
-            self._ranges = dict.fromkeys(system.paths or (SLIDER,), on_tables.domain)
+        form = SystemForm.of(system)
+        self._system, self._form, self._step, self._rho_inf, self._steps = system, form, step, rho_inf, 0
+        self._ranges: dict[str, tuple[float, float]] = dict(system.ranges)
+        if system.on_one_path:  # a body that nothing moves has a place all the same
+            (body,) = system.bodies.values()
+            self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
         #: Names of all that `outputs` chooses from: outputs of the bodies, then forces of the contacts.
-        self.output_names = (*moved, *map(force_of, system.contact_names))
-        names, every = list(self.output_names), range(len(moved))
-        self._chosen = np.array([number_of(k, names, "outputs") for k in (every if outputs is None else outputs)], int)
-        self._driving, self._parts = Driving(system, self._ranges, step), parts
-        self._s, self._f, frame_moves = self._driving.s, self._driving.f, self._driving.frame is not None
-        self._driving.take_path(s)
-        known = recorded(system, "stepper") if "scene" in system.provenance else None
-        if known is not None and not frame_moves:
-            self._driving.take_loads(known.first_loads)
+        self.output_names = (*system.output_names, *map(force_of, system.contact_names))
+        every = range(len(system.output_names))
+        chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
+        moving = MovingFrame.of(system)
+        scene = recorded(system, "stepper") if "scene" in system.provenance else None
+        if moving is None:
+            system.ensure_without_terms("stepper")
+        elif set(moving.paths) != set(self._ranges):
+            allowed = f"{', '.join(moving.paths)} are allowed"
+            raise InputError("stepper", "paths", ", ".join(self._ranges), allowed)
+        kernel = form.kernel if moving is None else Kernel.of(system, form.forms, moving)
+        settings = Settings(step, rho_inf, *self._levels(parts, scene), energy=False)
+        self._state = State(kernel, settings)
+        beyond = kernel.outputs - len(every)  # forces stand behind all of the kernel's outputs
+        self._bound = bound = BoundStep(self._state, [k if k < len(every) else k + beyond for k in chosen])
+        paths, loads, of_frame = kernel.names("drivers")[: kernel.paths], system.input_names, None
+        if moving is not None:
+            bound.motions[:] = moving.start
+            paths, loads, of_frame = moving.paths, moving.loads, (*moving.angles, *moving.axes)
+        whole = settings.parts == (1,)
+        driven = paths, loads, of_frame
+        self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not whole)
+        self._drivers.take_path(s)
+        if scene is not None and moving is None:
+            self._drivers.take_loads(scene.first_loads)
         if F is not None:
-            self._driving.take_loads(F)
-        self._driving.take_frame(frame or {})
-        excitation = self._excitation(step, rho_inf)
+            self._drivers.take_loads(F)
+        self._drivers.take_frame(frame or {})
         if isinstance(initial, InitialState):
             initial = dict.fromkeys(system.bodies, initial)
-        if initial is None and known is not None and known.static:
-            initial = static_start(system, excitation)
-        examples = None if self._driving.frame is None else self._driving.frame.examples
-        self._march = March(form, excitation, initial or {}, examples, self._omega(known) if parts == 0 else None)
-        self._state = self._march.loop.state
-        # A single load, and the place on tables, are written through these in a third of the time that NumPy takes.
-        whole = self._march.finest == 1
-        alone = len(self._f) == 1 and not frame_moves and whole
-        self._single: Any = memoryview(self._f) if alone else None  # type: ignore[arg-type]
-        self._place: Any = None
-        if on_tables is not None and not frame_moves and whole and np.all(self._chosen < len(moved)):
-            self._y, loop = np.zeros(len(self._chosen)), self._march.loop
-            observed = tables.outputs(on_tables, self._chosen.tolist())
-            body_alone = Alone(loop.tables, loop.divided, loop.scheme, observed, self._state)
-            #: What `step_on_tables` takes before s (float), the loads f (i,) and the outputs y (o,).
-            self.arguments = (handle(body_alone),)
-            self._jump = JUMP * (on_tables.domain[1] - on_tables.domain[0])
-            self._entry, self._place = bound_step.entry(self._state.contact is not None), memoryview(self._s)  # type: ignore[arg-type]
-            self._bound = handle(bound_step.Bound(body_alone, self._f, self._y))
-        else:
-            loop, own = self._march.loop, self._chosen < len(moved)
-            self._moved, self._stepped = np.zeros(own.sum()), dict[int, Handle]()
-            self._seen = outputs_of(form, self._chosen[own].tolist())
-            self._counts = [1] if whole else loop.levels.parts.tolist()
-            level = np.zeros(1, np.int64) if whole else loop.control.level
-            self._level = memoryview(level)  # type: ignore[arg-type]
-            #: of these outputs and the contacts' forces behind them; None where it is these
-            behind = own.sum() + self._chosen - len(moved)
-            self._order = None if own.all() else np.where(own, np.cumsum(own) - 1, behind)
-            self._advance = entry_of(step_observed, self._sampled(0))  # compiled or loaded: not in the first step
-            failed = self._advance(self._sampled(0))
-            if failed:
-                raise self._march.failed(failed, f"t = 0 s{places_of(tuple(self._ranges), self._s)}")
-            if frame_moves:
-                self._driving.leave()
+        self._start(initial, static=scene is not None and scene.static)
+        self._drivers.end_step()
+        # what is written and read at once in each step: a single load, the only path of whole steps
+        self._in_parts, alone = moving is None and not whole, moving is None and whole
+        low, high = next(iter(self._ranges.values()), (1.0, 0.0))
+        self._low, self._high, self._jump = (
+            (low, high, JUMP * (high - low)) if alone and len(paths) == 1 else (1.0, 0.0, 0.0)
+        )
+        self._load = len(paths) if alone and len(loads) == 1 else -1
+        self._written: Any = memoryview(bound.motions[0])
+        self._same_memory = alone and system.on_one_path and max(chosen, default=0) < len(every)
+        self._advance = bound.step_by_rates if self._in_parts else bound.step
+        self._observe, self._y = bound.observe, bound.values
 
     def step(self, s: Values, F: Values | None = None, frame: Mapping[str, Motion] | None = None) -> Array:
         """Advance by one step.
@@ -206,35 +194,32 @@ class Stepper:
         SimulationError
             If contacts depend on each other.
         """
-        if type(F) is float and F - F == 0.0 and self._single is not None:  # else it is not finite
-            self._single[0] = F
+        drivers = self._drivers
+        if type(F) is float and self._load >= 0 and F - F == 0.0:  # else it is not finite
+            self._written[self._load] = F
         elif F is not None:
-            self._driving.take_loads(F)
+            drivers.take_loads(F)
         if frame is not None:
-            self._driving.take_frame(frame)
-        if self._place is None:
-            failed = self._on_places(s)
+            drivers.take_frame(frame)
+        if type(s) is float and self._low <= s <= self._high and abs(s - self._written[0]) <= self._jump:
+            self._written[0] = s
         else:
-            failed = bound_step.OFF_THE_PATH
-            if isinstance(s, float):
-                failed = self._entry(self._bound, s)
-                if failed != bound_step.OFF_THE_PATH:
-                    if abs(s - self._place[0]) > self._jump:
-                        self._driving.note_path(0, s)
-                    self._place[0] = s
-            if failed == bound_step.OFF_THE_PATH:
-                self._driving.take_path(s)
-                failed = self._entry(self._bound, self._place[0])
+            drivers.take_path(s)
+        if self._in_parts:
+            drivers.lead_rates(self._bound.rates)
+        failed = self._advance()
         if failed:
-            raise self._march.failed(failed, f"{self._where}{places_of(tuple(self._ranges), self._s)}")
+            self._raise_failure(failed)
+        drivers.end_step()
         self._steps += 1
-        return self._y
+        self._observe()
+        return self._y if self._same_memory else self._y.copy()
 
     @property
     def outputs(self) -> Array:
         """All of `output_names`, at present."""
-        s = dict(zip(self._ranges, self._s.tolist(), strict=True))
-        return np.concatenate([self._march.outputs_at(s, self._f), self.multipliers])
+        moved, forces = self._state.outputs()
+        return np.concatenate([moved[: len(self._system.output_names)], forces])
 
     @property
     def time(self) -> float:
@@ -244,24 +229,26 @@ class Stepper:
     @property
     def states(self) -> dict[str, InitialState]:
         """Coordinates of each body and their rates, by the body's name, as `initial` takes them."""
-        form, modes = self._march.form, self._state.modes
-        own = {name: modes[:, columns] for name, columns in form.columns.items()}
-        return {name: InitialState(one.X @ own[name][Z], one.X @ own[name][V]) for name, one in form.forms.items()}
+        z, v, columns = self._state.z, self._state.v, self._form.columns
+        return {
+            name: InitialState(form.X @ z[columns[name]], form.X @ v[columns[name]])
+            for name, form in self._form.forms.items()
+        }
 
     @property
     def q(self) -> Array:
         """Coordinates (n,) of the bodies, one body after the other."""
-        return np.concatenate([one.q for one in self.states.values()])
+        return np.concatenate([state.q for state in self.states.values()])
 
     @property
     def v(self) -> Array:
         """Their rates (n,)."""
-        return np.concatenate([one.v for one in self.states.values()])
+        return np.concatenate([state.v for state in self.states.values()])
 
     @property
     def multipliers(self) -> Array:
         """Forces (m,) of the contacts in N, positive where they push; of cylinders with their friction."""
-        return self._march.forces
+        return self._state.outputs()[1]
 
     @property
     def forces(self) -> dict[str, float]:
@@ -271,10 +258,10 @@ class Stepper:
     @property
     def friction(self) -> dict[str, float]:
         """Friction force of the pads of each joint, in N, by the section that slides; empty without friction."""
-        known = Friction.of(self._system.contacts)
-        return (
-            {} if known is None else dict(zip(known.joints, known.totals(self._march.friction).tolist(), strict=True))
-        )
+        pads = Friction.of(self._system.contacts)
+        if pads is None:
+            return {}
+        return dict(zip(pads.joints, pads.totals(self._state.friction).tolist(), strict=True))
 
     @property
     def contact(self) -> float:
@@ -286,68 +273,74 @@ class Stepper:
 
     def check_finite(self) -> None:
         """Raise SimulationError if the state is not finite: loads may have been NaN."""
-        if not np.all(np.isfinite(self._state.modes[Z])):
+        if not np.all(np.isfinite(self._state.z)):
             raise SimulationError(f"march failed at {self._where}: not finite")
 
-    def _on_places(self, s: Values) -> int:
-        """A step of bodies on places of their own, or of which forces are asked for; what stopped it, or 0."""
-        self._driving.take_path(s)
-        self._driving.find()
-        failed = COARSE
-        while failed == COARSE:
-            failed = self._advance(self._sampled(self._counts[self._level[0]]))
-        if self._driving.frame is not None:
-            self._driving.leave()
-        order = self._order
-        self._y = self._moved.copy() if order is None else np.concatenate([self._moved, self.multipliers])[order]
-        return int(failed)
+    def _start(self, initial: Mapping[str, InitialState] | None, static: bool) -> None:
+        """Bring the state to t = 0."""
+        kernel, motions = self._state.kernel, self._bound.motions
+        u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
+        modal, paths = self._form.modal, self._drivers.places
+        x = modal.coordinates(paths)
+        rigid = np.all(Assembly(modal).at(x).F == 0.0, axis=1)
+        refuse("march", needs_of(modal, rigid, x[None], self._rho_inf))
+        if initial is None and static:
+            if kernel.modes <= DENSE and self._begin("equilibrium") is None:
+                return
+            initial = static_start(self._system, self._constant(paths, u))  # which also says what nothing holds
+        x = self._system.coordinates(paths)
+        if error := self._begin("given", *start_modes(self._form, x, np.zeros(len(x)), initial or {})):
+            raise self._failure("t = 0 s", error)
 
-    def _sampled(self, parts: int) -> Handle:
-        """What `step_observed` takes of a step that is known at so many parts, or at the start alone with none."""
-        found = self._stepped.get(parts)
-        if found is None:
-            c, led = self._driving.c, self._driving.motions if self._driving.frame is None else None
-            sizes = len(self._s), len(self._f), 0 if c is None else len(self._march.mixed(c))
-            found = step_of(self._march.loop, (self._seen, self._moved), parts, sizes, led)
-            self._stepped[parts] = found
-        if self._driving.frame is not None:
-            self._fill(found.kept[0].drive, parts)
-        return found
+    def _begin(self, kind: Literal["given", "equilibrium"], *modes: Array) -> StepError | None:
+        """Start the kernel; the error where that fails."""
+        motions = self._bound.motions
+        try:
+            if self._state.kernel.motions:
+                self._state.start_in_frame(kind, motions, self._bound.rows, *modes)
+            else:
+                self._state.start(kind, motions[0], *modes)
+        except StepError as error:
+            return error
+        return None
 
-    def _fill(self, drive: Drive, parts: int) -> None:
-        """What drives a step, from the frame's motion."""
-        drive.s[-1], drive.f[-1] = self._s, self._f
-        # where its parts are other ones than before, it begins anew
-        if parts > 0 and self._march.finest > 1:
-            s, f, c = self._driving.samples(parts)
-            drive.s[:-1], drive.f[:-1] = s[:-1], f[:-1]
-            if drive.c is not None:
-                drive.c[:-1] = [self._march.mixed(one) for one in c[:-1]]
-        if self._driving.c is not None:
-            drive.c[-1] = self._march.mixed(self._driving.c)
+    def _constant(self, paths: Mapping[str, float], u: Array) -> Excitation:
+        """One step on which nothing changes, under drivers u (N,)."""
+        names, first = (self._system.input_names, self._system.term_names), len(paths)
+        split = np.split(u[first:], [len(names[0])])
+        loads, terms = (
+            {name: Constant(amount=value) for name, value in zip(of, values.tolist(), strict=True)}
+            for of, values in zip(names, split, strict=True)
+        )
+        still = {path: Constant(amount=s) for path, s in paths.items()}
+        return Excitation(still, loads, TimeStepping(self._step, self._step, self._rho_inf), terms=terms)
 
-    def _omega(self, known: Recorded | None) -> float:
-        """Of contacts that only push, rad/s: on the way of the scene, or anywhere."""
-        modal = SystemForm.of(self._system).modal
-        return contact_frequency(modal, self._anywhere if known is None else known.excitation)
+    def _levels(self, parts: int, scene: Recorded | None) -> tuple[tuple[int, ...], float]:
+        """Of how many parts a step may be made, and the frequency in rad/s of contacts that only push."""
+        modal = self._form.modal
+        if np.isnan(modal.clearance).all():
+            return (1,), 0.0
+        way = self._anywhere if scene is None else scene.excitation
+        omega = contact_frequency(modal, way) if parts == 0 else 0.0
+        return levels(omega, TimeStepping(self._step, self._step, parts=parts)), omega
 
     @property
     def _anywhere(self) -> Excitation:
         """From one end of all paths to the other."""
-        ends = {path: Ramp(times=(0.0, self._step), values=one) for path, one in self._ranges.items()}
-        stepping = TimeStepping(self._step, self._step / 64.0)
-        return replace(self._excitation(self._step, 0.0), paths=ends, stepping=stepping)
+        ends = {path: Ramp(times=(0.0, self._step), values=ends) for path, ends in self._ranges.items()}
+        return Excitation(ends, {}, TimeStepping(self._step, self._step / 64.0))
 
-    def _excitation(self, step: float, rho_inf: float) -> Excitation:
-        """Of one step on which nothing changes."""
-        paths = {path: Constant(amount=float(s)) for path, s in zip(self._ranges, self._s, strict=True)}
-        self._driving.find()
-        c = np.zeros(0) if self._driving.c is None else self._driving.c
-        loads, terms = (
-            {name: Constant(amount=one) for name, one in zip(names, values.tolist(), strict=True)}
-            for names, values in ((self._system.input_names, self._f), (self._system.term_names, c))
-        )
-        return Excitation(paths, loads, TimeStepping(step, step, rho_inf, parts=self._parts), terms=terms)
+    def _raise_failure(self, failed: int) -> None:
+        try:
+            self._state.raise_unless_done(failed, self._where)
+        except StepError as error:
+            raise self._failure(self._where, error) from None
+
+    def _failure(self, where: str, error: StepError) -> SimulationError:
+        """Why a step or the start failed, in words."""
+        paths = self._drivers.places
+        where = f"{where}{places_of(tuple(paths), np.array(list(paths.values())))}"
+        return failed_at(where, self._form, error, self._form.modal.coordinates(paths))
 
     @property
     def _where(self) -> str:

@@ -1,7 +1,7 @@
 r"""The compiled simulator of any system: generalized-alpha in the modal coordinates of each body.
 
 The bodies' M, K and D never change, so each is diagonalised once; the multipliers of the contacts are all that couples
-them, one m x m solve a step (`pmr.simulation.native.step`, docs/system_of_bodies.md).  A body may be reduced or of full
+them, one m x m solve a step (`pmr.kernel`, docs/system_of_bodies.md).  A body may be reduced or of full
 order, up to some thousand coordinates: the same loop is the reference of what a reduction leaves out.
 """
 
@@ -17,16 +17,15 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import applied, columns, select_rows
 from pmr.simulation.blocks import Block, Ended, Recorder, Take
-from pmr.simulation.excitation import Excitation, places
-from pmr.simulation.native.arrays import Record
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March, Steps
+from pmr.simulation.native.states import start_of as start_of
+from pmr.simulation.native.states import static_start as static_start
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
-from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
 from pmr.system.friction import Friction
-from pmr.system.statics import equilibrium
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -53,9 +52,9 @@ def simulate(
     """Simulate all bodies from t = 0 on and keep each `every`-th step.
 
     Arguments and errors as for `pmr.simulation.SystemSimulator`.  `seconds` is the time of the steps in modal
-    coordinates; compiling (once on a machine), diagonalising and the way back to q are not in it.
+    coordinates; diagonalising and the way back to q are not in it.
     """
-    return simulate_form(SystemForm.of(system), excitation, initial, progress, every)
+    return simulate_form(SystemForm.of(system), excitation, initial or {}, progress, every)
 
 
 def simulate_form(
@@ -65,9 +64,9 @@ def simulate_form(
     progress: Progress | None = None,
     every: int = 1,
 ) -> SystemTrajectory:
-    """The same of a system in modal form; simulations of one form share its tables."""
+    """The same of a system in modal form, by default from the start of the excitation; simulations share its kernel."""
     recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
-    march = March(form, excitation, initial or {})
+    march = March(form, excitation, initial)
     return recorder.trajectory(follow(march, excitation, recorder, progress))
 
 
@@ -77,40 +76,39 @@ def follow(march: March, excitation: Excitation, take: Take, progress: Progress 
     Where rows only push, a step may be made in parts (`pmr.simulation.contact_step`), of which `take` gets the last.
     Errors as for `pmr.simulation.SystemSimulator`; that of a motion that grows comes at the end.
     """
-    form, paths = march.form, excitation.paths.values()
-    pushing, rubbing = ~np.isnan(form.system.clearance), Friction.of(form.system.contacts)
-    amplitudes = excitation.amplitudes(form.system.term_names) if form.system.terms else None
+    form, system, paths = march.form, march.form.system, tuple(excitation.paths.values())
+    pushing, rubbing, combined = ~np.isnan(system.clearance), Friction.of(system.contacts), form.combined
+    P, i = form.kernel.paths, form.kernel.inputs
 
-    def taken(steps: Steps) -> None:
+    def taken(first: int, steps: Steps) -> None:
         def at(rows: Indices | slice) -> SystemTrajectory:
-            some, numbers = steps.at(rows), np.arange(steps.first, steps.first + len(steps.t))[rows]
-            record, motions, pressed = some.record, {}, form.combined.forces(some.record.multipliers)
-            assert record.z is not None and record.v is not None
-            f, forces = record.friction, form.forces(record.multipliers, record.friction)
-            of_cylinders = 0.0 if rubbing is None else rubbing.stored(f, forces)
+            some, numbers = steps.at(rows), np.arange(first, first + len(steps.z))[rows]
+            t, f, motions, pressed = march.t[numbers], some.friction, {}, combined.forces(some.multipliers)
+            forces = form.forces(some.multipliers, f)
+            of_cylinders = 0.0 if rubbing is None or f is None else rubbing.stored(f, forces)
             for name, one in form.forms.items():
-                columns, x = form.columns[name], march.x[numbers][:, form.system.sides_of(name)]
-                q, v = record.z[:, columns] @ one.X.T, record.v[:, columns] @ one.X.T
-                motions[name] = Trajectory(some.t, q, v, form.system.pressed(name, pressed), x, seconds=0.0)
+                columns, x = form.columns[name], march.x[numbers][:, system.sides_of(name)]
+                q, v = some.z[:, columns] @ one.X.T, some.v[:, columns] @ one.X.T
+                motions[name] = Trajectory(t, q, v, system.pressed(name, pressed), x, seconds=0.0)
             return SystemTrajectory(
-                t=some.t,
+                t=t,
                 bodies=motions,
                 forces=forces,
-                peaks=forces if record.peaks is None else np.where(pushing, form.combined.forces(record.peaks), forces),
-                loads=some.f,
-                energy=some.stored + of_cylinders,
-                work=some.work + of_cylinders,
+                peaks=forces if some.peaks is None else np.where(pushing, combined.forces(some.peaks), forces),
+                loads=some.drivers[:, P : P + i],
+                energy=some.energy[:, 0] + of_cylinders,
+                work=some.energy[:, 1] + of_cylinders,
                 seconds=0.0,
                 surplus=np.nan,
-                parts=np.ones(len(some.t), np.int64) if record.parts is None else record.parts,
-                impulses=None if record.impulses is None else form.combined.forces(record.impulses),
-                amplitudes=None if amplitudes is None else amplitudes[numbers],
+                parts=np.ones(len(t), np.int64) if some.parts is None else some.parts.astype(np.int64),
+                impulses=None if some.impulses is None else combined.forces(some.impulses),
+                amplitudes=some.drivers[:, P + i :] if system.terms else None,
                 friction=f,
-                moments=None if rubbing is None else rubbing.moments(f, forces),
-                rates=np.column_stack([np.empty((len(some.t), 0)), *(path.rate(some.t) for path in paths)]),
+                moments=None if rubbing is None or f is None else rubbing.moments(f, forces),
+                rates=np.column_stack([np.empty((len(t), 0)), *(path.rate(t) for path in paths)]),
             )
 
-        take(Block(steps.first, len(steps.t), at))
+        take(Block(first, len(steps.z), at))
 
     return march.run(taken, progress)
 
@@ -125,53 +123,33 @@ def observe(
     rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as for
     `pmr.simulation.SystemSimulator`.
     """
-    march, system = March(form, excitation, start_of(form.system, excitation)), form.system
+    march, system = March(form, excitation), form.system
     count, chosen = excitation.stepping.steps // every + 1, by_body(system, outputs)
     sizes = {name: len(np.arange(system.bodies[name].outputs.shape[0])[own]) for name, own in chosen.items()}
     y, forces, evaluated = np.empty((count, sum(sizes.values()))), np.empty((count, len(system.contacts))), 0.0
-    rubbing = Friction.of(system.contacts)
+    rubbing, P = Friction.of(system.contacts), form.kernel.paths
 
-    def taken(first: int, rows: Record) -> None:
+    def taken(first: int, steps: Steps) -> None:
         nonlocal evaluated
-        begun, at = perf_counter(), slice(first, first + len(rows.multipliers))
-        forces[at], steps, column = form.forces(rows.multipliers, rows.friction), march.steps_of(at, every), 0
-        pressed = form.combined.forces(rows.multipliers)
-        moments = None if rubbing is None else rubbing.moments(rows.friction, pressed)
-        for k, (name, which) in enumerate(chosen.items()):
-            z = rows.z[:, form.columns[name]]
-            x, f = march.x[steps, system.sides_of(name)], march.f[steps, form.inputs[k] : form.inputs[k + 1]]
+        begun, rows = perf_counter(), slice(first, first + len(steps.z))
+        numbers, column, load = np.arange(rows.start, rows.stop) * every, 0, P
+        forces[rows] = form.forces(steps.multipliers, steps.friction)
+        pressed = form.combined.forces(steps.multipliers)
+        moments = None if rubbing is None or steps.friction is None else rubbing.moments(steps.friction, pressed)
+        for name, which in chosen.items():
+            inputs = slice(load, load + len(system.bodies[name].input_names))
+            x, f = march.x[numbers][:, system.sides_of(name)], steps.drivers[:, inputs]
             turned = None if moments is None else system.pressed(name, moments)
             deformed = deformation(system, name, x, system.pressed(name, pressed), f, which, turned)
             own = slice(column, column + sizes[name])
-            y[at, own] = z @ form.forms[name].body.outputs[which].T
+            y[rows, own] = steps.z[:, form.columns[name]] @ form.forms[name].body.outputs[which].T
             if deformed is not None:
-                y[at, own] += deformed
-            column += sizes[name]
+                y[rows, own] += deformed
+            column, load = own.stop, inputs.stop
         evaluated += perf_counter() - begun
 
     seconds = march.observe(every, taken)
     return Observation(march.t[::every], y, forces, seconds + evaluated)
-
-
-def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
-    """Every body at rest in equilibrium with the loads at t = 0; errors as for `pmr.system.statics.equilibrium`."""
-    assembly, states = Assembly(system), {}
-    f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
-    found = equilibrium(assembly, places(system, excitation)[0], f, c).q
-    for name, body in system.bodies.items():
-        q = np.zeros(body.size)
-        q[assembly.free[name]] = found[assembly.coordinates[name]]
-        states[name] = InitialState(q, np.zeros(body.size))
-    return states
-
-
-def start_of(
-    system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
-) -> Mapping[str, InitialState]:
-    """Of each body at t = 0: what is given, else at rest or in equilibrium, as the excitation says."""
-    if initial is not None or excitation.start == "rest":
-        return initial or {}
-    return static_start(system, excitation)
 
 
 def displacements(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -13,8 +12,8 @@ from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fem.factor import BLOCK, AnyFactor
 from pmr.fullmodel.system import FullSystem
-from pmr.simulation.native.rows import SINGULAR
-from pmr.simulation.native.start import dependence
+from pmr.kernel.laws import ContactError
+from pmr.simulation.failures import describe_dependence, describe_unsettled
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.simulation.petsc.pushing import Pushing
 from pmr.simulation.petsc.rows import Course, PathCompliance, PathRows, StoredAnswers, VisitedCarriers, contact_rows
@@ -31,7 +30,7 @@ class Constraint:
 
     .. math:: (dq\, C S^{-1} C^T + 1/k)\, \lambda = C q_{free}
 
-    of those that are closed; `pushing` finds out which of those that only push are.  S^{-1} E is stored if that of
+    of those that are closed, which `pushing` decides.  S^{-1} E is stored if that of
     `shared` factors fits into the memory that is meant for it.
     """
 
@@ -41,7 +40,7 @@ class Constraint:
         factor: BlockFactor,
         q_gain: float,
         rows: PathRows,
-        pushing: Pushing | None,
+        pushing: Pushing,
         shared: int = 1,
     ) -> None:
         self._q_gain, self._factor, self._system, self.pushing = q_gain, factor, system, pushing
@@ -54,27 +53,17 @@ class Constraint:
         self._compliance = PathCompliance([P for P, _ in found], rows)
         self._stored = [StoredAnswers(local, body, rows) for body, (_, local) in enumerate(found)] if stored else None
         self._at = np.full(len(rows.course.rows), np.nan)
-        self.matrix, self._cholesky = np.zeros((0, 0)), np.zeros((0, 0))
+        self.matrix = np.zeros((0, 0))
 
     def move(self, step: int) -> None:
-        """Go to a step of the course.
-
-        Raises
-        ------
-        SimulationError
-            If rows depend on each other there.
-        """
+        """Go to a step of the course."""
         self.rows.move(step)
         x = self.rows.course.x[step]
         if not np.array_equal(x, self._at):
             self.matrix = self._q_gain * self._compliance.of_rows(self.rows) + self._system.gives(x)
-            if self.pushing is None:
-                self._cholesky, failed = _factorise(self.matrix)
-                if failed:
-                    self._refuse(step, failed)
             self._at = x
 
-    def multipliers(self, step: int, motion: Array) -> Array:
+    def multipliers(self, motion: Array) -> Array:
         """Multipliers (m,) in N from how the rows would move without them, C q_free (m,).
 
         Raises
@@ -82,28 +71,20 @@ class Constraint:
         SimulationError
             If closed rows depend on each other, or which are closed is not settled.
         """
-        if not len(motion):
-            return motion
-        if self.pushing is None:
-            return np.asarray(scipy.linalg.cho_solve((self._cholesky, True), motion, check_finite=False))
-        found, failed = self.pushing.settle(self.matrix, motion)
-        if failed:
-            self._refuse(step, failed)
-        return found
+        try:
+            return self.pushing.forces(self.matrix, motion)
+        except ContactError as error:
+            names = self._system.contact_names
+            if error.row is None:
+                raise SimulationError(describe_unsettled(names, self.pushing.pushes)) from None
+            C = contact_rows(self._system, self._at)[: error.row + 1]
+            raise SimulationError(describe_dependence(C[:, np.unique(C.indices)].toarray(), names)) from None
 
     def correction(self, multipliers: Array) -> Array:
         """This rank's rows (n_local,) of S^{-1} C^T lambda."""
         if self._stored is not None:
             return np.concatenate([stored.correction(self.rows, multipliers) for stored in self._stored])
         return self._factor.solve(self.rows.transposed(multipliers))
-
-    def _refuse(self, step: int, failed: int) -> None:
-        """Say why contact number `failed`, from 1, is one too many; or, where negative, that nothing settled."""
-        if failed < 0:
-            assert self.pushing is not None
-            raise SimulationError(self.pushing.unsettled(self._system.contact_names))
-        C = contact_rows(self._system, self.rows.course.x[step])[:failed]
-        raise SimulationError(dependence(C[:, np.unique(C.indices)].toarray(), self._system.contact_names))
 
 
 def answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
@@ -132,13 +113,3 @@ def paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
     """The system's rows where its sides are at x (T, q) m."""
     course = Course(system, x)
     return PathRows(course, VisitedCarriers(system, course), step)
-
-
-def _factorise(A: Array) -> tuple[Array, int]:
-    """Cholesky factor, and 0 or the number from 1 of the first row that depends on those before it."""
-    if not len(A):
-        return A, 0
-    L, info = scipy.linalg.lapack.dpotrf(A, lower=True)
-    done = info - 1 if info > 0 else len(A)
-    weak = ~(np.diagonal(L)[:done] ** 2 > SINGULAR * np.diagonal(A)[:done])
-    return L, int(np.argmax(weak)) + 1 if weak.any() else max(info, 0)

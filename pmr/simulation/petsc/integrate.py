@@ -33,11 +33,11 @@ from pmr.fem.factor import AnyFactor, factor_for_steps
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
+from pmr.kernel.laws import SchemeFactors
 from pmr.reduced.damping import Rayleigh
-from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.petsc.constraint import Constraint
 from pmr.simulation.petsc.effective import BlockFactor, effective_matrix
-from pmr.simulation.petsc.pushing import Ahead, Pushing
+from pmr.simulation.petsc.pushing import Prediction, Pushing
 from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import State
 from pmr.simulation.petsc.terms import Terms
@@ -54,15 +54,15 @@ class Integrator:
     def __init__(
         self,
         system: FullSystem,
-        method: GeneralizedAlpha,
+        factors: SchemeFactors,
         rows: PathRows,
-        pushing: Pushing | None,
+        pushing: Pushing,
         terms: Terms,
         shared: int,
     ) -> None:
         self._terms = terms
-        self._system, self.method, self._memory = system, method, method.memory()
-        self._q_gain, self._v_gain = method.scheme().z_gain, method.scheme().v_gain
+        self._system, self._factors = system, factors
+        self._q_gain, self._v_gain = factors.z_gain, factors.v_gain
         self._factor = BlockFactor(system, self._factorised)
         self._bodies = [
             _Body(model, factor, self._v_gain, self._q_gain)
@@ -94,6 +94,7 @@ class Integrator:
         grip = state.grip
         rubbed = self._terms.rubbed(self.constraint.rows, state.multipliers, grip)
         if self._terms:
+            self._terms.begin_step()
             w = self._terms.forces(ahead.q, ahead.v, c) + rubbed.force
         while True:
             scaled = ahead.q / self._q_gain
@@ -104,34 +105,36 @@ class Integrator:
             motion, total, flag = _summed(self._system.comm, motion, float(b.sum()), flag)
             if not np.isfinite(total):
                 raise SimulationError("not finite")
-            multipliers = self.constraint.multipliers(step, motion - rubbed.gap)
+            multipliers = self.constraint.multipliers(motion - rubbed.gap)
             b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
             if w is not None:
-                old, times = w, times + 1
-                grip = self._terms.slid(state.grip, grip, c, multipliers, self.constraint.matrix)
-                given, rubbed = rubbed, self._terms.rubbed(self.constraint.rows, multipliers, grip)
-                w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + rubbed.force
-                if not (self._terms.settled(old, w, times, rubbed) and self._terms.at_rest(given, rubbed)):
+                times += 1
+                grip = self._terms.slid(state.grip, rubbed, c, multipliers, self.constraint.matrix)
+                new = self._terms.rubbed(self.constraint.rows, multipliers, grip)
+                new_w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + new.force
+                if not (self._terms.settled(w, new_w, times, new) and self._terms.at_rest(rubbed, new)):
+                    w, rubbed = self._terms.extrapolate(w, rubbed, new_w, new)
                     continue
-            released = None if pushing is None else pushing.released()
-            if pushing is None or released is None:
+                w, rubbed = new_w, new
+            back = pushing.release(self.constraint.rows, self._factors)
+            if back is None:
                 break
-            back = pushing.taken_back(self.constraint.rows, released, self._memory)
-            ahead, free = Ahead(ahead.q + back.q, ahead.v + back.v, ahead.a + back.a), None
+            self._terms.begin_step()
+            ahead, free = Prediction(ahead.q + back.q, ahead.v + back.v, ahead.a + back.a), None
         acceleration = b - scaled
-        a = ahead.a + (1.0 - self.method.alpha_f) / (1.0 - self.method.alpha_m) * acceleration
-        v, share = ahead.v + self._v_gain * acceleration, state.share
-        if pushing is not None:
-            pushing.remember(multipliers, self._memory)
-            share = pushing.share
-        return State(self._q_gain * b, v, a, acceleration, multipliers, share, grip), flag
+        a = ahead.a + self._factors.gain * acceleration
+        v = ahead.v + self._v_gain * acceleration
+        pushing.end_step(multipliers, self._factors)
+        return State(self._q_gain * b, v, a, acceleration, multipliers, pushing.share, grip), flag
 
-    def _predict(self, state: State) -> Ahead:
+    def _predict(self, state: State) -> Prediction:
         """Without the new acceleration."""
-        method, h = self.method, self.method.step
-        a = (method.alpha_f * state.acceleration - method.alpha_m * state.a) / (1.0 - method.alpha_m)
-        q = state.q + h * state.v + h**2 * ((0.5 - method.beta) * state.a + method.beta * a)
-        return Ahead(q, state.v + h * ((1.0 - method.gamma) * state.a + method.gamma * a), a)
+        c, a, acceleration = self._factors, state.a, state.acceleration
+        return Prediction(
+            q=state.q + c.h * state.v + c.z_from_share * a + c.z_from_force * acceleration,
+            v=state.v + c.v_from_share * a + c.v_from_force * acceleration,
+            a=c.a_from_share * a + c.a_from_force * acceleration,
+        )
 
     def _free(self, scaled: Array, v: Array, f: Array) -> Array:
         """Free of the rows' forces: b_free; this rank's rows, overwritten by the next call."""

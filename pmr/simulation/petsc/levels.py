@@ -1,6 +1,6 @@
 """Steps of full models in as many parts as a schedule says, or as pads that only push take: a factor for each length.
 
-The parts of each step are those that a reduced model's forces asked for (`pmr.simulation.native.levels`).  In
+The parts of each step are those that a reduced model's forces asked for (src/substeps.c of `pmr.kernel`).  In
 full order the same estimate asks for more and tells less: the walls under pads are light, so that every impact rings
 in them.
 """
@@ -46,14 +46,12 @@ class PartedSteps:
     A step in other parts than the one before begins anew from position, velocity and equilibrium of forces.
     """
 
-    def __init__(
-        self, system: FullSystem, lengths: Lengths, fine: Sampled, pushing: Pushing | None, first: int
-    ) -> None:
+    def __init__(self, system: FullSystem, lengths: Lengths, fine: Sampled, pushing: Pushing, first: int) -> None:
         self._lengths, self._fine, self._pushing = lengths, fine, pushing
         terms = Terms(system)
         self.rows, found = paths(system, fine.x, first * lengths.finest), np.unique(lengths.parts).tolist()
         self._integrators = {
-            parts: Integrator(system, lengths.method(parts), self.rows, pushing, terms, len(found)) for parts in found
+            parts: Integrator(system, lengths.factors(parts), self.rows, pushing, terms, len(found)) for parts in found
         }
 
     def step(self, number: int, state: State, due: bool, recorder: Recorder) -> tuple[State, bool]:
@@ -65,7 +63,7 @@ class PartedSteps:
             As of `Integrator.step`.
         """
         finest, parts = self._lengths.finest, int(self._lengths.parts[number - 1])
-        if parts != self._lengths.parts[max(number - 2, 0)] and self._pushing is not None:
+        if parts != self._lengths.parts[max(number - 2, 0)] and self._pushing.pushes.any():
             state = replace(state, a=state.acceleration, share=np.where(self._pushing.pushes, state.multipliers, 0.0))
             self._pushing.begin(state)
         for part in range(1, parts + 1):
@@ -79,5 +77,5 @@ class PartedSteps:
         """Give the factors' memory back."""
         for integrator in self._integrators.values():
             integrator.destroy()
-        if self._pushing is not None:
+        if self._pushing.mass is not None:
             self._pushing.mass.destroy()

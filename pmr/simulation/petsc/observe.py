@@ -128,16 +128,15 @@ class _Run:
 
     def _steps(self, reached: Reached, resumed: bool) -> PartedSteps:
         """What takes the steps from there on, in the parts with which the simulation began."""
-        system, recorder, state, pushing = self._system, self._recorder, reached.state, None
+        system, recorder, state, mass = self._system, self._recorder, reached.state, self._mass
         lengths = replace(self._lengths, parts=reached.parts)
         fine, begun = self._at, reached.step * lengths.finest
         if lengths.finest > 1:
             fine = sampled(system, self._excitation.with_stepping(lengths.stepping.divided(lengths.finest)))
-        if self._mass is not None and self._needs.pushing:
-            pushing = Pushing(system, lengths.method(1).memory(), self._mass, state)
-        elif self._mass is not None:
-            self._mass.destroy()
-        steps = PartedSteps(system, lengths, fine, pushing, reached.step)
+        if mass is not None and not self._needs.pushing:
+            mass.destroy()
+            mass = None
+        steps = PartedSteps(system, lengths, fine, Pushing(system, mass, state), reached.step)
         recorder.follow(state, steps.rows, fine.x[begun], fine.f[begun], fine.c[begun])
         if resumed:
             recorder.forget()

@@ -1,20 +1,18 @@
-"""Contacts that only push: which of them are closed, and what those that let go leave behind.
+"""Forces of contacts, of which some only push, and what those that open leave in a step.
 
-As in `pmr.simulation.native.contact`, where it is explained; ranks take what the first one finds.
+The complementarity problem is the kernel's (`pmr.kernel.laws`); ranks take the solution of the first one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import on_first
 from pmr.fullmodel.system import FullSystem
-from pmr.simulation.native import contact as native
-from pmr.simulation.native.arrays import Memory
-from pmr.simulation.native.handles import handle
+from pmr.kernel.laws import SchemeFactors, solve_contact
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import State
@@ -23,15 +21,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Released:
-    """Forces (m,) in N, and their shares in the acceleration-like variable, of contacts that have just opened."""
-
-    force: Array
-    share: Array
-
-
-@dataclass(frozen=True)
-class Ahead:
+class Prediction:
     """This rank's rows (n_local,) of a step's end without its acceleration: q*, v* and a*."""
 
     q: Array
@@ -40,71 +30,50 @@ class Ahead:
 
 
 class Pushing:
-    """Contacts of a system, some of which only push; `mass` is a factor of M."""
+    """Contacts of a system, closed or open; `mass` is a factor of M, needed where some only push."""
 
-    def __init__(self, system: FullSystem, memory: Memory, mass: BlockFactor, state: State) -> None:
-        found = native.contact(system.clearance, memory)
-        assert found is not None
-        self._contact, self._comm, self.mass = found, system.comm, mass
-        self._factor = np.zeros((len(system.contacts),) * 2)
+    def __init__(self, system: FullSystem, mass: BlockFactor | None, state: State) -> None:
+        self.mass, self.pushes, self._comm = mass, ~np.isnan(system.clearance), system.comm
+        self._clearance = np.nan_to_num(system.clearance)
         self.begin(state)
 
     def begin(self, state: State) -> None:
         """Stand where a state does."""
-        contact = self._contact
-        contact.force[:], contact.share[:] = np.where(contact.pushes, state.multipliers, 0.0), state.share
-        contact.closed[:] = ~contact.pushes | (state.multipliers > 0.0)
+        self._force, self.share = np.where(self.pushes, state.multipliers, 0.0), state.share.copy()
+        self._closed = ~self.pushes | (state.multipliers > 0.0)
 
-    @property
-    def pushes(self) -> NDArray[np.bool_]:
-        """Contacts (m,) that only push."""
-        return self._contact.pushes
+    def forces(self, matrix: Array, motion: Array) -> Array:
+        """Multipliers (m,) in N, from A (m, m) and how far the rows come out without them, (m,) m.
 
-    @property
-    def share(self) -> Array:
-        """Share (m,) of the forces in the acceleration-like variable at the step's end."""
-        return self._contact.share.copy()
+        A ContactError is raised where contacts depend on each other, or which are closed is not settled.
+        """
 
-    def settle(self, matrix: Array, motion: Array) -> tuple[Array, int]:
-        """Multipliers (m,) in N, and 0 or what failed, from A (m, m) and how far the rows come out without them."""
-        contact, found = self._contact, motion.copy()
-        contact.factored[0] = native.STALE
-        failed = int(native.settle(handle(contact), np.ascontiguousarray(matrix), self._factor, found))
-        if self._comm.size > 1:
-            ruling = np.concatenate([found, contact.closed, [failed]])
-            self._comm.Bcast(ruling)
-            found, closed, failed = ruling[: len(found)], ruling[len(found) : -1] > 0.0, int(ruling[-1])
-            contact.closed[:] = closed
-        return found, failed
+        def solution() -> tuple[Array, NDArray[np.bool_]]:
+            return solve_contact(matrix, motion - self._clearance, self.pushes, self._closed)
 
-    def released(self) -> Released | None:
-        """What contacts that are open now still add to this step, which is to be taken back; None where nothing is."""
-        contact = self._contact
-        open_now = ~contact.closed & ((contact.force != 0.0) | (contact.share != 0.0))
-        if not open_now.any():
+        if self._comm.size == 1 or not self.pushes.any():
+            forces, self._closed = solution()
+        else:
+            forces, self._closed = self._comm.bcast(on_first(self._comm, solution))
+        return forces
+
+    def release(self, rows: PathRows, factors: SchemeFactors) -> Prediction | None:
+        """Take back what contacts that are open now add to the prediction by their last force; None if none does."""
+        opened = ~self._closed & ((self._force != 0.0) | (self.share != 0.0))
+        if not opened.any():
             return None
-        force, share = (np.where(open_now, values, 0.0) for values in (contact.force, contact.share))
-        contact.force[open_now] = contact.share[open_now] = 0.0
-        return Released(force, share)
-
-    def taken_back(self, rows: PathRows, released: Released, memory: Memory) -> Ahead:
-        """What of a step's end goes with the contacts that let go."""
-        right = [rows.transposed(forces) for forces in (released.force, released.share)]
+        assert self.mass is not None
+        right = [rows.transposed(np.where(opened, forces, 0.0)) for forces in (self._force, self.share)]
+        self._force, self.share = (np.where(opened, 0.0, forces) for forces in (self._force, self.share))
         force, share = self.mass.solve_columns(np.stack(right, axis=1)).T
-        return Ahead(
-            q=memory.z_from_force * force + memory.z_from_share * share,
-            v=memory.v_from_force * force + memory.v_from_share * share,
-            a=memory.a_from_force * force + memory.a_from_share * share,
+        return Prediction(
+            q=factors.z_from_force * force + factors.z_from_share * share,
+            v=factors.v_from_force * force + factors.v_from_share * share,
+            a=factors.a_from_force * force + factors.a_from_share * share,
         )
 
-    def remember(self, multipliers: Array, memory: Memory) -> None:
-        """What the step leaves for the next one."""
-        contact = self._contact
-        left = memory.a_from_force * contact.force + memory.a_from_share * contact.share
-        contact.share[:] = np.where(contact.pushes, memory.gain * multipliers + left, 0.0)
-        contact.force[:] = np.where(contact.pushes, multipliers, 0.0)
-
-    def unsettled(self, names: Sequence[str]) -> str:
-        """Why a step is given up, in words."""
-        pushing = ", ".join(name for name, pushes in zip(names, self._contact.pushes, strict=True) if pushes)
-        return f"which of the contacts {pushing} are closed was not settled in {native.LIMIT} solves"
+    def end_step(self, multipliers: Array, factors: SchemeFactors) -> None:
+        """Store what forces (m,) of a step leave for the next one."""
+        share = factors.gain * multipliers + factors.a_from_force * self._force + factors.a_from_share * self.share
+        self.share = np.where(self.pushes, share, 0.0)
+        self._force = np.where(self.pushes, multipliers, 0.0)

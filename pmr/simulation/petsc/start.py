@@ -22,6 +22,7 @@ from pmr.fem.factor import product
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
+from pmr.kernel.laws import solve_contact
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.grip import Grip
 from pmr.simulation.native.systems import static_start as equilibrium
@@ -96,9 +97,9 @@ def starting_state(
             q, v, nothing, nothing.copy(), multipliers, multipliers.copy(), _gripped(system, onset, multipliers)
         )
     C, soft, pushes = contact_rows(system, onset.x), ~system.compliance.rigid, ~np.isnan(system.clearance)
-    excess = C @ start.q - np.where(pushes, system.clearance, 0.0)
-    pressed = np.where(pushes, np.maximum(excess, 0.0), excess)[soft]
-    multipliers[soft] = np.linalg.solve(system.gives(onset.x)[np.ix_(soft, soft)], pressed)
+    excess = C @ start.q - np.nan_to_num(system.clearance)
+    F = system.gives(onset.x)[np.ix_(soft, soft)]
+    multipliers[soft] = solve_contact(F, excess[soft], pushes[soft], excess[soft] > 0.0)[0]
     held = _Held(system, onset, mass)
     v -= held.impulse(start)
     force = _forces(system, onset.f, q, v) + Terms(system).forces(q, v, onset.c)

@@ -2,13 +2,14 @@ r"""Terms that vary in time (`pmr.system.terms`) in full order: forces on a step
 
 The factor of S = M + dv D + dq K stays: the forces w of the terms begin with those of the predicted end of the step,
 and with multipliers and motion they are found anew until they no longer change, one more solve a time.  How fast is
-said in `pmr.simulation.native.terms`; two to four times are the rule: such a step costs as many of the others.
+said in pmr/kernel/src/terms.c; two to four times are the rule: such a step costs as many of the others.  Where that is
+not enough, iterates are extrapolated (pmr/kernel/src/extrapolation.c).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,22 +20,30 @@ from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
+from pmr.kernel.laws import FixedPoint
+from pmr.simulation.failures import describe_divergence
 from pmr.simulation.grip import Grip, slid
-from pmr.simulation.native.start import unconverged
-from pmr.simulation.native.terms import ACCEPTED, CONVERGED, DIVERGED, LIMIT
 from pmr.simulation.petsc.rows import PathRows
 from pmr.system.friction import Friction
 
 Array = NDArray[np.float64]
 Product = Callable[[Array], Array]
 
+#: Change of forces that counts as none, and the one that is accepted after the last iteration, over the largest so far.
+CONVERGED, ACCEPTED = 1e-11, 1e-8
+#: Iterations of a step at most; a change so many times the largest force, or the first one of the step, diverges.
+LIMIT, DIVERGED = 100, 1e6
+#: Directions that are stored for the extrapolation of forces: two vectors each.
+MOST_DIRECTIONS = 16
+
 
 @dataclass(frozen=True)
 class Rubbed:
-    """What friction adds: forces on this rank's coordinates (n_local,) N, and gaps (m,) m of cylinders."""
+    """What friction adds: forces on this rank's coordinates (n_local,) N, sums (J,) N of joints, gaps (m,) m."""
 
     force: Array | float
-    gap: Array
+    sums: Array
+    gap: Array  # of cylinders, that give way to the sums
     at_limits: float = 0.0  # square of the force with all pads at their limits, this rank's share
 
 
@@ -43,7 +52,7 @@ class Terms:
 
     def __init__(self, system: FullSystem) -> None:
         self._comm, self._names = system.comm, system.term_names
-        self._unconverged = unconverged(system.term_names, system.contacts)
+        self._unconverged = describe_divergence(system.term_names, system.contacts, LIMIT)
         self._parts = list[tuple[int, Any, Product | None, Product | None]]()
         names = list(system.bodies)
         for number, term in enumerate(system.terms):
@@ -52,6 +61,7 @@ class Terms:
             self._parts.append((number, np.concatenate(own), stiffness, damping))
         self._largest = self._first = self._widest = 0.0
         self._friction = Friction.of(system.contacts)
+        self._iteration: FixedPoint | None = None
 
     def __bool__(self) -> bool:
         return bool(self._parts) or self._friction is not None
@@ -68,18 +78,36 @@ class Terms:
     def rubbed(self, rows: PathRows, multipliers: Array, grip: Grip) -> Rubbed:
         """What friction does where the rows stand, under multipliers (m,)."""
         if self._friction is None:
-            return Rubbed(0.0, np.zeros(len(multipliers)))
+            return Rubbed(0.0, np.zeros(0), np.zeros(len(multipliers)))
         known, limits = self._friction, self._friction.coefficients * np.abs(multipliers[self._friction.pads])
         moments, most = known.moments(grip.forces, multipliers), np.abs(known.moments(limits, multipliers))
         self._widest = max(self._widest, float(known.gaps(limits).max(initial=0.0)))
         at_limits = float(np.sum(rows.transposed_slopes(most) ** 2))
-        return Rubbed(rows.transposed_slopes(moments), known.gaps(grip.forces), at_limits)
+        force, sums = rows.transposed_slopes(moments), known.totals(grip.forces)
+        return Rubbed(force, sums, known.gaps_of(sums), at_limits)
 
-    def slid(self, old: Grip, given: Grip, c: Array, multipliers: Array, matrix: Array) -> Grip:
+    def slid(self, old: Grip, given: Rubbed, c: Array, multipliers: Array, matrix: Array) -> Grip:
         """What pads hold after a step, found under what is `given`, to the joints' places behind the amplitudes c."""
         if self._friction is None:
             return old
-        return slid(self._friction, old, given.forces, c[len(self._names) :], multipliers, matrix)
+        return slid(self._friction, old, given.sums, c[len(self._names) :], multipliers, matrix)
+
+    def begin_step(self) -> None:
+        """Begin an iteration anew: at a step, and where contacts that open change what it leads to."""
+        if self._iteration is not None:
+            self._iteration.restart()
+
+    def extrapolate(self, w: Array, given: Rubbed, new_w: Array, new: Rubbed) -> tuple[Array, Rubbed]:
+        """The forces and the friction of the next iteration, from those of this one and what follows from them."""
+        size, first = len(w), self._comm.rank == 0  # sums of joints count once
+        if self._iteration is None:
+            self._iteration = FixedPoint(size + len(new.sums), MOST_DIRECTIONS, self._comm.allreduce)
+        x, phi = (np.append(force, first * rubbed.sums) for force, rubbed in ((w, given), (new_w, new)))
+        following = self._iteration.next(x, phi)
+        if self._friction is None:
+            return following, new
+        sums = self._comm.bcast(following[size:])
+        return following[:size], replace(new, sums=sums, gap=self._friction.gaps_of(sums))
 
     def at_rest(self, old: Rubbed, new: Rubbed) -> bool:
         """Whether the gaps no longer change."""

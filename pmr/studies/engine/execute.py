@@ -23,10 +23,12 @@ from pathlib import Path
 
 import numpy as np
 
+from pmr.errors import environment
 from pmr.studies.engine.store import Store, Stored
 from pmr.studies.engine.task import Scalar, TaskFunction, TaskResult
 from pmr.studies.engine.worker import Answer, Order
 
+OTHER_CODE = "pmr was edited since the study was planned, or is another one on this machine; call the study again"
 REMEMBERED = 256 * 2**20  # bytes of results that a child remembers for the next tasks that need them
 
 
@@ -62,6 +64,8 @@ def main() -> None:
 
 def _answer(order: Order, memory: _Memory, notes: _Notes) -> Answer:
     start = time.perf_counter()
+    if order.code not in ("", environment.code_digest(environment.sources())):
+        return Answer("failed", 0.0, OTHER_CODE)
     notes.found.clear()
     try:
         store = Store(Path(order.store))

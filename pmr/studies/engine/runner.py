@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
 
+from pmr.errors import environment
 from pmr.errors.text import duration
-from pmr.studies.engine.frozen import sources
 from pmr.studies.engine.graph import Node, Ready
 from pmr.studies.engine.pools import Pool
 from pmr.studies.engine.store import Store
@@ -97,7 +97,8 @@ def _answer(future: Future[Answer]) -> Answer:
 
 def _order(node: Node, store: Store) -> Order:
     task = node.task
-    return Order(task.key, node.digest, task.address, task.arguments, node.needs, str(store.folder), sources().digest)
+    code = environment.code_digest(environment.sources())
+    return Order(task.key, node.digest, task.address, task.arguments, node.needs, str(store.folder), code)
 
 
 class _State:

@@ -16,7 +16,6 @@ from typing import Any
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.studies.engine.frozen import sources
 
 #: What stands in one cell of the table.
 Scalar = float | int | bool | str | None
@@ -96,7 +95,7 @@ class Task:
 
 @lru_cache
 def _source(module: str) -> str:
-    return sources().of(module) or inspect.getsource(sys.modules[module])
+    return inspect.getsource(sys.modules[module])
 
 
 @dataclass(frozen=True)

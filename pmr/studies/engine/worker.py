@@ -19,13 +19,13 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from pmr.studies.engine.frozen import START, sources
-
 #: Libraries read these when they are loaded.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "NUMBA_NUM_THREADS")
 #: By these a process takes itself for a rank of its parent's MPI job.
 OF_MPI = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
 PATIENCE = 10.0  # s for a child to leave by itself
+#: What a child runs: it finds modules where its parent does.
+START = "import sys; sys.path[:] = sys.argv[1:]; from pmr.studies.engine.execute import main; main()"
 LAST_LINES = 20  # that a child which dies leaves behind
 
 
@@ -33,7 +33,7 @@ LAST_LINES = 20  # that a child which dies leaves behind
 class Order:
     """A task as text: what to call, with what, and where results are.
 
-    `code` is the digest of the sources that it was planned for; empty where any will do.
+    `code` is the digest of the code that it was planned by; empty where any will do.
     """
 
     key: str
@@ -68,8 +68,6 @@ class Worker:
 
     def run(self, order: Order) -> Answer:
         """Have a task done; the result is in the store when this returns ``"done"``."""
-        if order.code not in ("", sources().digest):  # a rank on a machine that sees other files, or saw them later
-            return Answer("failed", 0.0, "pmr's sources were edited while the study began; call it again")
         child = self._child if self._child is not None and self._child.poll() is None else self._start()
         self._log.seek(0)  # the child writes where its parent has stopped to read
         self._log.truncate()
@@ -101,19 +99,14 @@ class Worker:
     def _start(self) -> subprocess.Popen[str]:
         environment = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
         environment |= dict.fromkeys(ONE_THREAD, "1")
-        code = sources().as_text(self._path)
         self._child = subprocess.Popen(
-            [sys.executable, "-c", START, str(len(code))],
+            [sys.executable, "-c", START, *self._path],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._log,
             text=True,
             env=environment,
         )
-        assert self._child.stdin is not None
-        with suppress(BrokenPipeError):  # a child that is dead already: its order will tell
-            self._child.stdin.write(code)
-            self._child.stdin.flush()
         return self._child
 
     def _last_words(self) -> str:

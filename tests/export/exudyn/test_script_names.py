@@ -14,7 +14,7 @@ from oracle import project
 
 from pmr.errors import InputError
 from pmr.errors.text import is_name, visible
-from pmr.export.exudyn.script import exudyn_script, write_exudyn_script
+from pmr.export.exudyn.script import script_data, write_exudyn_script
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SignalBase, Sine, SmoothRamp, Step, Table
 from pmr.system.body import FullBody
@@ -92,10 +92,10 @@ def test_a_name_is_never_run(plain: ReducedModel, kind: str, compliant: bool, tm
         model, rows = replace(plain, provenance=model.provenance, pads=model.pads), list(plain.row_names)
     script = write_exudyn_script(model.save(tmp_path / "beam.npz"), tmp_path / "script.py")
     names = runpy.run_path(str(script))
-    assert names["TITLE"] == visible(NAMES[kind]) and names["CONTACTS"] == rows
-    assert [load.__name__ for load in names["LOADS"]] == list(dict.fromkeys(f.__name__ for f in names["LOADS"]))
+    assert names["TITLE"] == visible(NAMES[kind]) and names["DATA"]["contacts"].tolist() == rows
+    assert list(names["LOADS"]) == list(model.input_names)
     t = 0.123
-    assert [load(t) for load in names["LOADS"]] == pytest.approx([float(SINE.value(t)), float(TABLE.value(t))])
+    assert [load(t) for load in names["LOADS"].values()] == pytest.approx([float(SINE.value(t)), float(TABLE.value(t))])
     assert not (tmp_path / "ran").exists()
 
 
@@ -139,5 +139,5 @@ def test_a_crafted_model_is_refused(plain: ReducedModel, tmp_path: Path) -> None
 def test_a_scene_of_anything_but_numbers_is_refused(plain: ReducedModel, change: dict) -> None:
     given = scene(SINE, STEP) | change
     with pytest.raises(InputError) as caught:
-        exudyn_script(System.of(replace(plain, provenance={"scene": given})), "beam.npz")
+        script_data(System.of(replace(plain, provenance={"scene": given})), "beam.npz")
     assert caught.value.source == "beam.npz" and len(str(caught.value).splitlines()) == 1

@@ -15,7 +15,7 @@ from processes import called
 
 import pmr
 from pmr.errors import InputError
-from pmr.export.exudyn.script import exudyn_script
+from pmr.export.exudyn.script import script_data, write_exudyn_script
 from pmr.pipeline.scenes import Outcome
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.simulator import simulate_system
@@ -45,10 +45,8 @@ def test_it_reproduces_the_run(pads: str, tmp_path: Path, monkeypatch, capsys) -
     assert done.returncode == 0, done.stderr
     script = tmp_path / "sliding_body.py"
     names = runpy.run_path(str(script))
-    model = names["read_model"](tmp_path / "system.npz")
-    wanted = [names[name] for name in ("PATHS", "LOADS", "END", "STEP", "RHO_INF", "START", "PARTS")]
-    t, y = names["simulate"](model, *wanted)
-    assert (names["PARTS"] > 1) == (pads == "pushing") and "load_fly_extension" in script.read_text()
+    t, y = names["simulate"]()
+    assert (names["PARTS"] > 1) == (pads == "pushing") and list(names["PATHS"]) == ["fly"]
     response = outcome.result.responses["reduced"]
     units = [unit for body in outcome.system.bodies.values() for unit in body.output_units]
     moved = y[:, [unit == "m" for unit in units]]
@@ -67,11 +65,11 @@ def test_extensions_by_their_overlaps_accelerate_sections_as_in_a_run(tmp_path: 
     """Up to the round-off of some eps that differences of an extension have, over a sixteenth of a step and a step."""
     quick = ["compare.against=[]", "section.mesh.elements=8", "section.reduction.estimate=false"]
     scene = pmr.load_scene("boom_lift", quick)
-    system, target = pmr.reduce(scene).system, tmp_path / "sliding_body.py"
-    target.write_text(exudyn_script(system, "system.npz"), encoding="utf-8")
+    system = pmr.reduce(scene).system
+    target = write_exudyn_script(system.save(tmp_path / "system.npz"), tmp_path / "sliding_body.py")
     names, t, excitation = runpy.run_path(str(target)), np.array([0.7, 3.5, 6.2]), Excitation.of(scene)
     left = 10.0 * np.finfo(float).eps * excitation.s.max() / (scene.time.step**2 / 16.0)
-    for load, name in zip(names["LOADS"], system.input_names, strict=True):
+    for name, load in names["LOADS"].items():
         np.testing.assert_allclose([load(one) for one in t], excitation.loads[name].value(t), rtol=1e-12, atol=left)
 
 
@@ -81,4 +79,4 @@ def test_a_frame_that_moves_is_refused_in_one_line(tmp_path: Path) -> None:
     scene = pmr.load_scene("boom_two", [*SHORT, *BOTH_WAYS, *raised])
     system = pmr.reduce(scene).system
     with pytest.raises(InputError, match="system.npz: frame: a scene without a frame is allowed in a script"):
-        exudyn_script(replace(system, provenance={"scene": scene.model_dump(mode="json")}), "system.npz")
+        script_data(replace(system, provenance={"scene": scene.model_dump(mode="json")}), "system.npz")

@@ -28,10 +28,10 @@ from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.recorded import recorded
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.compliant_rows import CompliantRows
-from pmr.system.statics import equilibrium
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

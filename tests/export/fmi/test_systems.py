@@ -26,10 +26,10 @@ from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import systems
 from pmr.simulation.recorded import Recorded, of_boom, recorded
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Place
-from pmr.system.statics import equilibrium
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]

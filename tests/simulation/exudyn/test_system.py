@@ -39,7 +39,7 @@ def assert_same(found: SystemTrajectory, expected: SystemTrajectory, tolerance: 
     for part in ("forces", "peaks", "energy"):
         a, b = getattr(found, part), getattr(expected, part)
         assert np.abs(a - b).max() <= tolerance * np.abs(b).max()
-    np.testing.assert_array_equal(found.loads, expected.loads)
+    np.testing.assert_allclose(found.loads, expected.loads, rtol=1e-12)  # the kernel evaluates signals itself
     assert found.surplus == pytest.approx(expected.surplus, abs=1e-6)
 
 

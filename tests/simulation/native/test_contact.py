@@ -16,17 +16,15 @@ from one_body import displacement, energy, respond
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError, SimulationError
+from pmr.errors import InputError
+from pmr.kernel.kernel import Failure, StepError
+from pmr.kernel.laws import solve_contact
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import contact as contact_rows
-from pmr.simulation.native import march as marching
-from pmr.simulation.native.handles import handle
 from pmr.simulation.native.march import without_pull
-from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.start import reason
+from pmr.simulation.native.states import reason
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
 from pmr.system.system import System
@@ -42,12 +40,8 @@ STEPPING = TimeStepping(end=0.5, step=1e-3, rho_inf=0.9, parts=1)
 
 
 def settled(A: Array, b: Array, clearance: Array, closed: Array) -> Array:
-    contact = contact_rows.contact(clearance, GeneralizedAlpha(1e-3, 0.9).memory())
-    assert contact is not None
-    contact.closed[:] = closed
-    multipliers = b.copy()
-    assert contact_rows.settle(handle(contact), A, np.zeros_like(A), multipliers) == 0
-    return multipliers
+    pushes = ~np.isnan(clearance)
+    return np.asarray(solve_contact(A, b - np.where(pushes, clearance, 0.0), pushes, closed)[0])
 
 
 def enumerated(A: Array, b: Array, pushes: Array) -> Array:
@@ -88,12 +82,6 @@ def test_one_at_a_time_ends_what_all_at_once_would_not() -> None:
     assert len(seen) > 2 and closed.any()
     expected = enumerated(A, b, np.ones(3, bool))
     np.testing.assert_allclose(settled(A, b, np.zeros(3), np.zeros(3, bool)), expected, atol=1e-12)
-
-
-def test_a_closed_row_that_depends_on_others_is_numbered() -> None:
-    contact = contact_rows.contact(np.zeros(3), GeneralizedAlpha(1e-3, 0.9).memory())
-    A = np.array([[2.0, 0, 0], [0, 1, 1], [0, 1, 1]])
-    assert contact_rows.settle(handle(contact), A, np.zeros((3, 3)), np.array([-1.0, 1.0, 1.0])) == 3
 
 
 BODIES = {"modes": modes_on_pads, "flexible": flexible_on_pads}
@@ -326,13 +314,9 @@ def test_steps_take_no_memory(few: ReducedModel) -> None:
     assert grown < len(inputs[50:])  # less than a byte a step: what is kept of each takes more
 
 
-def test_what_is_not_settled_is_named_with_time_and_place(few: ReducedModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    names = ", ".join(NAMES)
-    assert names in reason(System.of(few), few.C(3.0), contact_rows.UNSETTLED)
-    taken = iter([(0, 0), (2, contact_rows.UNSETTLED)])
-    monkeypatch.setattr(marching.kernel, "run", lambda *arguments: next(taken))
-    with pytest.raises(SimulationError, match=rf"step 3, t = 0\.003 s, slider at 3 m: which of the rows {names}"):
-        one_body.simulate(few, driven(PATH, LOADS, STEPPING))
+def test_what_is_not_settled_is_named(few: ReducedModel) -> None:
+    error = StepError("", Failure.UNSETTLED, -1)
+    assert f"which of the rows {', '.join(NAMES)} are closed" in reason(System.of(few), error, np.zeros(len(NAMES)))
 
 
 def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel) -> None:

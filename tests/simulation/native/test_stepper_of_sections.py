@@ -16,7 +16,7 @@ from pmr.scene.signals import Constant, SignalBase, Sine, Table
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.native.driving import Driving
+from pmr.simulation.native.driving import Drivers
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.start import InitialState
 from pmr.system.system import System
@@ -137,19 +137,20 @@ def test_a_path_that_leaves_its_range_and_loads_that_are_none_are_refused_on_the
         stepper.step([1.0, 2.0], {"fly.tip force": float("nan")})
 
 
-def test_motions_are_taken_in_whatever_form_they_are_given(system: System) -> None:
+def test_motions_are_taken_in_whatever_form_they_are_given() -> None:
     """Values, rates and second rates of some extensions or loads, and how many of them, where a step ends."""
-    taken = []
     values, rates = (3.0, np.float64(3.0), 3, [3.0], np.array([3.0])), ((3.0, 2.0), (np.float64(3.0), 2), [3, 2.0])
-    for motion in (*values, *rates, (3.0, 2.0, 1)):
-        driving = Driving(system, system.ranges, STEP)
-        driving.take_path([1.0, 2.0])
-        driving.take_loads({"fly.tip force": motion})
-        driving.take_path({1: 2.5})
-        taken.append(driving.motions.ended[:, [1, 2 + driving.inputs.index("fly.tip force")]])
-    others = ((0.0, 0.0, 1.0), (2.0, 0.0, 2.0), (2.0, 1.0, 3.0))
-    expected = [np.column_stack([(2.5, *others[0]), (3.0, *others[k])]) for k in (0, 0, 0, 0, 0, 1, 1, 1, 2)]
-    np.testing.assert_array_equal(taken, expected)
+    for motion in (*values, *rates, (3.0, 2.0, 1), (3.0, 2.0, 1.0)):
+        motions, rows = np.zeros((3, 4)), np.zeros(4, np.int32)
+        names = ("middle", "fly"), ("gravity", "tip force"), None
+        drivers = Drivers(motions, rows, names, {"middle": (0.0, 3.0), "fly": (0.0, 3.0)}, STEP, in_parts=True)
+        drivers.take_path([1.0, 2.0])
+        drivers.take_loads({"tip force": motion})
+        drivers.take_path({1: 2.5})
+        count = np.size(motion)
+        expected = np.array([3.0, 2.0, 1.0]) * (np.arange(3) < count)
+        np.testing.assert_array_equal(motions, np.transpose([[1.0, 0.0, 0.0], [2.5, 0.0, 0.0], [0.0] * 3, expected]))
+        assert rows.tolist() == [1, 1, 1, count]
 
 
 def test_bodies_of_full_order_are_stepped_too() -> None:

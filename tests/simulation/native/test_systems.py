@@ -9,6 +9,7 @@ import numpy as np
 import one_body
 import pytest
 import scipy.sparse as sp
+from generalized_alpha import GeneralizedAlpha
 from impulses import impulses
 from nested import LENGTH, Nested, full, full_section, plain, reduced, section
 from one_body import displacement
@@ -19,9 +20,6 @@ from pmr.errors import InputError, SimulationError
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, SmoothRamp
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import form, systems
-from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.side_arrays import bodies
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
@@ -106,17 +104,6 @@ def assert_integrated(system: System, given: Excitation, tolerance: float) -> No
 def test_reduced_sections_against_a_sparse_saddle_point_each_step(count: int) -> None:
     system = reduced(Nested(count, elements=20), 3)
     assert_integrated(system, quickly(system, end=0.15), 1e-8)
-
-
-def test_contacts_of_a_chain_are_coupled_to_their_neighbours_alone() -> None:
-    """All that they share lies in the band that the step goes through, and the band is not the whole matrix."""
-    system = reduced(Nested(4, elements=8), 1)
-    ranges, a = bodies(SystemForm.of(system), system.paths).beside, Assembly(system)
-    rows = a.at(system.coordinates({path: 1.0 for path in system.paths}))
-    shared = np.abs(rows.C) @ np.abs(rows.C).T + np.abs(rows.F)
-    inside = np.array([(first <= np.arange(len(shared))) & (np.arange(len(shared)) < last) for first, last in ranges])
-    assert np.all(shared[~inside] == 0.0)
-    assert np.any(~inside)
 
 
 @pytest.mark.slow

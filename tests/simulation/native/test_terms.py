@@ -18,12 +18,10 @@ from pmr.errors import SimulationError
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.term_arrays import independent, signals
 from pmr.simulation.start import InitialState
+from pmr.simulation.statics.buckling import buckling_factors
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.buckling import buckling_factors
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import System, SystemTrajectory
 from pmr.system.terms import Term
@@ -75,36 +73,6 @@ def test_constant_terms_are_as_matrices_that_hold_them(made: Callable[[], System
         for one, other in ((found.bodies[name].q, motion.q), (found.bodies[name].v, motion.v)):
             np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
     np.testing.assert_allclose(found.forces, expected.forces, atol=1e-9 * np.abs(expected.forces).max(initial=0.0))
-
-
-def test_amplitudes_that_are_multiples_of_others_are_left_out() -> None:
-    """And those that are zero throughout; the shares make all amplitudes of what is left."""
-    t = np.linspace(0.0, 7.0, 401)
-    c = np.stack([np.sin(t), 0.0 * t, -3.0 * np.sin(t), t, np.sin(t) + 1e-9 * t, t / 7.0], axis=1)
-    c[0, 5] = 1e-6  # a multiple but for one moment
-    left, shares = independent(c)
-    np.testing.assert_array_equal(left, [0, 3, 4, 5])
-    np.testing.assert_allclose(c[:, left] @ shares, c, atol=1e-15 * np.abs(c).max())
-    assert [one.shape for one in independent(np.zeros((3, 2)))] == [(1,), (1, 2)]
-
-
-def test_terms_that_share_their_entries_are_one_signal_an_entry() -> None:
-    """A sum of multiples of one matrix, and one whose entries above and below the diagonal have opposite amplitudes."""
-    system = SystemForm.of(reduced(Nested(2, elements=10), 3)).modal
-    n, rng = system.bodies["1"].size, np.random.default_rng(3)
-    A, B = np.triu(rng.normal(size=(n, n)), 1), np.diag(np.arange(1.0, n + 1.0))
-    matrices = {"together": A + A.T, "turning": A - A.T, "one": B, "more": -3.0 * B}
-    terms = tuple(Term(name, ("1",), stiffness=matrix) for name, matrix in matrices.items())
-    form, c = SystemForm.of(replace(system, terms=terms)), np.random.default_rng(4).normal(size=(50, 4))
-    numbers, mix, found = signals(form, c)
-    parts = [own[0].toarray() for own in found]
-    X, own = form.forms["1"].X, form.columns["1"]
-    for amplitudes in c:
-        d = mix @ amplitudes[numbers]
-        expected = X.T @ sum(one * matrix for one, matrix in zip(amplitudes, matrices.values(), strict=True)) @ X
-        now = sum(one * part for one, part in zip(d, parts, strict=True))
-        np.testing.assert_allclose(now[own, own], expected, atol=1e-12 * np.abs(expected).max())
-    assert np.sum([part != 0.0 for part in parts], axis=0).max() == 1
 
 
 def test_a_term_on_two_bodies_is_a_spring_between_them() -> None:

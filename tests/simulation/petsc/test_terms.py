@@ -87,6 +87,17 @@ def test_a_simulation_that_was_cut_off_goes_on_with_its_terms(tmp_path: object) 
     np.testing.assert_array_equal(again.forces, whole.forces)
 
 
+@pytest.mark.mpi
+def test_tensions_far_above_the_stiffness_of_a_step_are_followed_as_march_does() -> None:
+    """Without extrapolation of their forces no step converges."""
+    system, spread = varying(Nested(2, elements=4))
+    given = driven(system).with_stepping(TimeStepping(0.02, 2e-3, 0.9))
+    given = replace(given, terms={name: Constant(amount=100.0) for name in system.term_names})
+    history = observe(spread, given, EVERYTHING)
+    expected = systems.simulate(system, given)
+    np.testing.assert_allclose(history.forces, expected.forces, atol=1e-7 * np.abs(expected.forces).max())
+
+
 def test_terms_beyond_buckling_do_not_converge_in_silence() -> None:
     system, spread = varying(Nested(2, elements=4))
     terms = {name: Constant(amount=-1e4) for name in system.term_names}

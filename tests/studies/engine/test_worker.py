@@ -10,6 +10,7 @@ import pytest
 import study_tasks
 from waiting import is_alive, wait_until
 
+from pmr.errors import environment
 from pmr.studies.engine.execute import _Memory
 from pmr.studies.engine.store import Store, Stored
 from pmr.studies.engine.task import TaskResult
@@ -44,6 +45,18 @@ def test_a_worker_goes_on_with_another_child(tmp_path: Path) -> None:
     square = Order("square", "def", "study_tasks:square", {"x": 3}, {}, str(tmp_path))
     assert [worker.run(order).status for order in (square, die, square)] == ["done", "failed", "done"]
     assert store.read("def").result.record == {"square": 9.0, "is_large": False}
+    worker.close()
+
+
+@pytest.mark.slow
+def test_a_task_that_other_code_was_planned_by_is_refused(tmp_path: Path) -> None:
+    """As where a file is edited while a study begins: no result stands under the name of the other code."""
+    worker, planned = Worker(sys.path), environment.code_digest(environment.sources())
+    edited = environment.code_digest({**environment.sources(), "errors/environment.py": ""})
+    codes = (edited, planned)
+    orders = [Order("square", code, "study_tasks:square", {"x": 3}, {}, str(tmp_path), code) for code in codes]
+    assert [worker.run(order).status for order in orders] == ["failed", "done"]
+    assert [Store(tmp_path).sound(code) for code in codes] == [False, True]
     worker.close()
 
 

@@ -36,7 +36,7 @@ SHOWN = 0.5
 
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
-    """What is carried where, and why no more."""
+    """Chapter about a load chart: loads by place, and the limits that govern."""
     names = [*(str(limit["name"]) for limit in study.asked["limits"]), STABILITY]
     parts = [study.results.arrays(run.key) for run in study.results.runs]
     table = _least_over_slewing(study, parts)
@@ -54,8 +54,8 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         "A pointer on the picture shows values."
     )
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
-    said = [_said(study, table, chart, error, number) for number in range(least.size)]
-    shown = f"{SCREEN}{pointed(chart, said)}{END_OF_SCREEN}</svg>"
+    texts = [_said(study, table, chart, error, number) for number in range(least.size)]
+    shown = f"{SCREEN}{pointed(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
     return Chapter(
         anchor=prefix,
@@ -76,18 +76,20 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Array]:
     """Places (E, A, 2), loads and errors (E, A, l), by reach; the least load of all slewing angles of each limit."""
     turns = len(study.asked["slewing"])
-    found: dict[str, Any] = {}
+    table: dict[str, Any] = {}
     shaped = {n: np.array([p[n].reshape(-1, turns, p[n].shape[1]) for p in parts]) for n in ("load", "error", "place")}
-    known = np.where(np.isnan(shaped["load"]), np.inf, shaped["load"])
-    at = known.argmin(axis=2)[:, :, None]
-    found["load"], found["error"] = (np.take_along_axis(shaped[n], at, 2)[:, :, 0] for n in ("load", "error"))
-    found["place"] = shaped["place"][:, :, 0]
-    order = np.argsort(np.linalg.norm(found["place"][:, 0], axis=1), kind="stable")
-    found = {name: one[order] for name, one in found.items()}
-    found["runs"] = [study.results.runs[k] for k in order]
-    asked = study.asked["luffing"]
-    found["luffing"] = np.linspace(asked["least"], asked["most"], asked["count"]) if isinstance(asked, dict) else asked
-    return found
+    limited = np.where(np.isnan(shaped["load"]), np.inf, shaped["load"])
+    at = limited.argmin(axis=2)[:, :, None]
+    table["load"], table["error"] = (np.take_along_axis(shaped[n], at, 2)[:, :, 0] for n in ("load", "error"))
+    table["place"] = shaped["place"][:, :, 0]
+    order = np.argsort(np.linalg.norm(table["place"][:, 0], axis=1), kind="stable")
+    table = {name: array[order] for name, array in table.items()}
+    table["runs"] = [study.results.runs[k] for k in order]
+    luffing = study.asked["luffing"]
+    table["luffing"] = (
+        np.linspace(luffing["least"], luffing["most"], luffing["count"]) if isinstance(luffing, dict) else luffing
+    )
+    return table
 
 
 def _said(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, error: Array, number: int) -> str:
@@ -101,8 +103,10 @@ def _said(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, error: A
         return "\n".join([*lines, f"no limit up to {study.asked['up_to']:g} kg"])
     bar = f" ± {error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
     lines.append(f"load {chart.load[i, k]:.5g}{bar} kg, by {chart.names[chart.which[i, k]]}")
-    own = zip(chart.names, table["load"][i, k], strict=True)
-    return "\n".join([*lines, *(f"{name}: {NOT_REACHED if np.isnan(v) else f'{v:.5g} kg'}" for name, v in own)])
+    loads_of_limits = zip(chart.names, table["load"][i, k], strict=True)
+    return "\n".join(
+        [*lines, *(f"{name}: {NOT_REACHED if np.isnan(v) else f'{v:.5g} kg'}" for name, v in loads_of_limits)]
+    )
 
 
 def _kg(load: Any) -> str:
@@ -112,26 +116,26 @@ def _kg(load: Any) -> str:
 
 def _headline(study: FinishedStudy, least: Array) -> str:
     if not np.isfinite(least).any():
-        asked = (
+        hint = (
             ""
             if study.asked["limits"]
             else f" It was looked for {STABILITY} alone: [[limits]] of the study adds others."
         )
-        return f"No limit is reached up to {study.asked['up_to']:g}{SPACE}kg at any of {least.size} points.{asked}"
+        return f"No limit is reached up to {study.asked['up_to']:g}{SPACE}kg at any of {least.size} points.{hint}"
     low, high = np.nanmin(least), np.nanmax(least)
     return f"It carries {_kg(low)} to {_kg(high)}, depending on extension and angle."
 
 
 def _key_numbers(study: FinishedStudy, least: Array, error: Array) -> list[KeyNumber]:
     count = len(study.asked["limits"]) + 1
-    found = [KeyNumber(str(least.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
-    found.append(KeyNumber(_kg(np.nanmax(least)), "most"))
-    found.append(KeyNumber(_kg(np.nanmin(least)), "least"))
+    key_numbers = [KeyNumber(str(least.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
+    key_numbers.append(KeyNumber(_kg(np.nanmax(least)), "most"))
+    key_numbers.append(KeyNumber(_kg(np.nanmin(least)), "least"))
     if np.isfinite(error).any():
         largest, doubt = _kg(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
-        found.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, model, rotations"))
-        found.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
-    return found
+        key_numbers.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, model, rotations"))
+        key_numbers.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
+    return key_numbers
 
 
 def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
@@ -153,24 +157,24 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
 
 def _hoisting(study: FinishedStudy) -> list[str]:
     """By how much more than its weight a load pulls that is lifted off the ground; nothing where that is not asked."""
-    asked, found = study.asked.get("hoist"), study.figures
-    if not asked or "hoist.most" not in found:
+    hoist, figures = study.asked.get("hoist"), study.figures
+    if not hoist or "hoist.most" not in figures:
         return []
-    rope = f"{asked['speed']:g}{SPACE}m/s on a rope of {asked['rope_stiffness']:.3g}{SPACE}N/m"
-    said = (
-        f"Hoisted off the ground at {rope}, the load that is allowed pulls with {found['hoist.least']:.3g} to "
-        f"{found['hoist.most']:.3g} times its weight, computed at each point without damping"
+    rope = f"{hoist['speed']:g}{SPACE}m/s on a rope of {hoist['rope_stiffness']:.3g}{SPACE}N/m"
+    sentence = (
+        f"Hoisted off the ground at {rope}, the load that is allowed pulls with {figures['hoist.least']:.3g} to "
+        f"{figures['hoist.most']:.3g} times its weight, computed at each point without damping"
     )
-    if "hoist.class" in found:
-        said += f"; class {asked['hoisting_class']} of EN 13001-2 has {found['hoist.class']:.3g}"
-    return [f"{said}. No load in the chart has this factor unless a case says so."]
+    if "hoist.class" in figures:
+        sentence += f"; class {hoist['hoisting_class']} of EN 13001-2 has {figures['hoist.class']:.3g}"
+    return [f"{sentence}. No load in the chart has this factor unless a case says so."]
 
 
 def _limits(study: FinishedStudy, names: list[str]) -> Grid:
-    asked = {str(limit["name"]): limit for limit in study.asked["limits"]}
+    limits = {str(limit["name"]): limit for limit in study.asked["limits"]}
     rows = []
     for name in names:
-        limit = asked.get(name, {"of": "equilibrium", "factor": 1.0})
+        limit = limits.get(name, {"of": "equilibrium", "factor": 1.0})
         amount = limit.get("most") or limit.get("least")
         counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
         rows.append((name, str(limit["of"]), _amount(limit, amount), f"{limit['factor']:g}", *counts))
@@ -184,7 +188,7 @@ def _limits(study: FinishedStudy, names: list[str]) -> Grid:
 
 
 def _bars(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
-    """What error bars are made of; nothing where there are none."""
+    """Parts of the error bars; nothing without bars."""
     if not study.asked["error_bars"]:
         return []
     load = np.concatenate([part["load"] for part in parts])
@@ -192,7 +196,7 @@ def _bars(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
     for k, name in enumerate(names):
         some = load[:, k] > 0.0
         shares = [np.concatenate([p[f"error{of}"][:, k] for p in parts])[some] / load[some, k] for of in PARTS]
-        rows.append((name, *(_per_cent(np.median(one)) for one in shares if len(one)), *_most(shares[0])))
+        rows.append((name, *(_per_cent(np.median(share)) for share in shares if len(share)), *_most(shares[0])))
     caption = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
     return [Grid(caption, ("limit", "in all", "reduction", "mesh", "model", "large rotations", "largest"), tuple(rows))]
 
@@ -207,8 +211,8 @@ def _per_cent(share: Any) -> str:
 
 def _cases(study: FinishedStudy) -> Grid:
     rows = []
-    for one in study.asked["cases"]:
-        case = LoadCase.model_validate(one)
+    for content in study.asked["cases"]:
+        case = LoadCase.model_validate(content)
         hoisted = case.hoisting(study.asked["classes"])
         load = (
             f"{case.load:g}"
@@ -219,16 +223,24 @@ def _cases(study: FinishedStudy) -> Grid:
         forces = case.loads | (case.wind.forces if case.wind else {})
         acting = ", ".join(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items()) or "–"
         stands = study.figures.get(f"stands.{case.name}")
-        found = "in service" if case.in_service else f"stands at {stands} points"
+        verdict = "in service" if case.in_service else f"stands at {stands} points"
         rows.append(
-            (case.name, f"{case.weight:g}", load if case.in_service else "0", wind, acting, found, case.standard or "–")
+            (
+                case.name,
+                f"{case.weight:g}",
+                load if case.in_service else "0",
+                wind,
+                acting,
+                verdict,
+                case.standard or "–",
+            )
         )
     heads = ("case", "weight", "load", "wind", "loads of the scene", "found", "factors from")
     return Grid("What acts at once: factors of weight and load, pressure of the wind, and loads.", heads, tuple(rows))
 
 
 def _amount(limit: Mapping[str, Any], amount: float | None) -> str:
-    """With its unit."""
+    """Amount of a limit with its unit."""
     if amount is None:
         return "–"
     unit = "Pa" if limit.get("area") else UNITS.get(str(limit["of"]))

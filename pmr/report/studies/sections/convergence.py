@@ -18,19 +18,19 @@ _NUMBERS = {"full": 0, "ancf": 2}  # of the colours
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
     """The errors over the number of coordinates."""
-    there = {name: label for name, label in APPROACHES.items() if study.runs(approach=name)}
-    chosen = {name: study.figures.get(f"chosen.{name}") for name in there}
+    approaches = {name: label for name, label in APPROACHES.items() if study.runs(approach=name)}
+    chosen = {name: study.figures.get(f"chosen.{name}") for name in approaches}
     caption = (
         "Absolute error of the tip displacement, the norm over all steps of its difference to the finest beam of the "
         "same approach, over the number of coordinates. Filled: as many elements as the scene asks for."
     )
     figure = drawing(f"{prefix}-errors", errors, caption, study)
-    finest = {name: max(number(run.parameters["elements"]) for run in study.runs(approach=name)) for name in there}
+    finest = {name: max(number(run.parameters["elements"]) for run in study.runs(approach=name)) for name in approaches}
     compared = [
         f"{len(study.runs(approach=name))} of the {label} with up to {finest[name]:g} elements"
-        for name, label in there.items()
+        for name, label in approaches.items()
     ]
-    reached = [f"the {label} to {length(study.figure(f'least.{name}'))}" for name, label in there.items()]
+    reached = [f"the {label} to {length(study.figure(f'least.{name}'))}" for name, label in approaches.items()]
     return Chapter(
         anchor=prefix,
         title=study.title,
@@ -60,9 +60,9 @@ def errors(study: FinishedStudy) -> Figure:
         y = [number(run.figures["e_abs"]) for run in runs]
         look = dots(_NUMBERS[name], 3.2)
         ax.plot(x, y, **look)
-        asked = study.figures.get(f"chosen.{name}")
+        error_at_choice = study.figures.get(f"chosen.{name}")
         for at, error in zip(x, y, strict=True):
-            if error == asked:
+            if error == error_at_choice:
                 ax.plot([at], [error], **{**look, "markerfacecolor": look["color"], "markersize": 5.0})
         handles.append(Line2D([], [], label=label, **look))
         every += list(zip(x, y, strict=True))

@@ -67,8 +67,8 @@ def fronts(study: FinishedStudy) -> Figure:
     every = [point for ax, scene in zip(axes.flat, scenes, strict=False) for point in _panel(ax, study, scene)]
     for ax in axes.flat[len(scenes) :]:
         ax.set_visible(False)
-    seconds, found = np.array(every).T
-    log_axis(axes[0, 0], float(found.min()), 1.0)
+    seconds, errors = np.array(every).T
+    log_axis(axes[0, 0], float(errors.min()), 1.0)
     log_x(axes[0, 0], 0.8 * float(seconds.min()), 1.25 * float(seconds.max()))
     for ax in axes[:, 0]:
         ax.set_ylabel("e_NRMS (–)")
@@ -81,11 +81,11 @@ def fronts(study: FinishedStudy) -> Figure:
 
 def front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Points that no other one beats in both, by time."""
-    found: list[tuple[float, float]] = []
+    best: list[tuple[float, float]] = []
     for seconds, error in sorted(times_and_errors):
-        if not found or error < found[-1][1]:
-            found.append((seconds, error))
-    return found
+        if not best or error < best[-1][1]:
+            best.append((seconds, error))
+    return best
 
 
 def _panel(ax: Axes, study: FinishedStudy, scene: str) -> list[tuple[float, float]]:
@@ -123,13 +123,13 @@ def _offline(study: FinishedStudy) -> Grid:
     methods = [method for method in NAMES if study.runs(method=method)]
     rows = []
     for scene in study.scenes:
-        found = [study.runs(scene=scene, method=method) for method in methods]
-        rows.append((scene.replace("_", " "), *(_seconds(runs) for runs in found)))
+        runs_by_method = [study.runs(scene=scene, method=method) for method in methods]
+        rows.append((scene.replace("_", " "), *(_seconds(runs) for runs in runs_by_method)))
     return Grid("Offline time of the largest model.", ("scene", *(NAMES[method] for method in methods)), tuple(rows))
 
 
 def _seconds(runs: Sequence[RunRecord]) -> str:
-    """Of the processor; a method without models for a scene took none."""
+    """Processor time; a method without models for a scene took none."""
     if not runs or not any(name.startswith("step.") for name in runs[0].seconds):
         return "–"
     return quantity(runs[0].seconds["offline"], "s")

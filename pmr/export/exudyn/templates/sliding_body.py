@@ -1,0 +1,234 @@
+"""A reduced system in Exudyn.
+
+    M q'' + D q' + K q + C(s)^T lambda = B f(t),    C(s) q + H(s) f - F(s) lambda = 0,
+    y = outputs q + W f - X(s) lambda
+
+with reduced coordinates q of all bodies, path coordinates s(t) and outputs y; SI units throughout.  A contact that only
+pushes has a clearance c and obeys 0 <= lambda, 0 <= c + F lambda - C q - H f, one of them zero.
+
+Written by pmr; needs numpy, scipy and exudyn, and the file of the same name that ends in .npz beside it.
+"""
+
+import warnings
+from pathlib import Path
+from types import SimpleNamespace
+
+import exudyn as exu
+import numpy as np
+from exudyn.itemInterface import (
+    MarkerNodeCoordinates,
+    MarkerObjectODE2Coordinates,
+    NodeGenericODE2,
+    NodePointGround,
+    ObjectConnectorCoordinateVector,
+    ObjectGenericODE2,
+    SensorNode,
+    SensorObject,
+)
+from scipy.optimize import nnls
+
+with np.load(Path(__file__).with_suffix(".npz")) as file:
+    DATA = dict(file)
+CLEARANCE = DATA["clearance"]  # (m,) m; NaN of a contact that holds both ways
+
+
+def piece(name, x, order=0):
+    """Value of a piecewise polynomial at x, or its derivative; beyond its ends it stays, or goes on if it has none."""
+    breaks, c = DATA[f"{name}.breaks"], DATA[name]  # (powers, pieces, ...), the highest power first
+    if len(breaks) > c.shape[1]:
+        x = min(max(x, breaks[0]), breaks[-1])
+    k = min(max(int(np.searchsorted(breaks, x, side="right")) - 1, 0), c.shape[1] - 1)
+    c = c[:-1, k] * np.arange(len(c) - 1, 0, -1) if order else c[:, k]
+    return np.polyval(c, x - breaks[k])
+
+
+def strand(k, t, order=0):
+    """A part of a signal, p + a sin(q) with polynomials p and q of t, or its rate."""
+    p, q, a, h = f"strands.{k}", f"strands.{k}.angle", DATA["strands.amplitude"][k], DATA["strands.spread"][k]
+    if h > 0.0 and not order:  # the acceleration of a path: by how much its rate grows within a step
+        first, last = max(t - h / 2.0, 0.0), t + h / 2.0
+        return (strand(k, last, 1) - strand(k, first, 1)) / (last - first)
+    if order:
+        return piece(p, t, 1) + a * np.cos(piece(q, t)) * piece(q, t, 1)
+    return piece(p, t) + a * np.sin(piece(q, t))
+
+
+def signals(names, first):
+    """Functions of t in s by their names, of the scene's signals from number `first` on."""
+    of = [np.flatnonzero(DATA["strands.signal"] == first + k) for k in range(len(names))]
+    return {
+        str(name): lambda t, some=some: sum(strand(k, t) for k in some) for name, some in zip(names, of, strict=True)
+    }
+
+
+# --- What happens: change it here, as in LOADS["F"] = lambda t: -100.0 * t --------------------------
+
+TITLE = str(DATA["title"])
+PATHS = signals(DATA["paths"], 0)  # s(t) in m
+LOADS = signals(DATA["inputs"], len(PATHS))  # each in the unit of its input, a column of B
+END, STEP, RHO_INF = (float(x) for x in DATA["time"])  # s, s, spectral radius at infinite frequency
+PARTS = int(DATA["parts"])  # of each step: more than one where contacts only push
+START = DATA["start"]  # (n,) coordinates at t = 0
+
+# --- The system in Exudyn ---------------------------------------------------------------------------
+
+
+def rows_at(s):
+    """C (m, n), F (m, m), H (m, i) and X (o, m) of the contacts with the paths at s (P,) m."""
+    if "C" in DATA:  # one body, by tables over its path
+        return SimpleNamespace(**{name: piece(name, s[0]) for name in "CFHX"})
+    m, (o, n), i = len(CLEARANCE), DATA["outputs"].shape, DATA["B"].shape[1]
+    rows = SimpleNamespace(C=np.zeros((m, n)), F=DATA["compliance"].copy(), H=np.zeros((m, i)), X=np.zeros((o, m)))
+    for body in np.unique(DATA["sides.body"]):
+        touched, shares = [], []  # carriers of the body, and how contacts act on them
+        for k in np.flatnonzero(DATA["sides.body"] == body):
+            path, x = DATA["sides.path"][k], DATA["sides.at"][k]
+            x = x if path < 0 else x + DATA["sides.rate"][k] * s[path]
+            touched.append(piece(f"sides.{k}.touched", x).astype(int))
+            weights = piece(f"sides.{k}", x)
+            shares.append(np.zeros((m, len(weights))))
+            shares[-1][DATA["sides.contact"][k]] = weights
+        at, b = np.concatenate(touched), np.hstack(shares)
+        V, R, on_inputs, on_outputs = (DATA[f"bodies.{body}.{name}"] for name in ("V", "R", "H", "X"))
+        rows.C += b @ V[at]
+        rows.F += b @ R[np.ix_(at, at)] @ b.T
+        rows.H += b @ on_inputs[at]
+        rows.X += on_outputs[:, at] @ b.T
+    return rows
+
+
+def forces_of(rows, motion):
+    """Forces (m,) in N of contacts that give way and would move by C q + H f (m,) m; which of them are closed."""
+    F, gives = rows.F, np.any(rows.F, axis=1)
+    pushes, b = gives & ~np.isnan(CLEARANCE), motion - np.nan_to_num(CLEARANCE)
+    both, closed = gives & ~pushes, gives.copy()
+    if pushes.any():  # F = L L^T of those that push: least squares |L^T lambda - L^-1 b| with lambda >= 0
+        held = np.linalg.solve(F[both][:, both], np.column_stack([F[both][:, pushes], b[both]]))
+        rest = np.column_stack([F[pushes][:, pushes], b[pushes]]) - F[pushes][:, both] @ held
+        L = np.linalg.cholesky(rest[:, :-1])
+        closed[pushes] = nnls(L.T, np.linalg.solve(L, rest[:, -1]))[0] > 0.0
+    forces = np.zeros(len(b))
+    forces[closed] = np.linalg.solve(F[closed][:, closed], b[closed])
+    return forces, closed
+
+
+def add_system(mbs, paths, loads, start):
+    """Add the bodies to an mbs: numbers of their nodes, their common object, and the connector of rigid contacts.
+
+    Contacts that give way are springs that travel, K + C^T F^-1 C; rigid ones have multipliers.  Where some only push,
+    their forces are found in every iteration.
+    """
+    M, D, K, B, n = DATA["M"], DATA["D"], DATA["K"], DATA["B"], len(start)
+    pushing, last = not np.isnan(CLEARANCE).all(), SimpleNamespace(t=None)
+
+    def at(t):
+        """Stiffness, forces, and rows of the contacts, at t = 0 and at the end of a step."""
+        if last.t != t:
+            rows, f = rows_at([path(t) for path in paths.values()]), np.array([load(t) for load in loads.values()])
+            last.t, last.f, last.rows, last.K, last.force = t, f, rows, K, B @ f
+            if not pushing:
+                C, F, H = rows.C[~rigid], rows.F[~rigid][:, ~rigid], rows.H[~rigid]
+                springs = C.T @ np.linalg.solve(F, np.hstack([C, H]))
+                last.K, last.force = K + springs[:, :n], B @ f - springs[:, n:] @ f
+        return last
+
+    def push(mbs, t, item, q, q_t):
+        now = at(t)
+        return -now.rows.C.T @ forces_of(now.rows, now.rows.C @ q + now.rows.H @ now.f)[0]
+
+    def beyond_matrices(mbs, t, item, q, q_t, factor, factor_t):
+        # Exudyn adds K and D to the Jacobian itself; given the rest, it needs no differences.
+        if t > mbs.variables.get(item, 0.0):
+            raise ValueError("another SetPreStepUserFunction took the place of `update`: call both from one function")
+        if not pushing:
+            return exu.MatrixContainer(np.zeros((n, n)))
+        rows, f = at(t).rows, at(t).f
+        closed = forces_of(rows, rows.C @ q + rows.H @ f)[1]
+        C = rows.C[closed]
+        return exu.MatrixContainer(factor * C.T @ np.linalg.solve(rows.F[closed][:, closed], C))
+
+    rigid = ~np.any(rows_at([path(0.0) for path in paths.values()]).F, axis=1)
+    nBodies = []
+    for q in np.split(np.asarray(start), DATA["ends"][:-1]):
+        zeros = np.zeros(len(q))
+        coordinates = dict(referenceCoordinates=zeros, initialCoordinates=q, initialCoordinates_t=zeros)
+        nBodies.append(mbs.AddNode(NodeGenericODE2(numberOfODE2Coordinates=len(q), **coordinates)))
+    functions = {"jacobianUserFunction": beyond_matrices} | ({"forceUserFunction": push} if pushing else {})
+    matrices = dict(massMatrix=M, dampingMatrix=D, stiffnessMatrix=at(0.0).K, forceVector=at(0.0).force)
+    oSystem, oRigid = mbs.AddObject(ObjectGenericODE2(nodeNumbers=nBodies, **matrices, **functions)), None
+    if rigid.any():
+        ground = mbs.AddMarker(MarkerNodeCoordinates(nodeNumber=mbs.AddNode(NodePointGround())))
+        bodies = mbs.AddMarker(MarkerObjectODE2Coordinates(objectNumber=oSystem))
+        both = dict(markerNumbers=[ground, bodies], scalingMarker1=at(0.0).rows.C[rigid])
+        oRigid = mbs.AddObject(ObjectConnectorCoordinateVector(**both))
+
+    def update(mbs, t):
+        # Called once before each step, with the time at its end: there the equations have to hold.
+        now = at(t)
+        mbs.SetObjectParameter(oSystem, "stiffnessMatrix", now.K)
+        mbs.SetObjectParameter(oSystem, "forceVector", now.force)
+        if oRigid is not None:
+            mbs.SetObjectParameter(oRigid, "scalingMarker1", now.rows.C[rigid])
+        mbs.variables[int(oSystem)] = t
+        return True
+
+    mbs.SetPreStepUserFunction(update)
+    return SimpleNamespace(update=update, nBodies=nBodies, oSystem=oSystem, oRigid=oRigid, rigid=rigid)
+
+
+def solve(mbs, end, step, rho_inf, parts=1):
+    """Assemble and integrate, each step in equal parts."""
+    mbs.Assemble()
+    settings = exu.SimulationSettings()
+    settings.solution.file.write = False
+    settings.solution.sensors.writePeriod = step
+    settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
+    settings.timeIntegration.endTime = end
+    settings.timeIntegration.numberOfSteps = round(end / step) * parts
+    settings.timeIntegration.adaptiveStep = settings.timeIntegration.automaticStepSize = False
+    settings.timeIntegration.generalizedAlpha.spectralRadius = rho_inf
+    settings.timeIntegration.newton.useModifiedNewton = False
+    mbs.SolveDynamic(settings)
+
+
+def simulate(paths=PATHS, loads=LOADS, end=END, step=STEP, rho_inf=RHO_INF, start=START, parts=PARTS):
+    """Times (T,) in s and the outputs (T, o) of all bodies, in m but for forces and rotations."""
+    container = exu.SystemContainer()
+    mbs = container.AddSystem()
+    items, kind = add_system(mbs, paths, loads, start), exu.OutputVariableType
+    nodes = [dict(nodeNumber=node, outputVariableType=kind.Coordinates, storeInternal=True) for node in items.nBodies]
+    sensors = [mbs.AddSensor(SensorNode(**node)) for node in nodes]
+    if items.oRigid is not None:
+        of_rigid = SensorObject(objectNumber=items.oRigid, outputVariableType=kind.Force, storeInternal=True)
+        sensors.append(mbs.AddSensor(of_rigid))
+    solve(mbs, end, step, rho_inf, parts)
+    stored = [mbs.GetSensorStoredData(sensor) for sensor in sensors]
+    t, q = stored[0][:, 0], np.hstack([values[:, 1:] for values in stored[: len(items.nBodies)]])
+    alternating = np.diff(q, 8, axis=0) / 2.0**8  # what changes its sign with every step
+    if not (alternating**2).sum() <= 1e-6 * (q**2).sum():
+        warnings.warn(
+            "The motion changes its sign with every step: a constraint that moves (index 3) grows where RHO_INF is "
+            "near 1, or STEP is too long for the motion. These results can't be trusted.",
+            stacklevel=2,
+        )
+    y = np.empty((len(t), len(DATA["outputs"])))
+    for k, time in enumerate(t):
+        rows, f = rows_at([path(time) for path in paths.values()]), np.array([load(time) for load in loads.values()])
+        forces = forces_of(rows, rows.C @ q[k] + rows.H @ f)[0]
+        if items.oRigid is not None:
+            forces[items.rigid] = stored[-1][k, 1:]
+        y[k] = DATA["outputs"] @ q[k] + DATA["W"] @ f - rows.X @ forces
+    return t, y
+
+
+def main():
+    """Tell how the tip moves."""
+    t, y = simulate()
+    tip = y[:, DATA["tip"]]
+    print(f"Displacement{DATA['tip_of']} at x = {DATA['tip_position']:g} m over {t[-1]:g} s:")
+    for name, value in (("smallest", tip.min()), ("largest", tip.max()), ("last", tip[-1])):
+        print(f"  {name}: {1e3 * value:.4f} mm")
+
+
+if __name__ == "__main__":
+    main()

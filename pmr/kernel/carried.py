@@ -1,0 +1,130 @@
+"""A machine that carries the frame of a boom and moves by itself (src/machine.c)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError, SimulationError
+from pmr.kernel._native import ffi, lib
+from pmr.kernel.kernel import State
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int32]
+
+
+#: Why a machine's step fails at step k, t s, where its boom's does not.
+REASONS = {
+    lib.PMR_LOST: "the machine's motion is not found at step {k}, t = {t:g} s",
+    lib.PMR_UPRIGHT: "the machine pitches by 90 degrees at t = {t:g} s, where roll and yaw turn about one axis",
+}
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine and the boom that it carries, and what drives both over T steps, as `pmr_machine` has them."""
+
+    axes: Integers
+    free: Integers
+    mass: float
+    center: Array
+    inertia: Array
+    stiffness: Array
+    damping: Array
+    boom_mass: float
+    largest_weight: float
+    place: Array
+    section_inertia: Array
+    section_paths: Integers
+    fields: Integers
+    inertial: Integers
+    masses: Array
+    first: Array
+    loads: Array
+    rotating: Array
+    carried: Array
+    of_shortened: Integers
+    shortened: Array
+    motions: Array
+    rates: Array
+    given: Array
+    pushed: Array
+    weight: Array
+
+
+class Carried:
+    """A machine and its boom, and what is recorded of both at T steps; `state` is the boom's.
+
+    An InputError is raised for a boom that it can't carry: on a frame without a base that moves, with contacts that
+    only push, in steps of several parts.
+    """
+
+    def __init__(self, state: State, machine: Machine) -> None:
+        self.state, arrays, scalars = state, dict[str, Any](), dict[str, Any]()
+        types = dict(ffi.typeof("pmr_machine").fields)
+        for field in fields(machine):
+            value, kind = getattr(machine, field.name), types[field.name].type
+            if kind.kind == "pointer":
+                array = np.ascontiguousarray(value, np.int32 if kind.item.cname == "int32_t" else np.float64)
+                arrays[field.name] = array
+                scalars[field.name] = ffi.cast(kind, array.ctypes.data)
+            else:
+                scalars[field.name] = value if kind.kind == "primitive" else np.ravel(value).tolist()
+        counts = {"sections": len(machine.masses), "shortened_count": len(machine.of_shortened)}
+        self._arrays = arrays  # they stay as long as what points to them
+        self._machine = ffi.new("pmr_machine *", scalars | counts | {"inertial_count": len(machine.inertial)})
+        out = ffi.new("pmr_carried **")
+        if lib.pmr_carried_open(state.pointer, self._machine, out):
+            allowed = "a frame with a base that moves, contacts that hold both ways and whole steps are allowed"
+            raise InputError("machine", "boom", None, allowed)
+        self._carried = ffi.gc(out[0], lib.pmr_carried_close)
+        steps, inertial = len(machine.motions), len(machine.inertial)
+        self.number = 0
+        self.motion = np.zeros((steps, 3, 6))  # of its directions, with rates and second rates
+        self.held = np.zeros((steps, 6))  # N, N m: what holds directions that are not free
+        self.springs = np.zeros((steps, 6))  # of springs and dampers
+        self.momenta = np.zeros((steps, 6))  # linear, angular, about the ground's origin
+        self.inertia = np.zeros((steps, inertial))  # inputs by which the frame accelerates the boom
+
+    def _record(self, first: int) -> Any:
+        names = ("motion", "held", "springs", "momenta", "inertia")
+        return ffi.new("pmr_carried_record *", {name: _pointer(getattr(self, name)[first:]) for name in names})
+
+    def needed(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
+        """What has to hold the machine (6,) at t = 0 for it to move as (3, 6) and the boom's modes as z, v, a."""
+        forces, arrays = np.zeros(6), [np.ascontiguousarray(array, float) for array in (motion, z, v, a)]
+        lib.pmr_carried_needed(self._carried, *map(_pointer, arrays), _pointer(forces))
+        return forces
+
+    def start(self, motion: Array, z: Array, v: Array) -> None:
+        """Begin at t = 0 with motion (3, 6), whose second rates of free directions are found; errors as for `advance`.
+
+        Where it stands is the first row of what is recorded.
+        """
+        self.number = 0
+        arrays = [np.ascontiguousarray(array, float) for array in (motion, z, v)]
+        failed = lib.pmr_carried_start(self._carried, *map(_pointer, arrays), self._record(0))
+        self._raise_unless_done(failed, 0)
+
+    def advance(self, count: int) -> None:
+        """Take steps and record them; `number` is that of the last.
+
+        A StepError is raised where the boom's step fails, a SimulationError where the machine's motion is not found,
+        or it stands upright.
+        """
+        taken, first = ffi.new("int64_t *"), self.number + 1
+        failed = lib.pmr_carried_advance(self._carried, first, count, self._record(first), taken)
+        self.number += int(taken[0])
+        self._raise_unless_done(failed, self.number + 1)
+
+    def _raise_unless_done(self, failed: int, k: int) -> None:
+        if failed in REASONS:
+            raise SimulationError(REASONS[failed].format(k=k, t=k * self.state.settings.step))
+        self.state.raise_unless_done(failed, f"step {k}")
+
+
+def _pointer(array: Array) -> Any:
+    return ffi.cast("double *", array.ctypes.data)

@@ -1,0 +1,172 @@
+"""Laws of the compiled kernel by themselves, for statics, charts and other simulators (src/pmr_kernel.h)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.kernel._native import ffi, lib
+from pmr.kernel.block_file import LINE
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class ContactError(SimulationError):
+    """A complementarity problem without a solution; `row` is the contact that depends on those before it, or None."""
+
+    row: int | None = None
+
+
+def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> tuple[Array, Mask]:
+    """Solve A lambda = b + w with lambda >= 0, w >= 0, lambda w = 0 at contacts that only push and w = 0 at others.
+
+    Parameters
+    ----------
+    A : (m, m) array, m/N
+        Symmetric and positive definite.
+    b : (m,) array, m
+        How far contacts come out beyond their clearances without forces.
+    pushes, closed : (m,) arrays
+        Contacts that only push, and which of them the search begins with as closed ones.
+
+    Returns
+    -------
+    forces : (m,) array, N
+    closed : (m,) array
+
+    Raises
+    ------
+    ContactError
+        If closed contacts depend on each other, or the search does not end.
+    """
+    m = len(b)
+    A, b = np.ascontiguousarray(A, float), np.ascontiguousarray(b, float)
+    forces, work = np.zeros(m), np.zeros(lib.pmr_contact_work(m))
+    only_push, state = np.ascontiguousarray(pushes, np.int32), np.array(closed, np.int32)
+    trouble = ffi.new("int *")
+    failed = lib.pmr_contact(
+        m, *map(_doubles, (A, b)), _integers(only_push), _doubles(forces), _integers(state), _doubles(work), trouble
+    )
+    if failed == lib.PMR_DEPENDENT:
+        error = ContactError(f"contact {trouble[0]} depends on those before it")
+        error.row = int(trouble[0])
+        raise error
+    if failed:
+        raise ContactError("which contacts are closed was not settled in 1000 solves")
+    return forces, state.astype(bool)
+
+
+class ContactSearch:
+    """Search for the closed contacts where the caller solves for their forces; `solve_contact` makes the same one."""
+
+    def __init__(self) -> None:
+        self._state = ffi.new("pmr_search *")
+
+    def change(self, closed: Mask, wrong: Mask) -> Mask:
+        """Closed contacts (m,) of the next solve, where some are on the wrong side: they pull, or overlap."""
+        changes = np.array(wrong, np.int32)
+        lib.pmr_choose_changes(len(changes), _integers(changes), self._state)
+        return np.asarray(closed ^ changes.astype(bool))
+
+
+class FixedPoint:
+    """Iterates (n,) of a fixed point x = phi(x), extrapolated by generalized conjugate residuals.
+
+    Of a linear phi they end after as many times as its derivative has distinct eigenvalues, however large these are.
+    """
+
+    def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
+        """Store `most` directions; `add_up` adds up inner products where each rank has a part of an iterate."""
+        count = 4 * -(-size // 4)
+        room = np.zeros((4 + 2 * most) * count + LINE // 8)
+        first = -room.ctypes.data % LINE // 8
+        self._size, self._rows = size, room[first : first + (4 + 2 * most) * count].reshape(4 + 2 * most, count)
+        self._state = ffi.new("pmr_iteration *", {"count": count, "measured": count, "most": most})
+        names = ("x", "f", "least_x", "least_f", "directions")
+        for name, row in zip((*names, "changes"), (0, 1, 2, 3, 4, 4 + most), strict=True):
+            setattr(self._state, name, _doubles(self._rows[row:]))
+        if add_up is not None:
+
+            def add(value: Any, _: Any) -> None:
+                value[0] = add_up(value[0])
+
+            self._state.sum = self._add = ffi.callback("void(double *, void *)", add)
+
+    def restart(self) -> None:
+        """Forget all iterates before, as where phi has become another function."""
+        lib.pmr_restart(self._state)
+
+    def next(self, x: Array, phi: Array) -> Array:
+        """The iterate (n,) after x (n,), whose phi(x) (n,) is given."""
+        self._rows[0, : self._size], self._rows[1, : self._size] = x, phi - x
+        lib.pmr_extrapolate(self._state)
+        return self._rows[0, : self._size].copy()
+
+
+class SchemeFactors(NamedTuple):
+    """Factors of generalized-alpha with steps of `h` s.
+
+    With the acceleration-like variable a and the acceleration z'', a step begins with a* = a_from_share a +
+    a_from_force z'', v* = v + v_from_share a + v_from_force z'' and z* = z + h v + z_from_share a + z_from_force z''.
+    Its acceleration adds gain, v_gain and z_gain times itself to these.  Likewise for a force and its share in a.
+    """
+
+    h: float
+    gain: float
+    v_gain: float
+    z_gain: float
+    a_from_force: float
+    a_from_share: float
+    v_from_force: float
+    v_from_share: float
+    z_from_force: float
+    z_from_share: float
+
+    @classmethod
+    def of(cls, step: float, rho_inf: float) -> SchemeFactors:
+        """Factors of a step in s with the spectral radius `rho_inf` at infinite frequency."""
+        factors = ffi.new("pmr_factors *")
+        lib.pmr_scheme_factors(step, rho_inf, factors)
+        return cls(*(getattr(factors, name) for name in cls._fields))
+
+
+class JointCylinder(NamedTuple):
+    """Cylinder of a joint whose pads rub, as a step has it that ends with the multiplier `force`."""
+
+    gives: float = 0.0  # m/N: 1/k; 0 of a rigid one or none
+    compliance: float = 0.0  # m/N: its diagonal entry of the matrix A of the multipliers
+    force: float = 0.0  # N
+    friction: float = 0.0  # N: sum of the pads' friction under which `force` was found
+    drive: float = 0.0  # N: force plus friction at the end of the last step
+
+
+def slide_pads(
+    stiffness: Array, coefficients: Array, forces: Array, old: Array, moved: float, cylinder: JointCylinder
+) -> Array:
+    """Friction (n,) N at the end of a step of a joint's pads, whose path has moved by `moved` m.
+
+    Parameters
+    ----------
+    stiffness, coefficients : (n,) arrays
+        Along the boom while a pad sticks, in N/m; Coulomb's.
+    forces, old : (n,) arrays, N
+        With which pads press, and their friction at the end of the last step (`pmr.system.friction`).
+    """
+    arrays = [np.ascontiguousarray(array, float) for array in (stiffness, coefficients, forces, old)]
+    limits, new = np.zeros((2, len(old)))
+    joint = ffi.new("pmr_cylinder *", cylinder._asdict())
+    lib.pmr_friction(len(old), *map(_doubles, arrays), moved, joint, *map(_doubles, (limits, new)))
+    return new
+
+
+def _doubles(array: Array) -> Any:
+    return ffi.cast("double *", array.ctypes.data)
+
+
+def _integers(array: NDArray[np.int32]) -> Any:
+    return ffi.cast("int32_t *", array.ctypes.data)

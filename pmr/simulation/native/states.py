@@ -1,0 +1,118 @@
+"""States of the kernel for systems in modal form: what drives them, where they begin, and why one failed, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.constraints.dependence import of_rows
+from pmr.errors import SimulationError
+from pmr.kernel.kernel import Failure, StepError
+from pmr.scene.signals import Constant, SignalBase
+from pmr.simulation.excitation import Excitation, in_order, places
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.start import InitialState, consistent_start
+from pmr.simulation.statics.equilibrium import equilibrium
+from pmr.system.assembly import Assembly
+from pmr.system.contacts import Contact
+from pmr.system.friction import joints_of
+from pmr.system.system import System
+from pmr.system.terms import first_few
+
+Array = NDArray[np.float64]
+#: Iterations of forces of terms and friction within a step, and linear systems solved for the contacts of one.
+ITERATIONS, SOLVES = 100, 1000
+
+
+def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:
+    """Signals (N,) of the kernel's drivers in their order: paths, loads, amplitudes of terms.
+
+    A body alone that nothing moves stands at the beginning of its path.  An InputError is raised where a path, a load
+    or a term has no signal.
+    """
+    system, kernel = form.system, form.kernel
+    paths: Sequence[SignalBase]
+    if system.on_one_path:
+        (body,) = system.bodies.values()
+        standing = Constant(amount=float(body.domain[0]))
+        paths = [next(iter(excitation.paths.values()), standing)][: kernel.paths]
+    else:
+        paths = [excitation.paths[name] for name in kernel.names("drivers")[: kernel.paths]]
+    loads, terms = in_order(excitation.loads, system.input_names), in_order(excitation.terms, system.term_names, "term")
+    return [*paths, *loads, *terms]
+
+
+def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str, InitialState]) -> tuple[Array, Array]:
+    """Modal coordinates and rates (modes,) of initial states, with the contacts' sides at x (sides,) m.
+
+    A velocity that violates rigid contacts is corrected (`pmr.simulation.start`); errors as there.
+    """
+    z, v = np.zeros((2, form.kernel.modes))
+    states = consistent_start(Assembly(form.system), x, x_rate, initial)
+    for name, columns in form.columns.items():
+        start = form.forms[name].start(states[name])
+        z[columns], v[columns] = start.q, start.v
+    return z, v
+
+
+def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
+    """Every body at rest in equilibrium with the loads at t = 0; errors as for `equilibrium`."""
+    assembly, states = Assembly(system), {}
+    f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
+    found = equilibrium(assembly, places(system, excitation)[0], f, c).q
+    for name, body in system.bodies.items():
+        q = np.zeros(body.size)
+        q[assembly.free[name]] = found[assembly.coordinates[name]]
+        states[name] = InitialState(q, np.zeros(body.size))
+    return states
+
+
+def start_of(
+    system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
+) -> Mapping[str, InitialState]:
+    """Of each body at t = 0: what is given, else at rest or in equilibrium, as the excitation says."""
+    if initial is not None or excitation.start == "rest":
+        return initial or {}
+    return static_start(system, excitation)
+
+
+def failed_at(where: str, form: SystemForm, error: StepError, x: Array) -> SimulationError:
+    """A step's failure in words of the system; its contacts' sides are at x (sides,) m."""
+    return SimulationError(f"march failed at {where}: {reason(form.modal, error, x)}")
+
+
+def reason(system: System, error: StepError, x: Array) -> str:
+    """Why a step failed, in words of a system in modal form."""
+    if error.failure == Failure.UNSETTLED:
+        names = ", ".join(contact.name for contact in system.contacts if contact.clearance is not None)
+        return f"which of the rows {names} are closed was not settled in {SOLVES} solves"
+    if error.failure == Failure.UNCONVERGED:
+        return unconverged(system.term_names, system.contacts)
+    if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which
+        C = Assembly(system).at(x).C
+        return dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
+    return "not finite" if error.failure == Failure.NOT_FINITE else str(error)
+
+
+def unconverged(term_names: Sequence[str], contacts: Sequence[Contact]) -> str:
+    """Why a step failed in which forces of terms and friction have not converged, in words."""
+    names = first_few([*term_names, *(f"friction of {joint}" for joint in joints_of(contacts))])
+    return (
+        f"the forces of {names} do not converge in {ITERATIONS} iterations of a step; shorter steps help where terms "
+        "change the stiffness of a step by some hundred times, or pads stick and slide, close and open again and again"
+    )
+
+
+def dependence(C: Array, names: Sequence[str]) -> str:
+    """Which of the rows C (m, n) depend on each other, in words; `names` begin with theirs."""
+    involved = of_rows(C, names[: len(C)]).names
+    if len(involved) == 1:
+        return f"the row {involved[0]} vanishes"
+    return f"the rows {', '.join(involved)} depend on each other"
+
+
+def places_of(paths: Sequence[str], s: Array) -> str:
+    """Where the paths lead, s (P,) m, in words."""
+    return "".join(f", {path} at {at:g} m" for path, at in zip(paths, s, strict=False))

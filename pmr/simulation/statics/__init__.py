@@ -1,0 +1,1 @@
+"""Systems at rest: equilibrium, what a load that grows does, buckling, stops and lifting off."""

@@ -1,0 +1,187 @@
+r"""Equilibrium of a system of bodies under constant loads, at given places.
+
+.. math::
+    \Bigl(K + \sum_k c_k G_k\Bigr) q + C^T \lambda = B f, \qquad
+    C q + H f - F \lambda = g \text{ where a contact is closed}, \quad \lambda = 0 \text{ where it is open}
+
+with the clearances g and the system's terms at their amplitudes c.
+Contacts that only push are closed where they push and open where a gap is left; of the ones that are wrong the kernel
+says which change sides (`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).  A body that open
+contacts leave free for the moment is held by its mass times a frequency far below all others; the last solve has none
+of that.
+
+Terms may make K indefinite while contacts are open that close later, and then changing sides need not end.  So where
+it does not, the energy is minimised in steps, each with a share of omega^2 M added and its force at the last q taken
+away (Rockafellar: Monotone operators and the proximal point algorithm, SIAM Journal on Control and Optimization 14,
+1976): each has one solution, and where they come to rest the system stands by itself, and stably.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from pmr.errors import InputError
+from pmr.kernel.laws import ContactSearch
+from pmr.system.assembly import Assembly
+from pmr.system.contact_rows import ContactRows
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Share of the lowest omega^2 that holds bodies which nothing else holds; what it may change of an equilibrium.
+ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
+#: Solves at most.
+LIMIT = 1000
+#: Shares of the lowest omega^2 with which an equilibrium is approached where K is indefinite while contacts are open
+#: that close later, one after the other, steps with each, and solves in each: with a large share a step is sure to
+#: have a solution, with a small one it is long.
+SHARES, STEPS, FEW = (1.0, 1e-1, 1e-2, 1e-3, 1e-4), 20, 50
+#: Pull or overlap that is round-off, over the largest force or displacement.
+ROUND_OFF = 1e-9
+#: Equations up to which a dense factor is quicker than a sparse one.
+DENSE = 300
+#: An equilibrium whose strain energy is a smaller share of what its entries cancel is held by round-off alone.
+ROUND_OFF_OF_K = 1e2 * float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Coordinates q (n,) as `Assembly` numbers them, contact forces (m,) in N, and which contacts are closed (m,)."""
+
+    q: Array
+    forces: Array
+    closed: Mask
+
+
+def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) -> Equilibrium:
+    """At places x (sides,) m, under loads f (i,) and with amplitudes c (k,) of the system's terms, zero by default.
+
+    An InputError is raised where contacts do not hold the bodies against these loads, or can't tell their forces apart.
+    """
+    contacts = _Contacts(assembly, x, f)
+    K, softest = assembly.stiffness(() if c is None else c), _lowest(assembly, contacts.rows)
+    push = assembly.B @ f
+    almost = contacts.solve(K + ALMOST_FREE * softest * assembly.M, push)
+    found = contacts.solve_closed(K, push, almost.closed)
+    if contacts.confirm(found, almost, K):
+        return found
+    if assembly.terms and c is not None and np.any(c):
+        almost = Equilibrium(np.zeros(assembly.size), almost.forces, contacts.all_closed)
+        for share in np.repeat(SHARES, STEPS):
+            floor = share * softest * assembly.M
+            almost = contacts.solve(K + floor, push + floor @ almost.q, almost.closed, FEW)
+            found = contacts.solve_closed(K, push, almost.closed)
+            if contacts.confirm(found, almost, K):
+                return found
+        equilibrium(assembly, x, f)  # refused for its contacts where these do not hold it without terms either
+        allowed = "axial forces below those that buckle the boom on the pads that are closed at the start are allowed"
+        raise InputError("system", "contacts", None, f"{allowed} with second order; without it these pads hold it")
+    allowed = (
+        "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed "
+        "(pads in the middle of faces hold no roll; pads with a clearance hold nothing until a load closes them)"
+    )
+    raise InputError("system", "contacts", None, allowed)
+
+
+class _Contacts:
+    """Contacts at one place under one load, of which those that only push are closed or open."""
+
+    def __init__(self, assembly: Assembly, x: Array, f: Array) -> None:
+        self._assembly, self.rows, clearance = assembly, assembly.at(x), assembly.system.clearance
+        self._pushes = ~np.isnan(clearance)
+        self._clearance, self._motion = np.where(self._pushes, clearance, 0.0), self.rows.H @ f
+        self.all_closed = np.ones(len(clearance), dtype=bool)
+
+    def solve(self, K: sp.csr_matrix, push: Array, closed: Mask | None = None, limit: int = LIMIT) -> Equilibrium:
+        """Equilibrium of a stiffness K (n, n) that is positive definite whatever is open, under forces `push` (n,).
+
+        The contacts `closed` are so at first; after `limit` solves some may still be on the wrong side.
+        """
+        closed = self.all_closed if closed is None else closed
+        search = ContactSearch()
+        for _ in range(limit):
+            found = self.solve_closed(K, push, closed)
+            wrong = self._wrong(found)
+            if not wrong.any():
+                break
+            closed = search.change(closed, wrong)
+        return found
+
+    def solve_closed(self, K: sp.csr_matrix, push: Array, closed: Mask) -> Equilibrium:
+        """With the given contacts closed; not finite where these hold nothing or depend on each other."""
+        forces, n = np.zeros(len(closed)), self._assembly.size
+        right = np.concatenate([push, (self._clearance - self._motion)[closed]])
+        solution = saddle_point_solver(K, self.rows.of(closed))(right)
+        forces[closed] = solution[n:]
+        return Equilibrium(solution[:n], forces, closed)
+
+    def confirm(self, found: Equilibrium, almost: Equilibrium, K: sp.csr_matrix) -> bool:
+        """Whether an equilibrium stands by K alone, where `almost` is the same with a little more than K."""
+        q, closed, forces = found.q, found.closed, found.forces.copy()
+        if self._clearance[closed].any():  # as if the contacts that are closed had been so from the start
+            F = self.rows.F[np.ix_(closed, closed)]
+            forces[closed] += np.linalg.lstsq(F, self._clearance[closed], rcond=None)[0]
+        unchanged = np.abs(q - almost.q).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
+        stored = q @ (K @ q) + forces @ self.rows.F @ forces
+        stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q))
+        return bool(unchanged and stiff and not self._wrong(found).any())
+
+    def _wrong(self, found: Equilibrium) -> Mask:
+        """Contacts that pull although they only push, or would have to push although they are open."""
+        rows, q, forces = self.rows, found.q, found.forces
+        motion = rows.C @ q + self._motion - rows.F @ forces
+        size = np.abs(rows.C) @ np.abs(q) + self._clearance
+        pulls = found.closed & self._pushes & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
+        return np.asarray(pulls | ~found.closed & (motion - self._clearance > ROUND_OFF * size))
+
+
+def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array], Array]:
+    """Solutions of ((K, C^T), (C, -F)) for right sides (n + m, ...); not finite where it is singular."""
+    n, scale = K.shape[0], rows.unit(K)
+    units = np.concatenate([np.ones(n), np.full(len(rows.C), scale)])
+    if 0 < len(units) <= DENSE:
+        C = scale * rows.C
+        matrix = np.block([[K.toarray(), C.T], [C, -(scale**2) * rows.F]])
+        once = _dense_factor(matrix)
+    else:
+        C, F = sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
+        matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
+        once = _sparse_factor(matrix)
+    if once is None:
+        return lambda right: np.full(right.shape, np.nan)
+
+    def solve(right: Array) -> Array:
+        scaled = (units * right.T).T
+        solution = once(scaled)
+        solution += once(scaled - matrix @ solution)
+        return np.asarray((units * solution.T).T)
+
+    return solve
+
+
+def _sparse_factor(matrix: sp.csc_matrix) -> Callable[[Array], Array] | None:
+    """What solves for right sides; None where it is singular."""
+    try:
+        return spla.splu(matrix).solve
+    except RuntimeError:
+        return None
+
+
+def _dense_factor(matrix: Array) -> Callable[[Array], Array] | None:
+    """The same; a sparse factor of a few equations takes as long as one of a hundred."""
+    factor, pivots, singular = dgetrf(matrix)
+    return None if singular else lambda right: dgetrs(factor, pivots, right)[0]
+
+
+def _lowest(assembly: Assembly, rows: ContactRows) -> float:
+    """About the lowest omega^2 in (rad/s)^2 with all contacts closed: Rayleigh's quotient of what inertia bends."""
+    g = assembly.M.diagonal()
+    q = saddle_point_solver(assembly.K, rows)(np.concatenate([g, np.zeros(len(rows.F))]))[: assembly.size]
+    return abs(float(g @ q / (q @ (assembly.M @ q))))

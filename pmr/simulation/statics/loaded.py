@@ -1,0 +1,364 @@
+r"""A structure at rest under a load that grows: everything as a rational function of the load P.
+
+.. math::
+    (K + G_0 + P\, G_1)\, q + C^T \lambda = b_0 + P\, b_1, \qquad C q - F \lambda = g_0 + P\, g_1
+
+with the geometric stiffness G_0 of what is there without the load, and G_1 of a unit of it.  With closed contacts that
+do not change, A the flexibility under :math:`K + G_0`, :math:`A = L L^T`, :math:`L^T G_1 L = V \eta V^T` and U = L V,
+
+.. math::
+    q(P) = \bar q(P) - P\, U\, (I + P \eta)^{-1} U^T G_1\, \bar q(P), \qquad \bar q(P) = q_0 + P\, q_1
+
+(Woodbury), where q_0 and q_1 are the linear answers.  So one factorisation gives all loads, and the structure buckles
+where the first :math:`1 + P \eta_i` vanishes.  Contacts that only push open and close with the load: each set of closed
+ones has a `Form` of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from pmr.kernel.laws import ContactSearch
+from pmr.system.definite import Free, first_singular, root
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Share of the largest geometric stiffness below which one is round-off; share of the largest flexibility of contacts
+#: below which a load's own place gives way to nothing but round-off.
+ROUND_OFF, RIGID = 1e-9, 1e-4
+#: Pull or overlap that is round-off, over the largest force or displacement.
+WRONG = 1e-9
+#: Sets of closed contacts that are tried at one load.
+MOST_SETS = 200
+
+
+@dataclass(frozen=True)
+class Equations:
+    """What acts at one place, without the load and by a unit of it."""
+
+    M: Array  # (n, n)
+    K: Array  # (n, n)
+    G: tuple[Array, Array]  # (n, n): geometric stiffness, of what is there and of a unit of the load
+    b: tuple[Array, Array]  # (n,): loads on coordinates
+    g: tuple[Array, Array]  # (m,): gaps minus what loads move at contacts by themselves
+    C: Array  # (m, n)
+    F: Array  # (m, m)
+    outputs: Array  # (o, n)
+    X: Array  # (o, m): what contact forces take from outputs by themselves
+    direct: tuple[Array, Array]  # (o,): what loads add to them
+    pushes: Mask  # (m,): contacts that only push
+    # the load's inputs in its d directions: loads on coordinates (n, d), what they move at contacts (m, d) and at
+    # their own place (d, d)
+    on: tuple[Array, Array, Array]
+    # (r, n): what a unit of the load adds to the last r rows of outputs
+    by_load: Array = field(default_factory=lambda: np.zeros((0, 1)))
+
+
+@dataclass(frozen=True)
+class State:
+    """What a load makes: outputs (o,), contact forces (m,), and the form that it has; not finite where none stands."""
+
+    load: float
+    outputs: Array
+    forces: Array
+    form: Form
+
+    @cached_property
+    def stands(self) -> bool:
+        return bool(np.isfinite(self.forces).all() and np.isfinite(self.outputs).all())
+
+
+@dataclass(frozen=True)
+class States:
+    """The same of several loads."""
+
+    load: Array  # (p,)
+    outputs: Array  # (p, o)
+    forces: Array  # (p, m)
+    stands: Mask  # (p,)
+    forms: tuple[Form, ...]  # (p,)
+
+    @classmethod
+    def of(cls, states: Sequence[State]) -> States:
+        """One after the other."""
+        load, stands = np.array([one.load for one in states]), np.array([one.stands for one in states], dtype=bool)
+        outputs, forces = np.array([one.outputs for one in states]), np.array([one.forces for one in states])
+        return cls(load, outputs, forces, stands, tuple(one.form for one in states))
+
+    @classmethod
+    def beside(cls, state: State, outputs: Array, forces: Array) -> States:
+        """Under the same load, with other outputs (p, o) and forces (p, m)."""
+        count = len(outputs)
+        return cls(np.full(count, state.load), outputs, forces, np.ones(count, dtype=bool), (state.form,) * count)
+
+    def some(self, which: Mask) -> States:
+        """Those that are chosen."""
+        forms = tuple(form for form, one in zip(self.forms, which.tolist(), strict=True) if one)
+        return States(self.load[which], self.outputs[which], self.forces[which], self.stands[which], forms)
+
+    def split(self, lengths: Iterable[int]) -> Iterator[States]:
+        """So many, then so many."""
+        first = 0
+        for length in lengths:
+            at = slice(first, first := first + length)
+            yield States(self.load[at], self.outputs[at], self.forces[at], self.stands[at], self.forms[at])
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """Matrices (r, r) on what rigid contacts leave free."""
+
+    M: Array
+    K: Array  # under what is there without the load
+    G: tuple[Array, Array]  # geometric stiffness, of what is there and of a unit of the load
+    place: Array  # (d, r): how the place of the load moves along its directions, m
+    own: Array  # (n, r): coordinates of the structure
+    gaps: Array  # (r, closed): what gaps at contacts that give way press with, of those that are closed
+
+
+class Form:
+    """Equilibria with a set of contacts closed (m,)."""
+
+    def __init__(self, equations: Equations, closed: Mask) -> None:
+        self.equations, self.closed = equations, closed
+        e, n = equations, len(equations.K)
+        K, every = e.K + e.G[0], closed.all()
+        self._C, self._F, self._X = (e.C, e.F, e.X) if every else (e.C[closed], e.F[:, closed][closed], e.X[:, closed])
+        matrix, units = _bordered(K, self._C, self._F)
+        self.held, self.critical = False, 0.0
+        try:
+            Z = units[:, None] * np.linalg.inv(matrix) * units
+        except np.linalg.LinAlgError:
+            return
+        flexibility = (Z[:n, :n] + Z[:n, :n].T) / 2.0
+        if not np.isfinite(size := float(np.linalg.norm(flexibility))):
+            return
+        if size * np.abs(K).max() > 1.0 / np.finfo(float).eps or (L := root(flexibility)) is None:
+            return  # nothing but round-off holds it, or past buckling by what is there without the load
+        self.eta, V = np.linalg.eigh(L.T @ e.G[1] @ L)
+        least = float(self.eta[0]) if len(self.eta) else 0.0
+        some = -least > ROUND_OFF * np.abs(self.eta).max(initial=0.0) and least < 0.0
+        self.held, self.critical = True, -1.0 / least if some else np.inf
+        self._answers(Z, L @ V)
+
+    def _answers(self, Z: Array, U: Array) -> None:
+        """Responses, which are outputs, forces and what contacts move, to both parts of the load and to U."""
+        e, n, closed, pushes = self.equations, len(self.equations.K), self.closed, self.equations.pushes
+        o, m, d = len(e.outputs), len(closed), int(pushes.sum())
+        R = np.zeros((o + m + d + len(e.by_load), n + int(closed.sum())))
+        R[o + m + d :, :n] = e.by_load
+        R[:o, :n], R[:o, n:] = e.outputs, -self._X
+        R[o + np.flatnonzero(closed), np.arange(n, R.shape[1])] = 1.0
+        if d:
+            pushing = slice(o + m, o + m + d)
+            R[pushing, :n], R[pushing, n:] = e.C[pushes], -e.F[pushes][:, closed]
+        z = [Z @ np.concatenate([b, g[closed]]) for b, g in zip(e.b, e.g, strict=True)]
+        # contacts are closed where C q - F lambda = g: the rest is how far that fails
+        none = np.zeros(len(e.by_load))
+        rest = [
+            np.concatenate([direct, np.zeros(m), -g[pushes], none]) for direct, g in zip(e.direct, e.g, strict=True)
+        ]
+        self._linear = [R @ one + more for one, more in zip(z, rest, strict=True)]
+        Y = (R @ Z[:, :n]) @ e.G[1]
+        self._bent = [Y @ one[:n] for one in z]
+        self._modal = np.ascontiguousarray((Y @ U).T)
+        self._on_modes = [U.T @ (e.G[1] @ one[:n]) for one in z]
+
+    def responses(self, loads: Array) -> Array:
+        """Under loads (p,): outputs, forces, and how contacts that push move beyond their gaps, (p, o + m + d).
+
+        Not numbers where nothing stands.
+        """
+        if not self.held:
+            e = self.equations
+            return np.full((len(loads), len(e.outputs) + len(e.pushes) + int(e.pushes.sum())), np.nan)
+        (r0, r1), (y0, y1), (u0, u1) = self._linear, self._bent, self._on_modes
+        stands = self.stands(loads)
+        P = np.where(stands, loads, 0.0)[:, None]
+        amplitudes = P * (u0 + P * u1) / (1.0 + P * self.eta)
+        found = r0 + P * (r1 - y0 - P * y1 + amplitudes @ self._modal)
+        found[~stands] = np.nan
+        o, count = len(self.equations.outputs), len(self.equations.by_load)
+        last = found.shape[1] - count
+        found[:, o - count : o] += P * found[:, last:]
+        return np.asarray(found[:, :last])
+
+    def stands(self, loads: Array) -> Mask:
+        """Under which loads (p,) it stands."""
+        return np.asarray(loads < self.critical)
+
+    @cached_property
+    def _unstressed(self) -> tuple[Array, Array, Array, Array]:
+        """Geometric stiffness on the root L of the unstressed flexibility, both parts; L; what loads press contacts."""
+        e, n = self.equations, len(self.equations.K)
+        matrix, units = _bordered(e.K, self._C, self._F)
+        Z = np.linalg.inv(matrix)
+        size, Q = np.linalg.eigh((Z[:n, :n] + Z[:n, :n].T) / 2.0)
+        some = size > len(size) * np.finfo(float).eps * size[-1]
+        L = Q[:, some] * np.sqrt(size[some])
+        return L.T @ e.G[0] @ L, L.T @ e.G[1] @ L, L, units[n:, None] * Z[n:, :n]
+
+    def inverse_factor(self, load: float) -> float:
+        """1 over the factor by which all axial forces would have to grow until it buckles; 0 where none presses."""
+        on = self.condensed
+        factor = first_singular(on.K - on.G[0], on.G[0] + load * on.G[1])
+        return 1.0 / factor if factor > 0.0 else np.inf
+
+    def load_of_factor(self, factor: float, near: float = np.nan, up_to: float = np.inf) -> float:
+        r"""The load in kg at which all axial forces may grow by no more than a factor; infinite where none is.
+
+        :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` on what rigid contacts leave free; `near` and `up_to` as
+        `first_singular` has them.
+        """
+        on = self.condensed
+        return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1], near, up_to)
+
+    def buckled(self, load: float, count: int = 1) -> Array:
+        """Contact forces (count, m) of the shapes in which it buckles first, the largest of each 1."""
+        N0, N1, L, on_contacts = self._unstressed
+        _, Y = np.linalg.eigh(N0 + load * N1)
+        G = self.equations.G[0] + load * self.equations.G[1]
+        found = np.zeros((count, len(self.closed)))
+        found[:, self.closed] = (on_contacts @ (G @ (L @ Y[:, :count]))).T
+        return np.asarray(found / np.maximum(np.abs(found).max(axis=1, keepdims=True), np.finfo(float).tiny))
+
+    @cached_property
+    def condensed(self) -> Condensed:
+        """On what rigid contacts leave free, with the place of the load; contacts that give way are in K."""
+        e, closed = self.equations, self.closed
+        T, H, E = e.on
+        n, d = T.shape
+        m = int(closed.sum())
+        C, F, K = np.zeros((m + d, n + d)), np.empty((m + d, m + d)), np.zeros((n + d, n + d))
+        C[:m, :n], C[m:, :n], C[m:, n:] = self._C, T.T, -np.eye(d)
+        F[:m, :m], F[:m, m:], F[m:, :m], F[m:, m:] = self._F, H[closed], H[closed].T, E
+        diagonal = np.diagonal(F)
+        rigid = diagonal == 0.0
+        rigid[m:] |= diagonal[m:] <= RIGID * diagonal.max(initial=0.0)
+        soft = ~rigid
+        K[:n, :n] = e.K + e.G[0]
+        pressing = np.zeros((n + d, m + d))
+        pressing[:, soft] = np.linalg.solve(F[np.ix_(soft, soft)], C[soft]).T
+        K += pressing @ C
+        free = Free(C[rigid])
+        M, G0, G1 = (np.zeros_like(K) for _ in range(3))
+        M[:n, :n], G0[:n, :n], G1[:n, :n] = e.M, *e.G
+        M, K, G0, G1 = (free.on(one) for one in (M, K, G0, G1))
+        Z = free.basis
+        return Condensed(M, K, (G0, G1), Z[n:], Z[:n], (Z.T @ pressing)[:, :m])
+
+    @property
+    def against(self) -> Array:
+        """The direction (d,) against which a load pulls, among those of its inputs."""
+        pull = np.linalg.lstsq(self.equations.on[0], self.equations.b[1], rcond=None)[0]
+        return np.asarray(-pull / np.linalg.norm(pull))
+
+    def frequency(self, load: float) -> float:
+        """The lowest in Hz, with the load as a mass in kg that moves along its own directions; 0 past buckling."""
+        if load >= self.critical:
+            return 0.0
+        M, place = self.condensed.M, self.condensed.place
+        K = self.condensed.K + load * self.condensed.G[1]
+        last = len(K) - 1
+        try:
+            largest = scipy.linalg.eigh(
+                M + load * place.T @ place, (K + K.T) / 2.0, eigvals_only=True, subset_by_index=(last, last)
+            )
+        except np.linalg.LinAlgError:
+            return 0.0
+        return float(1.0 / np.sqrt(largest[0]) / (2.0 * np.pi)) if largest[0] > 0.0 else np.inf
+
+    def load_of_frequency(self, frequency: float, near: float = np.nan, up_to: float = np.inf) -> float:
+        r"""The load in kg, as a mass, at which the lowest frequency falls to one in Hz; infinite where none does.
+
+        :math:`(K - \omega^2 M + P (G - \omega^2 c^T c)) q = 0`, c how its place moves; `near` and `up_to` as
+        `first_singular` has them.
+        """
+        on, square = self.condensed, (2.0 * np.pi * frequency) ** 2
+        return first_singular(on.K - square * on.M, on.G[1] - square * on.place.T @ on.place, near, up_to)
+
+
+def _bordered(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
+    """The matrix of a structure that is held, and what the unknowns are to be multiplied with, in similar units."""
+    n, scale = len(K), float(np.abs(K).max()) or 1.0
+    matrix, units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
+    units[n:] = scale
+    matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:] = K, scale * C.T, scale * C, -(scale**2) * F
+    return matrix, units
+
+
+class Loaded:
+    """Equilibria at one place, by the load; forms of contacts that have been closed are kept."""
+
+    def __init__(self, equations: Equations) -> None:
+        self.equations = equations
+        self._forms, self._states = dict[bytes, Form](), dict[float, State]()
+        self._last = np.ones(len(equations.pushes), dtype=bool)
+
+    @cached_property
+    def both_ways(self) -> bool:
+        """Whether no contact may open."""
+        return not self.equations.pushes.any()
+
+    def state(self, load: float) -> State:
+        """The equilibrium under a load; one that does not stand where none is found."""
+        if load not in self._states:
+            self._states[load] = self._found(load)
+        return self._states[load]
+
+    def states(self, loads: Sequence[float]) -> States:
+        """The same under several loads: at once where no contact may open."""
+        if not self.both_ways:
+            return States.of([self.state(load) for load in loads])
+        o, m, form, load = len(self.equations.outputs), len(self.equations.pushes), self._closed, np.array(loads)
+        found = form.responses(load)
+        return States(load, found[:, :o], found[:, o : o + m], form.stands(load), (form,) * len(loads))
+
+    @cached_property
+    def _closed(self) -> Form:
+        return self._form(self._last)
+
+    def _form(self, closed: Mask) -> Form:
+        key = closed.tobytes()
+        if key not in self._forms:
+            self._forms[key] = Form(self.equations, closed.copy())
+        return self._forms[key]
+
+    def _found(self, load: float) -> State:
+        o, m = len(self.equations.outputs), len(self.equations.pushes)
+        if self.both_ways:
+            form = self._closed
+            found = form.responses(np.array([load]))[0]
+            return State(load, found[:o], found[o : o + m], form)
+        closed, tried, search = self._last.copy(), set[bytes](), ContactSearch()
+        for _ in range(MOST_SETS):
+            form = self._form(closed)
+            found = form.responses(np.array([load]))[0]
+            state = State(load, found[:o], found[o : o + m], form)
+            if not state.stands:
+                if closed.all():
+                    return state
+                closed = np.ones(m, dtype=bool)  # what open contacts leave free for the moment
+                if closed.tobytes() in tried:
+                    return state
+                continue
+            wrong = self._wrong(state, found[o + m :])
+            if not wrong.any():
+                self._last = closed
+                return state
+            tried.add(closed.tobytes())
+            closed = search.change(closed, wrong)
+        return State(load, np.full(o, np.nan), np.full(m, np.nan), form)
+
+    def _wrong(self, state: State, beyond: Array) -> Mask:
+        pushes, closed = self.equations.pushes, state.form.closed
+        wrong = closed & pushes & (state.forces < -WRONG * np.abs(state.forces).max(initial=0.0))
+        wrong[pushes] |= ~closed[pushes] & (beyond > WRONG * np.abs(beyond).max(initial=0.0))
+        return wrong

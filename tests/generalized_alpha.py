@@ -1,0 +1,35 @@
+"""Parameters of generalized-alpha, written once more for the tests' own integrators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class GeneralizedAlpha:
+    """Chung and Hulbert, Journal of Applied Mechanics 60, 1993, eq. 25."""
+
+    step: float  # s
+    rho_inf: float
+
+    @property
+    def alpha_m(self) -> float:
+        return (2.0 * self.rho_inf - 1.0) / (self.rho_inf + 1.0)
+
+    @property
+    def alpha_f(self) -> float:
+        return self.rho_inf / (self.rho_inf + 1.0)
+
+    @property
+    def gamma(self) -> float:
+        return 0.5 + self.alpha_f - self.alpha_m
+
+    @property
+    def beta(self) -> float:
+        return (self.gamma + 0.5) ** 2 / 4.0
+
+    @property
+    def gains(self) -> tuple[float, float]:
+        """By what a new acceleration moves coordinates (s^2) and rates (s) of a step."""
+        gain = (1.0 - self.alpha_f) / (1.0 - self.alpha_m)
+        return self.beta * self.step**2 * gain, self.gamma * self.step * gain

@@ -1,0 +1,89 @@
+"""A report that another process draws: the same page, and nothing is left of that process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from waiting import PATIENCE, wait_until
+
+from pmr.errors import environment
+from pmr.report.background import BackgroundReport, has_free_core
+from pmr.report.document import dated, page
+from pmr.report.sections import chapter
+from pmr.results import RunResult
+
+MEASURED = {"model": {"beside": None, "reason": "not measured: this says so last"}}
+KILLED = """
+import multiprocessing, sys, time
+from pmr.errors import environment
+from pmr.report.background import BackgroundReport
+
+environment.cores = lambda: 2
+if __name__ == "__main__":
+    with BackgroundReport() as report:
+        print(multiprocessing.active_children()[0].pid, flush=True)
+        time.sleep(600.0)
+"""
+
+
+@pytest.fixture
+def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(environment, "cores", lambda: 2)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("two_cores")
+def test_the_page_is_the_same_with_what_was_measured_last(boom: RunResult, tmp_path: Path) -> None:
+    summary = dict(boom.summary)
+    result = RunResult(**{**vars(boom), "summary": summary})
+    with BackgroundReport() as report:
+        report.draw(result)
+        summary["budget"] = MEASURED
+        written = report.write([result], tmp_path)
+    text = page([chapter(result, "case-1")], dated("Simulation report", [summary]))
+    assert "this says so last" in text
+    assert written.html.read_text(encoding="utf-8") == text
+    assert written.pdf.read_bytes().startswith(b"%PDF-")
+
+
+@pytest.mark.parametrize(("cores", "launched"), [(2, 1), (1, 1), (2, 2)])
+def test_another_process_draws_where_it_has_a_core_and_there_are_no_ranks(
+    monkeypatch: pytest.MonkeyPatch, cores: int, launched: int
+) -> None:
+    monkeypatch.setattr(environment, "cores", lambda: cores)
+    monkeypatch.setattr(environment, "launched", lambda: launched)
+    assert has_free_core() == (cores == 2 and launched == 1)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_without_another_process_this_one_writes_the_report(boom: RunResult, tmp_path: Path) -> None:
+    with BackgroundReport() as report:
+        report.draw(boom)
+        assert report.write([boom], tmp_path).html.read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("two_cores")
+def test_what_can_not_be_drawn_is_said_when_the_report_is_written(boom: RunResult, tmp_path: Path) -> None:
+    with BackgroundReport() as report:
+        report.draw(RunResult(**{**vars(boom), "responses": {}}))
+        with pytest.raises(KeyError, match="reduced"):
+            report.write([boom], tmp_path)
+    assert not (tmp_path / "report.html").exists()
+
+
+@pytest.mark.slow
+def test_the_other_process_ends_with_one_that_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "run.py").write_text(KILLED)
+    with subprocess.Popen([sys.executable, str(tmp_path / "run.py")], stdout=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None
+        drawing = int(run.stdout.readline())
+        os.kill(drawing, signal.SIGINT)  # as a terminal sends to both
+        run.kill()
+        run.wait(PATIENCE)
+        wait_until(lambda: not Path("/proc", str(drawing)).exists())

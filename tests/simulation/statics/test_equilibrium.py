@@ -1,0 +1,54 @@
+"""Equilibria as solutions of one symmetric system for coordinates and forces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.interpolate import PPoly
+
+from pmr.errors import InputError
+from pmr.reduced.model import ReducedModel
+from pmr.simulation.statics.equilibrium import equilibrium, saddle_point_solver
+from pmr.system.assembly import Assembly
+from pmr.system.contact_rows import ContactRows
+from pmr.system.contacts import Contact, Place
+from pmr.system.system import System
+from pmr.system.terms import Term
+
+
+@pytest.mark.parametrize("K", [0.0, 1e6])
+def test_a_rigid_motion_on_springs_has_an_answer(K: float) -> None:
+    """(K + C^2 / F) q = f: where there is no stiffness but the springs', too."""
+    rows = ContactRows(np.array([[0.1]]), np.array([[3e-8]]), np.zeros((1, 1)), np.zeros((1, 1)))
+    q, force = saddle_point_solver(sp.csr_matrix([[K]]), rows)(np.array([1.0, 0.0]))
+    assert q == pytest.approx(1.0 / (K + 0.01 / 3e-8)) and force == pytest.approx(0.1 * q / 3e-8)
+
+
+@pytest.mark.parametrize("force", [3.0, -3.0, 1e4])
+def test_a_mass_that_a_term_tips_comes_to_rest_on_the_pad_on_its_side(force: float) -> None:
+    """Between two pads with clearance, where a term has taken away more than the spring's stiffness.
+
+    With both pads open nothing holds it; on the pad it is k (q - c) = f + (N - K) q.
+    """
+    K, N, k, c = 100.0, 250.0, 1e6, 1e-3
+    one, none = np.ones((1, 1)), np.zeros((1, 1))
+    rows, names = PPoly(np.array([1.0, -1.0]).reshape(1, 1, 2, 1), [0.0, 1.0]), ("right", "left")
+    body = ReducedModel(one, none, K * one, one, one, rows, ("F",), names, np.zeros(1))
+    pads = tuple(Contact(name, Place("mass", name, 0.0), compliance=1.0 / k, clearance=c) for name in names)
+    system = System({"mass": body}, pads, terms=(Term("pressed", ("mass",), stiffness=one),))
+    found = equilibrium(Assembly(system), system.coordinates({}), np.array([force]), np.array([-N]))
+    expected = (force + np.sign(force) * k * c) / (k - (N - K))
+    assert found.q == pytest.approx(expected) and np.sign(force) * expected > c
+    np.testing.assert_allclose(found.forces, [max(0.0, k * (expected - c)), max(0.0, k * (-expected - c))])
+    np.testing.assert_array_equal(found.closed, [force > 0.0, force < 0.0])
+
+
+def test_what_second_order_alone_lets_go_is_said_to_be_so() -> None:
+    """Held without terms, and by nothing with them; without terms either it is the contacts that hold nothing."""
+    one, none, rows = np.ones((1, 1)), np.zeros((1, 1)), PPoly(np.zeros((1, 1, 0, 1)), [0.0, 1.0])
+    for K, said in ((100.0, "second order; without it these pads hold it"), (0.0, "contacts that hold the bodies")):
+        body = ReducedModel(one, none, K * one, one, one, rows, ("F",), (), np.zeros(1))
+        system = System({"mass": body}, (), terms=(Term("pressed", ("mass",), stiffness=one),))
+        with pytest.raises(InputError, match=said):
+            equilibrium(Assembly(system), system.coordinates({}), np.array([3.0]), np.array([-250.0]))

@@ -1,0 +1,158 @@
+"""Equilibria as functions of a load: a stepped column, and contacts that open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from pmr.simulation.statics.loaded import Equations, Form, Loaded
+from pmr.studies.searches import Search, first_load, searched
+from pmr.system.definite import Free, first_singular, root
+
+Array = np.ndarray
+
+
+def equations(K: Array, G: Array, b: Array, C: Array, F: Array, pushes: bool, gap: float = 0.0) -> Equations:
+    """Of a structure without what is there before the load; outputs are its coordinates."""
+    n, m = len(K), len(C)
+    nothing = np.zeros((n, n))
+    return Equations(
+        M=np.eye(n),
+        K=K,
+        G=(nothing, G),
+        b=(np.zeros(n), b),
+        g=(np.full(m, gap), np.zeros(m)),
+        C=C,
+        F=F,
+        outputs=np.eye(n),
+        X=np.zeros((n, m)),
+        direct=(np.zeros(n), np.zeros(n)),
+        pushes=np.full(m, pushes),
+        on=(np.zeros((n, 0)), np.zeros((m, 0)), np.zeros((0, 0))),
+    )
+
+
+def stepped(elements: int) -> tuple[Array, Array]:
+    """Stiffness of a column of two halves, EI = 1 and 1/2, L = 1, held at its foot, and that of a unit end load."""
+    n, h = 2 * elements, 1.0 / elements
+    K, G = np.zeros((n + 2, n + 2)), np.zeros((n + 2, n + 2))
+    bent = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2]])
+    bent = np.vstack([bent, -bent[0], [6 * h, 2 * h**2, -6 * h, 4 * h**2]]) / h**3
+    pressed = np.array([[36, 3 * h, -36, 3 * h], [3 * h, 4 * h**2, -3 * h, -(h**2)]])
+    pressed = np.vstack([pressed, -pressed[0], [3 * h, -(h**2), -3 * h, 4 * h**2]]) / (30 * h)
+    for e in range(elements):
+        at = np.ix_(range(2 * e, 2 * e + 4), range(2 * e, 2 * e + 4))
+        K[at] += bent * (1.0 if e < elements // 2 else 0.5)
+        G[at] -= pressed
+    return K[2:, 2:], G[2:, 2:]
+
+
+def test_a_stepped_column_buckles_where_its_halves_say() -> None:
+    """k_1 tan(k_1 a) tan(k_2 a) = k_2, P = k^2 EI, over halves of the length a: 2.0672 EI / L^2."""
+    K, G = stepped(40)
+    form = Form(equations(K, G, np.zeros(len(K)), np.zeros((0, len(K))), np.zeros((0, 0)), False), np.zeros(0, bool))
+
+    def halves(P: float) -> float:
+        k1, k2 = np.sqrt(P), np.sqrt(2.0 * P)
+        return float(np.tan(k1 / 2.0) * np.tan(k2 / 2.0) - k2 / k1)
+
+    exact = float(brentq(halves, 1.0, 2.4))
+    assert exact == pytest.approx(2.0672, rel=1e-4)
+    assert form.critical == pytest.approx(exact, rel=1e-6)
+    assert form.inverse_factor(1.0) == pytest.approx(1.0 / form.critical, rel=1e-9)
+
+
+def test_a_pad_with_a_gap_carries_from_the_load_on_that_closes_it() -> None:
+    """A spring of 100 N/m on which the load pulls, and a pad of 300 N/m 0.1 m away: force and motion have a kink."""
+    loaded = Loaded(
+        equations(
+            np.array([[100.0]]), np.zeros((1, 1)), np.ones(1), np.ones((1, 1)), np.full((1, 1), 1 / 300.0), True, 0.1
+        )
+    )
+    for load, moved, force in ((5.0, 0.05, 0.0), (20.0, 0.125, 7.5), (8.0, 0.08, 0.0)):
+        state = loaded.state(load)
+        assert state.outputs[0] == pytest.approx(moved, rel=1e-12)
+        assert state.forces[0] == pytest.approx(force, rel=1e-12)
+    search = first_load(1e3, at_once=False)
+    assert searched(loaded, {"pad": (lambda states: states.forces[:, 0] / 30.0, search)}) == {
+        "pad": pytest.approx(50.0, rel=1e-12)
+    }
+
+
+def found(used: Callable[[float], float], search: Search) -> tuple[float | None, int]:
+    """What a search finds of a limit of which a load uses so much, and how many times it asks."""
+    loads, asked = next(search), 1
+    while True:
+        try:
+            loads = search.send([used(load) for load in loads])
+            asked += 1
+        except StopIteration as end:
+            return end.value, asked
+
+
+def test_the_first_load_at_which_a_limit_is_met_is_found_or_said_not_to_be() -> None:
+    assert found(lambda P: P / 7.0, first_load(10.0))[0] == pytest.approx(7.0)
+    assert found(lambda P: P / 7.0, first_load(10.0, grows=True, near=7.01))[0] == pytest.approx(7.0)
+    assert found(lambda P: P / 7.0, first_load(10.0, near=3.0))[0] == pytest.approx(7.0)
+    assert found(lambda P: P / 70.0, first_load(10.0))[0] is None
+    assert found(lambda P: 1.0 + P, first_load(10.0))[0] == 0.0
+    reached = found(lambda P: 1.0 / (10.0 - P) if P < 10.0 else np.inf, first_load(20.0, at_once=False))
+    assert reached[0] == pytest.approx(9.0)
+
+
+@pytest.mark.parametrize(
+    ("used", "exact"),
+    [
+        (lambda P: abs(2.0 * P / 5.0 - 0.9), 1.9 * 2.5),  # pushes, then pulls
+        (lambda P: max(P / 9.0, (P / 6.0) ** 3), 6.0),  # another one is the largest beyond
+        (lambda P: 0.5 + 1e-9 * P + 1e3 * (P > 7.3), 7.3),  # jumps: the first load beyond
+        (lambda P: np.tan(P / 8.0) if P / 8.0 < np.pi / 2.0 else np.inf, 2.0 * np.pi),
+        (lambda P: np.sqrt(P / 8.0), 8.0),
+        (lambda P: 0.5 + 5.0 * (P / 10.0) ** 9, 10.0 * 0.1 ** (1.0 / 9.0)),
+    ],
+)
+@pytest.mark.parametrize("near", [np.nan, 1.001])
+def test_roots_lie_between_loads_that_use_less_and_more(
+    used: Callable[[float], float], exact: float, near: float
+) -> None:
+    """To 1e-12 of the largest load; by quarters alone that takes 20 rounds, 4^-20 being 1e-12."""
+    load, asked = found(used, first_load(10.0, near=near * exact))
+    assert load == pytest.approx(exact, abs=3e-12 * 10.0)
+    assert asked <= 25
+
+
+def test_loads_at_which_matrices_become_singular_are_those_of_all_eigenvalues() -> None:
+    """Found beside a load that is known nearly or not, with a shape that starting values hardly have."""
+    rng = np.random.default_rng(4)
+    Q = np.linalg.qr(rng.normal(size=(30, 30)))[0]
+    singular = np.array([3.0, 3.01, *np.linspace(5.0, 40.0, 20), *-np.linspace(1.0, 9.0, 8)])  # below 0: pulled
+    A, B = Q @ np.diag(rng.uniform(1.0, 100.0, 30)) @ Q.T, np.zeros((30, 30))
+    L = np.linalg.cholesky(A)
+    U = np.linalg.qr(rng.normal(size=(30, 30)))[0]
+    B = -L @ U @ np.diag(1.0 / singular) @ U.T @ L.T
+    for near in (np.nan, 2.99, 3.0, 3.02, 3.2, 1.0, 17.0, np.inf):
+        assert first_singular(A, B, near) == pytest.approx(3.0, rel=1e-11)
+    assert first_singular(A, B, up_to=2.9) == np.inf == first_singular(A, 0.0 * B)
+    assert first_singular(-A, B) == 0.0
+    L[:, 3:] = 0.0
+    some: list[Array] = [A, L @ L.T]
+    for semidefinite in some:
+        of = root(semidefinite)
+        assert of is not None and of @ of.T == pytest.approx(semidefinite, abs=1e-12 * np.abs(A).max())
+    assert root(A - 1.1 * float(np.linalg.eigvalsh(A)[0]) * np.eye(30)) is None
+
+
+def test_what_rows_leave_free_is_a_basis_of_their_null_space() -> None:
+    """Rows that say the same twice hold once; without rows all is free."""
+    rng = np.random.default_rng(5)
+    C, A = rng.normal(size=(4, 9)), rng.normal(size=(9, 9))
+    C[3] = C[0] - 2.0 * C[1]
+    free = Free(C)
+    Z = free.basis
+    assert Z.shape == (9, 6) and np.abs(C @ Z).max() < 1e-13
+    assert Z.T @ Z == pytest.approx(np.eye(6), abs=1e-14)
+    assert free.on(A + A.T) == pytest.approx(Z.T @ (A + A.T) @ Z, abs=1e-13)
+    assert Free(C[:0]).on(A + A.T) == pytest.approx(A + A.T)
