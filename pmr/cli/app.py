@@ -49,10 +49,10 @@ class _Commands(TyperGroup):
 def _refused(error: Any, ctx: Any) -> InputError:
     """A wrong use in a line: what is missing with its own help, or what click says."""
     command, about = (error.ctx or ctx).command_path, getattr(getattr(error, "param", None), "help", None)
-    said = error.format_message().rstrip(".")
-    if said.startswith("Missing") and about:
-        said += f": {about[:1].lower()}{about[1:].rstrip('.')}"
-    return InputError("command line", "", None, f"{said}; `{command} --help` says more")
+    message = error.format_message().rstrip(".")
+    if message.startswith("Missing") and about:
+        message += f": {about[:1].lower()}{about[1:].rstrip('.')}"
+    return InputError("command line", "", None, f"{message}; `{command} --help` says more")
 
 
 app = typer.Typer(
@@ -68,8 +68,8 @@ for command in (new, run, study, chart, simulate, export, flexible, matrices, in
 app.command("compile")(compile_)
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(is_given: bool) -> None:
+    if is_given:
         say(out, f"pmr {environment.versions()['pmr']}")
         raise typer.Exit
 

@@ -87,7 +87,7 @@ class VisibleText(logging.Formatter):
 
 
 def no_report(error: Exception, folder: Path) -> str:
-    """What to say where everything is computed and stored but the report can't be drawn."""
+    """Explain that everything is computed and stored but the report can't be drawn."""
     reason = " ".join(f"{type(error).__name__}: {error}".split())
     return f"the report can't be drawn ({reason}); the results themselves are in {folder}"
 
@@ -107,49 +107,49 @@ def ensure_writable(folder: Path, ours: Sequence[str] = ()) -> None:
 
 
 def ensure_file(file: Path, *read: Path) -> None:
-    """The same of a file that is to be written: it takes the place of an ordinary file, which none is that is read."""
+    """Check that a file can be written: it takes the place of an ordinary file, and of none that is read."""
     ensure_writable(file.parent)
     try:
         ensure_ordinary(file)
-        if any(file.exists() and isfile(one) and file.samefile(one) for one in read):
+        if any(file.exists() and isfile(source) and file.samefile(source) for source in read):
             raise NotWrittenError("another name is allowed: it is read")
     except OSError as error:
         raise InputError("command line", "--out", str(file), error.strerror or str(error)) from None
 
 
-def scene_file(asked: Path) -> Path:
+def scene_file(path: Path) -> Path:
     """A scene file: the file itself, `scene.toml` in a folder, or a workflow by its name; studies are refused."""
-    file = _found(asked, "scene.toml")
+    file = _found(path, "scene.toml")
     if "kind" in _keys(file):
-        raise InputError("command line", "SCENE", str(asked), f"that is a study: pmr study {asked} computes it")
+        raise InputError("command line", "SCENE", str(path), f"that is a study: pmr study {path} computes it")
     return file
 
 
-def study_file(asked: Path) -> Path:
+def study_file(path: Path) -> Path:
     """A study file: the file itself, `study.toml` in a folder, or a workflow by its name; scenes are refused.
 
     The name of an experiment of the paper stands for its script.
     """
     from pmr.scene.workflows import experiments
 
-    script = experiments().get(str(asked))
-    if script and not asked.is_file():
+    script = experiments().get(str(path))
+    if script and not path.is_file():
         return script
-    file = _found(asked, "study.toml")
+    file = _found(path, "study.toml")
     keys = _keys(file)
     if "kind" not in keys and {"body", "slider", "sections"} & set(keys):
-        raise InputError("command line", "STUDY", str(asked), f"that is a scene: pmr run {asked} computes it")
+        raise InputError("command line", "STUDY", str(path), f"that is a scene: pmr run {path} computes it")
     return file
 
 
-def _found(asked: Path, within: str) -> Path:
+def _found(path: Path, within: str) -> Path:
     from pmr.scene.workflows import found  # what reads scenes takes longer to load than a help text to print
 
-    return found(asked, within)
+    return found(path, within)
 
 
 def _keys(file: Path) -> dict[str, object]:
-    """What stands in a file; nothing where it can't be read, which its reader says better."""
+    """Keys of a file; none where it can't be read, which its reader explains better."""
     from pmr.scene.tomlfiles import tables
 
     try:

@@ -22,20 +22,20 @@ _TABLES = ("versions", "scene")  # of a model's provenance
 
 
 def described_file(file: Path) -> dict[str, str]:
-    """What a file of a reduced model or a system holds."""
+    """Describe the content of a file of a reduced model or a system."""
     from pmr import ReducedModel
     from pmr.system.saved import read
     from pmr.system.system import System
 
-    found = read(file)
-    if not isinstance(found, ReducedModel):
+    content = read(file)
+    if not isinstance(content, ReducedModel):
         return described_system(System.load(file))
-    rows = described_model(found)
-    return rows if found.section is not None else rows | _frequencies(System.of(found))
+    rows = described_model(content)
+    return rows if content.section is not None else rows | _frequencies(System.of(content))
 
 
 def described_system(system: System) -> dict[str, str]:
-    """What a system of several bodies is."""
+    """Describe a system of several bodies."""
     scene = system.provenance.get("scene")
     title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
     rows = {
@@ -45,7 +45,7 @@ def described_system(system: System) -> dict[str, str]:
     for name, body in system.reduced.items():
         rows[f"body {name}"] = f"{body.size} coordinates; outputs: {_describe_outputs(body)}"
     pushing = {True: "holds both ways", False: "only pushes"}
-    contacts = [f"{one.name} ({pushing[one.clearance is None]})" for one in system.contacts]
+    contacts = [f"{contact.name} ({pushing[contact.clearance is None]})" for contact in system.contacts]
     ranges = [f"{path} from {low:.4g} to {high:.4g} m" for path, (low, high) in system.ranges.items()]
     return rows | {
         **_inputs(system.input_names, system.input_units),
@@ -63,7 +63,7 @@ def _frequencies(system: System) -> dict[str, str]:
     from pmr.simulation.recorded import visited
     from pmr.system.assembly import Assembly
 
-    found, ranges = dict[str, str](), visited(system)
+    rows, ranges = dict[str, str](), visited(system)
     for end in (0, 1):
         s = {path: ends[end] for path, ends in ranges.items()}
         where = ", ".join(f"{path} at {at:.4g} m" for path, at in s.items()) or "at rest"
@@ -72,22 +72,22 @@ def _frequencies(system: System) -> dict[str, str]:
         except (InputError, SimulationError, np.linalg.LinAlgError):
             continue  # where two rigid pads meet
         without = ", without second order" if system.terms else ""
-        found[f"frequencies, {where}{without}"] = f"{', '.join(f'{f:.4g}' for f in hertz if np.isfinite(f))} Hz"
-    return found
+        rows[f"frequencies, {where}{without}"] = f"{', '.join(f'{f:.4g}' for f in hertz if np.isfinite(f))} Hz"
+    return rows
 
 
 def _listed(names: list[str]) -> str:
-    """Of many the first and the last."""
+    """List names; of many the first and the last."""
     return ", ".join(names if len(names) <= LISTED else [names[0], "...", names[-1]])
 
 
 def described_scene(scene: scenes.Scene) -> dict[str, str]:
-    """What a scene asks for, line by line."""
+    """Describe a scene, line by line."""
     from pmr.scene.members import members
 
     rows = {"title": scene.title, "hash": scene.hash}
-    for one in members(scene):
-        rows |= _describe_body(one) if len(scene.sections) == 1 else {one.part.name: _in_a_line(scene, one)}
+    for member in members(scene):
+        rows |= _describe_body(member) if len(scene.sections) == 1 else {member.part.name: _in_a_line(scene, member)}
     return (
         rows
         | _frame(scene)
@@ -102,51 +102,52 @@ def _frame(scene: scenes.Scene) -> dict[str, str]:
     """How a boom is raised and turned."""
     if scene.frame is None:
         return {}
-    said = []
+    motions = []
     for name, angle in zip(("luffing", "slewing"), scene.frame.angles, strict=True):
         low, high = (math.degrees(end) for end in angle.bounds(0.0, scene.time.end))
         if low or high:
-            said.append(f"{name} {low:.4g} to {high:.4g} degrees" if high > low else f"{name} {low:.4g} degrees")
-    said += ["a base that moves"] * (scene.frame.base is not None)
+            motions.append(f"{name} {low:.4g} to {high:.4g} degrees" if high > low else f"{name} {low:.4g} degrees")
+    motions += ["a base that moves"] * (scene.frame.base is not None)
     pivot = ", ".join(f"{at:g}" for at in scene.frame.place)
-    return {"frame": f"{'; '.join(said) or 'level'}; tail at ({pivot}) m from the pivot"}
+    return {"frame": f"{'; '.join(motions) or 'level'}; tail at ({pivot}) m from the pivot"}
 
 
-def _describe_body(one: Member) -> dict[str, str]:
+def _describe_body(member: Member) -> dict[str, str]:
     """A body alone."""
     from pmr.scene.choice import choose, undecided
 
-    chosen, (low, high), part = choose(one), one.bounds, one.part
-    pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in one.pads]
-    points = [f"{len(one.points)} row(s)"] if one.points else []
+    chosen, (low, high), part = choose(member), member.bounds, member.part
+    pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in member.pads]
+    points = [f"{len(member.points)} row(s)"] if member.points else []
+    at_least = "at least that, by measurement: " if undecided(member) else ""
     return {
         "body": f"{chosen.model}, {_size(part.body)}",
-        "model": f"{part.body.model}: {'at least that, by measurement: ' * undecided(one)}{'; '.join(chosen.reasons)}",
-        "slider" if one.points else "pads": f"{', '.join([*pads, *points])}; s from {low:g} to {high:g} m",
-        "loads": ", ".join(_loads(one)),
+        "model": f"{part.body.model}: {at_least}{'; '.join(chosen.reasons)}",
+        "slider" if member.points else "pads": f"{', '.join([*pads, *points])}; s from {low:g} to {high:g} m",
+        "loads": ", ".join(_loads(member)),
         "reduction": f"{part.reduction.coordinates} coordinates: {_describe_reduction(part.reduction)}",
     }
 
 
-def _in_a_line(scene: scenes.Scene, one: Member) -> str:
+def _in_a_line(scene: scenes.Scene, member: Member) -> str:
     """A section: its model, size and coordinates, how far it comes out, what acts on it."""
     from pmr.scene.choice import model_of
 
-    said = [f"{model_of(one)}, {_size(one.part.body)}", f"{one.part.reduction.coordinates} coordinates"]
-    if one.part.name in scene.paths:
-        low, high = scene.paths[one.part.name].bounds(0.0, scene.time.end)
-        said.append(f"extended by {low:g} to {high:g} m")
-    return "; ".join([*said, f"loads: {', '.join(_loads(one))}"])
+    words = [f"{model_of(member)}, {_size(member.part.body)}", f"{member.part.reduction.coordinates} coordinates"]
+    if member.part.name in scene.paths:
+        low, high = scene.paths[member.part.name].bounds(0.0, scene.time.end)
+        words.append(f"extended by {low:g} to {high:g} m")
+    return "; ".join([*words, f"loads: {', '.join(_loads(member))}"])
 
 
 def _axis(load: Load) -> str:
     return load.direction if load.axes == "body" else f"{load.direction} of the ground"
 
 
-def _loads(one: Member) -> list[str]:
-    places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in one.part.loads]
-    loads = [f"{load.name} on {on} along {_axis(load)}" for load, on in zip(one.part.loads, places, strict=True)]
-    return [*loads, *(["gravity"] if one.gravity else [])]
+def _loads(member: Member) -> list[str]:
+    places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in member.part.loads]
+    loads = [f"{load.name} on {on} along {_axis(load)}" for load, on in zip(member.part.loads, places, strict=True)]
+    return [*loads, *(["gravity"] if member.gravity else [])]
 
 
 def _size(body: scenes.Body) -> str:
@@ -156,7 +157,9 @@ def _size(body: scenes.Body) -> str:
     if box is None:
         return "from a file"
     walls = ", ".join(f"{name} {wall:g} m".strip() for name, wall in box.walls.items())
-    doublers = "".join(f", doubler {one.thickness:g} m from {one.start:g} to {one.end:g} m" for one in box.doublers)
+    doublers = "".join(
+        f", doubler {doubler.thickness:g} m from {doubler.start:g} to {doubler.end:g} m" for doubler in box.doublers
+    )
     low, high = box.straight
     tapers = f", tapers outside {low:g} to {high:g} m" if (low, high) != (0.0, box.length) else ""
     return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {walls}{doublers}{tapers}"
@@ -169,13 +172,16 @@ def _describe_reduction(reduction: scenes.Reduction) -> str:
 
 
 def described_model(model: ReducedModel) -> dict[str, str]:
-    """What a reduced model is, line by line."""
+    """Describe a reduced model, line by line."""
     import numpy as np
 
     low, high = model.domain
     made_with, scene = ({} if not isinstance(found := model.provenance.get(key), dict) else found for key in _TABLES)
     holds = np.isnan(model.row_clearance)
-    rows = [name if both else f"{name} (only pushes)" for name, both in zip(model.row_names, holds, strict=True)]
+    rows = [
+        name if holds_both_ways else f"{name} (only pushes)"
+        for name, holds_both_ways in zip(model.row_names, holds, strict=True)
+    ]
     of = "" if model.section is None else f" of section {model.section.name}, without what joins it to the others"
     return {
         "reduced model": f"{model.size} coordinates{of}",
@@ -205,9 +211,9 @@ def _describe_outputs(model: ReducedModel) -> str:
     count = len(model.outputs)
     units = model.output_units or ("m",) * count
     names = model.output_names or tuple(f"at {x:g} m" for x in model.output_positions)
-    found = []
+    parts = []
     for unit in dict.fromkeys(units):
         of = [name for name, its in zip(names, units, strict=True) if its == unit]
         listed = ", ".join(of if len(of) <= LISTED else [of[0], "...", of[-1]])
-        found.append(f"{len(of)} in {unit} ({listed})")
-    return "; ".join(found)
+        parts.append(f"{len(of)} in {unit} ({listed})")
+    return "; ".join(parts)

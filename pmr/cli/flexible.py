@@ -46,12 +46,12 @@ def flexible(
     chosen = BODY_FORMATS[to]
     target = out_file or Path(chosen.file_name)
     file = scene_file(scene)
-    asked = scenes.load_any(file, overrides or ())
-    if len(asked.sections) > 1:
-        raise InputError(str(file), "sections", list(asked.names), ONE_BODY)
-    ensure_file(target, file, *filter(None, (asked.mesh.file,)))
+    loaded = scenes.load_any(file, overrides or ())
+    if len(loaded.sections) > 1:
+        raise InputError(str(file), "sections", list(loaded.names), ONE_BODY)
+    ensure_file(target, file, *filter(None, (loaded.mesh.file,)))
     try:
-        body = (framed_body if chosen.by == "frame" else held_body)(asked, at, modes)
+        body = (framed_body if chosen.by == "frame" else held_body)(loaded, at, modes)
     except InputError as error:
         raise error.found_in(str(file)) from None
     except TooManyModesError as error:

@@ -61,9 +61,9 @@ def info(
 def _estimated(summary: Path) -> dict[str, str]:
     """Estimated errors of the run that left a model, where its summary stands beside it."""
     try:
-        found = json.loads(summary.read_text(encoding="utf-8"))["estimate"]
-        shares = {place: float(found[place]) for place in ("tip", "beam") if found[place] is not None}
+        estimates = json.loads(summary.read_text(encoding="utf-8"))["estimate"]
+        shares = {place: float(estimates[place]) for place in ("tip", "beam") if estimates[place] is not None}
     except (OSError, ValueError, LookupError, TypeError):
         return {}
-    said = ", ".join(f"{100.0 * share:.2g} % {_PLACES[place]}" for place, share in shares.items())
-    return {"estimated error": said or "not known"}
+    sentence = ", ".join(f"{100.0 * share:.2g} % {_PLACES[place]}" for place, share in shares.items())
+    return {"estimated error": sentence or "not known"}

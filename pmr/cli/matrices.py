@@ -56,11 +56,11 @@ def matrices(
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
     files = foreign_files(stiffness, mass, dofs, nodes)
     ensure_file(target, files.stiffness, files.mass, files.dofs, files.nodes)
-    found = read_foreign(files)
-    say(out, f"{found.size} coordinates of {len(found.points)} nodes; groups: {', '.join(found.groups) or 'none'}")
-    x, y, z = (round(float(c), 9) + 0.0 for c in found.centre)
-    say(out, f"{found.mass:.4g} kg, centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m; {_held(len(found.held))}")
-    say(out, str(found.save(target)))
+    body = read_foreign(files)
+    say(out, f"{body.size} coordinates of {len(body.points)} nodes; groups: {', '.join(body.groups) or 'none'}")
+    x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
+    say(out, f"{body.mass:.4g} kg, centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m; {_held(len(body.held))}")
+    say(out, str(body.save(target)))
 
 
 def _held(count: int) -> str:

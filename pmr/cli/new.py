@@ -18,7 +18,7 @@ TEMPLATES = resources.files("pmr.cli") / "templates"
 
 
 def kinds() -> list[str]:
-    """What there is to start from."""
+    """Kinds of scenes to start from."""
     return sorted(file.name.removesuffix(".toml") for file in TEMPLATES.iterdir() if file.name.endswith(".toml"))
 
 

@@ -100,13 +100,13 @@ def run(
     """
     from pmr import scene as scenes
 
-    asked = [*(overrides or ())]
+    changes = [*(overrides or ())]
     if simulators is not None:
-        asked.append(f"simulation.simulators={json.dumps([name.strip() for name in simulators.split(',')])}")
+        changes.append(f"simulation.simulators={json.dumps([name.strip() for name in simulators.split(',')])}")
     names = [file.resolve().name if isdir(file) else file.stem for file in scene_files]
     files = [scene_file(file) for file in scene_files]
     loaded = [
-        (name, found, scenes.load_any(found, [*([] if tolerance is None else _to(tolerance, found)), *asked]))
+        (name, found, scenes.load_any(found, [*([] if tolerance is None else _to(tolerance, found)), *changes]))
         for name, found in zip(names, files, strict=True)
     ]
     if len(set(names)) != len(names):
@@ -231,32 +231,39 @@ def _print(outcome: Outcome) -> None:
     from pmr.report import errors, first_page, model_error, sentences
 
     result, summary = outcome.result, outcome.result.summary
-    said = [sentences.estimate(result), sentences.step(result), sentences.mesh(result), model_error.model(result)]
+    sentences_of_run = [
+        sentences.estimate(result),
+        sentences.step(result),
+        sentences.mesh(result),
+        model_error.model(result),
+    ]
     out.print(visible(result.scene.title), style="bold")
     carried = Table.grid(padding=(0, 2))
     for name, value in first_page.carried(result):
         carried.add_row(broken(name, NAMES), broken(value, max(out.width - NAMES - 2, NAMES)))
     out.print(carried)
     _print_errors(errors.rows(result))
-    each = ", ".join(f"{one['name']} {one['coordinates']['reduced']}" for one in summary.get("sections", ()))
+    each = ", ".join(
+        f"{section['name']} {section['coordinates']['reduced']}" for section in summary.get("sections", ())
+    )
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
     tell(out, f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
-    for line in (*filter(None, said), *(f"warning: {warning}" for warning in summary["warnings"])):
+    for line in (*filter(None, sentences_of_run), *(f"warning: {warning}" for warning in summary["warnings"])):
         tell(out, line)
     for pair, length in summary["agreement"].items():
         say(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
     out.print()
 
 
-def _print_errors(found: Sequence[Row]) -> None:
-    """What is compared heads its rows, a place each; beside published figures where there are any."""
-    published = any(row.published for row in found)
+def _print_errors(error_rows: Sequence[Row]) -> None:
+    """Print the errors, a row each; beside published figures where there are any."""
+    published = any(row.published for row in error_rows)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for head in ("e_NRMS, or largest value", "here", *(("published", "") if published else ())):
         table.add_column(head, justify="right" if head in ("here", "published") else "left")
     above = ""
-    for row in found:
+    for row in error_rows:
         if row.place and row.comparison != above:
             table.add_row(visible(row.comparison))
         above = row.comparison

@@ -26,8 +26,8 @@ def study_schema(*kinds: str) -> str:
     from pmr.scene.schema import of
     from pmr.studies.files import schemas
 
-    known = schemas()
-    return json.dumps(of([known[kind] for kind in kinds or known], "Study of pmr"), indent=1) + "\n"
+    schemas_by_kind = schemas()
+    return json.dumps(of([schemas_by_kind[kind] for kind in kinds or schemas_by_kind], "Study of pmr"), indent=1) + "\n"
 
 
 def schema(
@@ -47,8 +47,8 @@ def schema(
     """
     from pmr.studies.files import kind_names
 
-    known: dict[str, Callable[[], str]] = {"scene": scene_schema, "study": study_schema}
-    known |= {name: partial(study_schema, name) for name in kind_names()}
-    if kind not in known:
-        raise InputError("command line", "KIND", kind, f"{hint(kind, known)}one of {', '.join(known)} is allowed")
-    out.print(known[kind](), soft_wrap=True, end="")
+    makers: dict[str, Callable[[], str]] = {"scene": scene_schema, "study": study_schema}
+    makers |= {name: partial(study_schema, name) for name in kind_names()}
+    if kind not in makers:
+        raise InputError("command line", "KIND", kind, f"{hint(kind, makers)}one of {', '.join(makers)} is allowed")
+    out.print(makers[kind](), soft_wrap=True, end="")

@@ -41,19 +41,19 @@ def simulate(
 
     finished(model.parent)
     system, file = System.load(model), scene_file(scene)
-    asked, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", scene.stem)
+    loaded, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", scene.stem)
     if folder.resolve() == model.parent.resolve():
         raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")
     ensure_writable(folder, RESULT_FILES)
     try:
-        result: Any = simulate_saved(system, asked)
+        result: Any = simulate_saved(system, loaded)
     except InputError as error:
         raise error.found_in(str(file)) from None
     with fresh(folder, RESULT_FILES) as new:
         result.save(new)
         write_tables(result, new)
     response, summary = result.responses["reduced"], result.summary
-    table = Table(title=visible(asked.title), title_justify="left", title_style="bold", show_header=False)
+    table = Table(title=visible(loaded.title), title_justify="left", title_style="bold", show_header=False)
     table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")
     for name, force in zip(response.force_names, response.slider_force.T, strict=False):
         table.add_row(visible(name), f"{force.min():.4g} to {force.max():.4g} N")
@@ -61,8 +61,8 @@ def simulate(
         table.add_row(visible(f"reaction of {support}"), f"{least:.4g} to {most:.4g} {unit}")
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
-    for said in filter(None, (sentences.estimate(result), sentences.step(result))):
-        tell(out, said)
+    for sentence in filter(None, (sentences.estimate(result), sentences.step(result))):
+        tell(out, sentence)
     for warning in summary["warnings"]:
         tell(out, f"warning: {warning}")
     say(out, str(folder / "trajectories.npz"))

@@ -74,11 +74,11 @@ def study(
     from pmr.studies.call import compute, save
     from pmr.studies.results import TABLES
 
-    found = found_file(study_file)
-    if found.suffix == ".py":
-        _run_experiment(found, out_dir, jobs, overrides or [], only or [], listed)
+    file = found_file(study_file)
+    if file.suffix == ".py":
+        _run_experiment(file, out_dir, jobs, overrides or [], only or [], listed)
     if listed:
-        for name in files.load(found, overrides or ()).runs:
+        for name in files.load(file, overrides or ()).runs:
             say(out, name)
         return
     environment.check_report()  # before the work, not after it
@@ -87,13 +87,13 @@ def study(
         with _pool(jobs) as pool:
             if pool is None:
                 return  # a rank that has worked for the first one
-            project = files.load(found, overrides or ())
-            asked = project.only(only) if only else project
-            for part in asked.parts:
+            project = files.load(file, overrides or ())
+            chosen = project.only(only) if only else project
+            for part in chosen.parts:
                 ensure_writable(folder / part.name, TABLES)
             ensure_writable(folder / "tasks", ("*.npz",))
             with _watching() as watch:
-                outcome = compute(asked, folder, pool, watch)
+                outcome = compute(chosen, folder, pool, watch)
     except KeyboardInterrupt:
         say(err, "interrupted; the same command goes on from here")
         raise typer.Exit(130) from None
@@ -108,9 +108,9 @@ def study(
         except Exception as error:  # whatever it is: the tables are there, and worth more
             say(err, f"pmr: {no_report(error, folder)}")
             raise typer.Exit(1) from None
-    say(out, f"{outcome.done} of {len(asked.runs)} runs are there; {outcome.computed} tasks were computed now")
+    say(out, f"{outcome.done} of {len(chosen.runs)} runs are there; {outcome.computed} tasks were computed now")
     if not only:
-        _tell(asked, outcome)
+        _tell(chosen, outcome)
     if not outcome.is_complete:
         raise typer.Exit(1)
 
@@ -163,11 +163,11 @@ def _tell(project: Project, outcome: Outcome) -> None:
         results = outcome.results[part.name]
         if all(run.status != "done" for run in results.runs):
             continue
-        found = overview(results.runs, out.width // COLUMN, SHOWN_RUNS)
-        table = Table(title=visible(part.study.title), title_justify="left", caption=found.caption, title_style="bold")
-        for number, head in enumerate(found.head):
+        grid = overview(results.runs, out.width // COLUMN, SHOWN_RUNS)
+        table = Table(title=visible(part.study.title), title_justify="left", caption=grid.caption, title_style="bold")
+        for number, head in enumerate(grid.head):
             table.add_column(visible(head), justify="right" if number else "left", vertical="bottom")
-        for row in found.rows:
+        for row in grid.rows:
             table.add_row(*map(visible, row))
         out.print(table)
         if results.is_complete and (line := part.study.summary_line(results)):

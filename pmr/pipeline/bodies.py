@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Motions:
-    """What simulators say; of the reduced system on rank 0 alone."""
+    """Motions by the simulators; of the reduced system on rank 0 alone."""
 
     reduced: Simulations | None
     moved: SimulatedSystem | None  # the reduced system with its motion
@@ -64,9 +64,12 @@ class Motions:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Of each simulator of the reduced system, and of each reference."""
+        """Seconds of each simulator of the reduced system, and of each reference."""
         assert self.reduced is not None
-        return {**self.reduced.seconds, **{name: one.seconds for name, one in self.references.responses.items()}}
+        return {
+            **self.reduced.seconds,
+            **{name: reference.seconds for name, reference in self.references.responses.items()},
+        }
 
 
 @dataclass(frozen=True)
@@ -95,13 +98,13 @@ class Bodies:
             self.bodies = reduce_bodies(order.prepared(scene), built, caches, clock)
         else:
             self.bodies = {ALONE: reduce_with(scene, built[ALONE].model, shared.snapshots, clock)}
-        models = {name: one.model for name, one in self.bodies.items()}
+        models = {name: body.model for name, body in self.bodies.items()}
         scene = self._comm.bcast(on_first(self._comm, lambda: decided(scene, models)))
         self.choice = self._chosen(scene)
         self.scene = scene if self.choice is None else self.choice.scene  # with the step that was chosen
         if self.choice is not None:
             chosen = self.choice.models
-            self.bodies = {name: replace(one, modal=chosen[name]) for name, one in self.bodies.items()}
+            self.bodies = {name: replace(body, modal=chosen[name]) for name, body in self.bodies.items()}
         self.bodies = as_asked(self.scene, self.bodies)
         #: as it was written, but for the step that was chosen: `scene` has the machine's motion as that of a frame
         self.asked, self.system = self.scene, joined(self.scene, self.bodies)
@@ -116,11 +119,11 @@ class Bodies:
 
     def frequencies(self) -> Frequencies:
         """The lowest natural frequencies on the way: of the reduced system, and of the full one where it is wanted."""
-        wanted = ALONE in self.built or "full" in self.scene.compare.against
-        at = visited(self.scene, self.excitation, self.full.whole.size if wanted else 0)
+        with_full = ALONE in self.built or "full" in self.scene.compare.against
+        at = visited(self.scene, self.excitation, self.full.whole.size if with_full else 0)
         of_reduced_system = on_first(self._comm, lambda: frequencies(self.scene, self.system, self.excitation, at))
         natural = of_reduced_system or Frequencies(at.along, at.s, {})
-        if not wanted:
+        if not with_full:
             return natural
         first = {name: values for name, values in natural.models.items() if name == "reduced"}  # in figures
         return replace(natural, models={**first, "full": self._full_frequencies(at), **natural.models})
@@ -128,23 +131,25 @@ class Bodies:
     def simulate(self, checkpoint: Checkpoint | None) -> Motions:
         """The reduced system by all simulators, the references, and the reduction's error."""
         steps = recovered_steps(self.scene).tolist()
-        made = on_first(self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps))
-        stepping = self._comm.bcast(None if made is None else made.made)
+        simulations = on_first(
+            self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps)
+        )
+        stepping = self._comm.bcast(None if simulations is None else simulations.made)
         if self.shared is None:
             references = self.full.references(self.clock, steps, checkpoint, stepping)
         else:
             references = References(self.shared.references, {}, {})
-        moved = None if made is None else SimulatedSystem.of(self.system, self.excitation, made)
-        error = on_first(self._comm, lambda: None if moved is None else self._error(moved))
-        looked = self._looked(made)
-        made = on_first(self._comm, lambda: made and made.timed())
-        return Motions(made, moved, error, looked, references)
+        simulated = None if simulations is None else SimulatedSystem.of(self.system, self.excitation, simulations)
+        error = on_first(self._comm, lambda: None if simulated is None else self._error(simulated))
+        looked = self._looked(simulations)
+        simulations = on_first(self._comm, lambda: simulations and simulations.timed())
+        return Motions(simulations, simulated, error, looked, references)
 
-    def _looked(self, made: Simulations | None) -> Mapping[str, Looked]:
+    def _looked(self, simulations: Simulations | None) -> Mapping[str, Looked]:
         if self.scene.recovery is None:
             return {}
         with self.clock.stage("recover"):
-            states = self._comm.bcast(None if made is None else made.first.states)
+            states = self._comm.bcast(None if simulations is None else simulations.first.states)
             return of_reduced(self.scene, self.built, self.bodies, states)
 
     def recover(self, motions: Motions) -> Mapping[str, Recovered]:
@@ -152,17 +157,22 @@ class Bodies:
         with self.clock.stage("recover"):
             return beside_full(motions.looked, motions.references.states)
 
-    def judge(self, motions: Motions, natural: Frequencies, seen: Mapping[str, Recovered]) -> tuple[list[Part], Any]:
-        """What motions and frequencies say, and how far off the tip may be over time, (T, d) m; on rank 0 alone."""
+    def judge(
+        self, motions: Motions, natural: Frequencies, recovered: Mapping[str, Recovered]
+    ) -> tuple[list[Part], Any]:
+        """Judge motions and frequencies, and the tip's error over time, (T, d) m; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
-        moved, error = motions.moved, motions.error
-        assert motions.reduced is not None and moved is not None and error is not None
-        known = None if self.choice is None else self.choice.trial.step_error
+        simulated, error = motions.moved, motions.error
+        assert motions.reduced is not None and simulated is not None and error is not None
+        step_error = None if self.choice is None else self.choice.trial.step_error
         with self.clock.stage("step"):
-            step = step_part(scene, moved, natural.models["reduced"], known)
-        more = {name: error.of_section(name) | (seen[name].summary() if name in seen else {}) for name in scene.names}
+            step = step_part(scene, simulated, natural.models["reduced"], step_error)
+        more = {
+            name: error.of_section(name) | (recovered[name].summary() if name in recovered else {})
+            for name in scene.names
+        }
         sizes = {
-            name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()
+            name: {"full": self.built[name].model.size, "reduced": body.size} for name, body in system.reduced.items()
         }
         simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
         beside_full = compared(
@@ -178,28 +188,28 @@ class Bodies:
             Part(warnings=far_off.warnings_of_reduction(figures)),
             sections(scene, responses, sizes, more),
             utilisation(scene, more),
-            masses({name: one.model.masses for name, one in self.built.items()}),
-            *parts_of_motion(scene, moved, motions.reduced, natural, step),
+            masses({name: body.model.masses for name, body in self.built.items()}),
+            *parts_of_motion(scene, simulated, motions.reduced, natural, step),
         ]
         return parts, error.band
 
-    def results(self, seen: Mapping[str, Recovered]) -> dict[str, BodyResult]:
-        """What is known of each body; on rank 0."""
-        found = {}
-        for name, one in self.bodies.items():
-            model = one.model
-            shapes = Shapes(one.basis.sigma, model.output_positions, model.outputs) if name == ALONE else None
-            found[name] = BodyResult(shapes)
-            if name in seen:
-                of = seen[name]
-                found[name] = BodyResult(shapes, of.reduced.fields, of.histories(), of.envelopes())
-        return found
+    def results(self, recovered: Mapping[str, Recovered]) -> dict[str, BodyResult]:
+        """Results of each body; on rank 0."""
+        body_results = {}
+        for name, body in self.bodies.items():
+            model = body.model
+            shapes = Shapes(body.basis.sigma, model.output_positions, model.outputs) if name == ALONE else None
+            body_results[name] = BodyResult(shapes)
+            if name in recovered:
+                of = recovered[name]
+                body_results[name] = BodyResult(shapes, of.reduced.fields, of.histories(), of.envelopes())
+        return body_results
 
     def _chosen(self, scene: Scene) -> order.Choice | None:
         """Models and a step to the scene's tolerance or within its budget, the same on every rank; None without one."""
         if scene.ordered is None:
             return None
-        models = {name: one.modal for name, one in self.bodies.items()}
+        models = {name: body.modal for name, body in self.bodies.items()}
         why: str | None = "the scene leaves it out"
         with self.clock.stage("search"):
             search = on_first(self._comm, lambda: order.Search(scene, models))
@@ -221,7 +231,7 @@ class Bodies:
         """The models of the scene on another mesh."""
 
         def make() -> dict[str, Any]:
-            return {name: one.modal for name, one in reduce_bodies(scene, build_bodies(scene, self._comm)).items()}
+            return {name: body.modal for name, body in reduce_bodies(scene, build_bodies(scene, self._comm)).items()}
 
         cache = self.caches.get(ALONE)
         return make() if cache is None else {ALONE: cache.model_of(scene, lambda: make()[ALONE])}
@@ -236,10 +246,10 @@ class Bodies:
         except (InputError, ConvergenceError):  # as few modes as a small mesh has: no reason not to run
             return None
 
-    def _error(self, moved: SimulatedSystem) -> ReductionError:
+    def _error(self, simulated: SimulatedSystem) -> ReductionError:
         """The reduction's, as it is estimated."""
-        known = None if self.choice is None else self.choice.trial.estimate
-        return reduction_error(self.scene, moved, self.clock, self._other, known)
+        estimated = None if self.choice is None else self.choice.trial.estimate
+        return reduction_error(self.scene, simulated, self.clock, self._other, estimated)
 
     def _full_frequencies(self, at: Visited) -> Array:
         if self.shared is not None:
@@ -247,8 +257,8 @@ class Bodies:
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)
         if not self.caches:
             return self.full.frequencies(at.s, at.count, c)
-        asked = {
-            "bodies": [one.content for one in self.caches.values()],
+        content = {
+            "bodies": [body_cache.content for body_cache in self.caches.values()],
             "contacts": repr(self.full.whole.contacts),
             "s": at.s.tolist(),
             "count": at.count,
@@ -256,4 +266,4 @@ class Bodies:
             "solver": self.scene.sections[0].reduction.solver,
         }
         cache = self.caches[self.scene.names[0]]
-        return cache.arrays("frequencies", asked, lambda: self.full.frequencies(at.s, at.count, c))
+        return cache.arrays("frequencies", content, lambda: self.full.frequencies(at.s, at.count, c))

@@ -56,7 +56,7 @@ MODES_OF_A_TURN = 6
 
 @dataclass(frozen=True)
 class References:
-    """What a reduced system is compared with; other ranks than the first may have no responses."""
+    """Responses with which a reduced system is compared; other ranks than the first may have none."""
 
     responses: Mapping[str, Response]  # ``full`` and ``ancf`` as the scene asks for them
     # of every full body at the steps that were asked for, with this rank's rows of its coordinates
@@ -74,15 +74,15 @@ class FullOrder:
 
     @classmethod
     def of(cls, scene: Scene, models: Mapping[str, FullModel]) -> FullOrder:
-        """Of models by their bodies' names."""
+        """Full order of models by their bodies' names."""
         whole = FullSystem(models, contacts_of(scene, models))
         return cls(scene, whole, full_simulator(scene, whole.size))
 
     @cached_property
     def gathered(self) -> System | None:
         """The system on rank 0, for those that are not distributed."""
-        found = self.whole.gather()
-        return found and replace(found, terms=terms_of(self.scene, found.bodies))
+        gathered_system = self.whole.gather()
+        return gathered_system and replace(gathered_system, terms=terms_of(self.scene, gathered_system.bodies))
 
     def frequencies(self, s: Array, count: int, c: Array) -> Array:
         """The lowest natural frequencies (S, f) in Hz where the paths are at s (S, P) m, every contact closed.
@@ -94,35 +94,35 @@ class FullOrder:
             return lowest_frequencies(self.whole.bodies[ALONE], s[:, 0], count, solver) / (2.0 * np.pi)
         x = self.whole.coordinates(dict(zip(self.scene.paths, s.T, strict=True)))
         if self.simulator == "march":
-            found = None if self.gathered is None else Assembly(self.gathered).frequencies(x, count, c)
+            lowest = None if self.gathered is None else Assembly(self.gathered).frequencies(x, count, c)
         else:
-            found = _sparse(self._with_terms(), x, count, c)
-        return np.asarray(self.whole.comm.bcast(found))
+            lowest = _sparse(self._with_terms(), x, count, c)
+        return np.asarray(self.whole.comm.bcast(lowest))
 
     def references(
         self,
         clock: Clock | None = None,
         steps: Sequence[int] = (),
         checkpoint: Checkpoint | None = None,
-        made: TimeStepping | None = None,
+        stepping: TimeStepping | None = None,
     ) -> References:
         """All that the scene asks for, and the states of the full bodies at some of the `steps`.
 
         Steps are `made` as the reduced system's were, where contacts only push.  With a `checkpoint` a simulation that
         was cut off goes on.
         """
-        found, missing, states = dict[str, Response](), dict[str, str](), dict[str, BodyStates]()
-        for name in [one for one in ("full", "ancf") if one in self.scene.compare.against]:
+        responses, missing, states = dict[str, Response](), dict[str, str](), dict[str, BodyStates]()
+        for name in [name for name in ("full", "ancf") if name in self.scene.compare.against]:
             try:
                 if name == "full":
-                    response, states = self._full(clock or Clock(), steps, checkpoint, made)
+                    response, states = self._full(clock or Clock(), steps, checkpoint, stepping)
                 else:
                     response = self.reference(name, clock)
             except SimulationError as error:
                 missing[name] = str(error).removeprefix(f"{name}: ")  # the clock's stage
             else:
-                found |= {} if response is None else {name: response}
-        return References(found, states, missing)
+                responses |= {} if response is None else {name: response}
+        return References(responses, states, missing)
 
     def reference(self, name: str, clock: Clock | None = None) -> Response | None:
         """Response of ``"full"`` or, of a body alone, ``"ancf"``; on rank 0, others may have none.
@@ -134,26 +134,26 @@ class FullOrder:
         if self.whole.comm.rank > 0:
             return None
         with (clock or Clock()).stage(name) as done:
-            found = cable.response(self.scene, self.whole.bodies[ALONE].output_positions, done)
-        if reason := distrust(found):
+            response = cable.response(self.scene, self.whole.bodies[ALONE].output_positions, done)
+        if reason := distrust(response):
             raise SimulationError(reason)
-        return found
+        return response
 
-    def _driven(self, made: TimeStepping | None) -> Excitation:
+    def _driven(self, stepping: TimeStepping | None) -> Excitation:
         excitation = Excitation.of(self.scene)
-        return excitation.with_stepping(made or excitation.stepping)
+        return excitation.with_stepping(stepping or excitation.stepping)
 
     def _full(
         self,
         clock: Clock,
         steps: Sequence[int],
         checkpoint: Checkpoint | None,
-        made: TimeStepping | None,
+        stepping: TimeStepping | None,
     ) -> tuple[Response | None, dict[str, BodyStates]]:
         """The response, and this rank's rows of the states at the steps."""
-        whole, comm, excitation = self.whole, self.whole.comm, self._driven(made)
-        rigid, x = whole.compliance.rigid, places(whole, excitation)
-        refuse(self.simulator, needs_of(whole, rigid, x, excitation.stepping.rho_inf), REFERENCE)
+        system, comm, excitation = self.whole, self.whole.comm, self._driven(stepping)
+        rigid, x = system.compliance.rigid, places(system, excitation)
+        refuse(self.simulator, needs_of(system, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
             response: Response | None
             if self.simulator == "petsc":
@@ -165,89 +165,108 @@ class FullOrder:
                     return repeated(self.scene, self.gathered, excitation, self.simulator, steps, done)
 
                 _ = self.gathered  # collective
-                found = on_first(comm, make)
-                response = None if found is None else found.response
-                of_all = comm.bcast(None if found is None else found.states)
-                states = {name: one.share(whole.bodies[name].share) for name, one in of_all.items()}
-        if reason := comm.bcast(None if response is None else distrust(response, rigid_contacts(whole))):
+                simulated = on_first(comm, make)
+                response = None if simulated is None else simulated.response
+                of_all = comm.bcast(None if simulated is None else simulated.states)
+                states = {
+                    name: states_of_body.share(system.bodies[name].share) for name, states_of_body in of_all.items()
+                }
+        if reason := comm.bcast(None if response is None else distrust(response, rigid_contacts(system))):
             raise SimulationError(reason)
         return response, states
 
     def _distributed(
         self, excitation: Excitation, steps: Sequence[int], done: Progress, checkpoint: Checkpoint | None
     ) -> tuple[Response, dict[str, BodyStates]]:
-        whole = self._with_terms()
+        system = self._with_terms()
         recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
-        start = static_start(whole, excitation) if excitation.start == "equilibrium" else {}
-        history = observe(whole, excitation, recording, start, done, checkpoint)
+        start = static_start(system, excitation) if excitation.start == "equilibrium" else {}
+        history = observe(system, excitation, recording, start, done, checkpoint)
         assert history.energy is not None
-        found = response_of(whole, history.t, Motion(history.y, history.forces, history.peaks, history.energy))
-        found = replace(
-            with_friction(with_reactions(found, *_reactions(whole, history)), whole, history.friction),
+        response = response_of(system, history.t, Motion(history.y, history.forces, history.peaks, history.energy))
+        response = replace(
+            with_friction(with_reactions(response, *_reactions(system, history)), system, history.friction),
             residual_position=history.residual_position,
             residual_velocity=history.residual_velocity,
             seconds=history.preparation + history.seconds,
             surplus=history.surplus,
         )
-        x, f = places(whole, excitation), excitation.forces(whole.input_names)
-        return with_forces_on_machine(self.scene, found), _states(whole, history, list(steps), x, f)
+        x, f = places(system, excitation), excitation.forces(system.input_names)
+        return with_forces_on_machine(self.scene, response), _states(system, history, list(steps), x, f)
 
     def _with_terms(self) -> FullSystem:
         """The distributed system with its terms, whose sparse matrices every rank has whole."""
         if not list(frame_terms(self.scene)):
             return self.whole
-        found = self.gathered
-        return replace(self.whole, terms=self.whole.comm.bcast(None if found is None else found.terms))
+        gathered_system = self.gathered
+        return replace(
+            self.whole, terms=self.whole.comm.bcast(None if gathered_system is None else gathered_system.terms)
+        )
 
 
-def _states(whole: FullSystem, history: History, steps: list[int], x: Array, f: Array) -> dict[str, BodyStates]:
-    """Of all bodies at the steps, whose sides are at x (T, sides) m under loads f (T, i) N."""
-    found, first, forces, known = dict[str, BodyStates](), 0, history.forces[steps], Friction.of(whole.contacts)
+def _states(system: FullSystem, history: History, steps: list[int], x: Array, f: Array) -> dict[str, BodyStates]:
+    """States of all bodies at the steps, whose sides are at x (T, sides) m under loads f (T, i) N."""
+    states_of_bodies, first, forces, rubbing = (
+        dict[str, BodyStates](),
+        0,
+        history.forces[steps],
+        Friction.of(system.contacts),
+    )
     friction = None if history.friction is None else history.friction[steps]
-    reaching = forces if known is None or friction is None else forces - known.along(friction)
-    for name, model in whole.bodies.items():
-        own, last, states = whole.sides_of(name), first + len(model.input_names), history.states[name]
-        rows = tuple(whole.sides[number].place.row for number in own)
-        loads, pressed = f[steps, first:last], whole.pressed(name, reaching)
-        rubbed = rubbed_on(whole, name, forces, friction)
-        found[name] = BodyStates(states.t, x[steps][:, own], states.q, states.v, pressed, loads, rows, *rubbed)
+    reaching = forces if rubbing is None or friction is None else forces - rubbing.along(friction)
+    for name, model in system.bodies.items():
+        side_numbers, last, states = system.sides_of(name), first + len(model.input_names), history.states[name]
+        rows = tuple(system.sides[number].place.row for number in side_numbers)
+        loads, pressed = f[steps, first:last], system.pressed(name, reaching)
+        rubbed = rubbed_on(system, name, forces, friction)
+        states_of_bodies[name] = BodyStates(
+            states.t, x[steps][:, side_numbers], states.q, states.v, pressed, loads, rows, *rubbed
+        )
         first = last
-    return found
+    return states_of_bodies
 
 
-def _reactions(whole: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
+def _reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
     """Rigid supports whose forces are no outputs yet, and these forces (T, h), by body."""
-    system, known = whole.supported(), set(bearing(whole))
-    rows = {(one.inner.body, one.inner.row): k for k, one in enumerate(system.contacts) if k not in known}
-    forces, supports, found = np.hstack([history.forces, history.supports]), dict[str, Supports](), dict[str, Array]()
-    for name, model in whole.bodies.items():
-        own = [row for row in model.rows.rows if row.fixed and (name, row.name) in rows]
-        if own:
-            supports[name] = [(row.name, row.unit) for row in own]
-            found[name] = forces[:, [rows[name, row.name] for row in own]]
-    return supports, found
+    system, bearing_contacts = full_system.supported(), set(bearing(full_system))
+    rows = {
+        (contact.inner.body, contact.inner.row): k
+        for k, contact in enumerate(system.contacts)
+        if k not in bearing_contacts
+    }
+    forces, supports, reactions = (
+        np.hstack([history.forces, history.supports]),
+        dict[str, Supports](),
+        dict[str, Array](),
+    )
+    for name, model in full_system.bodies.items():
+        support_rows = [row for row in model.rows.rows if row.fixed and (name, row.name) in rows]
+        if support_rows:
+            supports[name] = [(row.name, row.unit) for row in support_rows]
+            reactions[name] = forces[:, [rows[name, row.name] for row in support_rows]]
+    return supports, reactions
 
 
-def _sparse(whole: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
+def _sparse(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
     """By Lanczos iterations on the saddle point of the coordinates and the contacts' forces, on rank 0.
 
     Terms have amplitudes c (S, k); of what acts on rates the gyroscopic part counts, on the lowest modes without it.
     """
-    system = whole.supported()
-    gathered = {id(model): model.gather() for model in dict((id(one), one) for one in system.models).values()}
+    system = full_system.supported()
+    gathered = {id(model): model.gather() for model in dict((id(model), model) for model in system.models).values()}
     if system.comm.rank > 0:
         return None
     bodies = [gathered[id(model)] for model in system.models]
-    known = {name: body for name, body in zip(system.bodies, bodies, strict=True) if body is not None}
-    numbers = {name: np.arange(at.start, at.stop) for name, at in zip(known, system.whole, strict=True)}
+    gathered_bodies = {name: body for name, body in zip(system.bodies, bodies, strict=True) if body is not None}
+    numbers = {name: np.arange(at.start, at.stop) for name, at in zip(gathered_bodies, system.whole, strict=True)}
     terms = [term.among(numbers, system.size) for term in system.terms]
-    K0 = sp.block_diag([body.K for body in known.values()], format="csr")
-    M = sp.block_diag([body.M for body in known.values()], format="csr")
+    K0 = sp.block_diag([body.K for body in gathered_bodies.values()], format="csr")
+    M = sp.block_diag([body.M for body in gathered_bodies.values()], format="csr")
     # forces in the unit of stiffness: rows of both kinds are of one size
     m, scale = len(system.contacts), abs(K0).max()
     mass = sp.block_diag([M, sp.csr_matrix((m, m))], format="csc")
     supports = np.array([side.place.at for side in system.sides[places_of.shape[1] :]])
-    found = []
+    lowest = []
     for at, amplitudes in zip(places_of, c, strict=True):
         K, V = added(K0, terms, "stiffness", amplitudes), added(0.0 * M, terms, "damping", amplitudes)
         x = np.concatenate([at, supports])
@@ -256,9 +275,9 @@ def _sparse(whole: FullSystem, places_of: Array, count: int, c: Array) -> Array 
         factor = spla.splu((A - SHIFT * mass).tocsc())
         start = factor.solve(np.concatenate([M @ np.ones(M.shape[0]), np.zeros(m)]))
         solved = spla.LinearOperator(A.shape, factor.solve)
-        wanted = MODES_OF_A_TURN * count if V.count_nonzero() else count
-        values, q = spla.eigsh(A, wanted, M=mass, sigma=SHIFT, OPinv=solved, v0=start)
+        count_of_pairs = MODES_OF_A_TURN * count if V.count_nonzero() else count
+        values, q = spla.eigsh(A, count_of_pairs, M=mass, sigma=SHIFT, OPinv=solved, v0=start)
         X = q[: system.size]
         turning = X.T @ ((V - V.T) @ X) / 2.0
-        found.append(oscillations(X.T @ (M @ X), turning, np.diag(values))[:count] / (2.0 * np.pi))
-    return np.array(found)
+        lowest.append(oscillations(X.T @ (M @ X), turning, np.diag(values))[:count] / (2.0 * np.pi))
+    return np.array(lowest)

@@ -63,8 +63,8 @@ def measured(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: Syste
         return {"beside": None, "reason": ON_MACHINE}
     called = "richer model"
     try:
-        own, other, called = beside(scene)
-        return _part(own, _moved(other, comm, cache, system_of), called, comm, cache, system_of)
+        of_scene, other, called = beside(scene)
+        return _part(of_scene, _moved(other, comm, cache, system_of), called, comm, cache, system_of)
     except UNNEEDED as error:
         return _unknown(error, called)
 
@@ -81,13 +81,17 @@ def mesh_measured(
 
     def beside_own(make: Callable[[], Scene], called: str) -> dict[str, Any]:
         try:
-            own = on_first(comm, lambda: Motion.of(scene, system, response))
-            moved = _moved(make(), comm, cache, system_of)
+            motion = on_first(comm, lambda: Motion.of(scene, system, response))
+            other_motion = _moved(make(), comm, cache, system_of)
         except UNNEEDED as error:
             return _unknown(error, called)
-        part = None if own is None or moved is None else model_part.model_part(scene, moved, own, called)
-        found: dict[str, Any] = comm.bcast(part)
-        return found
+        part = (
+            None
+            if motion is None or other_motion is None
+            else model_part.model_part(scene, other_motion, motion, called)
+        )
+        errors: dict[str, Any] = comm.bcast(part)
+        return errors
 
     return mesh.unasked(scene, beside_own)
 
@@ -109,13 +113,13 @@ def _chosen(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of
 
     try:
         best = _moved(alike(shell), comm, cache, system_of)
-        for one in beams:
-            part = _part(alike(one), best, "shell", comm, cache, system_of)
-            tried.append(_named(one) | {"error": model_part.error(part)})
+        for beam in beams:
+            part = _part(alike(beam), best, "shell", comm, cache, system_of)
+            tried.append(_named(beam) | {"error": model_part.error(part)})
             if comm.rank == 0:
                 _log.info("%(name)s, walls %(walls)s: off by %(error).2g of what a shell says", tried[-1])
-            if tried[-1]["error"] <= one.compare.model_tolerance:
-                return Decided(one, part, said(one))
+            if tried[-1]["error"] <= beam.compare.model_tolerance:
+                return Decided(beam, part, said(beam))
     except UNKNOWN as error:
         return Decided(beams[0], {"beside": None, "reason": str(error)}, said(beams[0], reason=str(error)))
     check(shell)  # which may not have what only a beam can
@@ -123,13 +127,13 @@ def _chosen(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of
 
 
 def _part(
-    own: Scene, other: Motion | None, called: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
+    scene: Scene, other: Motion | None, called: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
 ) -> dict[str, Any]:
     """On every rank, of motions that rank 0 has."""
-    motion = _moved(own, comm, cache, system_of)
-    part = None if motion is None or other is None else model_part.model_part(own, motion, other, called)
-    found: dict[str, Any] = comm.bcast(part)
-    return found
+    motion = _moved(scene, comm, cache, system_of)
+    part = None if motion is None or other is None else model_part.model_part(scene, motion, other, called)
+    errors: dict[str, Any] = comm.bcast(part)
+    return errors
 
 
 def _moved(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:

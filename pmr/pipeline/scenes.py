@@ -92,8 +92,8 @@ def run(
         If a solver fails.
     """
     try:
-        kept = None if checkpoint is None else Checkpoint(checkpoint)
-        return _run(scene, comm, clock or Clock(), kept, cache, measures, keep, shared)
+        checkpoint_files = None if checkpoint is None else Checkpoint(checkpoint)
+        return _run(scene, comm, clock or Clock(), checkpoint_files, cache, measures, keep, shared)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
@@ -117,14 +117,14 @@ def _run(
     size, outputs = _sizes(built)
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
-    caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
+    caches = {} if cache is None else {name: cache_in(cache, body.model) for name, body in built.items()}
     bodies = Bodies(scene, built, clock, caches, shared)
     scene = bodies.scene  # with the step that was chosen
     with clock.stage("frequencies"):
         frequencies = bodies.frequencies()
     motions = bodies.simulate(checkpoint)
-    seen = {} if scene.recovery is None else bodies.recover(motions)
-    outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, seen, free_motions)
+    recovered = {} if scene.recovery is None else bodies.recover(motions)
+    outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, recovered, free_motions)
     if outcome is not None and chosen.said is not None:
         outcome.result.summary["chosen_model"] = chosen.said
     if keep is not None:
@@ -132,11 +132,11 @@ def _run(
     budget = {} if chosen.part is None else {"model": chosen.part}
     budget |= _measured(bodies, motions, budget, measures)
     if outcome is not None and budget:
-        whole: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
-        if isinstance(whole.get("mesh"), Mapping):
+        complete_budget: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
+        if isinstance(complete_budget.get("mesh"), Mapping):
             response = outcome.result.responses["reduced"]
-            whole["mesh_not_covered"] = covered.not_covered(bodies.asked, response, whole["mesh"])
-        outcome.result.summary["budget"] = whole
+            complete_budget["mesh_not_covered"] = covered.not_covered(bodies.asked, response, complete_budget["mesh"])
+        outcome.result.summary["budget"] = complete_budget
         further = far_off.warnings(bodies.asked, outcome.result.summary["budget"])
         outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # before hints
     return outcome
@@ -146,7 +146,7 @@ def _outcome(
     bodies: Bodies,
     motions: Motions,
     frequencies: Frequencies,
-    seen: Mapping[str, Recovered],
+    recovered: Mapping[str, Recovered],
     free_motions: Sequence[str],
 ) -> Outcome:
     """What a run says on rank 0, but for its model's own error."""
@@ -163,16 +163,16 @@ def _outcome(
     last = [
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
-        *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
+        *(Part(warnings=build_warnings(one.structure)) for one in {id(body): body for body in built.values()}.values()),
         Part(warnings=free_motions),
         Part(warnings=mesh.warnings(scene)),
-        Part(places({name: one.structure.outputs for name, one in built.items()})),
-        Part(summary_of_walls({name: one.structure.pads.walls for name, one in built.items()})),
+        Part(places({name: body.structure.outputs for name, body in built.items()})),
+        Part(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
         reliability(motions.references.missing, responses, system),
         theory(scene, responses),
         frequency_part(by_frequency),
     ]
-    judged, tip_error = bodies.judge(motions, frequencies, seen)
+    judged, tip_error = bodies.judge(motions, frequencies, recovered)
     parts = [*first, *judged, *last]
     summary = combined(parts)
     result = RunResult(
@@ -182,7 +182,7 @@ def _outcome(
         Paths(tuple(excitation.paths), excitation.s, excitation.rates),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
         frequencies,
-        bodies.results(seen),
+        bodies.results(recovered),
         None if ALONE in built else scene.reach(excitation.times),
         by_frequency,
         tip_error,
@@ -192,30 +192,30 @@ def _outcome(
     return Outcome(result, recorded, len(grave(parts)))
 
 
-def _measured(bodies: Bodies, motions: Motions, known: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:
-    """What a run measures of its model and mesh, for ``budget`` of summary.json, beside what is `known`; collective."""
-    comm, clock, asked = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.asked
+def _measured(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:
+    """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective."""
+    comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.asked
 
-    def system_of(one: Scene) -> System:
-        return _reduced(one, comm).system
+    def system_of(compared_scene: Scene) -> System:
+        return _reduced(compared_scene, comm).system
 
-    wanted = asked.compare.richer not in ("auto", "none")
-    if not wanted and measures is None:
+    is_wanted = scene.compare.richer not in ("auto", "none")
+    if not is_wanted and measures is None:
         return {}
-    model, found = next(iter(bodies.built.values())).model, dict[str, Any]()
+    model, parts = next(iter(bodies.built.values())).model, dict[str, Any]()
     cache = next(iter(bodies.caches.values()), None) if measures is None else cache_in(measures, model)
     with clock.stage("mesh and model"):
-        if wanted or "model" not in known:
-            found["model"] = measured(asked, comm, cache, system_of)
-        if measures is not None and asked.ordered is None:
+        if is_wanted or "model" not in budget:
+            parts["model"] = measured(scene, comm, cache, system_of)
+        if measures is not None and scene.ordered is None:
             response = None if motions.reduced is None else motions.reduced.first.response
-            found |= mesh_measured(asked, bodies.system, response, comm, cache, system_of)
-    return found
+            parts |= mesh_measured(scene, bodies.system, response, comm, cache, system_of)
+    return parts
 
 
 def _sizes(built: Mapping[str, Built]) -> tuple[int, int]:
     """Coordinates and outputs of all full models."""
-    models = [one.model for one in built.values()]
+    models = [body.model for body in built.values()]
     return sum(model.size for model in models), sum(model.outputs.getSize()[1] for model in models)
 
 
@@ -301,9 +301,9 @@ def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: 
         built = build_bodies(scene, comm)
     log_warnings(built.values(), comm)
     bodies = reduce_bodies(scene, built, clock=clock, vectors=vectors)
-    models = {name: one.model for name, one in bodies.items()}
+    models = {name: body.model for name, body in bodies.items()}
     return Reduction(comm.bcast(on_first(comm, lambda: with_order(scene, models))), built, bodies)
 
 
 def _decided(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> Decided:
-    return decided(scene, comm, clock, cache, lambda one: _reduced(one, comm).system)
+    return decided(scene, comm, clock, cache, lambda option: _reduced(option, comm).system)

@@ -30,20 +30,23 @@ RIGID = 6
 
 
 def meshed(boom: Scene, count: int) -> Scene:
-    """With so many elements in every section, and the full model alone."""
+    """Return the boom with so many elements in every section, and the full model alone."""
     return _with(boom, "mesh", {"elements": count})
 
 
 def reduced_to(boom: Scene, modes: int) -> Scene:
-    """With free modes for so many elastic ones in every section, and those of an error estimate."""
-    asked = {"coordinates": RIGID + modes, "flexibility": True, "estimate": True}
-    return _with(boom, "reduction", asked)
+    """Return the boom with free modes for so many elastic ones in every section, and those of an error estimate."""
+    reduction = {"coordinates": RIGID + modes, "flexibility": True, "estimate": True}
+    return _with(boom, "reduction", reduction)
 
 
 def _with(boom: Scene, table: str, changes: Mapping[str, Any]) -> Scene:
-    """With changes in a table of every section, and nothing to be searched."""
+    """Return the boom with changes in a table of every section, and nothing to be searched."""
     tables = [getattr(part, table).model_copy(update=changes) for part in boom.sections]
-    parts = tuple(part.model_copy(update={table: one}) for part, one in zip(boom.sections, tables, strict=True))
+    parts = tuple(
+        part.model_copy(update={table: changed_table})
+        for part, changed_table in zip(boom.sections, tables, strict=True)
+    )
     return boom.model_copy(update={"sections": parts, "accuracy": None, "budget": None})
 
 
@@ -81,10 +84,10 @@ def built_of(boom: Scene) -> Mapping[str, Any]:
 
 
 def full_of(boom: Scene, built: Mapping[str, Any]) -> System:
-    """The same as one system in one piece."""
+    """Full models as one system in one piece."""
     from pmr.fullmodel.system import FullSystem
 
-    models = {name: one.model for name, one in built.items()}
+    models = {name: body.model for name, body in built.items()}
     full = FullSystem(models, contacts_of(boom, models)).gather()
     assert full is not None  # a task runs on one rank
     return replace(full, terms=terms_of(boom, full.bodies))
@@ -94,11 +97,11 @@ def sizes_of(boom: Scene, built: Mapping[str, Any]) -> Trials:
     """The reduced models of the sections, of all sizes."""
     from pmr.reduction.bodies import reduce_bodies
 
-    return trials_of(boom, {name: one.modal for name, one in reduce_bodies(boom, built).items()})
+    return trials_of(boom, {name: body.modal for name, body in reduce_bodies(boom, built).items()})
 
 
 def models_of(boom: Scene, trials: Trials, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:
-    """Of so many elastic modes a section: on free modes, and as they are simulated."""
+    """Models with so many elastic modes a section: on free modes, and as they are simulated."""
     modal = trials.models(trials.uniform(modes))
     if basis == "modes":
         modal = {name: _stiff(model) for name, model in modal.items()}
@@ -107,7 +110,7 @@ def models_of(boom: Scene, trials: Trials, modes: int, basis: str) -> tuple[dict
 
 
 def _stiff(model: ReducedModel) -> ReducedModel:
-    """Without the flexibility of the modes that are left out."""
+    """Return the model without the flexibility of the modes that are left out."""
     assert model.carriers is not None  # as section models have
     carriers = replace(model.carriers, flexibility=None, inertia=None, answers=None)
     return replace(model, flexibility=None, enrichment=None, carriers=carriers)

@@ -25,7 +25,7 @@ FILES = {"scene", "scenes"}
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a call computed, and what is there of all that was asked for.
+    """Results of a call, and all that is there of its study.
 
     `results` are those of each part, by name; `computed` is the number of tasks that this call computed itself.
     """
@@ -80,11 +80,11 @@ def _named(name: str, results: StudyResults) -> list[RunRecord]:
 
 
 def _of_study(study: StudyBase, results: StudyResults) -> dict[str, Any]:
-    """What a study was asked for, found out from all of its runs, and what is published of it."""
+    """Keys of a study, the figures of all of its runs, and what is published about it."""
     base = set(StudyBase.model_fields)
-    asked = {name: value for name, value in study.model_dump(mode="json").items() if name not in base | FILES}
+    keys = {name: value for name, value in study.model_dump(mode="json").items() if name not in base | FILES}
     return {
-        "asked": asked,
+        "asked": keys,
         "figures": dict(study.figures(results)) if results.is_complete else {},
         "source": study.source,
         "published": [statement.model_dump() for statement in study.statements()],

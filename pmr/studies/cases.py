@@ -19,7 +19,7 @@ class _Table(BaseModel):
 
 
 class Exposed(_Table):
-    """What wind blows on."""
+    """Area on which wind blows."""
 
     load: str = Field(description="Name of a load of the scene that acts where the wind does, and along it")
     area: Annotated[float, Field(gt=0.0), Usual(1e-3, 1e4, unit="m^2")] = Field(description="Area across the wind, m^2")
@@ -43,14 +43,14 @@ class Wind(_Table):
     @property
     def forces(self) -> dict[str, float]:
         """In N, by the scene's loads."""
-        found = dict[str, float]()
-        for one in self.on:
-            found[one.load] = found.get(one.load, 0.0) + self.pressure * one.area * one.shape
-        return found
+        by_load = dict[str, float]()
+        for exposed in self.on:
+            by_load[exposed.load] = by_load.get(exposed.load, 0.0) + self.pressure * exposed.area * exposed.shape
+        return by_load
 
 
 class LoadCase(_Table):
-    """What acts at once, and by which factor; every factor is the user's own."""
+    """Loads that act at once, and their factors; every factor is the user's own."""
 
     name: str = Field(description="What it is called")
     standard: str = Field(default="", description="Source of the factors, for the report")
@@ -83,15 +83,18 @@ class LoadCase(_Table):
         """Whether a load hangs."""
         return self.load > 0.0
 
-    def checked(self, key: str, known: set[str], classes: Mapping[str, tuple[float, float]]) -> None:
+    def checked(self, key: str, load_names: set[str], classes: Mapping[str, tuple[float, float]]) -> None:
         """An InputError with the `key` is raised for a load or a class that is not known."""
         if self.hoisting_class is not None:
             hoisting_factor(f"{key}.hoisting_class", classes, self.hoisting_class, 0.0)
         named: list[tuple[str, str, Any]] = [(f"loads.{name}", name, amount) for name, amount in self.loads.items()]
-        named += [(f"wind.on[{k}].load", one.load, one.load) for k, one in enumerate(self.wind.on if self.wind else ())]
+        named += [
+            (f"wind.on[{k}].load", exposed.load, exposed.load)
+            for k, exposed in enumerate(self.wind.on if self.wind else ())
+        ]
         for of, name, value in named:
-            if name not in known:
-                allowed = f"{', '.join(sorted(known)) or 'no loads'} of the scene are allowed"
+            if name not in load_names:
+                allowed = f"{', '.join(sorted(load_names)) or 'no loads'} of the scene are allowed"
                 raise InputError("study", f"{key}.{of}", value, allowed)
 
     def hoisting(self, classes: Mapping[str, tuple[float, float]]) -> float:

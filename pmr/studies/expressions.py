@@ -36,7 +36,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 
 
 def value_of(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
-    """What computes an expression: numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"].
+    """Compile an expression: numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"].
 
     A ValueError says in one line what is not allowed; what is computed may raise a KeyError of a name that a table does
     not have, a ValueError or an ArithmeticError.
@@ -55,9 +55,9 @@ def value_of(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Valu
 
 def entries(text: str, table: str) -> list[str]:
     """Names of the entries of a table that an expression asks for, which `value_of` has taken."""
-    found = [node for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Subscript)]
-    own = [node for node in found if isinstance(node.value, ast.Name) and node.value.id == table]
-    return [str(node.slice.value) for node in own if isinstance(node.slice, ast.Constant)]
+    subscripts = [node for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Subscript)]
+    of_table = [node for node in subscripts if isinstance(node.value, ast.Name) and node.value.id == table]
+    return [str(node.slice.value) for node in of_table if isinstance(node.slice, ast.Constant)]
 
 
 def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
@@ -71,11 +71,11 @@ def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> V
             return _entry(node.value.id, node.slice.value)
     elif isinstance(node, (ast.BinOp, ast.UnaryOp)) and type(node.op) in OPERATORS:
         parts = [node.left, node.right] if isinstance(node, ast.BinOp) else [node.operand]
-        return _applied(OPERATORS[type(node.op)], [_value(one, names, tables) for one in parts])
+        return _applied(OPERATORS[type(node.op)], [_value(part, names, tables) for part in parts])
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS:
         if node.args and not node.keywords:
-            return _applied(FUNCTIONS[node.func.id], [_value(one, names, tables) for one in node.args])
-    listed = ", ".join([*names, *(f'{one}["name"]' for one in tables), *(f"{one}()" for one in FUNCTIONS)])
+            return _applied(FUNCTIONS[node.func.id], [_value(part, names, tables) for part in node.args])
+    listed = ", ".join([*names, *(f'{part}["name"]' for part in tables), *(f"{one}()" for one in FUNCTIONS)])
     raise ValueError(f"{ast.unparse(node)!r} is not allowed: numbers, + - * / **, {listed} are")
 
 

@@ -25,8 +25,8 @@ MOST = 2**27
 
 def bodies_with_field(scene: Scene) -> list[str]:
     """Names of shells and solids, as limits choose among them."""
-    known = zip(scene.names, members(scene), strict=True)
-    return [name or WHOLE for name, member in known if model_of(member) in MODELS]
+    named_members = zip(scene.names, members(scene), strict=True)
+    return [name or WHOLE for name, member in named_members if model_of(member) in MODELS]
 
 
 def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
@@ -58,9 +58,11 @@ def _probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Probe]:
     if rows is None or not set(FACES) & set(rows.faces) and len(rows.components) < 6:
         return
     regions = dict(model.grid.regions) or {WHOLE: np.unique(rows.cell)}
-    faces = [one for one in FACES if one in rows.faces] or list(rows.faces)
+    faces = [face_or_region for face_or_region in FACES if face_or_region in rows.faces] or list(rows.faces)
     for region, cells in regions.items():
-        if not any(fnmatchcase(one, p) for one in (name or WHOLE, named(name, region)) for p in patterns):
+        if not any(
+            fnmatchcase(face_or_region, p) for face_or_region in (name or WHOLE, named(name, region)) for p in patterns
+        ):
             continue
         for face in faces:
             at = rows.on(face)

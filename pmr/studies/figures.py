@@ -58,22 +58,22 @@ def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
 
     `summary` is that of a run, or of what was recovered; a mesh without regions is ``whole body``.
     """
-    found = dict[str, Scalar]()
+    record = dict[str, Scalar]()
     for region, peak in stress_by_part(summary).get("reduced", {}).items():
         stated = {"max": peak["value"], "t_max": peak["t"]} | dict(zip("xyz", peak["position"], strict=True))
-        found |= {f"stress.{region}.{key}": float(value) for key, value in stated.items()}
-    return found
+        record |= {f"stress.{region}.{key}": float(value) for key, value in stated.items()}
+    return record
 
 
 def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
-    """What a summary says of bodies by name: `stresses`, ``mass.<body>`` in kg, and of beams their section forces.
+    """Figures of bodies by name: `stresses`, ``mass.<body>`` in kg, and of beams their section forces.
 
     ``mass`` is that of all with what is attached, ``utilisation`` the largest stress over the yield stress, with
     ``utilisation_t`` in s, ``utilisation_section``, and ``_x``, ``_y``, ``_z`` in m there;
     ``beam_forces.<quantity>.{min,t_min,x_min,max,...}`` in N, ``beam_moments.<quantity>.`` in N m.
     """
-    record, known = stresses(summary), {one["name"]: one for one in summary.get("masses", ())}
-    weights = {name: float(one["mass"] + one["attached"]) for name, one in known.items()}
+    record, masses = stresses(summary), {mass["name"]: mass for mass in summary.get("masses", ())}
+    weights = {name: float(mass["mass"] + mass["attached"]) for name, mass in masses.items()}
     if weights:
         record["mass"] = sum(weights.values())
         record |= {f"mass.{name}": weight for name, weight in weights.items() if name != ALONE}
@@ -84,9 +84,9 @@ def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
         record |= {f"utilisation_{axis}": float(at) for axis, at in zip("xyz", used["position"], strict=True)}
         record |= {"utilisation_section": used["section"]} if used["section"] != ALONE else {}
     for name, part in parts_of(summary).items():
-        for quantity, found in part.get("section_forces", {}).get("reduced", {}).items():
-            if room := BEAM_ROOMS.get(found["unit"]):
-                figures = {key: value for key, value in found.items() if key != "unit"}
+        for quantity, forces in part.get("section_forces", {}).get("reduced", {}).items():
+            if room := BEAM_ROOMS.get(forces["unit"]):
+                figures = {key: value for key, value in forces.items() if key != "unit"}
                 record |= {f"{room}.{named(name, quantity)}.{key}": value for key, value in figures.items()}
     return record
 
@@ -95,11 +95,11 @@ def _forces(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
     extremes = force_extremes(response, scene.along(response.t))
     if extremes:
         yield "largest_force", max(max(found.most, -found.least) for found in extremes.values())
-    for name, found in extremes.items():
-        yield from ((f"forces.{name}.{key}", value) for key, value in found.summary().items())
-    for of, found in reaction_extremes(response, scene.along(response.t)).items():
+    for name, extreme in extremes.items():
+        yield from ((f"forces.{name}.{key}", value) for key, value in extreme.summary().items())
+    for of, extreme in reaction_extremes(response, scene.along(response.t)).items():
         room = "moments" if of.unit == "N m" else "reactions"
-        yield from ((f"{room}.{of.support}.{key}", value) for key, value in found.summary().items())
+        yield from ((f"{room}.{of.support}.{key}", value) for key, value in extreme.summary().items())
 
 
 def _frequencies(s: Array, omega: Array) -> Iterator[tuple[str, Scalar]]:
@@ -107,13 +107,16 @@ def _frequencies(s: Array, omega: Array) -> Iterator[tuple[str, Scalar]]:
     yield "path.s_max", float(s[-1])
     middle = int(np.abs(s - (s[0] + s[-1]) / 2.0).argmin())
     for place, k in zip(PLACES, (0, middle, -1), strict=True):
-        for i, one in enumerate(omega[k, :FREQUENCIES], start=1):
-            yield f"frequencies.{place}.{i}", float(one) / (2.0 * np.pi) if np.isfinite(one) else None
+        for i, omega_of_mode in enumerate(omega[k, :FREQUENCIES], start=1):
+            yield (
+                f"frequencies.{place}.{i}",
+                float(omega_of_mode) / (2.0 * np.pi) if np.isfinite(omega_of_mode) else None,
+            )
 
 
 def _probes(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
-    for name, found in probe_extremes(response, scene.along(response.t)).items():
-        yield from ((f"probes.{name}.{key}", value) for key, value in found.summary().items())
+    for name, extreme in probe_extremes(response, scene.along(response.t)).items():
+        yield from ((f"probes.{name}.{key}", value) for key, value in extreme.summary().items())
         largest = cycles(response.t, response.other(name))[:1, 0]
         yield f"probes.{name}.range", float(largest.sum())
 
@@ -147,25 +150,27 @@ def ran(scene: Scene, shared: Any = None) -> TaskResult:
     result, summary = outcome.result, outcome.result.summary
     record = compared(summary, "errors")
     record |= {f"coordinates.{model}": size for model, size in summary["coordinates"].items()}
-    found, response = result.frequencies, result.responses["reduced"]
-    arrays = {"t": response.t, "tip": response.tip, "reach": found.along}
+    frequencies, response = result.frequencies, result.responses["reduced"]
+    arrays = {"t": response.t, "tip": response.tip, "reach": frequencies.along}
     if (shapes := result.body.shapes) is not None:
-        record |= {"basis.kappa": summary["basis"]["kappa"]} | _frequency_errors(found)
+        record |= {"basis.kappa": summary["basis"]["kappa"]} | _frequency_errors(frequencies)
         arrays["singular_values"] = shapes.singular_values
-    record |= figures_of(scene, response, found.along, 2.0 * np.pi * found.models["reduced"]) | of_bodies(summary)
+    record |= figures_of(scene, response, frequencies.along, 2.0 * np.pi * frequencies.models["reduced"]) | of_bodies(
+        summary
+    )
     if len(scene.sections) > 1 and summary["pads"]:
         record["largest_force"] = max(max(pad["max"], -pad["min"]) for pad in summary["pads"])
     cylinders, ropes = summary.get("cylinders", ()), summary.get("ropes", ())
-    record |= {f"cylinders.{one['name']}.{key}": one[key] for one in cylinders for key in ("min", "max")}
-    record |= {f"ropes.{one['name']}.{key}": one["force"][key] for one in ropes for key in ("min", "max")}
-    arrays |= {f"frequencies.{model}": values for model, values in found.models.items()}
-    seconds = {f"simulate.{name}": one.seconds for name, one in result.responses.items()}
+    record |= {f"cylinders.{row['name']}.{key}": row[key] for row in cylinders for key in ("min", "max")}
+    record |= {f"ropes.{row['name']}.{key}": row["force"][key] for row in ropes for key in ("min", "max")}
+    arrays |= {f"frequencies.{model}": values for model, values in frequencies.models.items()}
+    seconds = {f"simulate.{name}": row.seconds for name, row in result.responses.items()}
     return TaskResult(record, arrays, seconds, tuple(summary["warnings"]))
 
 
-def _frequency_errors(found: Frequencies) -> dict[str, Scalar]:
+def _frequency_errors(frequencies: Frequencies) -> dict[str, Scalar]:
     """The largest relative errors over the path; None of those that fewer coordinates do not have."""
-    if "full" not in found.models:
+    if "full" not in frequencies.models:
         return {}
-    off = np.abs(found.models["reduced"] / found.models["full"] - 1.0).max(axis=0)[:COMPARED_FREQUENCIES]
+    off = np.abs(frequencies.models["reduced"] / frequencies.models["full"] - 1.0).max(axis=0)[:COMPARED_FREQUENCIES]
     return {f"frequency_error.{i}": float(e) if np.isfinite(e) else None for i, e in enumerate(off, start=1)}

@@ -48,7 +48,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Project:
-    """What one call of ``pmr study`` computes."""
+    """Studies that one call of ``pmr study`` computes."""
 
     title: str
     kind: str
@@ -60,7 +60,7 @@ class Project:
         return tuple(_run_name(part, run) for part in self.parts for run in part.plan.runs)
 
     def only(self, names: Sequence[str]) -> Project:
-        """The same with the named runs alone; raises InputError if there is no such run."""
+        """Return the project with the named runs alone; raises InputError if there is no such run."""
         unknown = sorted(set(names) - set(self.runs))
         if unknown:
             close = hint(unknown[0], self.runs)

@@ -25,12 +25,12 @@ def chosen(load: Array) -> NDArray[np.int64]:
     """By limit (l,) the number of the place of those of loads (p, l) kg at which it governs the largest; or -1."""
     least = np.where(np.isnan(load), np.inf, load)
     which, most = least.argmin(axis=1), least.min(axis=1)
-    found = np.full(load.shape[1], -1)
+    numbers = np.full(load.shape[1], -1)
     for k in range(load.shape[1]):
-        own = np.flatnonzero((which == k) & np.isfinite(most) & (most > 0.0))
-        if len(own):
-            found[k] = own[np.argmax(most[own])]
-    return found
+        governed = np.flatnonzero((which == k) & np.isfinite(most) & (most > 0.0))
+        if len(governed):
+            numbers[k] = governed[np.argmax(most[governed])]
+    return numbers
 
 
 def details(
@@ -42,30 +42,30 @@ def details(
     ``stress`` (p, s) Pa, von Mises', ``used`` (p, l), shares of all limits and of what it buckles under, and
     ``luffing`` (p,) rad, with the names of all, and ``stops`` (p, stops, 5) as `pmr.studies.stops` has them.
     """
-    at = next((one.at for one in places if one is not None), None)
+    at = next((place.at for place in places if place is not None), None)
     if at is None:
         return {}
-    own = [*limits, None]  # stability has no share that swings
+    governing_limits = [*limits, None]  # stability has no share that swings
     rows = [
-        None if one is None else _row(limits, one, load, bent) | _stopped(own[n], one, load, stops)
-        for n, (one, load) in enumerate(zip(places, loads.tolist(), strict=True))
+        None if place is None else _row(limits, place, load, bent) | _stopped(governing_limits[n], place, load, stops)
+        for n, (place, load) in enumerate(zip(places, loads.tolist(), strict=True))
     ]
-    known = next(row for row in rows if row is not None)
-    empty = {name: np.full_like(one, np.nan) for name, one in known.items()}
-    found = {name: np.array([(row or empty)[name] for row in rows]) for name in known}
+    example_row = next(row for row in rows if row is not None)
+    empty = {name: np.full_like(place, np.nan) for name, place in example_row.items()}
+    arrays = {name: np.array([(row or empty)[name] for row in rows]) for name in example_row}
     names = {
         "forces": at.force_names,
         "stress": tuple(at.columns.stresses()),
         "direction": bent.direction,
         "section": bent.names,
     }
-    found |= {f"{name}.names": np.array(one, dtype=np.str_) for name, one in names.items()}
-    return found | {"kinds": np.array(at.force_kinds, dtype=np.str_), "bent.x": bent.x, "bent.section": bent.section}
+    arrays |= {f"{name}.names": np.array(place, dtype=np.str_) for name, place in names.items()}
+    return arrays | {"kinds": np.array(at.force_kinds, dtype=np.str_), "bent.x": bent.x, "bent.section": bent.section}
 
 
 def _probes(at: Postures) -> dict[str, dict[str, int]]:
-    """Those of the scene itself."""
-    return {probe: one for probe, one in at.columns.stresses().items() if FIELD not in probe}
+    """Probes of the scene itself."""
+    return {probe: components for probe, components in at.columns.stresses().items() if FIELD not in probe}
 
 
 def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict[str, Array]:
@@ -73,7 +73,9 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
     at, load = place.at, load * (1.0 - BELOW)
     state = place.loaded.state(load)
     shape = Place(bent.measured(at), place.k, place.amounts, place.gravity).loaded.state(load)
-    stress = [float(mises(state.outputs[list(one.values())], tuple(one))) for one in _probes(at).values()]
+    stress = [
+        float(mises(state.outputs[list(components.values())], tuple(components))) for components in _probes(at).values()
+    ]
     used = [place.used(limit, state) for limit in limits]
     return {
         "forces": state.forces,
@@ -85,5 +87,5 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
 
 
 def _stopped(limit: Limit | None, place: Place, load: float, stops: Sequence[Stopping]) -> dict[str, Array]:
-    found = [one.row(place, load * (1.0 - BELOW), limit) for one in stops]
-    return {"stops": np.array(found).reshape(-1, 5)}
+    stop_rows = [stop.row(place, load * (1.0 - BELOW), limit) for stop in stops]
+    return {"stops": np.array(stop_rows).reshape(-1, 5)}

@@ -52,7 +52,7 @@ class RunRecord:
 
     @property
     def row(self) -> dict[str, Scalar]:
-        """Its row of the table."""
+        """Row of the run in the table."""
         head = {"run": self.key, "status": self.status, "reason": self.reason}
         return {**head, **self.parameters, **self.figures, "warnings": SEPARATOR.join(self.warnings)}
 
@@ -116,8 +116,8 @@ class StudyResults:
         for run in self.runs:
             for text in run.warnings:
                 of_kind.setdefault(kind_of(text), {}).setdefault(run.key, text)
-        found = [CountedWarning(next(iter(of.values())), tuple(of)) for of in of_kind.values()]
-        return sorted(found, key=lambda one: -len(one.runs))
+        counted = [CountedWarning(next(iter(of.values())), tuple(of)) for of in of_kind.values()]
+        return sorted(counted, key=lambda warning: -len(warning.runs))
 
     @property
     def is_complete(self) -> bool:
@@ -185,11 +185,11 @@ def _cell(value: Scalar) -> str:
 
 
 def _column(values: Sequence[Scalar]) -> NDArray[Any]:
-    given = [value for value in values if value is not None]
-    if any(isinstance(value, str) for value in given):
+    values_given = [value for value in values if value is not None]
+    if any(isinstance(value, str) for value in values_given):
         return np.array(["" if value is None else str(value) for value in values])
-    if len(given) == len(values) and given:
-        return np.array(given)  # bool, int or float, whichever holds all
+    if len(values_given) == len(values) and values_given:
+        return np.array(values_given)  # bool, int or float, whichever holds all
     return np.array([np.nan if value is None else float(value) for value in values])
 
 

@@ -35,14 +35,14 @@ def richer_model(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) 
 
     scene, at = Scene.model_validate(arguments["boom"]), Stands.of(arguments["at"])
     try:
-        own, other, called = beside(scene)
-        if any(sorted(force_names(own)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
+        of_scene, other, called = beside(scene)
+        if any(sorted(force_names(of_scene)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
             return _without(f"a {called} has other pads and cylinders")
         system = joined(other, reduce_bodies(other, shared.bodies_of(other)))
-        found = Postures.of(other, system, at)
+        postures = Postures.of(other, system, at)
     except UNKNOWN as error:
         return _without(error.allowed if isinstance(error, InputError) else str(error))
-    return TaskResult(arrays={**records.arrays(found, "model."), "called": np.array(called)})
+    return TaskResult(arrays={**records.arrays(postures, "model."), "called": np.array(called)})
 
 
 def _without(reason: str) -> TaskResult:

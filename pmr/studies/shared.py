@@ -58,7 +58,7 @@ def model_of(scene: Scene) -> FullModel:
 
 
 def body_of(scene: Scene) -> FullBody:
-    """The same in one piece: a task has one rank."""
+    """Full model of a scene's body in one piece: a task has one rank."""
     body = model_of(scene).gather()
     assert body is not None
     return body

@@ -17,7 +17,7 @@ Count = Annotated[int, Field(ge=1, strict=True)]
 
 
 class Statement(BaseModel):
-    """What a publication says of something that the study finds out too."""
+    """Statement of a publication about something that the study finds out too."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -62,7 +62,7 @@ class StudyBase(BaseModel):
         return []
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
-        """What the runs say together, once they are all there: goes into summary.json, for reports."""
+        """Figures of all runs together, once they are there: they go into summary.json, for reports."""
         return {}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:

@@ -27,41 +27,41 @@ class Node:
 
 def digests(plan: Plan, code: str) -> dict[str, str]:
     """Digest of each task of a plan, by key; raises ValueError if tasks need each other in a circle."""
-    tasks, found = {task.key: task for task in plan}, dict[str, str]()
+    tasks, digest_of_task = {task.key: task for task in plan}, dict[str, str]()
     for key in _in_order({key: task.needs.values() for key, task in tasks.items()}):
         task = tasks[key]
-        found[key] = task.digest(code, {name: found[need] for name, need in task.needs.items()})
-    return found
+        digest_of_task[key] = task.digest(code, {name: digest_of_task[need] for name, need in task.needs.items()})
+    return digest_of_task
 
 
 def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Node]:
-    """What has to be computed, by digest, in an order in which nothing precedes what it needs.
+    """Tasks that are to be computed, by digest, in an order in which nothing precedes what it needs.
 
     These are the runs that are not done and, of what is shared, only what they still need.
     """
     tasks: dict[str, Task] = {}
     needs: dict[str, dict[str, str]] = {}
-    wanted: list[str] = []
+    digests_to_check: list[str] = []
     for plan in plans:
         digest = digests(plan, code)
         for task in plan:
             tasks.setdefault(digest[task.key], task)
             needs[digest[task.key]] = {name: digest[key] for name, key in task.needs.items()}
-        wanted += [digest[run.key] for run in plan.runs]
+        digests_to_check += [digest[run.key] for run in plan.runs]
     is_done, missing = cache(is_done), set[str]()
-    while wanted:
-        digest_ = wanted.pop()
+    while digests_to_check:
+        digest_ = digests_to_check.pop()
         if digest_ not in missing and not is_done(digest_):
             missing.add(digest_)
-            wanted += needs[digest_].values()
+            digests_to_check += needs[digest_].values()
     open_needs = {d: [need for need in needs[d].values() if need in missing] for d in tasks if d in missing}
     order = _in_order(open_needs)
     urgency: dict[str, float] = {}
     for digest_ in reversed(order):
-        own = tasks[digest_].cost + urgency.get(digest_, 0.0)
-        urgency[digest_] = own
+        cost_of_chain = tasks[digest_].cost + urgency.get(digest_, 0.0)
+        urgency[digest_] = cost_of_chain
         for need in open_needs[digest_]:
-            urgency[need] = max(urgency.get(need, 0.0), own)
+            urgency[need] = max(urgency.get(need, 0.0), cost_of_chain)
     return {d: Node(d, tasks[d], needs[d], urgency[d]) for d in order}
 
 
@@ -98,11 +98,11 @@ class Ready:
 
     def dependents(self, digest: str) -> Iterator[str]:
         """All that need this one, directly or not, each once."""
-        seen, stack = set[str](), list(self._dependents.get(digest, ()))
+        visited, stack = set[str](), list(self._dependents.get(digest, ()))
         while stack:
             dependent = stack.pop()
-            if dependent not in seen:
-                seen.add(dependent)
+            if dependent not in visited:
+                visited.add(dependent)
                 stack += self._dependents.get(dependent, ())
                 yield dependent
 

@@ -68,16 +68,16 @@ def launched_ranks() -> int:
     Raises InputError if the launcher belongs to another MPI than mpi4py, so that each process would take itself for the
     only one.
     """
-    asked = environment.launched()
-    if asked == 1:
+    ranks = environment.launched()
+    if ranks == 1:
         return 1
     from mpi4py import MPI
 
     size = int(MPI.COMM_WORLD.size)
     if size == 1:
-        found = MPI.Get_library_version().split(",")[0].split("\n")[0]
+        library = MPI.Get_library_version().split(",")[0].split("\n")[0]
         raise InputError(
-            "command line", "mpiexec", asked, f"the launcher of this Python's own MPI is allowed ({found.strip()})"
+            "command line", "mpiexec", ranks, f"the launcher of this Python's own MPI is allowed ({library.strip()})"
         )
     return size
 

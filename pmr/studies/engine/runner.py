@@ -43,9 +43,9 @@ class Progress:
     def text(self) -> str:
         """One line."""
         failed = f", {self.failed} failed or skipped" if self.failed else ""
-        left = f", about {duration(self.left)} left" if self.left and self.done + self.failed < self.total else ""
+        time_left = f", about {duration(self.left)} left" if self.left and self.done + self.failed < self.total else ""
         now = f"; now {', '.join(self.running[:NAMED])}{' ...' * (len(self.running) > NAMED)}" if self.running else ""
-        return f"{self.done} of {self.total} tasks done{failed} after {duration(self.elapsed)}{left}{now}"
+        return f"{self.done} of {self.total} tasks done{failed} after {duration(self.elapsed)}{time_left}{now}"
 
 
 Watch = Callable[[Progress], None]
@@ -73,7 +73,9 @@ def run(
             running[pool.submit(_order(node, store))] = node
             wait(running)
         finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
-        for future in [one for one in running if one in finished]:  # as submitted: which failure is named does not vary
+        for future in [
+            future_of_node for future_of_node in running if future_of_node in finished
+        ]:  # as submitted: which failure is named does not vary
             node, answer = running.pop(future), _answer(future)
             if answer.status == "done":
                 state.done(node)
@@ -102,7 +104,7 @@ def _order(node: Node, store: Store) -> Order:
 
 
 class _State:
-    """What became of the nodes so far."""
+    """State of the nodes so far."""
 
     def __init__(self, nodes: Mapping[str, Node]) -> None:
         self.failures: dict[str, Failure] = {}
@@ -123,5 +125,5 @@ class _State:
     @property
     def progress(self) -> Progress:
         elapsed = time.monotonic() - self._begin
-        left = elapsed * max(self._cost_left, 0.0) / self._cost_done if self._cost_done else None
-        return Progress(self._done, len(self.failures), self._total, elapsed, left)
+        seconds_left = elapsed * max(self._cost_left, 0.0) / self._cost_done if self._cost_done else None
+        return Progress(self._done, len(self.failures), self._total, elapsed, seconds_left)

@@ -69,7 +69,7 @@ class Store:
         npz.write(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, header)
 
     def headline(self, digest: str) -> Stored:
-        """As `read`, without the arrays."""
+        """Read a result without its arrays."""
         return self.read(digest, only=(npz.HEADER,))
 
     def read(self, digest: str, only: Collection[str] | None = None) -> Stored:

@@ -40,7 +40,7 @@ def number(value: Scalar) -> float:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """What a task returns.
+    """Result of a task.
 
     The figures of its `record`, one column of the table each, are the same on every machine that computes alike; so
     measured times, which differ from run to run, stand apart in `seconds`.  `warnings` are those of a run of the same
@@ -110,9 +110,9 @@ class Plan:
         if twice:
             allowed = f"two runs are called {', '.join(twice)}; names of scenes and cases, and values, must differ"
             raise InputError("study", "", None, allowed)
-        known = {task.key for task in self}
+        keys = {task.key for task in self}
         for task in self:
-            missing = set(task.needs.values()) - known
+            missing = set(task.needs.values()) - keys
             if missing:
                 raise ValueError(f"task {task.key} needs {', '.join(sorted(missing))}, which the plan lacks")
 

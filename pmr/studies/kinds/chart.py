@@ -115,7 +115,10 @@ class Study(StudyBase):
 
     @model_validator(mode="after")
     def _named_apart(self) -> Self:
-        for what, names in (("limits", [one.name for one in self.limits]), ("cases", [one.name for one in self.cases])):
+        for what, names in (
+            ("limits", [entry.name for entry in self.limits]),
+            ("cases", [one.name for one in self.cases]),
+        ):
             if len(set(names)) < len(names) or (what == "limits" and STABILITY in names):
                 raise ValueError(f"names of {what} must differ, and {STABILITY!r} is there without being asked for")
         if not any(case.in_service for case in self.cases):
@@ -168,29 +171,29 @@ class Study(StudyBase):
         table = self.table(results)
         names, load = self.names, table["load"]
         least, doubt = governing(load), in_doubt(load, table["error"], self.up_to).any(axis=1)
-        found: dict[str, Scalar] = {"points": len(load), "limits": len(names), "in_doubt": int(doubt.sum())}
+        figures: dict[str, Scalar] = {"points": len(load), "limits": len(names), "in_doubt": int(doubt.sum())}
         for k, name in enumerate(names):
-            found |= {
+            figures |= {
                 f"governs.{name}": int((least == k).sum()),
                 f"never.{name}": int(np.isnan(load[:, k]).sum()),
                 f"at_no_load.{name}": int((load[:, k] == 0.0).sum()),
             }
         if self.hoist is not None:
             factors = table["hoist"][np.isfinite(table["hoist"])]
-            found |= {"hoist.least": float(factors.min()), "hoist.most": float(factors.max())} if len(factors) else {}
-            found |= {} if (factor := self._class_factor) is None else {"hoist.class": factor}
+            figures |= {"hoist.least": float(factors.min()), "hoist.most": float(factors.max())} if len(factors) else {}
+            figures |= {} if (factor := self._class_factor) is None else {"hoist.class": factor}
         for k, case in enumerate(self._left):
-            found[f"stands.{case.name}"] = int((~table["passed"][:, k].any(axis=1)).sum())
-        return found
+            figures[f"stands.{case.name}"] = int((~table["passed"][:, k].any(axis=1)).sum())
+        return figures
 
     def summary_line(self, results: StudyResults) -> str:
         """The least and the largest load that all limits allow."""
         points = len(self._points)
-        found = [results.column(name) for name in ("load.least", "load.most")]
-        if not all(np.isfinite(one).any() for one in found):
-            asked = "" if self.limits else f"; it was looked for {STABILITY} alone, [[limits]] of the study adds others"
-            return f"no limit is reached up to {self.up_to:g} kg at any of {points} points{asked}"
-        low, high = float(np.nanmin(found[0])), float(np.nanmax(found[1]))
+        columns = [results.column(name) for name in ("load.least", "load.most")]
+        if not all(np.isfinite(column).any() for column in columns):
+            hint = "" if self.limits else f"; it was looked for {STABILITY} alone, [[limits]] of the study adds others"
+            return f"no limit is reached up to {self.up_to:g} kg at any of {points} points{hint}"
+        low, high = float(np.nanmin(columns[0])), float(np.nanmax(columns[1]))
         return f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits{self._bars(results)}"
 
     def _bars(self, results: StudyResults) -> str:
@@ -218,7 +221,7 @@ class Study(StudyBase):
 
     @property
     def names(self) -> list[str]:
-        """Of all limits, that of stability last."""
+        """Names of all limits, that of stability last."""
         return [*(limit.name for limit in self.limits), STABILITY]
 
     def table(self, results: StudyResults) -> dict[str, Any]:
@@ -234,7 +237,7 @@ class Study(StudyBase):
         done = [run.status == "done" for run in results.runs]
         if not any(done):
             return {"chart.csv": ""}
-        points = [one for one, is_done in zip(self._points, np.repeat(done, self._size), strict=True) if is_done]
+        points = [point for point, is_done in zip(self._points, np.repeat(done, self._size), strict=True) if is_done]
         table, names = self.table(results), self.names
         load, error = table["load"], table["error"]
         least, doubt = governing(load), in_doubt(load, error, self.up_to)
@@ -266,16 +269,29 @@ class Study(StudyBase):
         for k, (row, a, b) in enumerate(points):
             radius, height = table["place"][k].tolist()
             which = int(least[k])
-            known = which >= 0
+            is_limited = which >= 0
             lower = float(max(0.0, lowest(load[k], error[k], self.up_to).min()))
-            said = [load[k, which] if known else "", lower if known or lower < self.up_to else ""]
-            said += [names[which], self._in_service[int(table["case"][k, which])].name] if known else ["none", ""]
-            may = " | ".join(name for name, one in zip(names, doubt[k], strict=True) if one)
-            own: list[Any] = [float(table["hoist"][k])] if self.hoist else []
-            own += [" | ".join(np.array(names)[passed]) or "none" for passed in table["passed"][k]]
-            cells = [*row.values(), a, b, radius, height, *said, may, *own, *load[k].tolist(), *error[k].tolist()]
+            allowed_cells = [load[k, which] if is_limited else "", lower if is_limited or lower < self.up_to else ""]
+            allowed_cells += (
+                [names[which], self._in_service[int(table["case"][k, which])].name] if is_limited else ["none", ""]
+            )
+            may = " | ".join(name for name, point in zip(names, doubt[k], strict=True) if point)
+            hoist_and_passed: list[Any] = [float(table["hoist"][k])] if self.hoist else []
+            hoist_and_passed += [" | ".join(np.array(names)[passed]) or "none" for passed in table["passed"][k]]
+            cells = [
+                *row.values(),
+                a,
+                b,
+                radius,
+                height,
+                *allowed_cells,
+                may,
+                *hoist_and_passed,
+                *load[k].tolist(),
+                *error[k].tolist(),
+            ]
             cells.append(str(table["not_covered"][k]))
-            writer.writerow([_cell(one) for one in cells])
+            writer.writerow([_cell(point) for point in cells])
         return {"chart.csv": text.getvalue()}
 
     def not_covered(self, results: StudyResults) -> str:
@@ -297,34 +313,39 @@ class Study(StudyBase):
 
     @cached_property
     def _scene(self) -> Scene:
-        found = scenes.vary(self.scene, [Change(self.change, "change")])
-        if found.frame is None or found.frame.luffing is None:
+        scene = scenes.vary(self.scene, [Change(self.change, "change")])
+        if scene.frame is None or scene.frame.luffing is None:
             raise InputError("study", "scene", str(self.scene), "a scene whose [frame] has a luffing angle is allowed")
-        if found.gravity is None:
+        if scene.gravity is None:
             raise InputError("study", "scene", str(self.scene), "a scene with [gravity] is allowed")
-        _check_at_rest(found)
-        frame = found.frame.model_copy(update={"second_order": True})
-        found = found.model_copy(update={"frame": frame})
-        known = {load.name for part in found.sections for load in part.loads} - {HOOK}
+        _check_at_rest(scene)
+        frame = scene.frame.model_copy(update={"second_order": True})
+        scene = scene.model_copy(update={"frame": frame})
+        load_names = {load.name for part in scene.sections for load in part.loads} - {HOOK}
         for k, case in enumerate(self.cases):
-            case.checked(f"cases[{k}]", known, self.classes)
+            case.checked(f"cases[{k}]", load_names, self.classes)
         if any(stop.of == "slewing" for stop in self.stops) and frame.slewing is None:
             raise InputError("study", "stops", "slewing", "a scene whose [frame] has a slewing angle is allowed")
         self._class_factor  # noqa: B018  (refuses a class that is not there)
-        return found
+        return scene
 
     @cached_property
     def _rows(self) -> list[dict[str, float]]:
         """Extensions in m by section, one after the other."""
         scene = self._scene
         names = scene.names[1:] if len(scene.sections) > 1 else ()
-        asked = self.extensions
-        if isinstance(asked, Range):
+        extensions = self.extensions
+        if isinstance(extensions, Range):
             count = len(names)
-            found = sequence(names, [asked.least] * count, [asked.most] * count, asked.count, asked.order)
+            rows = sequence(
+                names, [extensions.least] * count, [extensions.most] * count, extensions.count, extensions.order
+            )
         else:
-            found = [dict.fromkeys(names, one) if isinstance(one, float) else dict(one) for one in asked or ({},)]
-        for k, row in enumerate(found):
+            rows = [
+                dict.fromkeys(names, extension) if isinstance(extension, float) else dict(extension)
+                for extension in extensions or ({},)
+            ]
+        for k, row in enumerate(rows):
             if set(row) != set(names):
                 allowed_ = f"an extension of each of {', '.join(names)} is allowed" if names else "none of a body alone"
                 raise InputError("study", f"extensions[{k}]", ", ".join(row) or None, allowed_)
@@ -334,14 +355,14 @@ class Study(StudyBase):
                     raise InputError(
                         "study", f"extensions[{k}]", value, f"more than 0 and less than {most:g} m is allowed"
                     )
-        return found
+        return rows
 
     @cached_property
     def _angles(self) -> tuple[float, ...]:
-        found = self.luffing.values if isinstance(self.luffing, Range) else self.luffing
-        if not found:
+        angles = self.luffing.values if isinstance(self.luffing, Range) else self.luffing
+        if not angles:
             raise InputError("study", "luffing", None, "at least one angle is allowed")
-        return found
+        return angles
 
 
 def _check_at_rest(scene: Scene) -> None:
@@ -350,7 +371,7 @@ def _check_at_rest(scene: Scene) -> None:
     if scene.frame.machine is not None:
         raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")
     base = scene.frame.base
-    moving = [key for key, one in (base.motions if base else {}).items() if not isinstance(one, Constant)]
+    moving = [key for key, signal in (base.motions if base else {}).items() if not isinstance(signal, Constant)]
     moving += [f"acceleration.{axis}" for axis in (base.accelerations if base else {})]
     if moving:
         allowed = "a base that is inclined by a constant rx, ry or rz is allowed in a load chart"
