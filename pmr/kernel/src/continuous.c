@@ -103,16 +103,16 @@ static int find_changes(pmr_state *st, const double *at, const double *seed_at, 
     const int r = y->modes;
     const double *amplitudes = st->u + y->paths + y->inputs, *of_terms;
     const pmr_observed sets[2] = {of_outputs(y), of_reactions(y)};
-    double *room = st->seeds, *du = room + 4 * (size_t)r, *all = st->changes, *reactions = all + y->op;
+    double *room = st->seeds, *du = room + 10 * (size_t)r, *all = st->changes, *reactions = all + y->op;
     seed d = {.z = room,
               .v = room + r,
               .forces = room + 2 * r,
               .w = room + 3 * r,
-              .free = room,
               .lambda = st->motion,
               .sums = du + y->drivers,
               .u = du};
     int k, n, failed;
+    d.free = d.z;
     copy(d.z, dz, r);
     copy(d.v, dv, r);
     if (y->motions)
@@ -121,9 +121,10 @@ static int find_changes(pmr_state *st, const double *at, const double *seed_at, 
         copy(du, seed_at, y->drivers);
     of_terms = du + y->paths + y->inputs;
     find_slopes(st, st->still);
-    memset(d.lambda, 0, y->mp * sizeof(double)); /* friction stays as it is */
-    memset(d.sums, 0, y->joints * sizeof(double));
-    for (k = 0; k < y->contacts; k++) d.lambda[k] = seed_motion(st, &d, k);
+    for (k = 0; k < y->mp; k++) d.lambda[k] = 0.0;
+    for (k = 0; k < y->joints; k++) d.sums[k] = 0.0; /* friction stays as it is */
+    for (k = 0; k < y->contacts; k++) st->excess[k] = seed_motion(st, &d, k);
+    copy(d.lambda, st->excess, y->contacts);
     failed = solve_giving(st, d.lambda);
     if (failed) return failed;
     for (n = 0; n < r; n++) d.forces[n] = 0.0;
