@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "vectors.h"
+#include "carried.h"
 
 #include "scheme.c"
 #include "contact.c"
@@ -28,6 +29,9 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "linearize.c"
 #include "start.c"
 #include "advance.c"
+#include "moving_rows.c"
+#include "moments.c"
+#include "whole.c"
 #include "machine.c"
 #include "continuous.c"
 

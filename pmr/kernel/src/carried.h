@@ -1,0 +1,60 @@
+/* A machine and the boom that it carries, at one moment: what moments.c, whole.c and machine.c share. */
+#ifndef PMR_CARRIED_H
+#define PMR_CARRIED_H
+
+enum { MOST_SECTIONS = 16 };
+
+typedef struct {
+    double extension[3], length[3]; /* m with rates: how far it is out, and its tail from the base's along the boom */
+    double d[3], own[3];            /* m, kg m: its tail and its first moment from the pivot */
+    double mu[3][4][3];             /* moments with rates */
+} carried_section;
+
+typedef struct {
+    double s[3][3], inertia[9], inertia_rate[9], h[3], h_rate[3]; /* first moment with rates, Theta, int rho rho x rho' */
+} boom_moments;
+
+/* How a machine carries its boom. */
+typedef struct {
+    double R[9], v[3], omega[3], turned[9], left[3], axes[9];
+} carrier;
+
+typedef struct {
+    double momenta[6], forces[6], springs[6], axes[9];
+} machine_whole;
+
+/* What the next step depends on. */
+typedef struct {
+    double b[18], smooth[6], felt[6], forces[6], fastest[2], slope[36], rates[3][6], momenta[6], held[6];
+    carrier carrier;
+    machine_whole whole;
+    int32_t rates_known, slope_known, rows_known;
+} machine_past;
+
+/* A number in time, with its first and second rate. */
+typedef struct {
+    double at, rate, second;
+} moved;
+
+/* A motion that a step may end with. */
+typedef struct {
+    double b[18], felt[6], left[6];
+    carrier carrier;
+    machine_whole whole;
+} trial;
+
+struct pmr_carried {
+    const pmr_machine *machine;
+    pmr_state *state;
+    machine_past past;
+    trial now;
+    carried_section of[MOST_SECTIONS];
+    boom_moments boom;
+    pmr_progress progress;
+    int32_t *giving, count, orders; /* contacts that give way; rates of moments that are asked for, and one */
+    moved *paths;
+    double *saved, *motions, *inertia, *inertia_smooth, *new_inertia, *new_smooth, *u, *u_old, *accelerations;
+    double *C[3], *H[3], *F[3], *factor, *lambda, *right, *product;
+};
+
+#endif

@@ -1,0 +1,217 @@
+/* A boom's moments: mu_lj = int rho r_l u_j of its sections, what it has of momentum and inertia, and their rates. */
+
+static void cross(const double *a, const double *b, double *c)
+{
+    const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
+    c[0] = x, c[1] = y, c[2] = z;
+}
+
+static void turn_out(const double *R, const double *a, double *b) /* R a */
+{
+    const double x = a[0], y = a[1], z = a[2];
+    int i;
+    for (i = 0; i < 3; i++) b[i] = R[3 * i] * x + R[3 * i + 1] * y + R[3 * i + 2] * z;
+}
+
+static void turn_in(const double *R, const double *a, double *b) /* R^T a */
+{
+    const double x = a[0], y = a[1], z = a[2];
+    int i;
+    for (i = 0; i < 3; i++) b[i] = R[i] * x + R[3 + i] * y + R[6 + i] * z;
+}
+
+static void add_cross(double factor, const double *a, const double *b, double *sum)
+{
+    double c[3];
+    int i;
+    cross(a, b, c);
+    for (i = 0; i < 3; i++) sum[i] += factor * c[i];
+}
+
+/* x of A x = b (3, 3), or of A^T x = b. */
+static void solve_three(const double *A, int transposed, const double *b, double *x)
+{
+    double matrix[9], room[3 * 5];
+    int i, j;
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++) matrix[3 * i + j] = transposed ? A[3 * j + i] : A[3 * i + j];
+    for (i = 0; i < 3; i++) x[i] = b[i];
+    if (solve_dense(3, matrix, x, room)) x[0] = x[1] = x[2] = NAN;
+}
+
+/* Elastic forces of contacts that give way, F lambda_0 = C z, with their rates; of z with z' and z''. */
+static void answer(pmr_carried *ms, const double *const z[3])
+{
+    static const double binomial[3][3] = {{1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {1.0, 2.0, 1.0}};
+    const pmr_system *y = ms->state->system;
+    int order, j, a, b;
+    for (order = 0; order < ms->orders; order++) {
+        double *lambda = ms->lambda + order * y->mp;
+        for (a = 0; a < ms->count; a++) {
+            const int row = ms->giving[a];
+            double sum = 0.0;
+            for (j = 0; j <= order; j++) { /* the derivative of C z - F lambda */
+                sum += binomial[order][j] * dot(ms->C[order - j] + (size_t)row * y->modes, z[j], 0, y->modes);
+                for (b = 0; j < order && b < ms->count; b++)
+                    sum -= binomial[order][j] * ms->F[order - j][(size_t)row * y->mp + ms->giving[b]] *
+                           ms->lambda[j * y->mp + b];
+            }
+            lambda[a] = sum;
+        }
+        solve(ms->factor, ms->count, y->mp, lambda);
+    }
+}
+
+/* Displacement of an input's points by inertia alone, B^T z - H^T lambda_0, with its rates. */
+static moved moment_of(const pmr_carried *ms, int input, const double *const z[3])
+{
+    static const double binomial[3][3] = {{1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {1.0, 2.0, 1.0}};
+    const pmr_system *y = ms->state->system;
+    double value[3] = {0.0, 0.0, 0.0};
+    int order, j, a;
+    for (order = 0; order < ms->orders; order++) {
+        value[order] = dot(y->B + (size_t)input * y->modes, z[order], 0, y->modes);
+        for (a = 0; a < ms->count; a++)
+            for (j = 0; j <= order; j++)
+                value[order] -= binomial[order][j] * ms->H[order - j][(size_t)ms->giving[a] * y->ip + input] *
+                                ms->lambda[j * y->mp + a];
+    }
+    return (moved){value[0], value[1], value[2]};
+}
+
+/* A z of a square matrix. */
+static void multiply_modes(const double *A, const double *z, int r, double *product)
+{
+    int k, n;
+    for (k = 0; k < r; k++) {
+        vec sum = {0.0};
+        for (n = 0; n < r; n += VL) sum += LOOSE((double *)A + (size_t)k * r + n) * CV(z + n);
+        product[k] = sum_of(sum);
+    }
+}
+
+/* Sum of r x u out of first moments A_lj = sum r_l u_j. */
+static void turning_of(const double *A, double *sum)
+{
+    sum[0] = A[5] - A[7], sum[1] = A[6] - A[2], sum[2] = A[1] - A[3];
+}
+
+/* tr(A + A^T) 1 - A - A^T: an inertia from second moments. */
+static void steiner(const double *A, double *inertia)
+{
+    int i, j;
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++)
+            inertia[3 * i + j] = (i == j ? 2.0 * (A[0] + A[4] + A[8]) : 0.0) - A[3 * i + j] - A[3 * j + i];
+}
+
+/* First moments of the sections (3, 3), where each moves by `along` and its points by mu_{., order}. */
+static void first_moments(const pmr_carried *ms, int order, int with_length, double *A)
+{
+    const int S = ms->machine->sections;
+    int k, l, j;
+    for (l = 0; l < 9; l++) A[l] = 0.0;
+    for (k = 0; k < S; k++) {
+        const carried_section *c = ms->of + k;
+        const double along = with_length ? c->length[order] : 0.0;
+        for (l = 0; l < 3; l++) {
+            A[3 * l] += along * c->own[l];
+            for (j = 0; j < 3; j++) A[3 * l + j] += c->d[l] * c->mu[order][0][j] + c->mu[order][1 + l][j];
+        }
+    }
+}
+
+/* What the boom has of momentum and inertia at step k, of z with z' and z'' (3, r'). */
+static void find_boom(pmr_carried *ms, int64_t k, const double *const z[3])
+{
+    const pmr_machine *m = ms->machine;
+    const pmr_system *y = ms->state->system;
+    const double *motions = m->motions + (size_t)k * 3 * y->motions, *rates = m->rates + (size_t)k * y->motions;
+    const int r = y->modes;
+    boom_moments *boom = &ms->boom;
+    double length[3] = {0.0, 0.0, 0.0}, A[9], second[9], rate[9];
+    int n, i, j, l, o;
+    move_rows(ms, k);
+    answer(ms, z);
+    for (n = 0; n < m->sections; n++) {
+        carried_section *c = ms->of + n;
+        const int path = m->section_paths[n];
+        for (o = 0; o < 3; o++) c->extension[o] = 0.0;
+        if (path >= 0) {
+            c->extension[0] = motions[path];
+            c->extension[1] = rates[path];
+            c->extension[2] = motions[2 * y->motions + path];
+        }
+        for (o = 0; o < 3; o++) c->length[o] = length[o] += c->extension[o];
+        for (j = 0; j < 3; j++) c->d[j] = m->place[j];
+        c->d[0] += length[0];
+        for (l = 0; l < 4; l++)
+            for (j = 0; j < 3; j++) {
+                const int32_t input = m->fields[(n * 4 + l) * 3 + j];
+                const moved value = input < 0 ? (moved){0.0, 0.0, 0.0} : moment_of(ms, input, z);
+                c->mu[0][l][j] = value.at, c->mu[1][l][j] = value.rate, c->mu[2][l][j] = value.second;
+            }
+    }
+    for (n = 0; n < m->shortened_count; n++) { /* by how much sections are shorter as they bend: factor z^T G z / 2 */
+        const int32_t *of = m->of_shortened + 3 * n;
+        carried_section *c = ms->of + of[0];
+        double f = 1.0, f1 = 0.0, f2 = 0.0, zz, zv, vv, za;
+        if (of[2] >= 0) {
+            const double *e = ms->of[of[2]].extension;
+            f = -1.0 / e[0];
+            f1 = e[1] / (e[0] * e[0]);
+            f2 = e[2] / (e[0] * e[0]) - 2.0 * e[1] * e[1] / (e[0] * e[0] * e[0]);
+        }
+        multiply_modes(m->shortened + (size_t)n * r * r, z[0], r, ms->product);
+        zz = dot(ms->product, z[0], 0, r), zv = dot(ms->product, z[1], 0, r), za = dot(ms->product, z[2], 0, r);
+        c->mu[0][of[1]][0] += f * zz / 2.0;
+        c->mu[1][of[1]][0] += f * zv + f1 * zz / 2.0;
+        if (ms->orders < 3) continue;
+        multiply_modes(m->shortened + (size_t)n * r * r, z[1], r, ms->product);
+        vv = dot(ms->product, z[1], 0, r);
+        c->mu[2][of[1]][0] += f * (za + vv) + 2.0 * f1 * zv + f2 * zz / 2.0;
+    }
+    for (o = 0; o < 3; o++)
+        for (j = 0; j < 3; j++) boom->s[o][j] = 0.0;
+    for (n = 0; n < m->sections; n++) {
+        carried_section *c = ms->of + n;
+        for (j = 0; j < 3; j++) {
+            c->own[j] = m->masses[n] * c->d[j] + m->first[3 * n + j] + c->mu[0][0][j];
+            boom->s[0][j] += c->own[j];
+            boom->s[1][j] += c->mu[1][0][j] + (j ? 0.0 : m->masses[n] * c->length[1]);
+            boom->s[2][j] += c->mu[2][0][j] + (j ? 0.0 : m->masses[n] * c->length[2]);
+        }
+    }
+    first_moments(ms, 1, 1, A);
+    turning_of(A, boom->h);
+    first_moments(ms, 2, 1, A);
+    turning_of(A, boom->h_rate);
+    for (j = 0; j < 3; j++) {
+        multiply_modes(m->rotating + (size_t)j * r * r, z[0], r, ms->product);
+        boom->h[j] += dot(ms->product, z[1], 0, r);
+        boom->h_rate[j] += dot(ms->product, z[2], 0, r);
+    }
+    for (l = 0; l < 9; l++) second[l] = rate[l] = 0.0;
+    for (n = 0; n < m->sections; n++) {
+        const carried_section *c = ms->of + n;
+        for (j = 0; j < 3; j++) {
+            const double rigid = m->masses[n] * c->d[j], own = m->first[3 * n + j] + c->mu[0][0][j];
+            rate[j] += c->length[1] * (rigid + own);
+            for (l = 0; l < 3; l++) {
+                second[3 * l + j] += c->d[l] * (rigid / 2.0 + own) + c->mu[0][1 + l][j];
+                rate[3 * l + j] += c->d[l] * c->mu[1][0][j] + c->mu[1][1 + l][j];
+            }
+        }
+    }
+    for (i = 0; i < 3; i++)
+        for (j = i; j < 3; j++) {
+            double zz, zv;
+            multiply_modes(m->carried + (size_t)(3 * i + j) * r * r, z[0], r, ms->product);
+            zz = dot(ms->product, z[0], 0, r) / 2.0, zv = dot(ms->product, z[1], 0, r);
+            second[3 * i + j] += zz, rate[3 * i + j] += zv;
+            if (i != j) second[3 * j + i] += zz, rate[3 * j + i] += zv;
+        }
+    steiner(second, boom->inertia);
+    steiner(rate, boom->inertia_rate);
+    for (l = 0; l < 9; l++) boom->inertia[l] += m->section_inertia[l];
+}
