@@ -9,7 +9,6 @@ import pytest
 from nested import Nested, full, reduced
 
 from pmr.errors import InputError
-from pmr.kernel.laws import slide_pads
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.native import systems
@@ -112,31 +111,6 @@ def test_a_stepper_rubs_as_a_simulation_does() -> None:
     np.testing.assert_allclose(states["0"].along, -last)
     assert states["1"].moments is not None and np.any(states["1"].moments)
     np.testing.assert_allclose(totals, found.friction[1:].sum(axis=1), rtol=1e-9, atol=1e-9)
-
-
-def test_a_slip_is_the_solution_wherever_pads_stick_and_slide() -> None:
-    """Beside halving: of the first one all pads are at one limit where Newton starts, at the other where he leads.
-
-    In x + alpha (sum f - given) = moved both terms grow with x, so an error of the sum is one of this equation over
-    alpha at most: of the solution, and of the 4 (p + 4) operations of p pads that each round by u.
-    """
-    rng, one = np.random.default_rng(0), np.ones(1)
-    cases = [(1e9 * one, 0.0 * one, one, 1.0, 1.0, -1.0)]
-    for pads in rng.integers(1, 13, size=300):
-        limits = 10.0 ** rng.uniform(1.0, 3.0) * rng.uniform(0.0, 1.0, pads)
-        stiffness, softness = np.full(pads, 10.0 ** rng.uniform(6.0, 9.0)), 10.0 ** rng.uniform(-10.0, -7.0)
-        old, given = rng.uniform(-1.0, 1.0, pads) * limits, rng.uniform(-1.0, 1.0) * limits.sum()
-        cases.append((stiffness, old, limits, rng.normal() * softness * limits.sum(), softness, given))
-    for stiffness, old, limits, moved, softness, given in cases:
-        low = moved - softness * (limits.sum() + abs(given))
-        high = moved + softness * (limits.sum() + abs(given))
-        size = abs(low) + abs(high)
-        for _ in range(200):
-            x = (low + high) / 2.0
-            friction = np.clip(old + stiffness * x, -limits, limits)
-            low, high = (low, x) if x + softness * (friction.sum() - given) > moved else (x, high)
-        total = slide_pads(stiffness, old, limits, moved, softness, given).sum()
-        assert abs(total - friction.sum()) <= 8.0 * (len(old) + 4) * np.finfo(float).eps * size / softness
 
 
 def test_who_follows_no_friction_refuses_it() -> None:
