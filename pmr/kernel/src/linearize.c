@@ -208,7 +208,7 @@ static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double
     const int r = y->modes;
     double *bent = st->w_divided;
     int k, n, times;
-    restart_iteration(&st->iteration);
+    pmr_restart(&st->iteration);
     memset(d->w, 0, r * sizeof(double));
     for (k = 0; k < y->mp; k++) d->lambda[k] = 0.0;
     for (k = 0; k < y->joints; k++) d->sums[k] = 0.0;
