@@ -14,17 +14,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import exudyn as exu
+import exudyn.itemInterface as eii
 import numpy as np
-from exudyn.itemInterface import (
-    MarkerNodeCoordinates,
-    MarkerObjectODE2Coordinates,
-    NodeGenericODE2,
-    NodePointGround,
-    ObjectConnectorCoordinateVector,
-    ObjectGenericODE2,
-    SensorNode,
-    SensorObject,
-)
 from scipy.optimize import nnls
 
 with np.load(Path(__file__).with_suffix(".npz")) as file:
@@ -152,15 +143,15 @@ def add_system(mbs, paths, loads, start):
     for q in np.split(np.asarray(start), DATA["ends"][:-1]):
         zeros = np.zeros(len(q))
         coordinates = dict(referenceCoordinates=zeros, initialCoordinates=q, initialCoordinates_t=zeros)
-        nBodies.append(mbs.AddNode(NodeGenericODE2(numberOfODE2Coordinates=len(q), **coordinates)))
+        nBodies.append(mbs.AddNode(eii.NodeGenericODE2(numberOfODE2Coordinates=len(q), **coordinates)))
     functions = {"jacobianUserFunction": beyond_matrices} | ({"forceUserFunction": push} if pushing else {})
     matrices = dict(massMatrix=M, dampingMatrix=D, stiffnessMatrix=at(0.0).K, forceVector=at(0.0).force)
-    oSystem, oRigid = mbs.AddObject(ObjectGenericODE2(nodeNumbers=nBodies, **matrices, **functions)), None
+    oSystem, oRigid = mbs.AddObject(eii.ObjectGenericODE2(nodeNumbers=nBodies, **matrices, **functions)), None
     if rigid.any():
-        ground = mbs.AddMarker(MarkerNodeCoordinates(nodeNumber=mbs.AddNode(NodePointGround())))
-        bodies = mbs.AddMarker(MarkerObjectODE2Coordinates(objectNumber=oSystem))
+        ground = mbs.AddMarker(eii.MarkerNodeCoordinates(nodeNumber=mbs.AddNode(eii.NodePointGround())))
+        bodies = mbs.AddMarker(eii.MarkerObjectODE2Coordinates(objectNumber=oSystem))
         both = dict(markerNumbers=[ground, bodies], scalingMarker1=at(0.0).rows.C[rigid])
-        oRigid = mbs.AddObject(ObjectConnectorCoordinateVector(**both))
+        oRigid = mbs.AddObject(eii.ObjectConnectorCoordinateVector(**both))
 
     def update(mbs, t):
         # Called once before each step, with the time at its end: there the equations have to hold.
@@ -197,9 +188,9 @@ def simulate(paths=PATHS, loads=LOADS, end=END, step=STEP, rho_inf=RHO_INF, star
     mbs = container.AddSystem()
     items, kind = add_system(mbs, paths, loads, start), exu.OutputVariableType
     nodes = [dict(nodeNumber=node, outputVariableType=kind.Coordinates, storeInternal=True) for node in items.nBodies]
-    sensors = [mbs.AddSensor(SensorNode(**node)) for node in nodes]
+    sensors = [mbs.AddSensor(eii.SensorNode(**node)) for node in nodes]
     if items.oRigid is not None:
-        of_rigid = SensorObject(objectNumber=items.oRigid, outputVariableType=kind.Force, storeInternal=True)
+        of_rigid = eii.SensorObject(objectNumber=items.oRigid, outputVariableType=kind.Force, storeInternal=True)
         sensors.append(mbs.AddSensor(of_rigid))
     solve(mbs, end, step, rho_inf, parts)
     stored = [mbs.GetSensorStoredData(sensor) for sensor in sensors]
