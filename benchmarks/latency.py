@@ -1,8 +1,18 @@
-"""One step of a stepper from Python: how long it takes, and how long at worst."""
+"""One step of a stepper from Python: how long it takes, and how long at worst.
+
+``python -m benchmarks.latency [--earlier FOLDER]`` prints processor time of a step of booms, and of a machine that
+moves by itself below one, in turn with an earlier checkout that has its own .venv.
+"""
 
 from __future__ import annotations
 
+import argparse
+import json
+import subprocess
+import sys
 import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -58,3 +68,86 @@ def _from_python(stepper: Stepper, calls: int) -> Array:
 
 def _quantiles(ns: Array) -> dict[str, float]:
     return {name: float(np.quantile(ns, q)) for name, q in QUANTILES.items()}
+
+
+#: Models, which both checkouts load.
+_MODELS = """
+import sys, pmr
+for name in ("boom_three", "crane"):
+    pmr.reduce(pmr.load_scene(name, ["compare.against=[]"])).system.save(f"{sys.argv[1]}/{name}.npz")
+"""
+#: The least of some hundred steps in microseconds, by public names that an earlier checkout has too.
+_STEPS = """
+import json, sys, time, warnings
+import pmr
+from pmr.simulation.machine.motion import machine_motion
+from pmr.simulation.moving import MovingFrame
+from pmr.simulation.recorded import recorded
+from pmr.system.system import System
+warnings.simplefilter("ignore")
+
+def least(step, count=200, repeats=20):
+    best = 1e9
+    for k in range(repeats):
+        begun = time.process_time()
+        for n in range(k * count, (k + 1) * count):
+            step(n)
+        best = min(best, (time.process_time() - begun) / count)
+    return 1e6 * best
+
+folder, times = sys.argv[1], {}
+system = System.load(f"{folder}/boom_three.npz")
+excitation = recorded(system, "boom_three").excitation
+fly = excitation.s[:, list(excitation.paths).index("fly")].tolist()
+places = dict(zip(excitation.paths, excitation.s[0].tolist()))
+for what, outputs in (("all outputs", None), ("one output", system.output_names[-1:])):
+    stepper = pmr.Stepper(system, excitation.stepping.step, places, outputs=outputs)
+    times[f"boom_three, {what}"] = least(lambda n: stepper.step({"fly": fly[n + 1]}))
+system = System.load(f"{folder}/crane.npz")
+frame, excitation = MovingFrame.of(system), recorded(system, "crane").excitation
+motions = frame.motions(excitation, excitation.times[:4001]).tolist()
+def given(names, k):
+    numbers = [frame.drivers.index(name) for name in names]
+    return {name: tuple(row[j][k] for row in motions) for name, j in zip(names, numbers)}
+steps = [(given(frame.paths, k), given((*frame.angles, *frame.axes), k)) for k in range(4001)]
+loads = {name: motion[0] for name, motion in given(frame.loads, 0).items()}
+for what, outputs in (("all outputs", None), ("one output", system.output_names[-1:])):
+    stepper = pmr.Stepper(system, excitation.stepping.step, steps[0][0], loads, frame=steps[0][1], outputs=outputs)
+    times[f"crane in its frame, {what}"] = least(lambda n: stepper.step(steps[n + 1][0], frame=steps[n + 1][1]))
+truck = [
+    "compare.against=[]", "frame.machine={mass=2e4, center=[0.0, 0.0, -1.0], inertia=[2e4, 6e4, 6e4]}",
+    "frame.machine.free=['x', 'z', 'rx', 'ry']", "frame.machine.stiffness={x=1e6, z=4e6, rx=8e6, ry=8e6}",
+    "frame.second_order=true",
+]
+ends = []
+for end in (0.2, 2.2):
+    scene, best = pmr.load_scene("crane", [*truck, f"time.end={end}"]), 1e9
+    for _ in range(3):
+        begun = time.process_time()
+        machine_motion(scene, system)
+        best = min(best, time.process_time() - begun)
+    ends.append(best)
+times["crane on a machine with four free directions"] = 1e6 * (ends[1] - ends[0]) / (2.0 / scene.time.step)
+print(json.dumps(times))
+"""
+
+
+def booms(earlier: Path | None = None) -> dict[str, list[float]]:
+    """Least processor time of a step in microseconds by what it is of: here, and in an earlier checkout."""
+    with TemporaryDirectory() as folder:
+        subprocess.run([sys.executable, "-c", _MODELS, folder], check=True)
+        pythons = [sys.executable, *([] if earlier is None else [str(earlier / ".venv" / "bin" / "python")])]
+        runs = [
+            subprocess.run([python, "-c", _STEPS, folder], check=True, capture_output=True, text=True, cwd=folder)
+            for python in pythons
+        ]
+    times = [json.loads(run.stdout) for run in runs]
+    return {name: [of[name] for of in times] for name in times[0]}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--earlier", type=Path)
+    for name, found in booms(parser.parse_args().earlier).items():
+        print(f"{name:46} " + ", ".join(f"{us:.2f} us" for us in found), end="")
+        print(f", ratio {found[0] / found[1]:.3f}" if len(found) > 1 else "")

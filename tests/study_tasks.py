@@ -95,7 +95,7 @@ def surroundings(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
     """What the task's process looks like."""
     from mpi4py import MPI
 
-    threads = {os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")}
+    threads = {os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     found = {"threads": ",".join(map(str, threads)), "ranks": MPI.COMM_WORLD.size, "input": sys.stdin.read()}
     return TaskResult(found)
 

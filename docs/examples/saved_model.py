@@ -2,7 +2,7 @@
 A saved model under other loads
 ===============================
 
-A reduced model is one small file.  Any machine with NumPy and Numba reads and simulates it, without FEniCSx.  Another
+A reduced model is one small file.  Any machine with NumPy reads and simulates it, without FEniCSx.  Another
 load or another motion along the path takes milliseconds.
 """
 

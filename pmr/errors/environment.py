@@ -35,7 +35,7 @@ UNLAUNCHED = {
 }
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
-_NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
+_NUMERICAL = ("numpy", "scipy", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
 
 
 _REPORTS = "pip install jinja2 matplotlib fonttools weasyprint installs what reports need"

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.kernel._native import ffi, lib
-from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
+
+
+class Signal(Protocol):
+    """A signal of a scene (`pmr.scene.signals`)."""
+
+    @property
+    def strands(self) -> tuple[Any, ...]:
+        """Pieces of polynomials and sines whose sum it is; a NotImplementedError is raised where it is none."""
 
 
 class Signals:
@@ -19,7 +27,7 @@ class Signals:
     A NotImplementedError is raised for one that is no sum of pieces: such a driver is sampled instead.
     """
 
-    def __init__(self, signals: Sequence[SignalBase]) -> None:
+    def __init__(self, signals: Sequence[Signal]) -> None:
         strands = [signal.strands for signal in signals]
         every = [strand for of_signal in strands for strand in of_signal]
         powers = max([1, *(strand.polynomials.shape[1] for strand in every)])

@@ -26,7 +26,7 @@ def describe_dependence(C: Array, names: Sequence[str]) -> str:
 def describe_unsettled(names: Sequence[str], pushes: NDArray[np.bool_]) -> str:
     """Which contacts are neither open nor closed after as many solves as the kernel takes."""
     pushing = ", ".join(name for name, only_pushes in zip(names, pushes, strict=True) if only_pushes)
-    return f"which of the contacts {pushing} are closed was not settled in 1000 solves"
+    return f"which of the rows {pushing} are closed was not settled in 1000 solves"
 
 
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], iterations: int) -> str:

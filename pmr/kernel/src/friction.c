@@ -137,6 +137,41 @@ static void find_friction(pmr_state *st)
     st->progress.rub_largest = larger(st->progress.rub_largest, square);
 }
 
+static int sticks(const pmr_state *st, int pad) { return fabs(st->friction[pad]) < st->limits[pad]; }
+
+/* The same along a seed, with pads that stick or slide going on so: sums and moments by what it makes of multipliers,
+   of drivers u (N,) or NULL, and of the old sums. */
+static void follow_friction(pmr_state *st, const double *lambda, const double *u, const double *sums)
+{
+    const pmr_system *y = st->system;
+    int i, j;
+    for (i = 0; i < y->joints; i++) {
+        const double gives = y->joint_gives[i];
+        double softness = 0.0, slope = 1.0, slid = u ? u[y->joint_paths[i]] : 0.0, total = 0.0;
+        if (gives > 0.0) {
+            const int k = y->joint_cylinders[i];
+            const double soft = larger(st->A[k * y->mp + k] - gives, 0.0);
+            softness = gives * soft / (gives + soft);
+            slid -= gives * (lambda[k] + sums[i]) - softness * sums[i];
+        }
+        for (j = y->first_pad[i]; j < y->first_pad[i + 1]; j++) {
+            const int k = y->pad_contacts[j];
+            const double way = (st->friction[j] < 0.0) == (st->lambda[k] < 0.0) ? 1.0 : -1.0;
+            st->along[j] = way * y->pad_coefficients[j] * lambda[k]; /* of one that slides */
+            if (sticks(st, j))
+                slope += softness * y->pad_stiffness[j];
+            else
+                slid -= softness * st->along[j];
+        }
+        for (j = y->first_pad[i]; j < y->first_pad[i + 1]; j++) {
+            if (sticks(st, j)) st->along[j] = y->pad_stiffness[j] * (slid / slope);
+            total += st->along[j];
+        }
+        st->new_sums[i] = total;
+    }
+    find_moments(st, st->along, st->new_moments);
+}
+
 /* Whether gaps have changed by more than a share of the largest that could be. */
 static int gaps_change(const pmr_state *st, double bound)
 {

@@ -149,7 +149,7 @@ struct pmr_state {
     double load_energy, old_load_energy;
     double *acceleration, *before_closed, *before_lambda;
     double *w_new, *w_divided, *z_before; /* (r') */
-    double *limits, *new_moments, *new_sums, *pair_sums;
+    double *limits, *new_moments, *along, *new_sums, *pair_sums;
     pmr_iteration iteration;
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */

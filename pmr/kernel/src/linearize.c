@@ -7,7 +7,8 @@
        S d z'' = B df + dw - Omega^2 dz* - D dv* - C^T d lambda - sum ds C_s^T lambda
 
    with C_s, H_s and A_s derivatives of the same polynomials that C, H and A are.  Forces w of terms follow from z and
-   z' at the end of the step, and are found by the same iteration as in the step. */
+   z' at the end of the step, friction from multipliers and paths, with pads that stick or slide going on so and what
+   they remember of the step before staying as it is; both are found by the same iteration as in the step. */
 
 /* Derivative of a polynomial (powers, stride), the highest power first. */
 INLINE double slope_at(const double *c, int powers, int stride, double x)
@@ -119,32 +120,35 @@ static void find_slopes(pmr_state *st, const pmr_scheme *c)
 /* What one seed makes of the end of a step. */
 typedef struct {
     double *z_next, *v_next, *a_next; /* (r'): the seed, and afterwards what it makes of the next prediction */
-    double *z, *v, *acceleration, *forces, *w, *w_new, *sums; /* (r') */
-    double *lambda, *y;                                       /* (mp), (op) */
+    double *z, *v, *acceleration, *forces, *w, *free; /* (r') */
+    double *lambda, *sums, *y;                        /* (mp), (joints): friction on cylinders, (op) */
     const double *u;                                          /* (N): the seed's drivers, or NULL */
 } seed;
 
-/* sums -= C^T d lambda + sum ds C_s^T lambda. */
-static void subtract_seed_rows(const pmr_state *st, const seed *d, double *sums)
+/* forces -= C^T d lambda + sum ds C_s^T lambda. */
+static void subtract_seed_rows(const pmr_state *st, const seed *d, double *forces)
 {
     const pmr_system *y = st->system;
     int k, n, p;
-    for (k = 0; k < y->contacts; k++) {
-        for (n = 0; n < y->modes; n++) sums[n] -= st->C[(size_t)k * y->modes + n] * d->lambda[k];
+    for (k = 0; k < y->rows; k++) {
+        for (n = 0; n < y->modes; n++) forces[n] -= st->C[(size_t)k * y->modes + n] * d->lambda[k];
         for (p = 0; d->u && p < y->paths; p++)
             if (d->u[p] != 0.0 && st->lambda[k] != 0.0)
                 for (n = 0; n < y->modes; n++)
-                    sums[n] -= d->u[p] * st->lambda[k] * slopes_of(st, p).C[(size_t)k * y->modes + n];
+                    forces[n] -= d->u[p] * st->lambda[k] * slopes_of(st, p).C[(size_t)k * y->modes + n];
     }
 }
 
-/* How far a seed moves contact k, with z_free and what the seed makes of it. */
-static double seed_motion(const pmr_state *st, const seed *d, const double *free_seed, int k)
+/* How far a seed moves contact k, with what it makes of z_free. */
+static double seed_motion(const pmr_state *st, const seed *d, int k)
 {
     const pmr_system *y = st->system;
     double sum = 0.0;
     int n, p;
-    for (n = 0; n < y->modes; n++) sum += st->C[(size_t)k * y->modes + n] * free_seed[n];
+    for (n = 0; n < y->modes; n++) sum += st->C[(size_t)k * y->modes + n] * d->free[n];
+    for (n = y->contacts; n < y->rows; n++) sum -= st->A[n * y->mp + k] * d->lambda[n];
+    for (n = 0; n < y->joints; n++)
+        if (y->joint_cylinders[n] == k) sum -= y->joint_gives[n] * d->sums[n];
     if (!d->u) return sum;
     for (n = 0; n < y->inputs; n++) sum += st->H[k * y->ip + n] * d->u[y->paths + n];
     for (p = 0; p < y->paths; p++) {
@@ -153,7 +157,7 @@ static double seed_motion(const pmr_state *st, const seed *d, const double *free
         if (d->u[p] == 0.0) continue;
         for (n = 0; n < y->modes; n++) of_path += by.C[(size_t)k * y->modes + n] * st->z_free[n];
         for (n = 0; n < y->inputs; n++) of_path += by.H[k * y->ip + n] * st->loads[n];
-        for (n = 0; n < y->contacts; n++) of_path -= *lower(by.A, y->mp, k, n) * st->lambda[n];
+        for (n = 0; n < y->rows; n++) of_path -= *lower(by.A, y->mp, k, n) * st->lambda[n];
         sum += d->u[p] * of_path;
     }
     return sum;
@@ -166,21 +170,28 @@ static void add_seed_loads(const pmr_system *y, const seed *d, double *forces)
         for (n = 0; n < y->modes; n++) forces[n] += y->B[(size_t)l * y->modes + n] * d->u[y->paths + l];
 }
 
-/* Forces of terms along a seed, by what it makes of z and z', and by their amplitudes: those of the step's end in
-   `of_amplitudes`. */
-static double follow_terms(pmr_state *st, seed *d, const double *of_amplitudes)
+/* Forces of terms and friction along a seed, by what it makes of z, z' and multipliers, and of terms by a change of
+   amplitudes: 1 if they were so, else the next iterate. */
+static int follow_forces(pmr_state *st, seed *d, const double *of_amplitudes)
 {
     const pmr_system *y = st->system;
-    double change = 0.0, size = 0.0;
+    double change, size, gap = 0.0, gaps = 0.0;
     int n;
-    find_terms(st, d->z, d->v, d->w_new);
-    for (n = 0; n < y->modes; n++) {
-        const double w = d->w_new[n] + of_amplitudes[n];
-        change += (w - d->w[n]) * (w - d->w[n]);
-        size += w * w;
-        d->w[n] = w;
+    if (y->registers) {
+        find_terms(st, d->z, d->v, st->w_new);
+        for (n = 0; n < y->modes; n++) st->w_new[n] += of_amplitudes[n];
     }
-    return size > 0.0 ? change / size : 0.0;
+    if (y->pads) follow_friction(st, d->lambda, d->u, d->sums);
+    set_iterate(st, d->w, d->lambda + y->contacts, d->sums);
+    change = residual_square(st, &size);
+    for (n = 0; n < y->joints; n++) {
+        gap = larger(gap, y->joint_gives[n] * fabs(st->new_sums[n] - d->sums[n]));
+        gaps = larger(gaps, y->joint_gives[n] * fabs(st->new_sums[n]));
+    }
+    if (change <= PMR_CONVERGED * PMR_CONVERGED * size && gap <= PMR_CONVERGED * gaps) return 1;
+    extrapolate(&st->iteration);
+    split_iterate(st, d->w, d->lambda + y->contacts, d->sums);
+    return 0;
 }
 
 /* w of the step's end by a change of amplitudes. */
@@ -190,14 +201,17 @@ static void amplitude_forces(pmr_state *st, const double *amplitudes, double *w)
     find_terms(st, st->z, st->v, w);
 }
 
-/* The end of a step along a seed; 1 where forces of terms do not converge. */
+/* The end of a step along a seed; 1 where forces of terms and friction do not converge. */
 static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double *of_amplitudes)
 {
     const pmr_system *y = st->system;
     const int r = y->modes;
-    double *bent = st->w_divided, *free_seed = d->sums;
+    double *bent = st->w_divided;
     int k, n, times;
+    restart_iteration(&st->iteration);
     memset(d->w, 0, r * sizeof(double));
+    for (k = 0; k < y->mp; k++) d->lambda[k] = 0.0;
+    for (k = 0; k < y->joints; k++) d->sums[k] = 0.0;
     if (y->registers) copy(d->w, of_amplitudes, r);
     if (y->coupled)
         couple(st, c, d->z_next, d->v_next, bent);
@@ -207,14 +221,14 @@ static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double
         copy(d->forces, d->w, r);
         add_seed_loads(y, d, d->forces);
         over_S(y, c, d->forces, 0, r, d->acceleration);
-        for (n = 0; n < r; n++) free_seed[n] = d->z_next[n] + c->z_gain * (bent[n] + d->acceleration[n]);
-        for (k = 0; k < y->mp; k++) d->lambda[k] = 0.0;
+        for (n = 0; n < r; n++) d->free[n] = d->z_next[n] + c->z_gain * (bent[n] + d->acceleration[n]);
+        for (k = 0; k < y->contacts; k++) d->lambda[k] = 0.0;
         if (y->pushing) {
-            for (n = 0; n < st->factored; n++) st->entries[n] = seed_motion(st, d, free_seed, st->numbers[n]);
+            for (n = 0; n < st->factored; n++) st->entries[n] = seed_motion(st, d, st->numbers[n]);
             solve(st->factor, st->factored, y->mp, st->entries);
             for (n = 0; n < st->factored; n++) d->lambda[st->numbers[n]] = st->entries[n];
         } else {
-            for (k = 0; k < y->contacts; k++) d->lambda[k] = seed_motion(st, d, free_seed, k);
+            for (k = 0; k < y->contacts; k++) d->lambda[k] = seed_motion(st, d, k);
             solve(st->factor, y->contacts, y->mp, d->lambda);
         }
         subtract_seed_rows(st, d, d->forces);
@@ -224,7 +238,7 @@ static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double
             d->z[n] = d->z_next[n] + c->z_gain * d->acceleration[n];
             d->v[n] = d->v_next[n] + c->v_gain * d->acceleration[n];
         }
-        if (!y->registers || follow_terms(st, d, of_amplitudes) <= PMR_CONVERGED * PMR_CONVERGED) return 0;
+        if ((!y->registers && !y->pads) || follow_forces(st, d, of_amplitudes)) return 0;
     }
     return 1;
 }
@@ -291,7 +305,7 @@ static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, c
     const pmr_system *y = st->system;
     const size_t r = y->modes, N = y->drivers, o = y->outputs, m = y->contacts;
     const double *amplitudes = u + y->paths + y->inputs;
-    double *room = st->seeds, *unit = room + 12 * r, *of_amplitudes = unit + N;
+    double *room = st->seeds, *of_amplitudes = room + 9 * r, *unit = room + 10 * r;
     seed d = {.z_next = room,
               .v_next = room + r,
               .a_next = room + 2 * r,
@@ -300,22 +314,21 @@ static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, c
               .acceleration = room + 5 * r,
               .forces = room + 6 * r,
               .w = room + 7 * r,
-              .w_new = room + 8 * r,
-              .sums = room + 9 * r,
+              .free = room + 8 * r,
               .lambda = st->motion,
+              .sums = unit + N,
               .y = st->y};
     size_t column;
-    int failed, n;
+    int failed;
     failed = place(st, c, u);
     if (failed) return failed;
     copy(st->z_before, st->z, y->modes);
     load_bodies(st, u + y->paths);
     push_free(st, c);
-    if (y->registers) expect_terms(st, c, amplitudes);
+    if (y->registers || y->pads) expect_terms(st, c, amplitudes);
     failed = find_multipliers(st, c);
     if (failed) return failed;
     find_slopes(st, c);
-    for (n = 0; n < y->modes; n++) room[10 * r + n] = st->z_free[n];
     for (column = 0; column < 3 * r + N; column++) {
         const int of_driver = column >= 3 * r, term = of_driver ? (int)(column - 3 * r) - y->paths - y->inputs : -1;
         memset(room, 0, 3 * r * sizeof(double));
@@ -352,11 +365,9 @@ static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, c
 
 static int linearize(pmr_state *st, const double *u, const pmr_jacobian *jacobian)
 {
-    const pmr_system *y = st->system;
     const int level = st->progress.active < 0 ? 0 : st->progress.active;
     const pmr_progress progress = st->progress;
     int failed, failed_back;
-    if (y->pads) return PMR_REFUSED;
     memcpy(st->began, st->mark, st->saved * sizeof(double));
     failed = linearize_part(st, st->scheme + level, u, jacobian);
     memcpy(st->mark, st->began, st->saved * sizeof(double));

@@ -279,7 +279,8 @@ void pmr_energy(const pmr_state *state, double *energy);
 
 /* ---- derivatives ---- */
 
-/* Derivatives of the next step and of its outputs, with the contacts that are closed staying so.  With the prediction
+/* Derivatives of the next step and of its outputs, with the contacts that are closed and the pads that stick or slide
+   staying so; what friction remembers of the step before is no coordinate, and stays too.  With the prediction
    x = (z*, v*, a*) (3 r'), from which a step begins, and drivers u at its end, x_next = A x + ... u:
 
        dx_next = A dx + B du,    dy = C dx + D du,    dforces = L dx + K du

@@ -163,6 +163,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(z_before, n);
     NUMBERS(limits, y->pads);
     NUMBERS(new_moments, y->pads);
+    NUMBERS(along, y->pads);
     NUMBERS(new_sums, y->joints);
     lay_out_iteration(y, st, r);
     NUMBERS(pair_sums, pair_width(y));
@@ -175,7 +176,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(all, (size_t)y->outputs + y->forces);
     NUMBERS(held, 2 * (n + mp));
     NUMBERS(slopes, y->paths * m * (n + y->ip + mp));
-    NUMBERS(seeds, 13 * n + y->drivers);
+    NUMBERS(seeds, 10 * n + y->drivers + y->joints);
     st->scheme = take_room(r, (size_t)levels + 1, sizeof(pmr_scheme));
     for (k = 0; k <= levels; k++) lay_out_scheme(y, r->memory ? st->scheme + k : NULL, r);
 }

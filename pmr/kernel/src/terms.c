@@ -116,9 +116,9 @@ INLINE void subtract_moments(const pmr_state *st, const double *moments, double 
     }
 }
 
-/* The iterate and its residual: forces on the modes by w and moments; what cylinders give way, in the unit of forces;
-   moments, which nothing measures by themselves. */
-static void set_iterate(pmr_state *st)
+/* The iterate and its residual, the new w, moments and sums less the old ones: forces on the modes by w and moments;
+   friction on cylinders; moments, which nothing measures by themselves. */
+static void set_iterate(pmr_state *st, const double *w, const double *moments, const double *sums)
 {
     const pmr_system *y = st->system;
     pmr_iteration *it = &st->iteration;
@@ -126,42 +126,52 @@ static void set_iterate(pmr_state *st)
     double *x = it->x, *f = it->f;
     int n;
     for (n = 0; n < r; n += VL) {
-        V(x + n) = y->registers ? CV(st->w + n) : (vec){0.0};
+        V(x + n) = y->registers ? CV(w + n) : (vec){0.0};
         V(f + n) = y->registers ? CV(st->w_new + n) : (vec){0.0};
     }
     if (y->pads) {
-        subtract_moments(st, st->lambda + y->contacts, x);
+        subtract_moments(st, moments, x);
         subtract_moments(st, st->new_moments, f);
     }
     for (n = 0; n < r; n += VL) V(f + n) -= CV(x + n);
     for (n = 0; n < y->joints; n++) {
-        x[r + n] = st->joint_sums[n];
-        f[r + n] = st->new_sums[n] - st->joint_sums[n];
+        x[r + n] = sums[n];
+        f[r + n] = st->new_sums[n] - sums[n];
     }
     for (n = 0; n < y->pads; n++) {
-        x[of_moments + n] = st->lambda[y->contacts + n];
-        f[of_moments + n] = st->new_moments[n] - st->lambda[y->contacts + n];
+        x[of_moments + n] = moments[n];
+        f[of_moments + n] = st->new_moments[n] - moments[n];
     }
 }
 
-/* Take w, gaps and moments from the next iterate. */
-static void take_iterate(pmr_state *st, const pmr_scheme *c)
+/* |residual|^2 and |new forces|^2 of the modes. */
+static double residual_square(const pmr_state *st, double *size)
+{
+    const pmr_iteration *it = &st->iteration;
+    vec changes = {0.0}, sizes = {0.0};
+    int n;
+    for (n = 0; n < st->system->modes; n += VL) {
+        vec off = CV(it->f + n), now = CV(it->x + n) + off;
+        changes += off * off;
+        sizes += now * now;
+    }
+    *size = sum_of(sizes);
+    return sum_of(changes);
+}
+
+/* w, moments and sums of the next iterate. */
+static void split_iterate(pmr_state *st, double *w, double *moments, double *sums)
 {
     const pmr_system *y = st->system;
     pmr_iteration *it = &st->iteration;
-    double *moments = it->x + it->measured;
+    double *taken = it->x + it->measured;
     int n;
-    if (y->pads) {
-        copy(st->joint_sums, it->x + y->modes, y->joints);
-        set_gaps(st);
-        copy(st->lambda + y->contacts, moments, y->pads);
-    }
+    copy(sums, it->x + y->modes, y->joints);
+    copy(moments, taken, y->pads);
     if (!y->registers) return;
-    for (n = 0; n < y->pads; n++) moments[n] = -moments[n]; /* what they make of forces is in lambda */
-    subtract_moments(st, moments, it->x);
-    for (n = 0; n < y->modes; n += VL) V(st->z_free + n) -= CV(st->w_divided + n) * c->z_gain;
-    copy(st->w, it->x, y->modes);
-    push_terms(st, c);
+    for (n = 0; n < y->pads; n++) taken[n] = -taken[n];
+    subtract_moments(st, taken, it->x);
+    copy(w, it->x, y->modes);
 }
 
 /* Find w and friction anew from the multipliers: SETTLED, AGAIN where these have to follow, LAST_TIME where that
@@ -170,10 +180,8 @@ static int revise(pmr_state *st, const pmr_scheme *c, int times)
 {
     const pmr_system *y = st->system;
     pmr_progress *known = &st->progress;
-    const pmr_iteration *it = &st->iteration;
     const int last = times >= MOST_TIMES;
     const double bound = last ? PMR_ACCEPTED : PMR_CONVERGED;
-    vec changes = {0.0}, sizes = {0.0};
     double change, size, largest, usual;
     int rubs = 0, foreseen, n;
     if (y->registers) {
@@ -184,14 +192,8 @@ static int revise(pmr_state *st, const pmr_scheme *c, int times)
         find_friction(st);
         rubs = gaps_change(st, bound);
     }
-    set_iterate(st);
-    for (n = 0; n < y->modes; n += VL) {
-        vec off = CV(it->f + n), now = CV(it->x + n) + off;
-        changes += off * off;
-        sizes += now * now;
-    }
-    change = sum_of(changes);
-    size = sum_of(sizes);
+    set_iterate(st, st->w, st->lambda + y->contacts, st->joint_sums);
+    change = residual_square(st, &size);
     largest = larger(larger(known->term_largest, size), known->rub_largest);
     if (times == 1) known->term_first = size;
     usual = larger(known->term_largest, known->term_first);
@@ -207,7 +209,12 @@ static int revise(pmr_state *st, const pmr_scheme *c, int times)
     }
     if (last) return -1;
     extrapolate(&st->iteration);
-    take_iterate(st, c);
+    split_iterate(st, st->w, st->lambda + y->contacts, st->joint_sums);
+    if (y->pads) set_gaps(st);
+    if (y->registers) {
+        for (n = 0; n < y->modes; n += VL) V(st->z_free + n) -= CV(st->w_divided + n) * c->z_gain;
+        push_terms(st, c);
+    }
     known->term_trusted += 1.0;
     foreseen = !rubs && known->term_shrinks > 0.0 && known->term_trusted < MOST_TRUSTED &&
                change * known->term_shrinks <= FORESEEN * PMR_CONVERGED * FORESEEN * PMR_CONVERGED * largest;

@@ -54,10 +54,10 @@ def machine_motion(scene: Scene, system: System) -> MachineMotion:
     SimulationError
         If a step fails, or the machine pitches until it stands upright.
     """
-    return _Run(scene, with_all_inertia(system)).run()
+    return MachineRun(scene, with_all_inertia(system)).run()
 
 
-class _Run:
+class MachineRun:
     """A machine and its boom from the start on: the kernel takes the steps."""
 
     def __init__(self, scene: Scene, system: System) -> None:
@@ -65,29 +65,31 @@ class _Run:
         assert frame is not None and frame.machine is not None  # of those who ask
         still = BaseMotion(**dict.fromkeys(DIRECTIONS, Constant(amount=0.0)))
         resting = scene.model_copy(update={"frame": frame.model_copy(update={"base": still, "machine": None})})
-        self._system, self._form, self._machine = system, SystemForm.of(system), frame.machine
+        self._system, self.form, self._machine = system, SystemForm.of(system), frame.machine
         self._excitation, self._assembly = Excitation.of(resting), Assembly(system)
-        self._x, modal = places(system, self._excitation), self._form.modal
+        self._x, modal = places(system, self._excitation), self.form.modal
         x = places(modal, self._excitation)
         stepping = self._excitation.stepping
         rigid = np.all(Assembly(modal).at(x[0]).F == 0.0, axis=1)
         refuse("march", needs_of(modal, rigid, x, stepping.rho_inf))
         moving = MovingFrame.in_scene(resting, system)
-        self._kernel = Kernel.of(system, self._form.forms, moving)
-        modes = modes_in_bodies(self._form, self._kernel.modes)
+        self._kernel = Kernel.of(system, self.form.forms, moving)
+        modes = modes_in_bodies(self.form, self._kernel.modes)
         state = State(self._kernel, Settings(stepping.step, stepping.rho_inf, energy=False))
-        machine = machine_of(resting.model_copy(update={"frame": frame}), system, moving, self._excitation, modes)
+        self.machine = machine = machine_of(
+            resting.model_copy(update={"frame": frame}), system, moving, self._excitation, modes
+        )
         self._given, self._first = base_motions(scene, np.zeros(1))[0], machine.motions[0].copy()
         self._angles = [moving.drivers.index(angle) for angle in OF_BASE]
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
         begun = [[getattr(of, one) for one in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
         self._begun = np.array(begun) * units(scene)  # (2, 6): of free directions, with rates
         self._inertial = [system.input_names[k] for k in machine.inertial] if self._free.any() else []
-        self._carried, self._in_balance = Carried(state, machine), scene.start == "equilibrium"
+        self.carried, self._in_balance = Carried(state, machine), scene.start == "equilibrium"
 
     def run(self) -> MachineMotion:
         """Take all steps."""
-        t, carried, started = self._excitation.times, self._carried, False
+        t, carried, started = self._excitation.times, self.carried, False
         try:
             self._begin()
             started = True
@@ -97,7 +99,7 @@ class _Run:
             k = carried.number + 1 if started else 0
             s = self._excitation.s[k]
             where = f"step {k}, t = {t[k]:g} s" if k else f"t = 0 s{places_of(tuple(self._excitation.paths), s)}"
-            raise failed_at(where, self._form, error, places(self._form.modal, self._excitation)[k]) from None
+            raise failed_at(where, self.form, error, places(self.form.modal, self._excitation)[k]) from None
         return MachineMotion(
             self._excitation.stepping.step,
             np.ascontiguousarray(np.moveaxis(carried.motion, 0, 1)),
@@ -114,7 +116,7 @@ class _Run:
             motion = self._balanced(motion)
             states = self._resting(motion[0])
         x_rate = rates_of_places(self._system, self._excitation)
-        self._carried.start(motion, *start_modes(self._form, self._x[0], x_rate, states))
+        self.carried.start(motion, *start_modes(self.form, self._x[0], x_rate, states))
 
     def _resting(self, place: Array) -> dict[str, InitialState]:
         """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest there (6,)."""
@@ -137,8 +139,8 @@ class _Run:
 
         def needed(at: Array) -> Array:
             place[sprung] = at
-            z, _ = start_modes(self._form, self._x[0], np.zeros_like(self._x[0]), self._resting(place))
-            return self._carried.needed(np.vstack([place, np.zeros((2, 6))]), z, nothing, nothing)[sprung]
+            z, _ = start_modes(self.form, self._x[0], np.zeros_like(self._x[0]), self._resting(place))
+            return self.carried.needed(np.vstack([place, np.zeros((2, 6))]), z, nothing, nothing)[sprung]
 
         at = place[sprung].copy()
         for _ in range(TRIALS):

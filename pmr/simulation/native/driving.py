@@ -20,14 +20,17 @@ logger = logging.getLogger(__name__)
 #: or of a turn, jumps; one in a frame that goes on by so much, m or rad, without second rates has no inertia.
 WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
 #: Largest float that is taken at once; what has no such name.
-LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0)
+LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0, 0.0)
 #: Types of motions with rates that are read at once.
-FLOATS = [float] * 2, [float] * 3
+THREE = [float] * 3
+FLOATS = [float] * 2, THREE
 #: Of a motion: its value, or that with its rate, or with its rate and its second rate.
 Motion = float | Sequence[float]
 Values = Mapping[str, float] | Mapping[str, Motion] | ArrayLike
 #: A motion's number, its value, rate and second rate, zero where they are left out, and how many there are.
 Reading = tuple[int, float, float, float, int]
+#: A motion's number, its least and largest value, by how much it jumps, and its fastest rate, by names and numbers.
+Limits = dict[str | int, tuple[int, float, float, float, float]]
 
 
 class Drivers:
@@ -49,8 +52,8 @@ class Drivers:
         in_parts: bool,
     ) -> None:
         self.motions, self.rows, self._step = motions, rows, step
-        self._values, self._rates, self._seconds = (memoryview(row) for row in motions)  # type: ignore[arg-type]
-        self._counts = memoryview(rows)  # type: ignore[arg-type]
+        views: list[Any] = [memoryview(array) for array in (*motions, rows)]
+        self._values, self._rates, self._seconds, self._counts = views
         rows[:] = 1
         paths, loads, frame = names  # in the order of motions; no frame: None
         self._in_frame, self._in_parts = frame is not None, in_parts
@@ -65,12 +68,15 @@ class Drivers:
         self._told, self._placed, self._started = set[str](), False, False
         self._begun, self._begun_rows = motions.copy(), rows.copy()  # where the last step ended
 
-        # numbers of motions by their names, and between what floats are taken at once
-        jumps = [JUMP * (high - low) for low, high in self._ranges]
-        limits = {k: (k, *self._ranges[k], jumps[k]) for k in range(first)}
-        self._limits = {name: limits[k] for name, k in self._path_numbers.items()}
-        whole = (-LARGEST, LARGEST, 2.0 * LARGEST)
-        self._unlimited = {name: (k, *whole) for name, k in self._load_numbers.items()}
+        # numbers of motions by their names, and within what numbers and their changes are taken at once
+        whole = (-LARGEST, LARGEST, 2.0 * LARGEST, LARGEST)
+        limits = [(low, high, JUMP * (high - low), (high - low) / step) for low, high in self._ranges]
+        self._limits: Limits = {name: (k, *limits[k]) for name, k in self._path_numbers.items()}
+        self._limits_of_loads: Limits = {name: (k, *whole) for name, k in self._load_numbers.items()}
+        turn = (-WHOLE_TURN, WHOLE_TURN, JUMP * WHOLE_TURN, LARGEST)
+        self._limits_of_frame: Limits = {
+            name: (k, *(turn if k in self._angles else whole)) for name, k in self._frame_numbers.items()
+        }
 
     @property
     def places(self) -> dict[str, float]:
@@ -79,7 +85,7 @@ class Drivers:
 
     def take_path(self, s: Values) -> None:
         """Take where paths lead: within their ranges, or at an end that they are beyond by little."""
-        if type(s) is dict and self._take_floats(s, self._limits):
+        if type(s) is dict and self._take_at_once(s, self._limits):
             return
         readings = self._read(s, self._path_numbers, "s", "one path coordinate for each path")
         for n, (k, at, rate, second, count) in enumerate(readings):
@@ -100,27 +106,47 @@ class Drivers:
             self._placed = True
         self._write(readings)
 
-    def _take_floats(self, values: dict[Any, Any], limits: dict[str | int, tuple[int, float, float, float]]) -> bool:
-        """Whether these are floats within their limits and no jumps, which are then taken in a third of the time."""
-        if self._in_frame or self._in_parts or not self._started:
+    def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
+        """Whether all are floats, in a frame three of them, within limits; they are then taken in a third of the time.
+
+        What is not is read with care by others, who say what is wrong with it.
+        """
+        if self._in_parts or not self._started:
             return False
-        written = self._values
-        for name, value in values.items():
-            k, low, high, jump = limits.get(name, NOWHERE)
-            if type(value) is not float or not (low <= value <= high and -jump <= value - written[k] <= jump):
+        written, in_frame = self._values, self._in_frame
+        for name, motion in values.items():
+            k, low, high, jump, fastest = limits.get(name, NOWHERE)
+            if in_frame:
+                if type(motion) is not tuple or [*map(type, motion)] != THREE:
+                    return False
+                value, rate, second = motion
+                if not (-fastest <= rate <= fastest and -LARGEST <= second <= LARGEST):
+                    return False
+            else:
+                value = motion
+                if type(value) is not float:
+                    return False
+            if not (low <= value <= high and -jump <= value - written[k] <= jump):
                 return False
-        for name, value in values.items():
-            written[limits[name][0]] = value
+        for name, motion in values.items():
+            k = limits[name][0]
+            if in_frame:
+                written[k], self._rates[k], self._seconds[k] = motion
+                self._counts[k] = 3
+            else:
+                written[k] = motion
         return True
 
     def take_loads(self, F: Values) -> None:
         """Take loads, as they are or as a frame turns them."""
-        if type(F) is dict and self._take_floats(F, self._unlimited):
+        if type(F) is dict and self._take_at_once(F, self._limits_of_loads):
             return
         self._write(self._read(F, self._load_numbers, "F", "one load for each input"))
 
     def take_frame(self, frame: Mapping[str, Motion]) -> None:
         """Take how the frame moves."""
+        if type(frame) is dict and self._take_at_once(frame, self._limits_of_frame):
+            return
         readings = self._read(frame, self._frame_numbers, "frame", "")
         for k, value, *_ in readings:
             name = self._angles.get(k)

@@ -7,23 +7,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.dependence import of_rows
 from pmr.errors import SimulationError
 from pmr.kernel.kernel import Failure, StepError
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.excitation import Excitation, in_order, places
+from pmr.simulation.failures import describe_dependence, describe_divergence, describe_unsettled
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
-from pmr.system.contacts import Contact
-from pmr.system.friction import joints_of
 from pmr.system.system import System
-from pmr.system.terms import first_few
 
 Array = NDArray[np.float64]
-#: Iterations of forces of terms and friction within a step, and linear systems solved for the contacts of one.
-ITERATIONS, SOLVES = 100, 1000
+#: Iterations of forces of terms and friction within a step.
+ITERATIONS = 100
 
 
 def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:
@@ -86,31 +83,13 @@ def failed_at(where: str, form: SystemForm, error: StepError, x: Array) -> Simul
 def reason(system: System, error: StepError, x: Array) -> str:
     """Why a step failed, in words of a system in modal form."""
     if error.failure == Failure.UNSETTLED:
-        names = ", ".join(contact.name for contact in system.contacts if contact.clearance is not None)
-        return f"which of the rows {names} are closed was not settled in {SOLVES} solves"
+        return describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
     if error.failure == Failure.UNCONVERGED:
-        return unconverged(system.term_names, system.contacts)
+        return describe_divergence(system.term_names, system.contacts, ITERATIONS)
     if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which
         C = Assembly(system).at(x).C
-        return dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
+        return describe_dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
     return "not finite" if error.failure == Failure.NOT_FINITE else str(error)
-
-
-def unconverged(term_names: Sequence[str], contacts: Sequence[Contact]) -> str:
-    """Why a step failed in which forces of terms and friction have not converged, in words."""
-    names = first_few([*term_names, *(f"friction of {joint}" for joint in joints_of(contacts))])
-    return (
-        f"the forces of {names} do not converge in {ITERATIONS} iterations of a step; shorter steps help where terms "
-        "change the stiffness of a step by some hundred times, or pads stick and slide, close and open again and again"
-    )
-
-
-def dependence(C: Array, names: Sequence[str]) -> str:
-    """Which of the rows C (m, n) depend on each other, in words; `names` begin with theirs."""
-    involved = of_rows(C, names[: len(C)]).names
-    if len(involved) == 1:
-        return f"the row {involved[0]} vanishes"
-    return f"the rows {', '.join(involved)} depend on each other"
 
 
 def places_of(paths: Sequence[str], s: Array) -> str:

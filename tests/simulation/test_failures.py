@@ -1,6 +1,6 @@
 """Words for a start or a step that fails."""
 
-from pmr.simulation.native.states import unconverged
+from pmr.simulation.failures import describe_divergence
 from pmr.system.contacts import Contact, Place
 
 
@@ -12,5 +12,5 @@ def test_forces_that_do_not_converge_are_named() -> None:
         ((), pads, "friction of fly"),
         (("axial",), pads, "axial, friction of fly"),
     ):
-        said = unconverged(terms, contacts)
+        said = describe_divergence(terms, contacts, 100)
         assert said.startswith(f"the forces of {names} do not converge") and "buckl" not in said
