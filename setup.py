@@ -23,8 +23,11 @@ COMPILER = (os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc").spli
 TARGET = os.environ.get("PMR_TARGET") or (None if shutil.which(COMPILER) else cross.host())
 
 
+FMI = os.path.join("pmr", "export", "fmi")
+
+
 class BuildKernel(build_ext):
-    """The extension module of the kernel, by zig where it is to be."""
+    """The extension module of the kernel, and the library of FMUs with the same code; by zig where that is to be."""
 
     def get_ext_filename(self, fullname: str) -> str:
         if TARGET is None:
@@ -32,11 +35,37 @@ class BuildKernel(build_ext):
         return os.path.join(*fullname.split(".")) + cross.TARGETS[TARGET].extension
 
     def build_extension(self, ext) -> None:
+        library = os.path.join(self.build_lib, self.library)
+        self.mkpath(os.path.dirname(library))
+        kernel = [name for name in ext.sources if name.startswith(os.path.join("pmr", "kernel", "src"))]
+        units = [os.path.join(FMI, "source", f"{name}.c") for name in ("fmi2", "fmi3", "shared", "unit", "variables")]
         if TARGET is None:
-            return super().build_extension(ext)
+            super().build_extension(ext)
+            objects = self.compiler.object_filenames(kernel, output_dir=self.build_temp)
+            if not all(map(os.path.exists, objects)):  # the extension module is up to date
+                units, objects = kernel + units, []
+            objects += self.compiler.compile(
+                units, self.build_temp, include_dirs=ext.include_dirs, extra_postargs=ext.extra_compile_args
+            )
+            stripped = ["-Wl,-s"] if sys.platform == "linux" else []
+            self.compiler.link_shared_object(objects, library, libraries=ext.libraries, extra_postargs=stripped)
+            return
         output = self.get_ext_fullpath(ext.name)
         os.makedirs(os.path.dirname(output), exist_ok=True)
         cross.compile_extension(TARGET, ext.sources, output, ext.include_dirs, ext.extra_compile_args, self.build_temp)
+        cross.compile_library(TARGET, kernel + units, library, ext.include_dirs, ext.extra_compile_args)
+
+    def copy_extensions_to_source(self) -> None:
+        super().copy_extensions_to_source()
+        self.mkpath(os.path.dirname(self.library))
+        self.copy_file(os.path.join(self.build_lib, self.library), self.library)
+
+    @property
+    def library(self) -> str:
+        """Where the library of FMUs for this system is, from the folder of the package on."""
+        system = TARGET or cross.host()
+        suffix = {"windows": ".dll", "darwin": ".dylib"}.get(system.rpartition("-")[2], ".so")
+        return os.path.join(FMI, "binaries", system, f"pmr_fmi{suffix}")
 
 
 class BuildWithWorkflows(build_py):

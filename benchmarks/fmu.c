@@ -1,5 +1,5 @@
 /* Seconds of the processor that a communication step takes through the C interface of an FMU of FMI 2.0:
-   timing LIBRARY GUID STEPS STEP FIRST COUNT INPUTS PATHS takes so many steps, sets all inputs but rates, of which the path coordinates
+   timing LIBRARY GUID STEPS STEP FIRST COUNT INPUTS PATHS RESOURCES takes so many steps, sets all inputs but rates, of which the path coordinates
    move, before each, and reads COUNT variables from value reference FIRST on after it. */
 #define _POSIX_C_SOURCE 200809L
 #include <dlfcn.h>
@@ -23,12 +23,12 @@ static double now(void)
 int main(int count, char **arguments)
 {
     static const struct { void *callbacks[5]; } none;
-    void *library = count == 9 ? dlopen(arguments[1], RTLD_NOW) : NULL, *c;
+    void *library = count == 10 ? dlopen(arguments[1], RTLD_NOW) : NULL, *c;
     int steps = atoi(arguments[3]), first = atoi(arguments[5]), outputs = atoi(arguments[6]), inputs = atoi(arguments[7]), paths = atoi(arguments[8]), k, n;
     double h = atof(arguments[4]), *values = calloc(outputs + inputs, sizeof *values), begun, sum = 0.0;
     unsigned *seen = calloc(outputs, sizeof *seen), *given = calloc(inputs, sizeof *given);
     if (!library) return 1;
-    c = ((Instantiate)dlsym(library, "fmi2Instantiate"))("timed", 1, arguments[2], "", &none, 0, 0);
+    c = ((Instantiate)dlsym(library, "fmi2Instantiate"))("timed", 1, arguments[2], arguments[9], &none, 0, 0);
     if (!c) return 1;
     ((Setup)dlsym(library, "fmi2SetupExperiment"))(c, 0, 0.0, 0.0, 0, 0.0);
     ((Mode)dlsym(library, "fmi2EnterInitializationMode"))(c);

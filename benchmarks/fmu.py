@@ -61,7 +61,10 @@ class Timed:
         library = next((folder / "binaries" / PLATFORMS[0].folder_2).iterdir())
         self._before, self._after = (
             [str(library), token],
-            [step, *map(str, (min(outputs), shown, inputs, len(system.paths)))],
+            [
+                *(step, *map(str, (min(outputs), shown, inputs, len(system.paths)))),
+                (folder / "resources").resolve().as_uri(),
+            ],
         )
 
     def seconds(self, steps: int) -> float:

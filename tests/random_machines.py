@@ -10,7 +10,7 @@ IN_SPACE = {"bottom": [-0.06, 0.06], "top": [-0.06, 0.06], "left": [0.0], "right
 PLANAR = {"bottom": [0.0], "top": [0.0]}
 G = 9.80665
 #: Walls that give way and shells are in every so many machines: they take the longest.
-GIVING, SHELLS = 9, 25
+GIVING, SHELLS = 9, 5
 
 
 def random_machine(seed: int) -> tuple[dict[str, Any], dict[str, float], float]:
@@ -39,6 +39,7 @@ def random_machine(seed: int) -> tuple[dict[str, Any], dict[str, float], float]:
         part["reduction"] = {"coordinates": 6 if planar else 10}
         if shell and k == count - 1:
             part["mesh"] = {"size": 0.15, "along": 0.6}
+            part["observe"] = {"start": 0.2, "end": length - 0.2, "count": 5}
         if k == 0:
             part["supports"] = _supports(rng, planar, length)
         else:

@@ -43,6 +43,7 @@ TESTED = {
     "pmr run SCENE --tolerance 1%": "tests/compare/accuracy/test_order.py",
     "pmr run SCENE --cache DIR": "tests/ways/test_ways.py",
     "pmr export three.npz --to fmu --platforms all": "tests/export/fmi/test_platforms.py",
+    "pmr export three.npz --to fmu --sources": "tests/export/fmi/test_platforms.py",
     "sbatch --ntasks=65 workflows/study.slurm STUDY.toml": "tests/cli/test_study.py",
     "sbatch --ntasks=65 workflows/study.slurm STUDY.toml reports/study": "tests/cli/test_study.py",
     "sbatch workflows/scale.slurm 0.0125 1 2 4 8 16 32 64": "tests/benchmarks/test_scale.py",

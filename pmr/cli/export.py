@@ -33,6 +33,9 @@ def export(
             help="Systems that an fmu has binaries for: this machine's, or Linux, Windows and macOS.  [default: host]",
         ),
     ] = None,
+    sources: Annotated[
+        bool, typer.Option("--sources", help="Whether an fmu has the C of its binaries, for importers that compile it.")
+    ] = False,
     at: Annotated[
         str | None,
         typer.Option("--at", metavar="S,...", help="Places of the sliders in m, for state spaces.  [default: a grid]"),
@@ -56,8 +59,8 @@ def export(
     """
     ensure_file(out_file, model) if out_file else ensure_writable(model.parent)
     finished(model.parent)
-    with err.status(Text(f"writing {visible(to)}")):  # on a terminal alone: a compiler may take a while
-        written = write(to, model, out_file, Options(fmi, at, section, platforms))
+    with err.status(Text(f"writing {visible(to)}")):  # on a terminal alone
+        written = write(to, model, out_file, Options(fmi, at, section, platforms, sources or None))
     if section is not None:
         say(out, f"section {section} alone, without its joints")
     say(out, str(written))

@@ -1,4 +1,4 @@
-"""What the motion of a reduced system says by itself, as parts of summary.json."""
+"""What the motion of a system says by itself, as parts of summary.json and as warnings."""
 
 from __future__ import annotations
 
@@ -6,9 +6,35 @@ from pmr.compare import boom_figures, fatigue, frame_energy, luffing_cylinder, m
 from pmr.compare.estimated import SimulatedSystem
 from pmr.compare.responses import Simulations
 from pmr.compare.summary import Part
-from pmr.results import Frequencies
+from pmr.results import Frequencies, Response
 from pmr.scene import Scene
+from pmr.scene.hints import hints
 from pmr.simulation import Excitation, contact_step
+from pmr.system.system import System
+
+
+def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Part]:
+    """Forces of pads, cylinders, supports, ropes and luffing cylinder, and fatigue, in a system's response."""
+    return [
+        pad_forces.part(scene, system, response),
+        ropes.part(scene, response),
+        luffing_cylinder.part(scene, response),
+        fatigue.part(scene, response),
+    ]
+
+
+def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:
+    """Warnings of a run with this response of its system that take no other model, the gravest first."""
+    excitation = Excitation.of(scene)
+    omega = contact_step.contact_frequency(system, excitation)
+    parts = [
+        Part(grave=hints(scene)),
+        *parts_of_forces(scene, system, response),
+        Part(warnings=contact_step.warnings(omega, excitation.stepping)),
+        summary.sampling(excitation),
+        summary.theory(scene, {"motion": response}),
+    ]
+    return tuple(summary.combined(parts)["warnings"])
 
 
 def parts_of_motion(
@@ -24,12 +50,6 @@ def parts_of_motion(
     """
     excitation, system = Excitation.of(scene), moved.system
     omega = contact_step.contact_frequency(system, excitation)
-    of_forces = [
-        pad_forces.part(scene, system, made.first.response),
-        ropes.part(scene, made.first.response),
-        luffing_cylinder.part(scene, made.first.response),
-        fatigue.part(scene, made.first.response),
-    ]
     others = [
         boom_figures.beside_published(scene, natural),
         Part(
@@ -40,4 +60,4 @@ def parts_of_motion(
         moving_frame.frame(scene, system, excitation, natural),
         frame_energy.energy(scene, system, excitation, made.first.run),
     ]
-    return [*of_forces, step, *others]
+    return [*parts_of_forces(scene, system, made.first.response), step, *others]

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.compare.summary import Part
@@ -232,7 +234,7 @@ def _moved(body: SlidingBody) -> float:
     if not along:
         return 0.0
     B = np.asarray(body.B)[:, along[0]]
-    return float(B @ np.linalg.solve(np.asarray(body.M), B))
+    return float(B @ spla.spsolve(sp.csc_matrix(body.M), B))
 
 
 def _kinked(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:

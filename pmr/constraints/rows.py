@@ -7,6 +7,7 @@ polynomial that touches a few of them on each interval.  A slider holds the inte
 carriers are the coordinates themselves, its weights the shape functions of one element, C1 for cubic Hermite elements.
 A pad that slides over a mesh touches thousands of coordinates, but only through K weighted means.  What a full model
 has to know of the path, its compliance U R U^T say, is then K static solves, however fine the mesh is.
+Where several rows together touch fewer than K / 2 coordinates, as pads on a beam do, these are their common carriers.
 """
 
 from __future__ import annotations
@@ -55,6 +56,17 @@ class Row:
         lowered = self.coefficients[:-1] * np.arange(degree, 0.0, -1.0)[:, None, None]
         return replace(self, coefficients=lowered if degree else np.zeros_like(self.coefficients))
 
+    @property
+    def entries(self) -> sp.csr_matrix:
+        """Coefficients as a sparse matrix (powers k, K): of the highest power on each interval, then of the next."""
+        powers, k, d = self.coefficients.shape
+        at = np.broadcast_to(self.touched, (powers, k, d)).ravel()
+        return sp.csr_matrix((self.coefficients.ravel(), at, d * np.arange(powers * k + 1)), (powers * k, self._count))
+
+    @property
+    def _count(self) -> int:
+        return int(self.carriers.shape[0])
+
     def weights(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
         """b(s), or its derivative with respect to s, at each of the s (T,) m as a sparse matrix (T, K).
 
@@ -65,7 +77,7 @@ class Row:
     def _sparse(self, touched: Indices, entries: Array) -> sp.csr_matrix:
         """(T, K), with entries (T, d) on the `touched` carriers."""
         ends = touched.shape[1] * np.arange(len(touched) + 1)
-        return sp.csr_matrix((entries.ravel(), touched.ravel(), ends), (len(touched), self.carriers.shape[0]))
+        return sp.csr_matrix((entries.ravel(), touched.ravel(), ends), (len(touched), self._count))
 
     def on_carriers(self, s: ArrayLike, derivative: int) -> tuple[Indices, Array]:
         """The carriers that the row touches at each s, and their weights, both (T, d)."""
@@ -119,6 +131,8 @@ class Row:
 
     def refined(self, breaks: Array) -> Row:
         """Return this row on finer breaks, which hold all of its own within their range: exact."""
+        if np.array_equal(breaks, self.breaks):
+            return self
         finer = rebased(self._polynomial, breaks)
         touched = self.touched[interval_around(finer.x, self.breaks)]
         return replace(self, breaks=finer.x, touched=touched, coefficients=finer.c)
@@ -130,6 +144,34 @@ def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: 
     numbers, touched = np.unique(dofs, return_inverse=True)
     carriers = sp.csr_matrix((np.ones(len(numbers)), numbers, np.arange(len(numbers) + 1)), (len(numbers), size))
     return Row(name, breaks, carriers, touched.reshape(dofs.shape), coefficients)
+
+
+def gather(touching: Indices, n: int, k: int) -> tuple[Indices, Indices, Indices]:
+    """Columns out of n that each of k intervals touches, from its number times n plus each column, in any order.
+
+    Returned are all of these once, ascending, the place of each among those of its interval, and the columns (k, w):
+    an interval that touches fewer repeats its last one.
+    """
+    different = np.unique(touching)
+    interval, width = different // n, np.bincount(different // n, minlength=k)
+    place = np.arange(len(different)) - np.repeat(np.cumsum(width) - width, width)
+    columns = np.zeros((k, max(1, int(width.max(initial=0)))), np.int64)
+    columns[interval, place] = different % n
+    missing = np.arange(columns.shape[1]) >= width[:, None]
+    return different, place, np.where(missing, columns.max(axis=1, keepdims=True), columns)
+
+
+def dense_entries(entries: sp.csr_matrix, powers: int) -> tuple[Indices, Array]:
+    """Columns that each of k intervals touches (k, d) and coefficients there (powers, k, d): `Row.entries` undone."""
+    every, (height, n) = sp.csr_matrix(entries, copy=True), entries.shape
+    every.sum_duplicates()
+    every = every.tocoo()
+    k = height // powers
+    touching = (every.row % k).astype(np.int64) * n + every.col
+    different, place, touched = gather(touching, n, k)
+    coefficients = np.zeros((powers, *touched.shape))
+    coefficients[every.row // k, every.row % k, place[np.searchsorted(different, touching)]] = every.data
+    return touched, coefficients
 
 
 def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) -> Row:
@@ -209,7 +251,8 @@ class Rows:
 class SharedCarriers:
     """Rows on common carriers."""
 
-    carriers: sp.csr_matrix  # (K, n): what the rows touch, each different carrier once
+    # (K, n): what the rows touch, each different one once; single coordinates where these are less than half as many
+    carriers: sp.csr_matrix
     rows: tuple[Row, ...]  # each on these carriers
 
     def row(self, number: int, name: str) -> Row:
@@ -237,5 +280,19 @@ def _shared(rows: Sequence[Row], size: int) -> SharedCarriers:
         new.append(carriers[np.unique(at, return_index=True)[1][np.unique(at) >= count]])
         touched.append(at[np.searchsorted(used, row.touched)])
     U = sp.vstack(new, format="csr")
-    on_common = (replace(row, carriers=U, touched=numbers) for row, numbers in zip(rows, touched, strict=True))
-    return SharedCarriers(U, tuple(on_common))
+    on_common = [replace(row, carriers=U, touched=numbers) for row, numbers in zip(rows, touched, strict=True)]
+    coordinates = np.unique(U.indices)
+    if 2 * len(coordinates) >= U.shape[0]:  # mirror images among the carriers of a mesh may be worth as much
+        return SharedCarriers(U, tuple(on_common))
+    return _single(on_common, coordinates)
+
+
+def _single(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:
+    """Rows on common carriers with single coordinates, which are all that they touch, as carriers."""
+    U, count = rows[0].carriers[:, coordinates], len(coordinates)
+    single = sp.csr_matrix((np.ones(count), coordinates, np.arange(count + 1)), (count, rows[0].carriers.shape[1]))
+    on_coordinates = []
+    for row in rows:
+        touched, coefficients = dense_entries(sp.csr_matrix(row.entries @ U), len(row.coefficients))
+        on_coordinates.append(replace(row, carriers=single, touched=touched, coefficients=coefficients))
+    return SharedCarriers(single, tuple(on_coordinates))

@@ -52,7 +52,7 @@ _NEEDED = {
     "gmsh": "it draws the meshes of shells and solids; pip install gmsh installs it (or give mesh.file)",
     "pandas": "it makes frames of results; pip install pandas installs it",
     "pyNastran": "it reads files of Nastran: pip install pynastran installs it",
-    "ziglang": "it compiles FMUs for all systems; pip install ziglang installs it",
+    "ziglang": "it compiles the libraries of FMUs for other systems; pip install ziglang installs it",
     "matplotlib": f"it draws figures; {_REPORTS}",
     "jinja2": f"it writes reports; {_REPORTS}",
     "fontTools": f"it writes reports; {_REPORTS}",

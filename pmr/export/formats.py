@@ -19,7 +19,8 @@ class Options:
     fmi: str | None = None  #: Version of the Functional Mock-up Interface
     at: str | None = None  #: Places of the sliders in m, separated by commas
     section: str | None = None  #: Name of the section of a boom that is to be written alone
-    platforms: str | None = None  #: Whether binaries are compiled for all platforms, or for the host's alone
+    platforms: str | None = None  #: Whether there are binaries for all platforms, or for the host's alone
+    sources: bool | None = None  #: Whether the C of the binaries comes along
 
 
 @dataclass(frozen=True)
@@ -49,14 +50,15 @@ def _exudyn(model: Path, target: Path, options: Options) -> Path:
 
 def _fmu(model: Path, target: Path, options: Options) -> Path:
     fmu, version = import_module("pmr.export.fmi.fmu"), options.fmi or "3"
-    written: Path = fmu.write_fmu(model, target, version, fmu.chosen(options.platforms, version))
+    platforms = fmu.chosen(options.platforms, version)
+    written: Path = fmu.write_fmu(model, target, version, platforms, bool(options.sources))
     return written
 
 
 _AT = frozenset({"at", "section"})
 FORMATS = {
     "exudyn": Format("a standalone Python script", "sliding_body.py", frozenset(), _exudyn),
-    "fmu": Format("a functional mock-up unit", "sliding_body.fmu", frozenset({"fmi", "platforms"}), _fmu),
+    "fmu": Format("a functional mock-up unit", "sliding_body.fmu", frozenset({"fmi", "platforms", "sources"}), _fmu),
     "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _imported("control", "write_matlab")),
     "python-control": Format(
         "the same, read by a script", "state_space.py", _AT, _imported("control", "write_python_control")

@@ -74,6 +74,7 @@ class Deck:
     node_sets: dict[str, set[int]] = field(default_factory=dict)
     element_sets: dict[str, set[int]] = field(default_factory=dict)
     spelled: dict[str, str] = field(default_factory=dict)  # names of sets as they were written first
+    constraints: list[tuple[int, str]] = field(default_factory=list)  # line and keyword of each card of `CONSTRAINTS`
 
     def refusal(self, line: int, why: str) -> InputError:
         """An error of a line of the file."""
@@ -91,6 +92,8 @@ def read_deck(path: Path) -> Deck:
         if card.keyword in REFUSED:
             raise deck.refusal(card.number, f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
         parts.see(deck, card)
+        if card.keyword in CONSTRAINTS:
+            deck.constraints.append((card.number, card.keyword))
         if card.keyword in ("NSET", "ELSET"):
             sets.append(card)
         elif card.keyword in READERS:
@@ -287,3 +290,11 @@ REFUSED: Mapping[str, str] = {
     "SYSTEM": "nodes in the axes of the whole are allowed",
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SUBSTRUCTURE PATH"), _IN_PLACE),
 }
+#: Axes of single nodes, and what makes coordinates of some nodes depend on those of others: programs leave the
+#: dependent ones out of their matrices.  A mesh has neither.
+TURNED = "TRANSFORM"
+CONSTRAINTS = (
+    TURNED,
+    *("EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "KINEMATIC", "DISTRIBUTING", "EMBEDDED ELEMENT"),
+    *("KINEMATIC COUPLING", "DISTRIBUTING COUPLING", "SHELL TO SOLID COUPLING", "CYCLIC SYMMETRY MODEL"),
+)

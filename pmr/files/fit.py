@@ -14,7 +14,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pmr.files.reasons import (
     ALIKE,
@@ -23,6 +23,7 @@ from pmr.files.reasons import (
     by_direction,
     moved_nodes,
     place,
+    turned_alone,
     turned_everywhere,
     turned_nodes,
 )
@@ -42,6 +43,10 @@ VANISHING = 30
 DENSE_ALWAYS = 1000
 #: m/s: least and most that sound travels at in what bodies are made of: 500 in soft plastics, 1.8e4 in diamond.
 SLOWEST, FASTEST = 250.0, 5e4
+#: kg/m^3: what a body weighs at least, by its convex hull as air, and by what stiffness fills of that, as foam.
+LIGHTEST, LIGHTEST_SOLID = 1.0, 10.0
+#: Edges of a tetrahedron.
+_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
@@ -54,9 +59,11 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
         _massless,
         _places,
         _axes,
+        _axes_of_mass,
         _mechanisms,
         _centre,
         _sound,
+        _weight,
     )
     return next((reason for check in checks for reason in check(M, body)), None)
 
@@ -187,7 +194,7 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     if _is_dense(body):
         wrong = held if held.any() and _left_free(body) > 6 - len(body.held()) else np.zeros_like(held)
     else:
-        wrong = held & ~_supported(body)
+        wrong = held & (~_supported(body) | turned_alone(body))
     if wrong.any():
         yield (
             by_direction(body)
@@ -199,6 +206,28 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
                 f"nodes, such as that at {place(body.points[wrong][0])}, as neither does; its rows are in another "
                 "order, or nodes have axes of their own",
             )
+        )
+
+
+def _axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Nodes that a mass of displacements alone couples across axes where it does so at less than half of all nodes.
+
+    Elements couple displacements of two nodes by m_ij along each axis, beside supports too.
+    """
+    entries, count = M.tocoo(), len(body.points)
+    row, column = body.node[entries.row], body.node[entries.col]
+    apart, across = row != column, body.direction[entries.row] != body.direction[entries.col]
+    if np.any(body.direction >= 3) or not apart.any():
+        return
+    coupled, turned = (
+        np.bincount(row[which], np.abs(entries.data[which]), minlength=count) for which in (apart, apart & across)
+    )
+    share = np.divide(turned, coupled, out=np.zeros(count), where=coupled > 0.0)
+    if np.median(share[np.unique(body.node)]) < 1e-9 and share.max() > ALIKE:
+        yield (
+            "direction",
+            "directions along the axes of the places are allowed: M couples displacements of the node at "
+            f"{place(body.points[share.argmax()])} with those of others along other axes, so it has axes of its own",
         )
 
 
@@ -265,6 +294,30 @@ def _sound(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
                 f"SI units are allowed: in this body sound would travel at {speed:.2g} m/s, in steel it does at 5000; "
                 f"are {guess}?"
             ),
+        )
+
+
+def _weight(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+    """Bodies lighter than air by their convex hull, or than any solid by what of it is filled: masses in t."""
+    T = rigid_motions(body.points[body.node], body.direction)[:, :3]
+    mass, nodes = float(np.diag(T.T @ (M @ T)).max()), np.unique(body.node)
+    if not mass < LIGHTEST_SOLID * np.ptp(body.points[nodes], axis=0).prod():
+        return
+    try:
+        cells = Delaunay(body.points[nodes])
+    except QhullError:  # of nodes in a plane
+        return
+    x = cells.points[cells.simplices]
+    volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6.0
+    joined = sp.coo_matrix((np.ones(len(body.node)), (body.node, np.arange(len(body.node)))))
+    coupled = (joined @ abs(body.K) @ joined.T).tocsr()[nodes][:, nodes]
+    edges = [np.asarray(coupled[cells.simplices[:, i], cells.simplices[:, j]])[0] > 0.0 for i, j in _EDGES]
+    solid = float(volumes[np.all(edges, axis=0)].sum())
+    if mass < max(LIGHTEST * volumes.sum(), LIGHTEST_SOLID * solid):
+        yield (
+            "M",
+            f"masses in kg are allowed: these are {mass:.3g} kg within {volumes.sum():.3g} m^3; are they in t, and "
+            "forces in kN or N/mm?",
         )
 
 

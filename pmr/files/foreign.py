@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os.path import isfile
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.errors.text import no_file
 from pmr.files import labelled
-from pmr.files.decks import MOST_DIGITS, read_deck
+from pmr.files.decks import MOST_DIGITS, TURNED, read_deck
 from pmr.files.labelled import UnreadableError
 from pmr.files.matrices import GivenMatrices
 from pmr.files.rigid import DIRECTIONS
@@ -70,6 +70,7 @@ class _Nodes:
     numbers: Indices
     points: Array
     groups: dict[str, Indices]  # by numbers
+    constraints: Sequence[tuple[int, str]] = ()  # line and keyword
 
 
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
@@ -92,6 +93,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     wrong = pairs[(pairs[:, 1] < 1) | (pairs[:, 1] > len(DIRECTIONS)), 1]
     if wrong.size:
         raise InputError(str(files.dofs), "direction", int(wrong[0]), f"1 to {len(DIRECTIONS)} is allowed")
+    _check_constraints(str(files.nodes), nodes, pairs)
     return GivenMatrices(
         M,
         K,
@@ -101,6 +103,24 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
         {name: np.array([place[int(number)] for number in members]) for name, members in nodes.groups.items()},
         str(files.stiffness),
     )
+
+
+def _check_constraints(source: str, nodes: _Nodes, pairs: Indices) -> None:
+    """Refuse axes of single nodes, and coordinates that depend on others where some have no row in the matrices."""
+    missing = 3 * len(nodes.numbers) - int(np.isin(pairs[:, 1], (1, 2, 3)).sum())
+    for line, keyword in nodes.constraints:
+        if keyword == TURNED:
+            allowed = (
+                "rows along the axes of the whole are allowed: *TRANSFORM gives nodes axes of their own; matrices "
+                "written without it are allowed"
+            )
+            raise InputError(source, f"line {line}", None, allowed)
+        if missing > 0:
+            allowed = (
+                f"a model is allowed in which *{keyword} ties no coordinates to others: {missing} displacements have "
+                "no row in the matrices, which pmr takes as fixed"
+            )
+            raise InputError(source, f"line {line}", None, allowed)
 
 
 def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
@@ -193,7 +213,8 @@ def _nodes_csv(path: Path) -> _Nodes:
 
 def _inp(path: Path) -> _Nodes:
     deck = read_deck(path)
-    return _nodes(list(deck.nodes), [*deck.nodes.values()], {name: [*own] for name, own in deck.node_sets.items()})
+    sets = {name: [*own] for name, own in deck.node_sets.items()}
+    return replace(_nodes(list(deck.nodes), [*deck.nodes.values()], sets), constraints=deck.constraints)
 
 
 def _nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:

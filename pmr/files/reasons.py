@@ -140,6 +140,25 @@ def turned_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
     )
 
 
+def turned_alone(body: Resistance) -> Mask:
+    """Nodes (N,) that follow translations of all others along turned axes, which no support makes a node do.
+
+    A node follows with U = -K_nn^-1 sum_j K_nj over the others: U is the identity away from supports, shortens motions
+    beside them, and is another orthogonal matrix of a node with axes of its own.
+    """
+    turned, T = np.zeros(len(body.points), dtype=bool), body.motions[:, :3]
+    order = np.argsort(body.node, kind="stable")
+    ends = np.cumsum(np.bincount(body.node, minlength=len(body.points)))
+    pulled = body.K @ T
+    for node in np.flatnonzero(body.grounded & ~body.lacking.any(axis=1)):
+        at = order[ends[node - 1] if node else 0 : ends[node]]
+        own = body.K[at][:, at].toarray()
+        U = (T[at] - np.linalg.lstsq(own, pulled[at], rcond=1e-12)[0])[body.direction[at] < 3]
+        stays = np.eye(3)[body.direction[at][body.direction[at] < 3]]
+        turned[node] = np.abs(U @ U.T - np.eye(3)).max() < 1e-6 and np.abs(U - stays).max() > ALIKE
+    return turned
+
+
 def _followed(body: Resistance, wrong: Mask, first: int, expected: Array, least: float) -> tuple[Indices, Array]:
     """Nodes (g,) that don't follow three rigid motions of the rest as `expected` (N, 3, 3), and how they do, (g, 3, 3).
 

@@ -94,7 +94,7 @@ class Resistance:
     @cached_property
     def _translations(self) -> tuple[Array, Array]:
         """F with its rounding, and what rounding each row may have (n,)."""
-        T = self._motions[:, :3]
+        T = self.motions[:, :3]
         return _cleaned(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, 0.25)
 
     @cached_property
@@ -147,7 +147,7 @@ class Resistance:
         """G (n, 3) as it is, and the sizes (n,) of what it is summed from."""
         _, column, size = self.pairs
         local = np.where(self.direction[column] < 3, self.edges, 1.0)
-        sums, middle = self.K @ self._motions, self.points.mean(axis=0)
+        sums, middle = self.K @ self.motions, self.points.mean(axis=0)
         moments = sums[:, 3:] - np.einsum("na,nab->nb", sums[:, :3], self._levers(middle))
         return moments, np.asarray(self.on_pattern(size * local).sum(axis=1)).ravel()
 
@@ -160,14 +160,14 @@ class Resistance:
         return np.where(beside[:, None], sums, cleaned), noise
 
     @cached_property
-    def _motions(self) -> Array:
+    def motions(self) -> Array:
         """Rigid motions (n, 6) about the mean of all points."""
         return rigid_motions((self.points - self.points.mean(axis=0))[self.node], self.direction)
 
     @property
     def rounding(self) -> float:
         """Share of a row's entries that rounding of K has, as a quarter of all rows have less; 1e-16 at least."""
-        T = self._motions[:, :3]
+        T = self.motions[:, :3]
         sizes = (abs(self.K) @ T).sum(axis=1)
         shares = np.abs(self.K @ T).max(axis=1)[sizes > 0.0] / sizes[sizes > 0.0]
         return max(1e-16, float(np.quantile(shares, 0.25)))

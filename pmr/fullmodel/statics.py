@@ -10,7 +10,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row, Rows
-from pmr.errors import ConvergenceError
+from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import freed
 from pmr.fem.factor import NotDefiniteError
@@ -22,10 +22,16 @@ from pmr.fullmodel.model import FullModel
 
 Array = NDArray[np.float64]
 
-_SINGULAR = (
-    "the stiffness is singular on the fixed supports although all rigid-body modes are held: parts of the body are "
-    "loose, or its matrix has negative eigenvalues"
-)
+
+class SingularError(InputError):
+    """A stiffness resists nothing along some motion, or has a negative eigenvalue, where all rigid motions are held."""
+
+    def __init__(self) -> None:
+        allowed = (
+            "a stiffness that resists all but rigid motions is allowed: on the supports, which hold these, it is "
+            "singular; parts of the body are loose, or its matrix has negative eigenvalues, by rounding or by itself"
+        )
+        super().__init__("scene", "body", None, allowed)
 
 
 class StaticSolver(Protocol):
@@ -45,8 +51,8 @@ def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -
 
     Raises
     ------
-    ConvergenceError
-        If they do.
+    SingularError
+        If they do, and where the stiffness does not resist another motion.
     DependentRowsError
         If they depend on each other.
     InputError
@@ -73,7 +79,7 @@ class _Dense:
             except np.linalg.LinAlgError:
                 failed = True
         if self._comm.bcast(failed):
-            raise ConvergenceError(_SINGULAR)
+            raise SingularError()
 
     def solve(self, g: Array) -> Array:
         shares, x = self._comm.gather(g), None
@@ -92,7 +98,7 @@ class _Mumps:
         try:
             self._factor = factor_for_columns(K, "stiffness")
         except NotDefiniteError:
-            raise ConvergenceError(_SINGULAR) from None
+            raise SingularError() from None
         finally:
             freed(K)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,11 @@ def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
     for first, content in parts:
         block[first : first + len(content)] = content
     return block
+
+
+def lines(names: Iterable[str]) -> str:
+    """Names as a text of plain letters, one a line; what else they have is escaped as in Python."""
+    return "\n".join(name.encode("unicode_escape").decode("ascii") for name in names)
 
 
 def seal(block: bytearray, checksum: int) -> None:

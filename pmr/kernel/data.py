@@ -2,40 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
+from pmr.kernel.block_file import lines
 from pmr.kernel.frame import Frame, frame_arrays
-from pmr.kernel.rows import LANES, Arrangement, arrange, round_up
-from pmr.reduced.model import ReducedModel
+from pmr.kernel.further import (
+    NEGLIGIBLE,
+    Modal,
+    Supports,
+    frame_output_arrays,
+    support_arrays,
+    supports_of,
+    with_reactions,
+)
+from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
+from pmr.scene.pivot import CYLINDER
 from pmr.system.rings import Combined, combined
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-#: Entries of a term's matrix below this share of its largest one are round-off of zero.
-NEGLIGIBLE = 1e-13
-
-
-class Modal(Protocol):
-    """A body in its own modes (`pmr.simulation.modal.ModalForm`)."""
-
-    @property
-    def body(self) -> ReducedModel:
-        """M = 1, K diagonal."""
-
-    @property
-    def X(self) -> Array:
-        """Modes (n, r): q = X z."""
-
-    @property
-    def rows(self) -> tuple[int, ...]:
-        """Numbers of the rows that `body` has, among the original's."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +36,9 @@ class SystemData:
 
     arrays: dict[str, NDArray[Any] | str]
     used_modes: NDArray[np.int64]  # (r,): where modes stand among all, and not what fills them up
-    modes: dict[str, slice]  # of each body, round_up up
+    modes: dict[str, slice]  # of each body, filled up
+    rows: Arrangement
+    further: tuple[tuple[str, str, bool], ...]  # name and unit of each further output, and whether it is a motion
 
 
 def system_data(
@@ -52,38 +46,90 @@ def system_data(
 ) -> SystemData:
     """Write a system whose bodies have these modal forms, and a frame that moves, as arrays.
 
-    `reduced` is what `in_modes` makes of both, where that is there already.
+    `reduced` is what `in_modes` makes of both, where that is there already; without reactions of supports.
     """
-    reduced = reduced or in_modes(system, forms)
+    supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
+    reduced = reduced or in_modes(system, forms, supports)
     modal, rows = reduced.system, arrange(reduced.system)
     used = np.concatenate([part.modes.start + np.arange(part.body.size) for part in rows.parts])
-    arrays = (
-        _sizes(system, modal, rows, 0 if frame is None else len(frame.drivers)) | _bodies(rows) | _contacts(modal, rows)
-    )
-    arrays |= _blocks(rows) | _terms(modal, rows) | _friction(rows) | frame_arrays(frame, rows.paths)
+    motions = 0 if frame is None else len(frame.drivers)
+    split = Outputs.of(rows, supports)
+    arrays = _sizes(system, modal, rows, motions, len(split.outputs)) | _bodies(rows, split)
+    arrays |= _contacts(modal, rows, split) | _blocks(rows, split) | _terms(modal, rows) | _friction(rows)
+    arrays |= frame_arrays(frame, rows.paths)
+    modes, reactions = [part.modes for part in rows.parts], [name for of in supports for name in of.names]
+    arrays |= support_arrays(system, supports, [*forms.values()], modes, round_up(len(reactions)) + LANES)
+    scene = None if frame is None else frame.scene
+    of_frame, further = frame_output_arrays(scene, system, rows.paths, reactions, motions)
+    arrays |= of_frame
     shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
     arrays |= {
         "shares": _fill_rows(shares, len(rows.F)),
-        "names_drivers": "\n".join([*rows.paths, *system.input_names, *system.term_names]),
-        "names_outputs": "\n".join(system.output_names),
-        "names_contacts": "\n".join(modal.contact_names),
-        "names_forces": "\n".join(system.contact_names),
+        "names_drivers": lines([*rows.paths, *system.input_names, *system.term_names]),
+        "names_outputs": lines(system.output_names),
+        "names_contacts": lines(modal.contact_names),
+        "names_forces": lines(system.contact_names),
+        "names_further": lines(further),
     }
-    return SystemData(arrays, used, {name: part.modes for name, part in zip(forms, rows.parts, strict=True)})
+    units = [unit for of in supports for unit in of.units]
+    others = [(name, "N" if name == CYLINDER else "m", name != CYLINDER) for name in further[len(reactions) :]]
+    modes_of = {name: part.modes for name, part in zip(forms, rows.parts, strict=True)}
+    listed = (*((name, unit, False) for name, unit in zip(reactions, units, strict=True)), *others)
+    return SystemData(arrays, used, modes_of, rows, listed)
 
 
-def in_modes(system: System, forms: Mapping[str, Modal]) -> Combined:
-    """The system in its bodies' modes, with rings of pads as few contacts; on one path without carriers."""
+@dataclass(frozen=True)
+class Outputs:
+    """Which of the bodies' outputs are outputs of the system, and which are reactions of supports behind them."""
+
+    outputs: NDArray[np.int64]
+    reactions: NDArray[np.int64]
+    counts: tuple[int, ...]  # outputs of each body that are no reactions
+
+    @classmethod
+    def of(cls, rows: Arrangement, supports: Sequence[Supports]) -> Outputs:
+        """Outputs of bodies whose last ones are reactions of these supports."""
+        counts = [
+            part.outputs.stop - part.outputs.start - len(of.names)
+            for part, of in zip(rows.parts, supports, strict=True)
+        ]
+        outputs, reactions = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
+        for part, count in zip(rows.parts, counts, strict=True):
+            first, second = np.split(np.arange(part.outputs.start, part.outputs.stop), [count])
+            outputs.append(first)
+            reactions.append(second)
+        return cls(np.concatenate(outputs), np.concatenate(reactions), tuple(counts))
+
+    def split(self, array: Array) -> tuple[Array, Array]:
+        """Columns (., outputs) and (., reactions), each filled up by a register more than they need."""
+        both = (array[:, numbers] for numbers in (self.outputs, self.reactions))
+        first, second = (np.pad(_fill_rows(one, one.shape[1]), ((0, 0), (0, LANES))) for one in both)
+        return first, second
+
+    def before(self, part: Part) -> tuple[int, int]:
+        """Where the outputs and reactions of a body begin."""
+        first, second = (np.searchsorted(numbers, part.outputs.start) for numbers in (self.outputs, self.reactions))
+        return int(first), int(second)
+
+
+def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> Combined:
+    """The system in its bodies' modes, with rings of pads as few contacts; on one path without carriers.
+
+    With `supports` of all bodies their reactions are outputs behind those of each body.
+    """
     bodies = {}
-    for name, form in forms.items():
+    for number, (name, form) in enumerate(forms.items()):
         carriers = None if system.on_one_path else system.bodies[name].carriers
-        bodies[name] = replace(form.body, carriers=carriers and carriers.on(form.X).with_rows(form.rows))
+        modal = replace(form.body, carriers=carriers and carriers.on(form.X).with_rows(form.rows))
+        bodies[name] = with_reactions(system, name, form, modal, supports[number]) if supports else modal
     motions = {name: form.X for name, form in forms.items()}
     terms = tuple(term.on(motions) for term in system.terms)
     return combined(System(bodies, system.contacts, terms=terms))
 
 
-def _sizes(system: System, modal: System, rows: Arrangement, motions: int) -> dict[str, NDArray[Any] | str]:
+def _sizes(
+    system: System, modal: System, rows: Arrangement, motions: int, outputs: int
+) -> dict[str, NDArray[Any] | str]:
     """The number of everything, in the order in which `read_arrays` of src/system.c takes it."""
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
@@ -94,7 +140,7 @@ def _sizes(system: System, modal: System, rows: Arrangement, motions: int) -> di
         m,
         len(system.contacts),
         inputs,
-        rows.parts[-1].outputs.stop,
+        outputs,
         len(rows.paths),
         len(modal.terms),
         pads,
@@ -118,12 +164,11 @@ def _fill_rows(array: Array, width: int) -> Array:
     return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
 
-def _bodies(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+def _bodies(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
     """Modes, inputs and outputs of all bodies."""
     last = rows.parts[-1]
     r, i, o = last.modes.stop, last.inputs.stop, last.outputs.stop
-    op = round_up(o) + LANES
-    D, B, shapes, direct, energy = (np.zeros(shape) for shape in ((r, r), (i, r), (r, op), (i, op), (i, round_up(i))))
+    D, B, shapes, direct, energy = (np.zeros(shape) for shape in ((r, r), (i, r), (r, o), (i, o), (i, round_up(i))))
     omega2, inertia, still = np.zeros(r), np.zeros(r), list[int]()
     for part in rows.parts:
         body, place = part.body, slice(part.modes.start, part.modes.start + part.body.size)
@@ -136,19 +181,20 @@ def _bodies(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
             energy[part.inputs, part.inputs] = 0.0 if flexibility.energy is None else flexibility.energy
     inertia[still] = 0.0
     coupled = not all(_is_diagonal(part.body.D) for part in rows.parts)
+    of_outputs, of_reactions = zip(split.split(shapes), split.split(direct), strict=True)
     return {
         "omega2": omega2,
         "damping": D if coupled else np.diagonal(D),
         "inertia": inertia,
         "of_modes": np.array(still, np.int64),
         "B": B,
-        "shapes": shapes,
-        "direct": direct,
+        **dict(zip(("shapes", "direct"), of_outputs, strict=True)),
+        **dict(zip(("reaction_shapes", "reaction_direct"), of_reactions, strict=True)),
         "load_energy": energy,
     }
 
 
-def _contacts(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+def _contacts(system: System, rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
     """What of the rows stays, which of them push, and ropes that get longer."""
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
@@ -162,7 +208,7 @@ def _contacts(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str
         "C0": rows.C,
         "F0": _fill_rows(rows.F, len(rows.F)),
         "H0": _fill_rows(rows.H, rows.H.shape[1]),
-        "X0": np.pad(_fill_rows(rows.X, rows.X.shape[1]), ((0, 0), (0, LANES))),
+        **dict(zip(("X0", "reaction_X0"), split.split(rows.X), strict=True)),
         "clearance": np.where(np.isnan(clearance), 0.0, clearance),
         "pushes": ~np.isnan(clearance),
         "row_modes": np.array(ends, np.int64).reshape(m + moments, 2),
@@ -172,11 +218,11 @@ def _contacts(system: System, rows: Arrangement) -> dict[str, NDArray[Any] | str
     }
 
 
-def _blocks(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
+def _blocks(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
     """Blocks and pairs of them, the tables of all one after the other."""
     parts: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros(0, np.int64 if name in ("block_rows", "touched") else np.float64)]
-        for name in ("breaks", "block_rows", "touched", "weights", "between", *(f"table_{what}" for what in "CGSHX"))
+        for name in ("breaks", "block_rows", "touched", "weights", "between", *(f"table_{what}" for what in "CGSHXR"))
     }
 
     def store(name: str, array: NDArray[Any]) -> int:
@@ -184,24 +230,26 @@ def _blocks(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
         parts[name].append(array.ravel())
         return at
 
-    numbers, pairs = list[list[int]](), list[list[int]]()
+    numbers, pairs, reactions = list[list[int]](), list[list[int]](), list[list[int]]()
     carriers = [_carriers(block.on_carriers) for block in rows.blocks]
     for block, on in zip(rows.blocks, carriers, strict=True):
-        q, part, C = len(block.numbers), block.part, block.rows.c
+        q, part, C, X = len(block.numbers), block.part, block.rows.c, block.outputs.c
+        count, (first_output, first_reaction) = split.counts[part.number], split.before(part)
         tables = {
             "C": C,
             "G": _at_least(block.between.c, 2 * len(C) - 1),
             "S": _at_least(block.staying.c, len(C)),
             "H": block.inputs.c,
-            "X": block.outputs.c,
+            "X": X[..., :count],
         }
         head = [block.path, part.number, C.shape[1], q, len(block.stays), part.modes.start, C.shape[3]]
-        for numbered in (part.inputs, part.outputs):
-            head += [numbered.start, numbered.stop - numbered.start]
+        head += [part.inputs.start, part.inputs.stop - part.inputs.start, first_output, count]
         head += [len(table) for table in tables.values()]
         head += [store("breaks", block.rows.x), store("block_rows", np.concatenate([block.numbers, block.stays]))]
         for what, table in tables.items():
             head.append(store(f"table_{what}", _fill_rows(table.swapaxes(0, 1), table.shape[3])))
+        at = store("table_R", _fill_rows(X[..., count:].swapaxes(0, 1), X.shape[3] - count))
+        reactions.append([first_reaction, X.shape[3] - count, len(X), at])
         width = max((row.touched.shape[1] for row in block.on_carriers), default=0)
         wide = [_widen(row, width, on) for row in block.on_carriers]
         head += [len(on), width]
@@ -214,6 +262,7 @@ def _blocks(rows: Arrangement) -> dict[str, NDArray[Any] | str]:
                 R = first.part.flexibility.rows[np.ix_(carriers[k], carriers[l])]
                 pairs.append([k, l, store("between", R)])
     lists = {"blocks": np.array(numbers, np.int64), "pairs": np.array(pairs, np.int64)}
+    lists["reaction_blocks"] = np.array(reactions, np.int64)
     return {**lists, **{name: np.concatenate(some) for name, some in parts.items()}}
 
 

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.kernel.block_file import lines
+from pmr.scene.scene import Scene
 
 #: Kinds of quantities in the order in which src/internal.h numbers them.
 KINDS = ("one", "turned", "velocity", "turning", "gradient", "motion", "reach", "over")
@@ -18,6 +20,10 @@ AXES = ("base.x", "base.y", "base.z")
 
 class Frame(Protocol):
     """Loads and amplitudes as sums of products of quantities (`pmr.simulation.moving.MovingFrame`)."""
+
+    @property
+    def scene(self) -> Scene:
+        """Scene that the frame is of."""
 
     @property
     def drivers(self) -> tuple[str, ...]:
@@ -56,7 +62,7 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> dict[str, NDArray
         "products": frame.numbers,
         "first_product": frame.first,
         "factors": frame.factors,
-        "names_motions": "\n".join(frame.drivers),
+        "names_motions": lines(frame.drivers),
     }
 
 

@@ -59,7 +59,7 @@ class Kernel:
 
     Attributes
     ----------
-    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing : int
+    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further : int
         Sizes as in `pmr_sizes`.
     used_modes : (r,) array, or None of a system from a file
         Where modes stand among all of them, without what fills bodies up to whole registers.
@@ -76,6 +76,7 @@ class Kernel:
     drivers: int
     motions: int
     pushing: int
+    further: int
 
     def __init__(self, block: bytes | bytearray, used_modes: NDArray[np.int64] | None = None) -> None:
         """Open a block; an InputError is raised where it is none, or is damaged."""
@@ -134,11 +135,12 @@ class Kernel:
         lib.pmr_frame(self._system, *map(_pointer, (at, u, derivatives, work)))
         return u, derivatives
 
-    def names(self, kind: Literal["drivers", "motions", "outputs", "contacts", "forces"]) -> tuple[str, ...]:
+    def names(self, kind: Literal["drivers", "motions", "outputs", "further", "contacts", "forces"]) -> tuple[str, ...]:
         """Names in their order."""
         count = ffi.new("size_t *")
         text = lib.pmr_system_names(self._system, kind.encode(), count)
-        return tuple(ffi.buffer(text, count[0])[:].decode().split("\n")) if count[0] else ()
+        lines = ffi.buffer(text, count[0])[:].split(b"\n") if count[0] else []
+        return tuple(line.decode("unicode_escape") for line in lines)
 
 
 @dataclass(frozen=True)
@@ -359,6 +361,35 @@ class State:
         y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.forces)
         lib.pmr_outputs(self._state, _pointer(y), _pointer(forces))
         return y, forces
+
+    def further(self) -> Array:
+        """Further outputs (further,) where it stands: reactions of rigid supports, in a frame the tip and cylinder."""
+        further = np.zeros(self.kernel.further)
+        lib.pmr_further(self._state, _pointer(further))
+        return further
+
+    def evaluate(self, at: ArrayLike, seed: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None) -> dict[str, Array]:
+        """Values in continuous time at drivers (N,), or at motions (3, n) of a frame, the state staying where it is.
+
+        Accelerations (modes,), outputs (o,), further outputs (further,) and forces (forces,) by these names.  With a
+        `seed` of drivers or motions, z and v (modes,): how they change along it.
+        """
+        kernel = self.kernel
+        sizes = {"accelerations": kernel.modes, "outputs": kernel.outputs}
+        values = {
+            n: np.zeros(size) for n, size in (sizes | {"further": kernel.further, "forces": kernel.forces}).items()
+        }
+        out = ffi.new("pmr_values *", {name: _pointer(array) for name, array in values.items()})
+        width = 3 * kernel.motions or kernel.drivers
+        given = self._check_array("drivers", np.ravel(at), width)
+        if seed is None:
+            failed = lib.pmr_evaluate(self._state, _pointer(given), 0, out)
+        else:
+            sizes_of_seed = (width, kernel.modes, kernel.modes)
+            along = [self._check_array("seed", np.ravel(x), n) for x, n in zip(seed, sizes_of_seed, strict=True)]
+            failed = lib.pmr_evaluate_along(self._state, _pointer(given), *map(_pointer, along), 0, out)
+        self._raise_unless_done(failed, "an evaluation")
+        return values
 
     def linearize(self, u: ArrayLike) -> Jacobian:
         """Differentiate the next step to drivers u (N,), with contacts and pads staying closed, stuck or sliding."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import columns, common_breaks, rebased, same_degree, select_rows
+from pmr.constraints.products import RowPolynomials
 from pmr.constraints.rows import Row
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
@@ -173,21 +174,17 @@ def _block_on_path(
     rows = [row.refined(breaks) for row in rows]
     degree = same_degree(*(row.coefficients for row in rows))
     rows = [replace(row, coefficients=c) for row, c in zip(rows, degree, strict=True)]
-    R = part.flexibility.rows
-    between = _zeros(breaks, (len(rows),) * 2)
-    if R.any():
-        G = np.array([[_product(a, b, R) for b in rows] for a in rows])
-        between = PPoly(np.moveaxis(G, (0, 1), (2, 3)), breaks)
+    R, C = part.flexibility.rows, RowPolynomials.of(rows)
     return Block(
         part,
         path,
         np.array([side.contact for side in sides], np.int64),
         stays,
-        rows=_times(rows, part.values, breaks),
-        between=between,
-        staying=_times(rows, R @ weights.T, breaks),
-        inputs=_times(rows, part.flexibility.inputs, breaks),
-        outputs=_times(rows, part.flexibility.outputs.T, breaks),
+        rows=C.times(part.values),
+        between=C.squared(R),
+        staying=C.times(R @ weights.T),
+        inputs=C.times(part.flexibility.inputs),
+        outputs=C.times(part.flexibility.outputs.T),
         on_carriers=tuple(rows),
     )
 
@@ -227,22 +224,6 @@ def _along_path(system: System, side: Side) -> Row:
         touched=touched,
         coefficients=np.ascontiguousarray(side.sign * c * powers[:, None, None]),
     )
-
-
-def _times(rows: Sequence[Row], values: Array, breaks: Array) -> PPoly:
-    """Rows b(s) (K,) on common breaks times values (K, n): a table (q, n)."""
-    c = [np.einsum("pkd,kdn->pkn", row.coefficients, values[row.touched]) for row in rows]
-    return PPoly(np.stack(c, axis=2), breaks)
-
-
-def _product(a: Row, b: Row, R: Array) -> Array:
-    """Coefficients (p, k) of a R b^T for rows on common breaks and of one degree."""
-    moved = np.einsum("pkd,kde->pke", a.coefficients, R[a.touched[:, :, None], b.touched[:, None, :]])
-    result = np.zeros((len(moved) + len(b.coefficients) - 1, len(a.touched)))
-    for p, row in enumerate(moved):
-        for q, c in enumerate(b.coefficients):
-            result[p + q] += np.einsum("ke,ke->k", row, c)
-    return result
 
 
 def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:

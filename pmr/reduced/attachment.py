@@ -34,7 +34,8 @@ from pmr.reduced.carriers import Answers, CarrierFlexibility
 from pmr.reduced.flexibility import EnrichmentModes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.reactions import Reactions
-from pmr.reduced.truncation import extended
+from pmr.reduced.soundness import symmetric
+from pmr.reduced.truncation import extended, with_tables
 
 Array = NDArray[np.float64]
 
@@ -198,16 +199,20 @@ def _extended(model: ReducedModel, stiffness: Array, measured: Array, outputs: A
 
 def _rigid_along(model: ReducedModel, answers: Answers) -> ReducedModel:
     """Without what round-off leaves of residual flexibility under a cylinder whose answers are coordinates."""
-    carriers, others = model.carriers, answers.load == 0.0
+    carriers, load = model.carriers, answers.load
     assert carriers is not None and carriers.flexibility is not None
+
+    def rigid(A: Array) -> Array:
+        return A - np.outer(load, load @ A) / (load @ load)
+
     known = carriers.flexibility
     left = replace(
         known,
-        rows=np.where(np.outer(others, others), known.rows, 0.0),
-        inputs=np.where(others[:, None], known.inputs, 0.0),
-        outputs=np.where(others, known.outputs, 0.0),
+        rows=symmetric(rigid(rigid(known.rows).T)),
+        inputs=rigid(known.inputs),
+        outputs=rigid(known.outputs.T).T,
     )
-    return replace(model, carriers=replace(carriers, flexibility=left))
+    return with_tables(replace(model, carriers=replace(carriers, flexibility=left)))
 
 
 def _on_loads(part: CarrierFlexibility) -> Array:

@@ -20,8 +20,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.constraints.polynomials import transposed
+from pmr.constraints.products import RowPolynomials
 from pmr.constraints.rows import Row
-from pmr.reduced.flexibility import EnrichmentModes
+from pmr.reduced.flexibility import EnrichmentModes, Flexibility
+from pmr.reduced.soundness import symmetric
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -39,15 +42,20 @@ class CarrierFlexibility:
     direct: Array  # O R B (o, i) m/N
     energy: Array  # B^T R B (i, i) m/N
 
+    def tables(self, C: RowPolynomials) -> Flexibility:
+        """Tables over the path of rows on these carriers, all of them at the same path coordinate."""
+        outputs = transposed(C.times(self.outputs.T))
+        return Flexibility(C.squared(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
+
     def joined(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
         """With that of modes which measure U (K, c) on the carriers, `share` (c,) of phi phi^T each."""
         scaled = share[:, None] * modes.B
         return CarrierFlexibility(
-            rows=self.rows + U * share @ U.T,
+            rows=self.rows + symmetric(U * share @ U.T),
             inputs=self.inputs + U @ scaled,
             outputs=self.outputs + modes.outputs * share @ U.T,
             direct=self.direct + modes.outputs @ scaled,
-            energy=self.energy + modes.B.T @ scaled,
+            energy=self.energy + symmetric(modes.B.T @ scaled),
         )
 
 
@@ -132,6 +140,10 @@ class CarriedRows:
     @cached_property
     def _sparse(self) -> sp.csr_matrix:
         return sp.csr_matrix(self.values)
+
+    def polynomials(self, breaks: Array) -> RowPolynomials:
+        """All rows on these breaks (k + 1,) in m, which hold their own."""
+        return RowPolynomials.of([self.row(k, str(k)).refined(breaks) for k in range(len(self.breaks))])
 
     def on(self, X: Array) -> CarriedRows:
         """In other coordinates, q = X z with X (r, k)."""

@@ -28,6 +28,7 @@ from pmr.constraints.polynomials import applied, applied_change, columns, contri
 from pmr.errors import InputError
 from pmr.errors.text import no_file
 from pmr.files import jsonfile, npz, records
+from pmr.reduced import stored
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.flexibility import EnrichmentModes, Flexibility
@@ -37,7 +38,7 @@ from pmr.reduced.soundness import asymmetry, misfit, misnamed, misshapen
 
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
-FORMAT_VERSION = 5
+FORMAT_VERSION = 6
 #: What reading a file raises that does not hold what it should.
 READING = (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError)
 _NAMES = ("input_names", "row_names", "left_out", "output_names", "output_units")
@@ -270,14 +271,14 @@ class ReducedModel:
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write the model as npz, not compressed, with a JSON header; nothing in it is pickled."""
+        """Write the model as npz with a JSON header (`pmr.reduced.stored`); nothing in it is pickled."""
         path = Path(path)
         header = {
             "format": FORMAT,
             "version": FORMAT_VERSION,
             "units": "SI; coordinates as the basis in provenance states",
         }
-        npz.write(path, records.arrays(self), header)
+        npz.write(path, stored.arrays(self), header, compressed=True)
         return path
 
     @classmethod
@@ -293,7 +294,7 @@ class ReducedModel:
         if not isfile(path):
             raise InputError(str(path), "", None, f"{no_file(path)}; `pmr run` writes reduced.npz")
         try:
-            data = npz.read(path)
+            data = npz.read(path, npz.MOST_EXPANSION, npz.ROOM)
             header = npz.without_header(data)
             if header["format"] != FORMAT:
                 raise InputError(str(path), "format", header["format"], f"{FORMAT!r} is allowed")
@@ -303,7 +304,7 @@ class ReducedModel:
             if data.get("flexibility.inertia.kept", False):
                 allowed = "a model without residual inertia is allowed: more coordinates do its work"
                 raise InputError(str(path), "flexibility.inertia", None, allowed)
-            model = records.record(cls, data)
+            model = records.record(cls, stored.filled(data))
             wrong = model.contradiction()
         except READING as error:
             if isinstance(error, InputError):

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import columns, product, side_by_side, times, total, transposed
+from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.flexibility import EnrichmentModes, Flexibility
 from pmr.reduced.model import ReducedModel
 
@@ -47,11 +48,13 @@ def truncated(model: ReducedModel, r: int) -> ReducedModel:
         rows=columns(model.rows, slice(r, None)),
         matrices=model.matrices,
     )
-    return replace(
-        replace(model, flexibility=None, carriers=None).leading(r),
-        flexibility=_joined(model.flexibility, moved, 1.0),
-        enrichment=moved if model.enrichment is None else _chained(moved, model.enrichment),
-        carriers=None if model.carriers is None else model.carriers.truncated(r, moved),
+    return with_tables(
+        replace(
+            replace(model, flexibility=None, carriers=None).leading(r),
+            flexibility=_joined(model, moved, 1.0),
+            enrichment=moved if model.enrichment is None else _chained(moved, model.enrichment),
+            carriers=None if model.carriers is None else model.carriers.truncated(r, moved),
+        )
     )
 
 
@@ -65,7 +68,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
     if model.enrichment is None or model.flexibility is None or not 0 < count <= found:
         raise ValueError(f"{count} enrichment modes of {found}: the model has no more")
     back = _part(model.enrichment, slice(count))
-    return replace(
+    longer = replace(
         model,
         M=_block(model.M, np.ones(count)),
         D=_block(model.D, back.damping),
@@ -75,10 +78,30 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
         rows=side_by_side(model.rows, back.rows),
         matrices={name: _with(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
         ports={name: _port(model, name, count) for name in model.ports},
-        flexibility=_joined(model.flexibility, back, -1.0),
+        flexibility=_joined(model, back, -1.0),
         enrichment=_part(model.enrichment, slice(count, None)) if count < found else None,
         carriers=None if model.carriers is None else model.carriers.extended(back),
     )
+    return with_tables(longer)
+
+
+def with_tables(model: ReducedModel) -> ReducedModel:
+    """The model with the products of what its carriers measure as tables; one without such carriers stays as it is."""
+    carriers = model.carriers
+    if not _knows_tables(carriers):
+        return model
+    assert carriers is not None and carriers.flexibility is not None
+    C, modes = carriers.polynomials(model.rows.x), model.enrichment
+    return replace(
+        model,
+        rows=C.times(carriers.values),
+        flexibility=carriers.flexibility.tables(C),
+        enrichment=None if modes is None else replace(modes, rows=C.times(carriers.enrichment)),
+    )
+
+
+def _knows_tables(carriers: CarriedRows | None) -> bool:
+    return carriers is not None and carriers.flexibility is not None and len(carriers.breaks) > 0
 
 
 def is_modal(model: ReducedModel) -> bool:
@@ -100,8 +123,15 @@ def _round_off(A: Array) -> float:
     return 1e-9 * float(np.abs(A).max(initial=0.0))
 
 
-def _joined(tables: Flexibility, modes: EnrichmentModes, sign: float) -> Flexibility:
-    """Tables of the residual flexibility with the modes' part added, or taken out where `sign` is -1."""
+def _joined(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Flexibility:
+    """Tables of the residual flexibility with the modes' part added, or taken out where `sign` is -1.
+
+    As they are where `with_tables` makes them anew.
+    """
+    tables = model.flexibility
+    assert tables is not None
+    if _knows_tables(model.carriers):
+        return tables
     share, rows = sign / modes.stiffness, modes.rows
     scaled = share[:, None] * modes.B
     return Flexibility(

@@ -28,7 +28,8 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: How many times as large an error is taken as a richer model says; where buckling decides (docs/load_chart.md).
+#: How many times as large an error is taken as another model says; where buckling decides (docs/load_chart.md).
+#: That of reduction is taken twice: a run with the load as a mass has other modes, and as large an error of its own.
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
 #: Parts of an error bar.
 PARTS = ("reduction", "mesh", "model", "rotation")
@@ -237,7 +238,9 @@ class Asked:
         before = other.copy()
         before[buckling] = np.minimum(known[count:-1], other[buckling])
         before[-1] /= 1.0 + above * (before[-1] < self.up_to)  # of one that is not met nothing is known
-        margins = [MARGIN_OF_BUCKLING if one.of in LEAST else MARGIN for one in self.limits] + [MARGIN_OF_BUCKLING]
+        margins = [MARGIN_OF_BUCKLING if one.of in LEAST else 2.0 * MARGIN for one in self.limits] + [
+            MARGIN_OF_BUCKLING
+        ]
         return np.asarray(np.array(margins) * np.maximum(np.abs(other - own), np.abs(before - own)))
 
     def of_mesh(self, models: Models, k: int, found: Array) -> Array:

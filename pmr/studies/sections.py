@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import respond
+from pmr.compare.judged import warnings_of_response
 from pmr.compare.runs import run_from_start
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
@@ -52,15 +53,19 @@ def full_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]
         record |= {"e_abs": compare.absolute_error(y, finest), "e_nrms": compare.relative_error(y, finest)}
-    return TaskResult(record, {"tip": y})
+    return TaskResult(record, {"tip": y}, warnings=warnings_of_response(case.boom, case.full, case.response))
 
 
 def finest(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: ``y`` (T, o) in m, the full boom's motion with a step `FINER` than all; ``step``, what that is off by."""
+    """Task: ``y`` (T, o) in m, the full boom's motion with a step `FINER` than all; ``step``, what that is off by.
+
+    Warnings are those of its motion with its own step.
+    """
     case, steps = Case.of(Scene.model_validate(arguments["boom"])), arguments["steps"]
     least = FINER * steps[-1]
     coarser, y = (case.at(case.full, factor * least, round(steps[0] / (factor * least))) for factor in (2.0, 1.0))
-    return TaskResult({"step": compare.relative_error(coarser, y) / 3.0}, {"y": y})
+    lines = warnings_of_response(case.boom, case.full, case.response)
+    return TaskResult({"step": compare.relative_error(coarser, y) / 3.0}, {"y": y}, warnings=lines)
 
 
 def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -88,4 +93,4 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / case.boom.time.steps
         moved = respond(system, runs[0]).displacement
         record[f"reduction.{r}"] = compare.relative_error(moved, case.response.displacement)
-    return TaskResult(record, seconds=seconds)
+    return TaskResult(record, seconds=seconds, warnings=truth.warnings)

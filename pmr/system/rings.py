@@ -20,6 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.constraints.rows import Row, dense_entries
 from pmr.reduced.carriers import CarriedRows, CarrierFlexibility
 from pmr.reduced.model import ReducedModel
 from pmr.system.contacts import Contact, Place
@@ -115,28 +116,36 @@ def _orthonormal(bodies: Mapping[str, _Rows], pads: Sequence[Contact]) -> Array 
 
 
 class _Rows:
-    """Rows of a body, and combinations of them, on no more carriers than these take."""
+    """Rows of a body, and combinations of them, on no more carriers than these take.
+
+    Rows that differ in nothing but their carriers, as on a mesh whose section deforms, are combined by sums of these;
+    others on the same breaks by sums of their coefficients.
+    """
 
     def __init__(self, body: ReducedModel) -> None:
         assert body.carriers is not None  # as a system has it that is not on one path
-        self._body, self._carriers, self._size = body, body.carriers, 0
+        self._body, self._carriers = body, body.carriers
+        self._size = len(body.carriers.values)  # carriers of the body, and behind them sums of these
         self._parts = list[tuple[Indices, Indices, Array]]()
-        self._names = dict[tuple[object, ...], str]()
-        self._rows = list[tuple[Array, Indices, Array]]()
+        self._rows = dict[tuple[object, ...], Row]()
 
     def measured(self, names: Sequence[str]) -> Array | None:
-        """What the rows measure of modes, flexibility and inputs, (rows, .), of rows that differ in nothing else.
+        """What the rows measure of modes, flexibility and inputs, (rows, .), of rows on the same breaks.
 
-        None where they do.
+        None of rows on others.
         """
-        found = [self._on_path(name) for name in names]
-        breaks, touched, coefficients = found[0]
-        for other in found[1:]:
-            apart = other[1] - other[1].min() - (touched - touched.min())
-            if not (np.array_equal(breaks, other[0]) and not apart.any() and np.array_equal(coefficients, other[2])):
-                return None
-        used = np.unique(touched - touched.min())
-        return np.array([self._seen[at.min() + used].ravel() for _, at, _ in found])
+        rows = [self._row(name) for name in names]
+        if not all(np.array_equal(row.breaks, rows[0].breaks) for row in rows):
+            return None
+        if len({len(row.coefficients) for row in rows}) > 1:
+            return None
+        if (offsets := _offsets(rows)) is not None:
+            used = np.unique(rows[0].touched)
+            return np.array([self._seen[used + offset].ravel() for offset in offsets])
+        powers = np.arange(len(rows[0].coefficients))[::-1, None]
+        size = np.diff(rows[0].breaks) ** powers  # so that all coefficients have one unit
+        sums = np.random.default_rng(12).standard_normal((SUMS, size.size)) * size.ravel()
+        return np.array([((row.entries.T @ sums.T).T @ self._seen).ravel() for row in rows])
 
     @cached_property
     def _seen(self) -> Array:
@@ -156,25 +165,31 @@ class _Rows:
     def combine(self, names: Sequence[str], shares: Array) -> str:
         """Add the sum of rows times `shares` (rows,), unless it is there; its name."""
         key = (*names, shares.tobytes())
-        if key not in self._names:
-            found = [self._on_path(name) for name in names]
-            breaks, touched, coefficients = found[0]
-            used = np.unique(touched)
-            where = used - touched.min() + np.array([[at.min()] for _, at, _ in found])
-            numbers = np.broadcast_to(self._size + np.arange(len(used)), where.shape)
-            self._parts.append((numbers.ravel(), where.ravel(), np.repeat(shares, len(used))))
-            self._rows.append((breaks, self._size + np.searchsorted(used, touched), coefficients))
-            self._size += len(used)
-            self._names[key] = f"{names[0]}, {len(self._names)}"
-        return self._names[key]
+        if key not in self._rows:
+            rows, name = [self._row(name) for name in names], f"{names[0]}, {len(self._rows) + 1}"
+            offsets = _offsets(rows)
+            if offsets is None or len(rows) == 1:
+                entries = sum(share * row.entries for share, row in zip(shares, rows, strict=True))
+                touched, coefficients = dense_entries(sp.csr_matrix(entries), len(rows[0].coefficients))
+            else:
+                used, coefficients = np.unique(rows[0].touched), rows[0].coefficients
+                where = used + np.array(offsets)[:, None]
+                numbers = np.broadcast_to(self._size + np.arange(len(used)), where.shape)
+                self._parts.append((numbers.ravel(), where.ravel(), np.repeat(shares, len(used))))
+                touched = self._size + np.searchsorted(used, rows[0].touched)
+                self._size += len(used)
+            self._rows[key] = replace(rows[0], name=name, touched=touched, coefficients=coefficients)
+        return self._rows[key].name
 
     @property
     def model(self) -> ReducedModel:
         """The body with these rows and carriers."""
-        numbers, where, shares = map(np.concatenate, zip(*self._parts, strict=True))
-        old = self._carriers
-        P = sp.csr_matrix((shares, (numbers, where)), (self._size, len(old.values)))
-        known = old.flexibility
+        old, rows = self._carriers, list(self._rows.values())
+        own = np.arange(len(old.values))
+        numbers, where, shares = map(np.concatenate, zip((own, own, np.ones(len(own))), *self._parts, strict=True))
+        P = sp.csr_matrix((shares, (numbers, where)), (self._size, len(own)))
+        used = np.unique(np.concatenate([row.touched.ravel() for row in rows]))
+        P, known = P[used], old.flexibility
         left = known and CarrierFlexibility(
             rows=np.asarray((P @ (P @ known.rows).T).T),
             inputs=P @ known.inputs,
@@ -182,17 +197,21 @@ class _Rows:
             direct=known.direct,
             energy=known.energy,
         )
-        carriers = CarriedRows(
-            values=P @ old.values,
-            breaks={str(k): breaks for k, (breaks, _, _) in enumerate(self._rows)},
-            touched={str(k): touched for k, (_, touched, _) in enumerate(self._rows)},
-            coefficients={str(k): coefficients for k, (_, _, coefficients) in enumerate(self._rows)},
-            enrichment=np.zeros((P.shape[0], 0)),
-            flexibility=left,
-        )
-        return replace(self._body, row_names=tuple(self._names.values()), carriers=carriers)
+        rows = [replace(row, touched=np.searchsorted(used, row.touched)) for row in rows]
+        names = tuple(row.name for row in rows)
+        return replace(self._body, row_names=names, carriers=CarriedRows.of(rows, P @ old.values, left))
 
-    def _on_path(self, name: str) -> tuple[Array, Indices, Array]:
-        """Breaks, touched carriers and coefficients of a row."""
-        k, own = str(self._body.row_names.index(name)), self._carriers
-        return own.breaks[k], own.touched[k], own.coefficients[k]
+    def _row(self, name: str) -> Row:
+        return self._carriers.row(self._body.row_names.index(name), name)
+
+
+def _offsets(rows: Sequence[Row]) -> list[int] | None:
+    """How far the carriers of each row stand behind those of the first; None where rows differ in more than that."""
+    first, found = rows[0], list[int]()
+    for row in rows:
+        offset = int(row.touched.min() - first.touched.min())
+        same = np.array_equal(row.breaks, first.breaks) and np.array_equal(row.coefficients, first.coefficients)
+        if not (same and np.array_equal(row.touched - offset, first.touched)):
+            return None
+        found.append(offset)
+    return found

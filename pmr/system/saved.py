@@ -1,7 +1,7 @@
 """One file of a system: its reduced bodies, the contacts between them, and the scene that it was made from.
 
 An npz file whose header in JSON has format, version, names of the bodies, contacts, terms and provenance; the arrays of
-body k stand behind ``bodies.k.``, as `pmr.files.records` names them; behind ``on_modes.k.`` those of bodies without
+body k stand behind ``bodies.k.``, as `pmr.reduced.stored` names them; behind ``on_modes.k.`` those of bodies without
 modes of their cylinders and without inertia, whose names the header has too, where they are others than those of the
 body with these modes: ``same`` names arrays of this kind that stand there once; and the matrices of term k are
 ``terms.k.stiffness`` and ``terms.k.damping``.  Nothing in it is pickled.
@@ -22,6 +22,7 @@ from pydantic import TypeAdapter, ValidationError
 from pmr.errors import InputError
 from pmr.errors.text import no_file
 from pmr.files import npz, records
+from pmr.reduced import stored
 from pmr.reduced.model import FORMAT as ONE_BODY
 from pmr.reduced.model import READING, ReducedModel
 from pmr.reduced.soundness import misnamed
@@ -29,7 +30,9 @@ from pmr.system.contacts import ALONE, Contact
 from pmr.system.terms import Term
 
 FORMAT = "pmr-system"
-FORMAT_VERSION = 5
+FORMAT_VERSION = 6
+#: What content may take in memory, by that of the file, and for a small one.
+ROOM = npz.MOST_EXPANSION, npz.ROOM
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class _TermHeader:
 
 @dataclass(frozen=True)
 class _Header:
-    """Of version 5; 4 has no ropes that bear others or change their length.
+    """Of version 6; 5 has all arrays of bodies, 4 no ropes that bear others or change their length.
 
     Version 3 has all arrays of models on modes, 2 no such models, 1 no terms either.
     """
@@ -73,11 +76,11 @@ def write(path: Path, system: Saved) -> None:
     """Write a system, all of it or nothing."""
     arrays = dict[str, NDArray[Any]]()
     for number, body in enumerate(system.bodies.values()):
-        arrays |= records.arrays(body, f"bodies.{number}.")
+        arrays |= stored.arrays(body, f"bodies.{number}.")
     same, names = dict[str, str](), list(system.bodies)
     for number, (name, body) in enumerate(system.on_modes.items()):
         beside = f"bodies.{names.index(name)}."
-        for key, array in records.arrays(body).items():
+        for key, array in stored.arrays(body).items():
             if beside + key in arrays and np.array_equal(array, arrays[beside + key]):
                 same[f"on_modes.{number}.{key}"] = beside + key
             else:
@@ -94,7 +97,7 @@ def write(path: Path, system: Saved) -> None:
         "on_modes": list(system.on_modes),
         "same": same,
     }
-    npz.write(path, arrays, {**header, **parts})
+    npz.write(path, arrays, {**header, **parts}, compressed=True)
 
 
 def read(path: Path) -> Saved | ReducedModel:
@@ -106,7 +109,7 @@ def read(path: Path) -> Saved | ReducedModel:
         allowed = f"{no_file(path)}; `pmr run` writes system.npz, or reduced.npz of one body"
         raise InputError(str(path), "", None, allowed)
     try:
-        header = npz.without_header(npz.read(path, only={npz.HEADER, npz.OLD_HEADER}))
+        header = npz.without_header(npz.read(path, *ROOM, only={npz.HEADER, npz.OLD_HEADER}))
         if header["format"] == ONE_BODY:
             return ReducedModel.load(path)
         if header["format"] != FORMAT:
@@ -116,10 +119,13 @@ def read(path: Path) -> Saved | ReducedModel:
         known = _HEADER.validate_python(
             {field.name: header[field.name] for field in fields(_Header) if field.name in header}
         )
-        data = npz.read(path)
+        data = npz.read(path, *ROOM)
         data = {key: data[one] for key, one in known.same.items()} | data
         models, on_modes = (
-            [records.record(ReducedModel, data, f"{kind}.{number}.") for number in range(len(names))]
+            [
+                records.record(ReducedModel, stored.filled(data, f"{kind}.{number}."), f"{kind}.{number}.")
+                for number in range(len(names))
+            ]
             for kind, names in {"bodies": known.bodies, "on_modes": known.on_modes}.items()
         )
         terms = tuple(_term(one, data, f"terms.{number}.") for number, one in enumerate(known.terms))

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import evaluate, stacked
-from pmr.constraints.rows import Row, Rows, carrier, fixed_row, row_on_coordinates
+from pmr.constraints.rows import Row, Rows, carrier, dense_entries, fixed_row, row_on_coordinates
 
 RNG = np.random.default_rng(1)
 
@@ -67,21 +69,45 @@ def test_finer_breaks_keep_the_row_and_its_carriers() -> None:
 
 
 def test_rows_share_each_carrier_that_they_touch() -> None:
-    rows = [random_row("a"), carried_row("b"), carried_row("c", factor=2.0), carried_row("d"), random_row("e")]
-    plain = np.unique([row.carriers.indices[row.touched] for row in (rows[0], rows[4])])
-    # The fifth carrier of the pads and its double measure one coordinate with 3 and 6; the second likewise.
-    shared = Rows(tuple(rows), 12).shared
-    assert shared.carriers.shape == (len(plain) + 5 + 5, 12)
+    """Carriers of many coordinates each: those of one row are its double's and another's too."""
+    U = sp.csr_matrix(np.random.default_rng(4).normal(size=(5, 40)))
+    first = replace(carried_row("a"), carriers=U)
+    rows = [first, replace(first, name="b", carriers=2.0 * U), replace(first, name="c")]
+    shared = Rows(tuple(rows), 40).shared
+    assert shared.carriers.shape == (5 + 5, 40)
     for s in (0.1, 0.6, 1.45):
         for row, on_shared in zip(rows, shared.rows, strict=True):
             assert on_shared.carriers is shared.carriers and on_shared.name == row.name
-            assert dense(on_shared, s) == pytest.approx(dense(row, s), abs=1e-13)
+            assert dense(on_shared, s) == pytest.approx(dense(row, s), abs=1e-12)
+
+
+def test_rows_that_touch_few_coordinates_share_these() -> None:
+    """Of seven rows with 25 carriers and more that lie on twelve coordinates."""
+    pads = [carried_row(f"pad {factor}", factor=factor) for factor in (1.0, 2.0, 3.0, 5.0, 7.0)]
+    rows = [random_row("a"), *pads, random_row("b")]
+    touched = np.unique(np.concatenate([(abs(row.carriers)).indices[row.carriers.data != 0.0] for row in rows]))
+    shared = Rows(tuple(rows), 12).shared
+    assert np.array_equal(shared.carriers.toarray(), np.eye(12)[touched])
+    for s in (0.1, 0.6, 1.45):
+        for row, on_shared in zip(rows, shared.rows, strict=True):
+            assert on_shared.name == row.name
+            for derivative in (0, 1):
+                assert dense(on_shared, s, derivative) == pytest.approx(dense(row, s, derivative), abs=1e-13)
+
+
+def test_entries_of_a_row_and_back() -> None:
+    row = replace(carried_row(), touched=np.array([[0, 1, 2], [1, 2, 2], [4, 4, 4]]))
+    touched, coefficients = dense_entries(row.entries, 3)
+    again = replace(row, touched=touched, coefficients=coefficients)
+    assert touched.shape == (3, 3) and coefficients.shape == (3, 3, 3)
+    for s in (0.1, 0.6, 1.45):
+        assert dense(again, s) == pytest.approx(dense(row, s), abs=1e-13)
 
 
 def test_carriers_that_no_interval_touches_are_left_out() -> None:
     row = carried_row()
     first = Row("first", row.breaks[:2], row.carriers, row.touched[:1], row.coefficients[:, :1])
-    assert Rows((first,), 12).shared.carriers.shape == (3, 12)
+    assert Rows((first,), 12).shared.carriers.shape == (3, 12)  # as many carriers of coordinates 0, 1, 3, 4 and 7
     assert Rows((), 12).shared.carriers.shape == (0, 12)
 
 

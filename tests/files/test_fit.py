@@ -99,6 +99,10 @@ WRONG: dict[str, tuple[Change, str]] = {
     "one coordinate in mm": (lambda g: replace(g, points=g.points * [1, 1, 1e3]), "K has those along z 0.001 times"),
     "mass in t": (lambda g: changed_mass(g, lambda M: 1e-3 * M), "sound would travel at .* in mm, or masses in t"),
     "mm, t and N": (lambda g: replace(g, points=1e3 * g.points, K=1e-3 * g.K, M=1e-3 * g.M), "mm"),
+    "N/mm and t": (
+        lambda g: replace(g, K=1e-3 * g.K, M=1e-3 * g.M),
+        "masses in kg are allowed: these are .* kg within .*; are they in t",
+    ),
     "forces per mm": (lambda g: replace(g, K=1e-3 * g.K), "forces per mm"),
     "stiffness for mass": (lambda g: changed_mass(g, lambda M: g.K), "the same matrix as the stiffness"),
     "a node too far": (
@@ -177,6 +181,25 @@ def test_a_condensed_body_is_taken_and_its_directions_are_told_apart(held: Chang
             reordered(whole, (2, 1, 0))
         with pytest.raises(InputError, match="axes of their own"):
             turned(whole, np.arange(5), HALF)
+
+
+def test_a_node_that_only_free_ones_surround_is_told_apart_by_its_axes() -> None:
+    """On cells that are longer than the body is high, with all of its bottom clamped."""
+    given = BODIES["bricks"]
+    held = clamped(given, np.isin(given.node, given.groups["bottom"]))
+    top = given.groups["top"]
+    for node in (top[0], top[7]):
+        with pytest.raises(InputError, match=r"1 nodes have axes of their own, that at .* turned by 30 degrees"):
+            turned(held, np.array([node]), HALF)
+
+
+def test_a_mass_that_couples_axes_tells_axes_of_a_node_beside_a_support() -> None:
+    """All that K says of it is lost with the rows that were left out."""
+    given = BODIES["bricks"]
+    held = clamped(given, np.isin(given.node, given.groups["bottom"]))
+    middle = np.flatnonzero(np.abs(given.points[:, 2]) < 1e-9)
+    with pytest.raises(InputError, match="M couples displacements of the node at .* it has axes of its own"):
+        turned(held, middle[[7]], HALF)
 
 
 def test_parts_that_nothing_joins_are_refused() -> None:

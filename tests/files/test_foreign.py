@@ -210,6 +210,14 @@ BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
         "K: finite entries are allowed; row 1 has another",
     ),
     (changed("stiffness", "1 2\n"), "job.sti: line 1: row, column and entry are allowed, not '1 2'"),
+    (
+        changed("nodes", "*STEP->*TRANSFORM, NSET=tail, TYPE=C\n0, 0, 0, 0, 0, 1\n*STEP"),
+        "job.inp: line 14: rows along the axes of the whole are allowed: *TRANSFORM",
+    ),
+    (
+        changed("nodes", "*STEP->*EQUATION\n2\n12, 3, 1.0, 7, 3, -1.0\n*STEP"),
+        "job.inp: line 14: a model is allowed in which *EQUATION ties no coordinates to others: 1 displacements",
+    ),
     (cut("stiffness"), "job.sti"),
     (cut("stiffness", lines=True), "positive diagonal entries"),
     (cut("mass"), "job.mas"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pmr.constraints.rows import carrier, fixed_row
-from pmr.errors import ConvergenceError, InputError
+from pmr.errors import InputError
 from pmr.fem.factor import refusal
 from pmr.fullmodel import statics
 from pmr.fullmodel.build import full_model
@@ -41,11 +41,9 @@ def test_answers_are_those_of_the_motions_that_the_rows_leave(load_scene, solver
     solve.destroy()
 
 
-@pytest.mark.parametrize(
-    ("code", "error", "said"), [(-13, InputError, "no memory"), (-10, ConvergenceError, "singular")]
-)
+@pytest.mark.parametrize(("code", "said"), [(-13, "no memory"), (-10, "scene: body: .* singular")])
 def test_no_memory_is_not_called_a_singular_stiffness(
-    load_scene, monkeypatch: pytest.MonkeyPatch, code: int, error: type[Exception], said: str
+    load_scene, monkeypatch: pytest.MonkeyPatch, code: int, said: str
 ) -> None:
     full = full_model(load_scene("paper_simple", ["mesh.elements=20", "compare.against=[]"]))
 
@@ -53,5 +51,5 @@ def test_no_memory_is_not_called_a_singular_stiffness(
         raise refusal(name, code)
 
     monkeypatch.setattr(statics, "factor_for_columns", refused)
-    with pytest.raises(error, match=said):
+    with pytest.raises(InputError, match=said):
         static_solver(full, held(full)[0], "slepc")

@@ -32,7 +32,7 @@ def test_no_limit_has_a_formula_of_its_own() -> None:
 
 @pytest.mark.parametrize("seed", range(COUNT) if os.environ.get("PMR_SWEEP") == "full" else SAMPLED)
 def test_the_allowed_load_in_a_run_has_the_limits_value(seed: int) -> None:
-    """Within the chart's bar, of every kind of limit; every ninth machine has walls that give, every 25th a shell."""
+    """Within the chart's bar, of every kind of limit; every ninth machine has walls that give, every fifth a shell."""
     assert all(seed % every < every - 1 for every in (GIVING, SHELLS)) or os.environ.get("PMR_SWEEP") == "full"
     rows = beside(seed)
     assert len(rows) >= 5

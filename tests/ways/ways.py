@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import one_body
 import scipy.io
-from export.fmi.libraries import Instance, compiled
+from export.fmi.libraries import follow_reference, loaded
 from fuzz import toml
 from modelica_text import declared_array
 from numpy.typing import NDArray
@@ -332,35 +332,20 @@ def script(subject: Subject) -> None:
 
 
 def fmu(subject: Subject) -> None:
-    """Its source, compiled here, under the inputs of its own reference gives the reference's outputs."""
+    """Under the inputs of its own reference it gives the reference's outputs."""
     with refusals():
         made = contents(subject.system, recorded(subject.system, "system.npz"), "body", "3")
-    given, expected = (_table(made.texts[f"resources/reference_{one}.csv"]) for one in ("in", "out"))
-    instance = Instance(compiled(made, subject.out("fmu"), "3"))
-    t, inputs, outputs = given.pop("time"), list(given), [name for name in expected if name != "time"]
-    rows = np.column_stack(list(given.values()))
-    instance.initialise(inputs, rows[0])
-    found = [instance.get(outputs)]
-    for k in range(len(rows) - 1):
-        instance.set(inputs, rows[k])
-        instance.step(t[k], t[k + 1] - t[k])
-        found.append(instance.get(outputs))
-    shown = np.searchsorted(t, expected["time"] - 1e-9)
+    found, expected = follow_reference(made, loaded(made, subject.out("fmu"), "3"))
+    outputs = list(expected)
     largest = dict[tuple[bool, bool], float]()  # of forces, displacements and rates: one may be nothing but round-off
     for name in outputs:
         largest[_kind(name)] = max(largest.get(_kind(name), 0.0), np.abs(expected[name]).max())
-    for name, own in zip(outputs, np.array(found)[shown].T, strict=True):
-        np.testing.assert_allclose(own, expected[name], rtol=0.0, atol=ROUND_OFF[1] * largest[_kind(name)])
+    for name in outputs:
+        np.testing.assert_allclose(found[name], expected[name], rtol=0.0, atol=ROUND_OFF[1] * largest[_kind(name)])
 
 
 def _kind(output: str) -> tuple[bool, bool]:
     return output.startswith("force_of"), output.endswith("_rate")
-
-
-def _table(text: str) -> dict[str, Array]:
-    """Columns of comma-separated values by their names."""
-    head, *rows = csv.reader(text.splitlines())
-    return dict(zip(head, np.array(rows, float).T, strict=True))
 
 
 def flexible(to: str, subject: Subject) -> None:

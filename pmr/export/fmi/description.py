@@ -52,9 +52,10 @@ def description_2(model: Described, variables: Sequence[Variable]) -> str:
     }
     for kind, more in _interfaces(model, steps):
         element = ET.SubElement(root, kind, {"modelIdentifier": model.identifier, **can, **more})
-        files = ET.SubElement(element, "SourceFiles")
-        for name in model.sources:
-            ET.SubElement(files, "File", name=name)
+        if model.sources:
+            files = ET.SubElement(element, "SourceFiles")
+            for name in model.sources:
+                ET.SubElement(files, "File", name=name)
     _units(root, variables)
     choice = ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "SimpleType", name="Start")
     _items(ET.SubElement(choice, "Enumeration"))
@@ -107,7 +108,7 @@ def build_description(model: Described) -> str:
     """sources/buildDescription.xml of FMI 3.0."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     build = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.identifier)
-    files = ET.SubElement(build, "SourceFileSet", language="C99")
+    files = ET.SubElement(build, "SourceFileSet", language="C11")
     for name in model.sources:
         ET.SubElement(files, "SourceFile", name=name)
     return _text(root)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,110 +10,110 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.export.fmi.blocks import Arrangement
-from pmr.simulation.moving import AXES, GRAVITY, OF_BASE, OF_FRAME, ONE, MovingFrame
-from pmr.system.body import kinds_of
+from pmr.kernel.data import SystemData, system_data
+from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.moving import AXES, GRAVITY, MovingFrame
+from pmr.system.contacts import ALONE
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
-#: Kinds of quantities as drive.h numbers them.
-_KINDS = ("one", "turned", "velocity", "turning", "gradient", "driver", "reach", "over")
+#: Of the base, which may go on and on.
+SLEWING = "slewing"
 
 
 @dataclass(frozen=True)
 class Drivers:
-    """Inputs of the unit in their order, n of them; without a path, or a load, one that is unused."""
+    """A system as the kernel has it, and its N drivers: in a frame that moves the motions of this."""
 
-    rows: Arrangement
+    system: System
+    forms: Mapping[str, ModalForm]
     frame: MovingFrame | None
+    data: SystemData
 
     @classmethod
-    def of(cls, rows: Arrangement) -> Drivers:
-        """Of a system; an InputError is raised where it has terms, but no scene whose frame drives them."""
-        frame = MovingFrame.of(rows.system)
+    def of(cls, system: System) -> Drivers:
+        """An InputError is raised where it has terms, but no scene whose frame drives them, or as for `modal_form`."""
+        frame = MovingFrame.of(system)
         if frame is None:
-            rows.system.ensure_without_terms("system")
-        elif missing := [path for path in frame.paths if path not in rows.paths]:
+            system.ensure_without_terms("system")
+        elif missing := [path for path in frame.paths if path not in system.paths]:
             raise InputError(
-                "system", "paths", missing[0], f"a path that pads travel on is allowed: {', '.join(rows.paths)}"
+                "system", "paths", missing[0], f"a path that pads travel on is allowed: {', '.join(system.paths)}"
             )
-        return cls(rows, frame)
+        forms = {name: modal_form(body) for name, body in system.reduced.items()}
+        return cls(system, forms, frame, system_data(system, forms, frame))
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Names of paths."""
+        return self.data.rows.paths
+
+    @property
+    def shown_paths(self) -> tuple[str, ...]:
+        """Paths that are inputs: a section without contacts has none."""
+        return self.paths if self.system.paths or ALONE in self.system.bodies else ()
 
     @property
     def loads(self) -> tuple[str, ...]:
         """Names of loads."""
-        return self.rows.system.input_names if self.frame is None else self.frame.loads
+        return self.system.input_names if self.frame is None else self.frame.loads
 
     @property
     def motions(self) -> tuple[str, ...]:
         """Names of angles and of accelerations of the base."""
         return () if self.frame is None else (*self.frame.angles, *self.frame.axes)
 
-    @cached_property
-    def load_units(self) -> tuple[str, ...]:
-        """Of each load."""
-        system = self.rows.system
-        known = dict(zip(system.input_names, (unit.replace("^", "") for unit in system.input_units), strict=True))
-        # a force along the ground is an input for each axis of the body
-        of_parts = {name.rpartition(" ")[0]: unit for name, unit in known.items()}
-        return tuple(
-            "m/s2" if name == GRAVITY and self.frame else known.get(name) or of_parts[name] for name in self.loads
-        )
-
     @property
-    def first_load(self) -> int:
-        """The number of the first load."""
-        return max(len(self.rows.paths), 1)
-
-    @property
-    def first_motion(self) -> int:
-        """The number of the first angle."""
-        return self.first_load + (len(self.loads) if self.frame is not None else max(len(self.loads), 1))
+    def names(self) -> tuple[str, ...]:
+        """Names of all drivers in the kernel's order, which is that of paths, loads and motions."""
+        return (*self.paths, *self.loads, *self.motions)
 
     @property
     def count(self) -> int:
         """N."""
-        return self.first_motion + len(self.motions)
+        return len(self.names)
+
+    @property
+    def modes(self) -> int:
+        """Modes r of all bodies."""
+        return len(self.data.used_modes)
+
+    @cached_property
+    def load_units(self) -> tuple[str, ...]:
+        """Unit of each load."""
+        units = [unit.replace("^", "") for unit in self.system.input_units]
+        of_inputs = dict(zip(self.system.input_names, units, strict=True))
+        # a force along the ground is an input for each axis of the body
+        of_parts = {name.rpartition(" ")[0]: unit for name, unit in of_inputs.items()}
+        return tuple(
+            "m/s2" if name == GRAVITY and self.frame else of_inputs.get(name) or of_parts[name] for name in self.loads
+        )
 
     def numbered(self, names: Sequence[str]) -> list[int]:
-        """Numbers of drivers by their names; -1 where there is none."""
-        known = {name: k for k, name in enumerate(self.rows.paths)}
-        known |= {name: self.first_load + k for k, name in enumerate(self.loads)}
-        known |= {name: self.first_motion + k for k, name in enumerate(self.motions)}
-        return [known.get(name, -1) for name in names]
+        """Numbers of drivers by their names."""
+        number = {name: k for k, name in reversed(list(enumerate(self.names)))}
+        return [number[name] for name in names]
 
     @property
-    def macros(self) -> dict[str, object]:
-        """Of model.h."""
-        found: dict[str, object] = {"DRIVERS": self.count, "FRAME": int(self.frame is not None)}
-        if self.frame is not None:
-            found |= {"QUANTITIES": len(self.frame.quantities), "TIP_SECTION": len(self.frame.scene.sections) - 1}
-        return found
+    def first_load(self) -> int:
+        """Number of the first load."""
+        return len(self.paths)
 
     @property
-    def arrays(self) -> dict[str, Array]:
-        """Of model.c by their declarations: what a frame makes of the drivers."""
-        if (frame := self.frame) is None:
-            return {}
-        scene, last = frame.scene, self.rows.parts[-1]
-        kinds = list(kinds_of(last.body))
-        tip = [kinds.index(kind) if kind in kinds else None for kind in ("tip x", "tip y", "tip z")]
-        assert scene.frame is not None
-        return {
-            "const int angle_drivers[ANGLES]": np.array(self.numbered((*OF_FRAME, *OF_BASE))),
-            "const int section_paths[]": np.array([-1, *self.numbered(scene.names[1:])]),
-            "const double tip_place[3]": np.array(scene.frame.place) + [scene.sections[-1].length, 0.0, 0.0],
-            "const int tip_outputs[3]": np.array([-1 if k is None else last.outputs.start + k for k in tip]),
-            "const int quantities[QUANTITIES][3]": np.array([self._quantity(*one) for one in frame.quantities]),
-            "const double factors[]": frame.factors,
-            "const int products[][3]": frame.numbers,
-            "const int first_product[INPUTS + TERMS + 1]": frame.first,
-        }
+    def first_motion(self) -> int:
+        """Number of the first angle."""
+        return self.first_load + len(self.loads)
 
-    def _quantity(self, kind: str | int, *of: str | int) -> list[int]:
-        """As drive.h has them; without a gravity it is none of the drivers, and -1."""
-        if (kind,) == ONE:
-            return [0, 0, 0]
-        if kind in (GRAVITY, "load", "shaken"):
-            name = GRAVITY if kind == GRAVITY else AXES[int(of[0])] if kind == "shaken" else str(of[0])
-            return [_KINDS.index("driver"), self.numbered([name])[0], 0]
-        return [_KINDS.index(str(kind)), *map(int, of), *[0] * (2 - len(of))]
+    @property
+    def is_differential(self) -> bool:
+        """Whether an ordinary differential equation is left: no contact is rigid, and nothing rubs."""
+        rows = self.data.rows
+        gives = np.diagonal(rows.F) != 0.0
+        for block in rows.blocks:
+            gives[block.numbers] |= np.any(block.between.c != 0.0, axis=(0, 1, 3))
+        return rows.friction is None and bool(gives.all())
+
+    def kinds(self) -> list[int]:
+        """What each driver is, as unit.h of the C source numbers them: other, a path, an angle, slewing."""
+        of_motions = [0 if name in AXES else 3 if name == SLEWING else 2 for name in self.motions]
+        return [*(1 for _ in self.paths), *(0 for _ in self.loads), *of_motions]

@@ -16,6 +16,7 @@ from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.variables import STARTS, Variable
 from pmr.scene.built import force_of
 from pmr.scene.signals import SignalBase
+from pmr.scene.signals.base import Strand
 from pmr.simulation import cubics
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation, in_order
@@ -52,13 +53,13 @@ class Reference:
 
 def reference(drivers: Drivers, scene: Recorded) -> Reference:
     """Simulate a system under its own scene, as the inputs lead on; in a frame that moves, as its signals say."""
-    rows, system, excitation = drivers.rows, drivers.rows.system, scene.excitation
+    system, excitation = drivers.system, scene.excitation
     inputs = led_on(drivers, excitation)
     given = _followed(drivers, excitation, inputs)
     found = systems.simulate(system, given, systems.static_start(system, given) if scene.static else {})
     y = list(systems.displacements(system, found).values())
     z, v = (
-        np.hstack([getattr(found.bodies[part.name], what) @ part.form.inverse.T for part in rows.parts])
+        np.hstack([getattr(found.bodies[name], what) @ form.inverse.T for name, form in drivers.forms.items()])
         for what in "qv"
     )
     t = excitation.times
@@ -67,6 +68,8 @@ def reference(drivers: Drivers, scene: Recorded) -> Reference:
     smallest = 1e-9 * np.repeat(largest.reshape(2, -1).max(axis=1), z.shape[1])
     nominal = np.maximum(largest, smallest)
     first = inputs[0, 0].copy()
+    if not drivers.shown_paths:
+        first[: drivers.first_load] = [low for low, _ in drivers.data.rows.ranges]
     first[drivers.first_load : drivers.first_load + len(drivers.loads)] = first_loads(drivers, scene)
     return Reference(
         stepping=given.stepping,
@@ -93,6 +96,12 @@ class Pieces(SignalBase):
     step: float  # s
     rates: tuple[tuple[float, ...], ...]  # (4, T)
 
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        x = np.array(self.rates)
+        breaks, polynomials = self.step * np.arange(x.shape[1]), x[::-1].T / [6.0, 2.0, 1.0, 1.0]
+        return (Strand(breaks, np.ascontiguousarray(polynomials)),)
+
     def value(self, t: ArrayLike) -> Array:
         at, (x, x1, x2, x3) = self._pieces(t)
         return np.asarray(x + at * (x1 + at / 2.0 * (x2 + at / 3.0 * x3)))
@@ -112,14 +121,14 @@ def _followed(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excita
     """With paths and loads as the inputs (4, T, n) lead on."""
     if drivers.frame is not None:
         return excitation
-    names, step = [*drivers.rows.paths, *drivers.loads], excitation.stepping.step
-    numbers = drivers.numbered(names)
-    pieces = {
-        name: Pieces(step=step, rates=tuple(map(tuple, inputs[:, :, number].tolist())))
-        for name, number in zip(names, numbers, strict=True)
-    }
-    paths = {name: pieces.get(name, signal) for name, signal in excitation.paths.items()}
-    return replace(excitation, paths=paths, loads={name: pieces[name] for name in drivers.loads})
+    step = excitation.stepping.step
+
+    def piece(number: int) -> Pieces:
+        return Pieces(step=step, rates=tuple(map(tuple, inputs[:, :, number].tolist())))
+
+    paths = dict(excitation.paths) | {name: piece(k) for k, name in enumerate(drivers.shown_paths)}
+    loads = {name: piece(drivers.first_load + k) for k, name in enumerate(drivers.loads)}
+    return replace(excitation, paths=paths, loads=loads)
 
 
 def led_on(drivers: Drivers, excitation: Excitation) -> Array:
@@ -139,8 +148,8 @@ def led_on(drivers: Drivers, excitation: Excitation) -> Array:
         lines = cubics.by_lines(x[:-1], x[1:], h)
         found[:, :-1, moved] = np.where(second, cubics.by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
         return found
-    signals = [*(excitation.paths[path] for path in drivers.rows.paths)]
-    numbers = drivers.numbered([*drivers.rows.paths, *drivers.loads])
+    signals = [*(excitation.paths[path] for path in drivers.shown_paths)]
+    numbers = [*range(len(drivers.shown_paths)), *(drivers.first_load + k for k in range(len(drivers.loads)))]
     for number, signal in zip(numbers, [*signals, *in_order(excitation.loads, drivers.loads)], strict=True):
         found[0, :, number] = signal.value(t)
         ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink that of what ends there
@@ -151,13 +160,13 @@ def led_on(drivers: Drivers, excitation: Excitation) -> Array:
 
 def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
     """Inputs as comma-separated values, with the variables' names."""
-    names = ["time", *(variable.name for variable in variables if variable.causality == "input")]
-    return _csv(names, found.inputs)
+    inputs = [variable for variable in variables if variable.causality == "input"]
+    return _csv(["time", *(v.name for v in inputs)], found.inputs[:, [0, *(v.reference for v in inputs)]])
 
 
 def outputs_csv(found: Reference, drivers: Drivers, variables: Sequence[Variable]) -> str:
     """Outputs of the bodies and forces of contacts as comma-separated values."""
-    own = {*drivers.rows.system.output_names, *map(force_of, drivers.rows.system.contact_names)}
+    own = {*drivers.system.output_names, *map(force_of, drivers.system.contact_names)}
     outputs = [v for v in variables if v.causality == "output" and not v.is_rate]
     names = [v.name for v in outputs if v.description.partition("; ")[0] in own]
     return _csv(["time", *names], np.hstack([found.t[:, None], found.outputs]))

@@ -1,4 +1,4 @@
-"""Variables of an FMU, in the order of their value references (source/body.h)."""
+"""Variables of an FMU, in the order of their value references (source/unit.h)."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.drivers import Drivers
-from pmr.export.fmi.luffing import luffing
 from pmr.scene.built import force_of
-from pmr.scene.pivot import CYLINDER
 from pmr.simulation.moving import AXES
+from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import SLIDER, named
 
 Array = NDArray[np.float64]
@@ -44,11 +43,11 @@ class Variable:
 
 
 def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
-    """All variables of a system, by `pmr.export.fmi.constants.source_text`'s start and nominal."""
-    names, rows = Identifiers(), drivers.rows
+    """All variables of a system, by start and nominal values as `pmr.export.fmi.resources.system_file` has them."""
+    names = Identifiers()
     found = list(_given(drivers, names, start))
-    first, modes = 4 + ORDERS * drivers.count, len(nominal) // 2
-    of_modes = [(part.name, k + 1) for part in rows.parts for k in range(part.form.body.size)]
+    first, modes = 4 + ORDERS * drivers.count, drivers.modes
+    of_modes = [(name, k + 1) for name, form in drivers.forms.items() for k in range(form.body.size)]
     for k in range(2 * modes):
         (body, mode), rate = of_modes[k % modes], k >= modes
         called, unit = ("rate of mode", "m/s") if rate else ("mode", "m")
@@ -94,14 +93,14 @@ class _Driver:
 
 
 def _drivers(drivers: Drivers) -> Iterator[_Driver]:
-    rows, motions = drivers.rows, drivers.motions
-    for k, (name, path, (low, high)) in enumerate(zip(path_names(rows.paths), rows.paths, rows.ranges, strict=True)):
+    paths, ranges = drivers.shown_paths, drivers.data.rows.ranges
+    for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False)):
         what = "of the sliders" if path == SLIDER else path
         what = f"path coordinate {what}; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
         yield _Driver(name, k, what, "m", (low, high))
     for k, (name, unit) in enumerate(zip(drivers.loads, drivers.load_units, strict=True)):
         yield _Driver(name, drivers.first_load + k, f"load {name}", unit)
-    for k, name in enumerate(motions):
+    for k, name in enumerate(drivers.motions):
         what, unit = (f"angle {name}", "rad") if name not in AXES else (f"acceleration of the pivot, {name}", "m/s2")
         yield _Driver(name + " acceleration" * (name in AXES), drivers.first_motion + k, what, unit)
 
@@ -130,22 +129,18 @@ def _given(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Varia
 
 
 def outputs_of(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
-    """Names and units of the outputs in their order, and whether each has a rate: forces have none."""
-    for part in drivers.rows.parts:
-        yield from part.output_names
-    if drivers.frame is not None:
-        for axis in "XYZ":
-            yield f"tip in space {axis}", "m", True
-    if luffing(drivers) is not None:
-        yield CYLINDER, "N", False
+    """Names and units of the outputs in the kernel's order, and whether each has a rate: forces have none."""
+    for name, body in drivers.system.reduced.items():
+        for output, unit, is_force in zip(names_of(body), units_of(body), force_outputs(body).tolist(), strict=True):
+            yield named(name, output), unit, not is_force
+    yield from drivers.data.further
 
 
 def _observed(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
     """Outputs, their rates where they are motions, and the forces of the rows."""
-    system, called = drivers.rows.system, list(outputs_of(drivers))
-    count = max(len(called), 1)
-    own = set(system.output_names)
-    outputs = [names(name if moves or name not in own else force_of(name)) for name, _, moves in called]
+    system, called = drivers.system, list(outputs_of(drivers))
+    count, own = len(called), len(system.output_names)
+    outputs = [names(force_of(name) if not moves and k < own else name) for k, (name, _, moves) in enumerate(called)]
     for k, (name, unit, _) in enumerate(called):
         yield Variable(outputs[k], first + k, name, unit=unit)
     for k, (what, unit, moves) in enumerate(called):

@@ -101,6 +101,22 @@ static int step_to(pmr_state *st, const double *u, const double *rates)
     return failed;
 }
 
+static int step_led(pmr_state *st, const double *led, double since)
+{
+    const pmr_system *y = st->system;
+    const int n = y->motions ? y->motions : y->drivers;
+    pmr_course course = {.h = st->settings.step, .led = led, .since = since, .step = st->progress.step};
+    int failed, k;
+    if (!all_finite(led, 4 * n)) return PMR_REFUSED;
+    failed = make_step(st, -1, &course);
+    if (failed) return failed;
+    if (y->motions) {
+        pmr_lead_on(led, n, since + course.h, 3, st->motions);
+        for (k = 0; k < n; k++) st->motions[3 * n + k] = 3.0;
+    }
+    return is_finite(st) ? PMR_DONE : PMR_NOT_FINITE;
+}
+
 /* Motions (4, n) from rows (3, n) and how many of them count. */
 static void take_motions(const pmr_system *y, const double *motions, const int32_t *rows, double *to)
 {

@@ -105,6 +105,13 @@ int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *ro
     return chosen()->step_in_frame(state, motions, rows);
 }
 
+int pmr_step_led(pmr_state *state, const double *led, double since) { return chosen()->step_led(state, led, since); }
+
+int pmr_state_adjust(pmr_state *state, const pmr_settings *settings, char *why)
+{
+    return chosen()->state_adjust(state, settings, why);
+}
+
 int pmr_carried_open(pmr_state *state, const pmr_machine *machine, pmr_carried **carried)
 {
     return chosen()->carried_open(state, machine, carried);
@@ -147,6 +154,25 @@ void pmr_outputs(pmr_state *state, double *y, double *forces) { chosen()->output
 void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values)
 {
     chosen()->observe(state, count, numbers, values);
+}
+
+void pmr_further(pmr_state *state, double *further) { chosen()->further(state, further); }
+
+int pmr_evaluate(pmr_state *state, const double *at, int hold, const pmr_values *values)
+{
+    return chosen()->evaluate(state, at, hold, values);
+}
+
+int pmr_evaluate_along(pmr_state *state, const double *at, const double *seed, const double *z, const double *v,
+                       int hold, const pmr_values *values)
+{
+    return chosen()->evaluate_along(state, at, seed, z, v, hold, values);
+}
+
+int pmr_check_start(pmr_state *state, const double *at, const double *rates, const double *z, const double *v,
+                    char *why)
+{
+    return chosen()->check_start(state, at, rates, z, v, why);
 }
 
 void pmr_energy(const pmr_state *state, double *energy) { memcpy(energy, state->energy, 2 * sizeof(double)); }

@@ -220,3 +220,72 @@ int pmr_frame_derivatives(const pmr_system *y, const double *motions, double *u,
     }
     return PMR_DONE;
 }
+
+/* Output, reaction or force by its number among all, and how it changes. */
+static number value_of(const pmr_system *y, const double *values, const double *changes, int n)
+{
+    if (n >= y->outputs + y->reactions)
+        n += y->op - y->outputs + y->hp - y->reactions;
+    else if (n >= y->outputs)
+        n += y->op - y->outputs;
+    return (number){values[n], changes ? changes[n] : 0.0};
+}
+
+/* Force of the cylinder that raises the boom, positive where it presses: the moment about the pivot over what its
+   length grows by for each radian.  Its direction from foot to lug, x and z in axes of the boom. */
+static number cylinder_force(const course *c, const double *values, const double *changes, number direction[2])
+{
+    const pmr_system *y = c->system;
+    const double *foot = y->cylinder_hinges, *lug = foot + 2;
+    const number phi = angle_of(c, 0).at, s = sine(phi), co = cosine(phi);
+    const number at[2] = {minus(times(constant(lug[0]), co), times(constant(lug[1]), s)),
+                          plus(times(constant(lug[0]), s), times(constant(lug[1]), co))};
+    const number x = minus(at[0], constant(foot[0])), z = minus(at[1], constant(foot[1]));
+    const number square = plus(times(x, x), times(z, z)),
+                 length = {sqrt(square.at), 0.5 * square.along / sqrt(square.at)};
+    const number arm = times(minus(times(z, at[0]), times(x, at[1])), inverse(length));
+    number moment = constant(0.0);
+    int k, p;
+    direction[0] = times(inverse(length), plus(times(x, co), times(z, s)));
+    direction[1] = times(inverse(length), minus(times(z, co), times(x, s)));
+    for (k = 0; k < y->sources; k++) {
+        const double *of = y->cylinder_moments + (size_t)k * (1 + y->paths);
+        number lever = constant(of[0]);
+        for (p = 0; p < y->paths; p++) lever = plus(lever, times(constant(of[1 + p]), motion(c, y->frame_paths[p], 0)));
+        moment = plus(moment, times(value_of(y, values, changes, y->cylinder_sources[k]), lever));
+    }
+    return times(moment, inverse(arm));
+}
+
+void pmr_frame_outputs(const pmr_system *y, const double *motions, const double *seed, const double *values,
+                       const double *changes, double *further, double *along)
+{
+    const course c = {y, motions, seed};
+    int n = y->reactions, i, k;
+    if (y->has_tip) {
+        const turning turned = turn(&c);
+        number r[3], at;
+        for (k = 0; k < 3; k++) {
+            r[k] = constant(y->tip_place[k]);
+            if (y->tip_numbers[k] >= 0) r[k] = plus(r[k], value_of(y, values, changes, y->tip_numbers[k]));
+        }
+        for (k = 0; k < y->tip_numbers[3]; k++) r[0] = plus(r[0], motion(&c, k, 0));
+        for (i = 0; i < 3; i++, n++) {
+            at = constant(0.0);
+            for (k = 0; k < 3; k++) at = plus(at, times(turned.R[i][k], r[k]));
+            further[n] = at.at;
+            if (along) along[n] = at.along;
+        }
+    }
+    if (y->sources) {
+        number direction[2], force = cylinder_force(&c, values, changes, direction);
+        further[n] = force.at;
+        if (along) along[n] = force.along;
+        for (k = 0; k < 2 && y->cylinder_pin[k] >= 0; k++) { /* a pin bears what the cylinder does not */
+            number more = times(force, direction[k]);
+            if (k) more = plus(more, value_of(y, values, changes, y->cylinder_pin[2]));
+            further[y->cylinder_pin[k]] += more.at;
+            if (along) along[y->cylinder_pin[k]] += more.along;
+        }
+    }
+}

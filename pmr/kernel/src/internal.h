@@ -84,7 +84,29 @@ struct pmr_system {
     const int32_t *products;      /* (products, 3): quantities of each */
     const int32_t *first_product; /* (i + K + 1) */
     const double *factors;        /* (products) */
+    /* further outputs: reactions of rigid supports, in bodies' tables as outputs are; what rates of modes add to them,
+       and entries of each term; in a frame the tip and the luffing cylinder (frame.c) */
+    int32_t reactions, hp, has_tip, sources; /* width of rows of reactions; forces that make the cylinder's moment */
+    const double *reaction_shapes, *reaction_direct, *reaction_X0, *table_R; /* (r', hp), (i, hp), (rows, hp) */
+    const double *reaction_rates;                                            /* (r', hp) */
+    const int32_t *reaction_blocks;  /* (blocks, 4): first reaction, number, powers, place in the table */
+    const int32_t *support_first;    /* (K + 1): entries of terms on supports */
+    const int32_t *support_entries;  /* (entries, 2): reaction; mode, or r' and mode of a rate */
+    const double *support_values;    /* (entries) */
+    const int32_t *tip_numbers;      /* (4): outputs along x, y and z, less than 0: none; paths that lead to the tip */
+    const double *tip_place;         /* (3) m, without extensions */
+    const double *cylinder_hinges;   /* (4) m: x and z of foot and lug */
+    const int32_t *cylinder_sources; /* (sources): outputs, behind them reactions, behind them forces of contacts */
+    const double
+        *cylinder_moments;       /* (sources, 1 + P): moment about the pivot of a unit of each, m, and by each path */
+    const int32_t *cylinder_pin; /* (3): reactions of a pin along x and z, less than 0: none; source at the lug */
 };
+
+/* A set of outputs: what it is of modes, loads and multipliers. */
+typedef struct {
+    int width, reactions; /* of rows; whether they are reactions */
+    const double *shapes, *direct, *X0, *table;
+} pmr_observed;
 
 /* Kinds of quantities, by two numbers: axes; the motion; number of paths and order of the rate; the path from 1 on. */
 enum { PMR_ONE, PMR_TURNED, PMR_VELOCITY, PMR_TURNING, PMR_GRADIENT, PMR_MOTION, PMR_REACH, PMR_OVER };
@@ -154,7 +176,9 @@ struct pmr_state {
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
     double *y, *all;                                 /* (op), (o + forces) */
-    pmr_scheme *scheme;                              /* (levels) */
+    double *values, *changes, *shown; /* (op + hp + forces): outputs, reactions, forces; along a seed; (further) */
+    pmr_scheme *scheme, *still;       /* (levels), and without a step, for which A is F */
+    int32_t opened;                   /* levels that there is room for */
     int32_t placed, factored, moved, trouble;
     int64_t solves;
 };
@@ -170,6 +194,7 @@ typedef struct {
     int (*step)(pmr_state *, const double *, const double *);
     int (*start_in_frame)(pmr_state *, int, const double *, const int32_t *, const double *, const double *);
     int (*step_in_frame)(pmr_state *, const double *, const int32_t *);
+    int (*step_led)(pmr_state *, const double *, double);
     int (*advance)(pmr_state *, const pmr_signals *, int64_t, int64_t, const int32_t *, const pmr_record *, int64_t *);
     int (*advance_sampled)(pmr_state *, const double *, int, int64_t, int64_t, const int32_t *, const pmr_record *,
                            int64_t *, int *);
@@ -180,12 +205,18 @@ typedef struct {
     void (*outputs)(pmr_state *, double *, double *);
     void (*observe)(pmr_state *, int, const int32_t *, double *);
     int (*linearize)(pmr_state *, const double *, const pmr_jacobian *);
+    void (*further)(pmr_state *, double *);
+    int (*evaluate)(pmr_state *, const double *, int, const pmr_values *);
+    int (*evaluate_along)(pmr_state *, const double *, const double *, const double *, const double *, int,
+                          const pmr_values *);
+    int (*check_start)(pmr_state *, const double *, const double *, const double *, const double *, char *);
+    int (*state_adjust)(pmr_state *, const pmr_settings *, char *);
     int (*contact)(int, const double *, const double *, const int32_t *, double *, int32_t *, double *, int *);
     int (*choose_changes)(int, int32_t *, pmr_search *);
     void (*extrapolate)(pmr_iteration *);
     void (*factors)(double, double, pmr_factors *);
-    double (*friction)(int, const double *, const double *, const double *, const double *, double, const pmr_cylinder *,
-                       double *, double *);
+    double (*friction)(int, const double *, const double *, const double *, const double *, double,
+                       const pmr_cylinder *, double *, double *);
     size_t (*state_bytes)(const pmr_state *);
     void (*state_save)(const pmr_state *, void *);
 } pmr_functions;
@@ -196,6 +227,10 @@ int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u
 void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, double *u, double *along,
                      double *work);
 int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
+/* Further outputs from values (op + hp + forces) and motions (3, n), and how they change along `seed`; a seed of NULL:
+   values alone. */
+void pmr_frame_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,
+                       const double *changes, double *further, double *along);
 /* How a frame, or the base that carries it, is turned: its rotation (3, 3) into axes of the ground, its angular velocity
    and acceleration in its own axes. */
 typedef struct {

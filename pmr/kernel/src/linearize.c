@@ -208,7 +208,7 @@ static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double
     const int r = y->modes;
     double *bent = st->w_divided;
     int k, n, times;
-    restart_iteration(&st->iteration);
+    pmr_restart(&st->iteration);
     memset(d->w, 0, r * sizeof(double));
     for (k = 0; k < y->mp; k++) d->lambda[k] = 0.0;
     for (k = 0; k < y->joints; k++) d->sums[k] = 0.0;
@@ -263,35 +263,8 @@ static void predict_seed(const pmr_state *st, const pmr_scheme *c, seed *d)
 
 static void seed_outputs(pmr_state *st, const seed *d)
 {
-    const pmr_system *y = st->system;
-    double *shares = st->scratch;
-    int b, k, p;
-    memset(d->y, 0, (size_t)y->op * sizeof(double));
-    add_columns(y->shapes, y->op, d->z, y->modes, d->y, y->op);
-    if (d->u) add_columns(y->direct, y->op, d->u + y->paths, y->inputs, d->y, y->op);
-    if (!y->whole) {
-        for (k = 0; k < y->rows; k++) shares[k] = -d->lambda[k];
-        add_columns(y->X0, y->op, shares, y->rows, d->y, y->op);
-    }
-    for (b = 0; b < y->blocks; b++) {
-        const pmr_block *block = y->block_list + b;
-        const int width = PMR_UP(block->outputs), m = block->rows;
-        const double *ends = y->path_ends + 2 * block->path;
-        const double ds =
-            d->u && st->s[block->path] >= ends[0] && st->s[block->path] <= ends[1] ? d->u[block->path] : 0.0;
-        if (!width) continue;
-        for (k = 0; k < m; k++) {
-            const int row = y->block_rows[block->at_rows + k];
-            double power = 1.0, before = 0.0; /* x^q and x^(q - 1) */
-            for (p = block->powers_X - 1; p >= 0; p--) {
-                shares[p * m + k] = -d->lambda[row] * power - st->lambda[row] * ds * (block->powers_X - 1 - p) * before;
-                before = power;
-                power *= st->x[b];
-            }
-        }
-        add_columns(in_interval(st, b, y->table_X, block->at_X, block->powers_X, m * width), width, shares,
-                    block->powers_X * m, d->y + block->first_output, width);
-    }
+    const pmr_observed set = of_outputs(st->system);
+    find_outputs(st, &set, d->z, d->u ? d->u + st->system->paths : NULL, d->lambda, d->u, d->y);
 }
 
 static void store_column(double *to, size_t columns, size_t column, const double *from, size_t count)

@@ -273,7 +273,7 @@ static void move_rows(pmr_carried *ms, int64_t k)
     pmr_state *st = ms->state;
     const pmr_system *y = st->system;
     const pmr_machine *m = ms->machine;
-    const pmr_scheme *still = st->scheme + st->settings.levels;
+    const pmr_scheme *still = st->still;
     const double *motions = m->motions + (size_t)k * 3 * y->motions, *rates = m->rates + (size_t)k * y->motions,
                  *of_F = still->of_blocks, *of_pair = still->of_pairs;
     const size_t r = y->modes, i = y->ip, mp = y->mp, rows = y->rows;

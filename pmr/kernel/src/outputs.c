@@ -1,44 +1,112 @@
-/* Outputs y = O z + W f - X(s) lambda, as sums of columns times their shares, and forces of all contacts. */
+/* Outputs y = O z + W f - X(s) lambda, as sums of columns times their shares, and forces of all contacts.  Reactions of
+   rigid supports are such outputs, to which rates of modes and terms add (pmr/kernel/further.py). */
+
+static pmr_observed of_outputs(const pmr_system *y)
+{
+    return (pmr_observed){y->op, 0, y->shapes, y->direct, y->X0, y->table_X};
+}
+
+static pmr_observed of_reactions(const pmr_system *y)
+{
+    return (pmr_observed){y->hp, 1, y->reaction_shapes, y->reaction_direct, y->reaction_X0, y->table_R};
+}
+
+/* Outputs of a set (its width), of z, f (or NULL: none) and multipliers of the state; with `change` (rows) of what a
+   seed makes of z, f, multipliers and, unless NULL, drivers u. */
+static void find_outputs(pmr_state *st, const pmr_observed *set, const double *z, const double *f, const double *change,
+                         const double *u, double *out)
+{
+    const pmr_system *y = st->system;
+    const double *lambda = change ? change : st->lambda;
+    double *shares = st->scratch;
+    int k, b, p;
+    memset(out, 0, (size_t)set->width * sizeof(double));
+    add_columns(set->shapes, set->width, z, y->modes, out, set->width);
+    if (f) add_columns(set->direct, set->width, f, y->inputs, out, set->width);
+    if (!y->whole) {
+        for (k = 0; k < y->rows; k++) shares[k] = -lambda[k];
+        add_columns(set->X0, set->width, shares, y->rows, out, set->width);
+    }
+    for (b = 0; b < y->blocks; b++) {
+        const pmr_block *block = y->block_list + b;
+        const int32_t *of = y->reaction_blocks + 4 * b;
+        const int first = set->reactions ? of[0] : block->first_output, m = block->rows,
+                  width = PMR_UP(set->reactions ? of[1] : block->outputs),
+                  powers = set->reactions ? of[2] : block->powers_X, at = set->reactions ? of[3] : block->at_X;
+        const double *ends = y->path_ends + 2 * block->path, s = st->s[block->path],
+                     ds = u && s >= ends[0] && s <= ends[1] ? u[block->path] : 0.0;
+        if (!width) continue;
+        for (k = 0; k < m; k++) {
+            const int row = y->block_rows[block->at_rows + k];
+            double share = -lambda[row], before = 0.0, moved = change ? st->lambda[row] * ds : 0.0;
+            for (p = powers - 1; p >= 0; p--) { /* times x^q; a place that moves adds q x^(q - 1) */
+                shares[p * m + k] = change ? share - moved * (powers - 1 - p) * before : share;
+                before = p == powers - 1 ? 1.0 : before * st->x[b];
+                share *= st->x[b];
+            }
+        }
+        add_columns(in_interval(st, b, set->table, at, powers, m * width), width, shares, powers * m, out + first,
+                    width);
+    }
+}
+
+/* Forces (forces,) of all contacts from multipliers; cylinders bear the friction of their joints too. */
+static void forces_of(pmr_state *st, const double *lambda, const double *friction, double *forces)
+{
+    const pmr_system *y = st->system;
+    int k, b;
+    for (k = 0; k < y->contacts; k++) st->entries[k] = lambda[k];
+    for (k = 0; friction && k < y->joints; k++)
+        if (y->joint_cylinders[k] >= 0) st->entries[y->joint_cylinders[k]] += total_friction(y, friction, k);
+    for (k = 0; k < y->forces; k++) {
+        double sum = 0.0;
+        for (b = 0; b < y->contacts; b++) sum += y->shares[k * y->mp + b] * st->entries[b];
+        forces[k] = sum;
+    }
+}
 
 static void outputs(pmr_state *st, double *y_out, double *forces)
 {
     const pmr_system *y = st->system;
-    const double *f = st->u + y->paths;
-    double *out = st->y, *shares = st->scratch;
-    int k, b, p;
-    if (forces) {
-        for (k = 0; k < y->contacts; k++) st->entries[k] = st->lambda[k];
-        for (k = 0; k < y->joints; k++) /* cylinders bear the friction of their joints too */
-            if (y->joint_cylinders[k] >= 0) st->entries[y->joint_cylinders[k]] += total_friction(y, st->friction, k);
-        for (k = 0; k < y->forces; k++) {
-            double sum = 0.0;
-            for (b = 0; b < y->contacts; b++) sum += y->shares[k * y->mp + b] * st->entries[b];
-            forces[k] = sum;
-        }
-    }
+    const pmr_observed set = of_outputs(y);
+    if (forces) forces_of(st, st->lambda, st->friction, forces);
     if (!y_out) return;
-    memset(out, 0, (size_t)y->op * sizeof(double));
-    add_columns(y->shapes, y->op, st->z, y->modes, out, y->op);
-    add_columns(y->direct, y->op, f, y->inputs, out, y->op);
-    if (!y->whole) {
-        for (k = 0; k < y->rows; k++) shares[k] = -st->lambda[k];
-        add_columns(y->X0, y->op, shares, y->rows, out, y->op);
-    }
-    for (b = 0; b < y->blocks; b++) {
-        const pmr_block *block = y->block_list + b;
-        const int width = PMR_UP(block->outputs), m = block->rows;
-        if (!width) continue;
-        for (k = 0; k < m; k++) {
-            double share = -st->lambda[y->block_rows[block->at_rows + k]];
-            for (p = block->powers_X - 1; p >= 0; p--) {
-                shares[p * m + k] = share;
-                share *= st->x[b];
-            }
+    find_outputs(st, &set, st->z, st->u + y->paths, NULL, NULL, st->y);
+    copy(y_out, st->y, y->outputs);
+}
+
+/* reactions += what rates v and terms with these amplitudes and x = (z, v) add to them. */
+static void add_supports(const pmr_system *y, const double *v, const double *amplitudes, const double *z,
+                         const double *rates, double *reactions)
+{
+    int k, e;
+    if (v) add_columns(y->reaction_rates, y->hp, v, y->modes, reactions, y->hp);
+    for (k = 0; k < y->terms; k++)
+        for (e = y->support_first[k]; e < y->support_first[k + 1]; e++) {
+            const int32_t *at = y->support_entries + 2 * e;
+            const double x = at[1] < y->modes ? z[at[1]] : rates[at[1] - y->modes];
+            reactions[at[0]] -= amplitudes[k] * y->support_values[e] * x;
         }
-        add_columns(in_interval(st, b, y->table_X, block->at_X, block->powers_X, m * width), width, shares,
-                    block->powers_X * m, out + block->first_output, width);
-    }
-    copy(y_out, out, y->outputs);
+}
+
+/* Outputs, reactions and forces one after the other, as frame.c reads them. */
+static void find_all(pmr_state *st, double *values)
+{
+    const pmr_system *y = st->system;
+    const pmr_observed sets[2] = {of_outputs(y), of_reactions(y)};
+    const double *f = st->u + y->paths;
+    find_outputs(st, sets, st->z, f, NULL, NULL, values);
+    find_outputs(st, sets + 1, st->z, f, NULL, NULL, values + y->op);
+    add_supports(y, st->v, f + y->inputs, st->z, st->v, values + y->op);
+    forces_of(st, st->lambda, st->friction, values + y->op + y->hp);
+}
+
+static void further_outputs(pmr_state *st, double *further)
+{
+    const pmr_system *y = st->system;
+    find_all(st, st->values);
+    copy(further, st->values + y->op, y->reactions);
+    if (y->motions) pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL);
 }
 
 /* Some outputs and forces, by their numbers among all outputs and, behind these, all forces. */

@@ -69,6 +69,7 @@ typedef struct {
     int32_t drivers;   /* N: what drives the system from outside, `u`: paths, then loads, then what else it asks for */
     int32_t motions;   /* n: what a frame that moves is driven by; 0 without one */
     int32_t pushing;   /* contacts that only push */
+    int32_t further;   /* further outputs: reactions of rigid supports; in a frame the tip, and the luffing cylinder */
 } pmr_sizes;
 
 /* ---- systems ---- */
@@ -79,9 +80,12 @@ typedef struct {
 int pmr_system_open(const void *block, size_t bytes, pmr_system **system, char *why);
 void pmr_system_close(pmr_system *system);
 void pmr_system_sizes(const pmr_system *system, pmr_sizes *sizes);
-/* Names of "drivers", "outputs", "contacts" or "forces", one a line, in `*count` bytes; NULL where there is no such
+/* Names of "drivers", "motions", "outputs", "further", "contacts" or "forces", one a line, in `*count` bytes; NULL where there is no such
    list. */
 const char *pmr_system_names(const pmr_system *system, const char *list, size_t *count);
+/* An array of the block, which may hold more than the kernel asks for, and how many entries it has; NULL without one. */
+const double *pmr_system_numbers(const pmr_system *system, const char *name, int64_t *count);
+const int32_t *pmr_system_integers(const pmr_system *system, const char *name, int64_t *count);
 /* Checksum that a block is written with: of the bytes behind its first 64. */
 uint64_t pmr_checksum(const void *bytes, size_t count);
 /* Which code runs: "avx2", "sse2", "vectors" or "plain". */
@@ -101,6 +105,9 @@ typedef struct {
 } pmr_settings;
 
 int pmr_state_open(const pmr_system *system, const pmr_settings *settings, pmr_state **state, char *why);
+/* Go on with other settings, of as many levels as those that the state was opened with at most: the next step begins
+   from the accelerations of where the state stands. */
+int pmr_state_adjust(pmr_state *state, const pmr_settings *settings, char *why);
 void pmr_state_close(pmr_state *state);
 /* Bytes that a state is saved as, and bytes of memory that it takes. */
 size_t pmr_state_bytes(const pmr_state *state);
@@ -248,6 +255,13 @@ void pmr_signals_at(const pmr_signals *signals, double t, double *u, double *rat
    with rates at both ends, `rates` (2, N) at its beginning and its end. */
 int pmr_step(pmr_state *state, const double *u, const double *rates);
 
+/* The course of n numbers from their values and first three rates at a time, `led` (4, n): with rows up to `rows` at t
+   later, to (rows, n), their values, rates and second rates. */
+void pmr_lead_on(const double *led, int n, double t, int rows, double *to);
+/* One step from `since` on, along the course of drivers, or of motions of a frame, from their values and rates `led`
+   (4, .).  What they were before the step need not be where this course begins. */
+int pmr_step_led(pmr_state *state, const double *led, double since);
+
 /* Where steps are recorded, one row each; NULL: they are not.  Row 0 is the first step recorded. */
 typedef struct {
     double *z, *v;       /* (., r') */
@@ -274,6 +288,10 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 void pmr_outputs(pmr_state *state, double *y, double *forces);
 /* Some of them, by their numbers (count,): of outputs, and behind these of forces. */
 void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values);
+/* Further outputs (further,) where the state stands: in N and N m what a body presses on its rigid supports; in a frame
+   the place of the tip from the pivot along axes of the ground in m, and the force of the luffing cylinder in N.  In a
+   frame the motions are those of the last start or step that was told them. */
+void pmr_further(pmr_state *state, double *further);
 /* Energy stored and work done since the start, both in J. */
 void pmr_energy(const pmr_state *state, double *energy);
 
@@ -292,6 +310,27 @@ typedef struct {
 } pmr_jacobian;
 
 int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobian);
+
+/* ---- continuous time ---- */
+
+/* Values, or how they change; each may be NULL.  `closed` is told where it is found, and given where it is held. */
+typedef struct {
+    double *accelerations;              /* (r'), of modes without inertia as if they had it */
+    double *outputs, *further, *forces; /* (o), (further), (forces) */
+    int32_t *closed;                    /* (m) */
+} pmr_values;
+
+/* Values at z and v of the state under drivers u (N,), or motions (3, n) of a frame.  Multipliers of contacts that give
+   way follow from the position; those of rigid ones, and friction, are those of the last step.  The state stays where
+   it is. */
+int pmr_evaluate(pmr_state *state, const double *at, int hold, const pmr_values *values);
+/* How they change along a seed of drivers or motions, z and v, with the contacts that are closed staying so. */
+int pmr_evaluate_along(pmr_state *state, const double *at, const double *seed, const double *z, const double *v,
+                       int hold, const pmr_values *values);
+/* Whether z (r',) and v (r',) leave rigid contacts where they are while the paths move at `rates` (P,): PMR_REFUSED with
+   a reason in `why`. */
+int pmr_check_start(pmr_state *state, const double *at, const double *rates, const double *z, const double *v,
+                    char *why);
 
 /* ---- laws alone, for statics, charts and other simulators ---- */
 

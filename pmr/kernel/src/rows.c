@@ -108,18 +108,21 @@ APART void enter_pair(pmr_state *st, const pmr_scheme *c, int number, double *ta
     for (k = 0; k < one->rows; k++) {
         const int32_t *of_k = y->touched + one->at_touched + (i * one->rows + k) * one->width;
         const double *w = y->weights + one->at_weights + (size_t)(i * one->rows + k) * p1 * one->width;
+        const int32_t *summed = NULL; /* carriers that `sums` are of: often those of the next row too */
         for (l = 0; l < two->rows; l++) {
             const int32_t *of_l = y->touched + two->at_touched + (j * two->rows + l) * two->width;
             const double *v = y->weights + two->at_weights + (size_t)(j * two->rows + l) * p2 * two->width;
             double *table = tables + (size_t)(k * two->rows + l) * p1 * p2;
-            for (b = 0; b < two->width; b++)
-                for (p = 0; p < p1; p++) {
-                    double sum = 0.0;
-                    for (a = 0; a < one->width; a++)
-                        sum += w[p * one->width + a] *
-                               y->between[pair->at_between + (size_t)of_k[a] * two->carriers + of_l[b]];
-                    sums[p * two->width + b] = sum;
-                }
+            if (!summed || memcmp(summed, of_l, (size_t)two->width * sizeof *of_l))
+                for (b = 0; b < two->width; b++)
+                    for (p = 0; p < p1; p++) {
+                        double sum = 0.0;
+                        for (a = 0; a < one->width; a++)
+                            sum += w[p * one->width + a] *
+                                   y->between[pair->at_between + (size_t)of_k[a] * two->carriers + of_l[b]];
+                        sums[p * two->width + b] = sum;
+                    }
+            summed = of_l;
             for (q = 0; q < p2; q++)
                 for (p = 0; p < p1; p++) {
                     double sum = 0.0;

@@ -95,3 +95,14 @@ void pmr_signals_at(const pmr_signals *signals, double t, double *u, double *rat
         }
     }
 }
+
+void pmr_lead_on(const double *led, int n, double t, int rows, double *to)
+{
+    int k;
+    for (k = 0; k < n; k++) {
+        const double u = led[k], u1 = led[n + k], u2 = led[2 * n + k], u3 = led[3 * n + k];
+        to[k] = u + t * (u1 + t / 2.0 * (u2 + t / 3.0 * u3));
+        if (rows > 1) to[n + k] = u1 + t * (u2 + t / 2.0 * u3);
+        if (rows > 2) to[2 * n + k] = u2 + t * u3;
+    }
+}

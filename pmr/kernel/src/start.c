@@ -441,7 +441,7 @@ static int correct_rates(pmr_state *st, const pmr_scheme *still, const double *r
 static int start(pmr_state *st, int kind, const double *u, const double *rates, const double *z, const double *v)
 {
     const pmr_system *y = st->system;
-    const pmr_scheme *still = st->scheme + st->settings.levels;
+    const pmr_scheme *still = st->still;
     int n, failed, rigid = 0, k;
     memset(st->mark, 0, st->saved * sizeof(double));
     copy(st->u, u, y->drivers);

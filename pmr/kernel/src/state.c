@@ -173,12 +173,16 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(motions_now, 3 * y->motions);
     NUMBERS(quantities, 2 * y->quantities);
     NUMBERS(y, y->op);
+    NUMBERS(values, y->op + y->hp + y->forces);
+    NUMBERS(changes, y->op + y->hp + y->forces);
+    NUMBERS(shown, y->reactions + 4);
     NUMBERS(all, (size_t)y->outputs + y->forces);
-    NUMBERS(held, 2 * (n + mp));
+    NUMBERS(held, 3 * (n + mp));
     NUMBERS(slopes, y->paths * m * (n + y->ip + mp));
     NUMBERS(seeds, 10 * n + y->drivers + y->joints);
     st->scheme = take_room(r, (size_t)levels + 1, sizeof(pmr_scheme));
     for (k = 0; k <= levels; k++) lay_out_scheme(y, r->memory ? st->scheme + k : NULL, r);
+    st->still = st->scheme + levels;
 }
 
 /* A scheme without a step: A is F. */
@@ -217,11 +221,37 @@ static int check_settings(const pmr_system *y, const pmr_settings *given, char *
     return 0;
 }
 
+/* Take other settings, which are sound, into a state with room for their levels. */
+static int take_settings(pmr_state *st, const pmr_settings *given, char *why)
+{
+    const pmr_system *y = st->system;
+    int32_t *parts = (int32_t *)st->settings.parts;
+    int k;
+    st->settings = *given;
+    st->settings.parts = parts;
+    for (k = 0; k < given->levels; k++) parts[k] = given->parts ? given->parts[k] : 1;
+    for (k = 0; k < given->levels; k++) {
+        if (set_scheme(y, st->scheme + k, given->step / parts[k], given->rho_inf, st->scratch))
+            return pmr_say(why, "damping that couples modes makes the step singular"), PMR_REFUSED;
+        forget_tables(y, st->scheme + k);
+    }
+    st->progress.active = st->progress.came = -1;
+    if (st->progress.level >= given->levels) st->progress.level = given->levels - 1;
+    return PMR_DONE;
+}
+
+static int state_adjust(pmr_state *st, const pmr_settings *given, char *why)
+{
+    if (check_settings(st->system, given, why)) return PMR_REFUSED;
+    if (given->levels > st->opened)
+        return pmr_say(why, "levels = %d: there is room for %d", given->levels, st->opened), 1;
+    return take_settings(st, given, why);
+}
+
 static int state_open(const pmr_system *y, const pmr_settings *given, pmr_state **state, char *why)
 {
     pmr_state counted = {0}, *st;
     room r = {NULL, 0};
-    int32_t *parts;
     int k;
     *state = NULL;
     if (check_settings(y, given, why)) return PMR_REFUSED;
@@ -232,20 +262,16 @@ static int state_open(const pmr_system *y, const pmr_settings *given, pmr_state 
     st = (pmr_state *)r.memory;
     st->system = y;
     st->memory = r.at;
-    st->settings = *given;
+    st->opened = given->levels;
     r.at = 0;
     lay_out(y, st, given->levels, &r);
-    parts = (int32_t *)st->settings.parts;
-    for (k = 0; k < given->levels; k++) parts[k] = given->parts ? given->parts[k] : 1;
     for (k = 0; k < y->terms; k++) st->known_amplitudes[k] = NAN;
-    for (k = 0; k < given->levels; k++)
-        if (set_scheme(y, st->scheme + k, given->step / parts[k], given->rho_inf, st->scratch)) {
-            pmr_free_aligned(st);
-            return pmr_say(why, "damping that couples modes makes the step singular"), PMR_REFUSED;
-        }
-    set_still(y, st->scheme + given->levels);
-    for (k = 0; k <= given->levels; k++) forget_tables(y, st->scheme + k);
-    st->progress.active = -1;
+    if (take_settings(st, given, why)) {
+        pmr_free_aligned(st);
+        return PMR_REFUSED;
+    }
+    set_still(y, st->still);
+    forget_tables(y, st->still);
     st->trouble = -1;
     *state = st;
     return PMR_DONE;

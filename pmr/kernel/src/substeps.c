@@ -102,6 +102,8 @@ typedef struct {
     double h;
     const double *begun, *ended, *rates;
     const double *motions; /* (4, n) at the end, where a frame is driven from outside */
+    const double *led;     /* (4, .): drivers or motions and their rates, `since` before the step begins */
+    double since;
 } pmr_course;
 
 /* Motions (3, n) of a frame at a time t after the step began: straight lines, cubics by rates at both ends, or by
@@ -179,11 +181,26 @@ static void follow_course(const pmr_course *course, int drivers, int part, int p
     }
 }
 
+/* Drivers along the course of them, or of motions, that is led on by its rates. */
+static void follow_led(pmr_state *st, const pmr_course *course, int part, int parts, double *u)
+{
+    const pmr_system *y = st->system;
+    const double t = course->since + course->h * part / parts;
+    if (!y->motions) {
+        pmr_lead_on(course->led, y->drivers, t, 1, u);
+        return;
+    }
+    pmr_lead_on(course->led, y->motions, t, 3, st->motions_now);
+    pmr_frame_drivers(y, st->motions_now, u, st->quantities);
+}
+
 static const double *course_at(pmr_state *st, const pmr_course *course, int part, int parts)
 {
     if (course->samples) /* a division takes as long as ten products */
         return course->samples + (size_t)part * (parts == 1 ? course->per : course->per / parts) * st->system->drivers;
-    if (course->motions || (course->signals && st->system->motions))
+    if (course->led)
+        follow_led(st, course, part, parts, st->u_next);
+    else if (course->motions || (course->signals && st->system->motions))
         follow_frame(st, course, part, parts, st->u_next);
     else
         follow_course(course, st->system->drivers, part, parts, st->u_next);

@@ -79,6 +79,19 @@ static int check_block(pmr_system *y, const pmr_block *b, char *why)
     return 0;
 }
 
+/* Whether a block's table of reactions lies within all of them. */
+static int check_reactions(pmr_system *y, int number, char *why)
+{
+    const pmr_block *b = y->block_list + number;
+    const int32_t *of = y->reaction_blocks + 4 * number;
+    const int64_t room = (int64_t)b->rows * of[2] + 64;
+    if (of[0] < 0 || of[1] < 0 || of[1] > y->hp || of[0] + PMR_UP(of[1]) > y->hp ||
+        !lies(y, "table_R", of[3], b, of[2], PMR_UP(of[1])))
+        return pmr_say(why, "damaged: reactions of a block"), 1;
+    if (room > y->largest_table) y->largest_table = (int32_t)room;
+    return 0;
+}
+
 static int check_pair(pmr_system *y, const pmr_pair *pair, char *why)
 {
     const pmr_block *one, *two;
@@ -115,6 +128,60 @@ static int check_frame(const pmr_system *y, char *why)
     return 0;
 }
 
+#define TAKE(field, kind, count)                                                                                       \
+    if (!(y->field = pmr_block_take(y, #field, kind, count, why))) return 1
+
+static int read_blocks(pmr_system *y, char *why)
+{
+    if (!(y->block_list = pmr_block_take(y, "blocks", PMR_INTEGERS, (int64_t)y->blocks * PMR_BLOCK_NUMBERS, why)))
+        return 1;
+    return !(y->pair_list = pmr_block_take(y, "pairs", PMR_INTEGERS, (int64_t)y->pairs * PMR_PAIR_NUMBERS, why));
+}
+
+/* Reactions of supports, the tip and the cylinder that raises the boom. */
+static int read_further(pmr_system *y, char *why)
+{
+    const int32_t *sizes = pmr_block_take(y, "further", PMR_INTEGERS, 3, why);
+    const int64_t values = pmr_block_count(y, "support_values");
+    int64_t sources;
+    int k;
+    if (!sizes) return 1;
+    if (sizes[0] < 0 || sizes[0] > 1 << 20 || sizes[2] < 0 || sizes[2] > 1 << 20 || sizes[1] < 0 || sizes[1] > 1 ||
+        ((sizes[1] || sizes[2]) && !y->motions))
+        return pmr_say(why, "damaged: sizes of further outputs"), 1;
+    y->reactions = sizes[0], y->has_tip = sizes[1], y->sources = sizes[2];
+    y->hp = PMR_UP(y->reactions) + PMR_LANES;
+    sources = (int64_t)y->outputs + y->reactions + y->forces;
+    TAKE(reaction_shapes, PMR_NUMBERS, (int64_t)y->modes * y->hp);
+    TAKE(reaction_rates, PMR_NUMBERS, (int64_t)y->modes * y->hp);
+    TAKE(reaction_direct, PMR_NUMBERS, (int64_t)y->inputs * y->hp);
+    TAKE(reaction_X0, PMR_NUMBERS, (int64_t)y->rows * y->hp);
+    TAKE(table_R, PMR_NUMBERS, -1);
+    TAKE(reaction_blocks, PMR_INTEGERS, 4 * (int64_t)y->blocks);
+    TAKE(support_first, PMR_INTEGERS, y->terms + 1);
+    TAKE(support_entries, PMR_INTEGERS, 2 * values);
+    TAKE(support_values, PMR_NUMBERS, values);
+    TAKE(tip_numbers, PMR_INTEGERS, y->has_tip ? 4 : 0);
+    TAKE(tip_place, PMR_NUMBERS, y->has_tip ? 3 : 0);
+    TAKE(cylinder_hinges, PMR_NUMBERS, y->sources ? 4 : 0);
+    TAKE(cylinder_sources, PMR_INTEGERS, y->sources);
+    TAKE(cylinder_moments, PMR_NUMBERS, (int64_t)y->sources * (1 + y->paths));
+    TAKE(cylinder_pin, PMR_INTEGERS, y->sources ? 3 : 0);
+    if (!ascends(y->support_first, y->terms + 1, (int32_t)values) ||
+        !within(y->cylinder_sources, y->sources, 0, (int32_t)sources))
+        return pmr_say(why, "damaged: supports or cylinder"), 1;
+    for (k = 0; k < values; k++)
+        if (!within(y->support_entries + 2 * k, 1, 0, y->reactions) ||
+            !within(y->support_entries + 2 * k + 1, 1, 0, 2 * y->modes))
+            return pmr_say(why, "damaged: terms of supports"), 1;
+    if (y->has_tip && (!within(y->tip_numbers, 3, -1, y->outputs) || !within(y->tip_numbers + 3, 1, 0, y->motions + 1)))
+        return pmr_say(why, "damaged: the tip"), 1;
+    if (y->sources && (!within(y->cylinder_pin, 2, -1, y->reactions) ||
+                       !within(y->cylinder_pin + 2, 1, 0, (int32_t)sources) || y->frame_angles[0] < 0))
+        return pmr_say(why, "damaged: the cylinder's pin"), 1;
+    return 0;
+}
+
 static int read_arrays(pmr_system *y, char *why)
 {
     static const char *const names[] = {"modes",   "rows",  "contacts", "forces", "inputs",
@@ -126,7 +193,7 @@ static int read_arrays(pmr_system *y, char *why)
     enum { SIZES = sizeof names / sizeof *names };
     const int32_t *sizes = pmr_block_take(y, "sizes", PMR_INTEGERS, SIZES, why);
     const int64_t most = 1 << 20;
-    int64_t r, m, i, o;
+    int64_t r, m, i;
     int32_t k;
     if (!sizes) return 1;
     for (k = 0; k < SIZES; k++) {
@@ -136,7 +203,7 @@ static int read_arrays(pmr_system *y, char *why)
     if (y->modes % PMR_LANES || y->rows != y->contacts + y->pads || y->drivers != y->paths + y->inputs + y->terms ||
         y->whole > 1 || y->coupled > 1)
         return pmr_say(why, "damaged: sizes"), 1;
-    r = y->modes, m = y->rows, i = y->inputs, o = y->outputs;
+    r = y->modes, m = y->rows, i = y->inputs;
     y->mp = PMR_UP(y->rows);
     y->ip = PMR_UP(y->inputs);
     y->op = PMR_UP(y->outputs) + PMR_LANES; /* a body's outputs are filled up beyond those of the last one */
@@ -145,8 +212,6 @@ static int read_arrays(pmr_system *y, char *why)
     y->quasi_static = (int32_t)pmr_block_count(y, "of_modes");
     y->registers = (int32_t)pmr_block_count(y, "columns");
     y->entries = (int32_t)pmr_block_count(y, "registers_of");
-#define TAKE(field, kind, count)                                                                                       \
-    if (!(y->field = pmr_block_take(y, #field, kind, count, why))) return 1
     TAKE(omega2, PMR_NUMBERS, r);
     TAKE(damping, PMR_NUMBERS, y->coupled ? r * r : r);
     TAKE(inertia, PMR_NUMBERS, r);
@@ -197,12 +262,9 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(products, PMR_INTEGERS, 3 * (int64_t)y->product_count);
     TAKE(factors, PMR_NUMBERS, y->product_count);
     TAKE(first_product, PMR_INTEGERS, y->motions ? y->inputs + y->terms + 1 : 0);
-    if (!(y->block_list = pmr_block_take(y, "blocks", PMR_INTEGERS, (int64_t)y->blocks * PMR_BLOCK_NUMBERS, why)))
-        return 1;
-    if (!(y->pair_list = pmr_block_take(y, "pairs", PMR_INTEGERS, (int64_t)y->pairs * PMR_PAIR_NUMBERS, why))) return 1;
-    (void)o;
-    return 0;
+    return read_further(y, why) || read_blocks(y, why);
 }
+#undef TAKE
 
 static int check_arrays(pmr_system *y, char *why)
 {
@@ -229,7 +291,7 @@ static int check_arrays(pmr_system *y, char *why)
     }
     if (check_frame(y, why)) return 1;
     for (k = 0; k < y->blocks; k++)
-        if (check_block(y, y->block_list + k, why)) return 1;
+        if (check_block(y, y->block_list + k, why) || check_reactions(y, k, why)) return 1;
     for (k = 0; k < y->pairs; k++)
         if (check_pair(y, y->pair_list + k, why)) return 1;
     if (y->whole) {
@@ -273,7 +335,8 @@ void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
                              .pads = y->pads,
                              .drivers = y->drivers,
                              .motions = y->motions,
-                             .pushing = y->pushing};
+                             .pushing = y->pushing,
+                             .further = y->reactions + 3 * y->has_tip + (y->sources > 0)};
     *sizes = found;
 }
 
@@ -285,4 +348,16 @@ const char *pmr_system_names(const pmr_system *y, const char *list, size_t *coun
     text = pmr_block_take(y, name, PMR_BYTES, -1, NULL);
     *count = text ? (size_t)pmr_block_count(y, name) : 0;
     return text;
+}
+
+const double *pmr_system_numbers(const pmr_system *y, const char *name, int64_t *count)
+{
+    *count = pmr_block_count(y, name);
+    return pmr_block_take(y, name, PMR_NUMBERS, -1, NULL);
+}
+
+const int32_t *pmr_system_integers(const pmr_system *y, const char *name, int64_t *count)
+{
+    *count = pmr_block_count(y, name);
+    return pmr_block_take(y, name, PMR_INTEGERS, -1, NULL);
 }

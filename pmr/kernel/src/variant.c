@@ -29,6 +29,7 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "start.c"
 #include "advance.c"
 #include "machine.c"
+#include "continuous.c"
 
 const pmr_functions PMR_FUNCTIONS = {
     .name = PMR_VARIANT,
@@ -55,4 +56,10 @@ const pmr_functions PMR_FUNCTIONS = {
     .friction = friction_alone,
     .state_bytes = state_bytes,
     .state_save = state_save,
+    .state_adjust = state_adjust,
+    .step_led = step_led,
+    .further = further_outputs,
+    .evaluate = evaluate_at,
+    .evaluate_along = evaluate_along,
+    .check_start = check_start,
 };

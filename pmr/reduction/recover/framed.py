@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row, Rows, fixed_row
-from pmr.errors import ConvergenceError, InputError
+from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, sparse, times
 from pmr.fem.matrices import gather
@@ -30,7 +30,7 @@ from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.eigensolvers import eigensolver
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.statics import static_solver
+from pmr.fullmodel.statics import SingularError, static_solver
 from pmr.fullmodel.structure import couple
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.reduction.recover.nodal import built_at
@@ -114,7 +114,7 @@ def _static(held: _Held, G: sp.csr_matrix, solver: str) -> Array:
     """Psi (n, 6 F)."""
     try:
         static = static_solver(held.full, held.rows, solver)
-    except ConvergenceError:
+    except SingularError:
         raise _not_held() from None
     X = static.solve(G.T.toarray(order="F"))
     static.destroy()

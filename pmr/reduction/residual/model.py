@@ -22,7 +22,7 @@ from pmr.reduced.attachment import RICHER
 from pmr.reduced.carriers import Answers, CarriedRows
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
-from pmr.reduced.truncation import is_modal, truncated
+from pmr.reduced.truncation import is_modal, truncated, with_tables
 from pmr.reduction.basis import Basis
 from pmr.reduction.galerkin import RANK_CHECKS, galerkin, without_rows
 from pmr.reduction.residual.operator import ResidualFlexibility, terms
@@ -159,11 +159,10 @@ def _span(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | 
     Z = residual.apply(loads.toarray(order="F"))
     size = np.sqrt(model.comm.allreduce(np.sum(Z**2, axis=0)))
     Z *= np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
-    if model.size < loads.shape[1]:  # squares of the shorter side: of a beam five times shorter
+    if model.size < 2 * loads.shape[1]:  # as of a beam: the coordinates themselves, between which matrices are sparse
         every = np.concatenate(model.comm.allgather(Z))
-        share, vectors = np.linalg.eigh(every @ every.T)
-        vectors = vectors[:, share > SPANNED * share[-1]]
-        return vectors[model.share], vectors.T @ every * size
+        noise = np.abs(every) <= ROUND_OFF * np.finfo(float).eps  # of a beam that bends in one plane, or twists
+        return np.eye(model.size)[model.share], np.where(noise, 0.0, every) * size
     share, Q = np.linalg.eigh(inner(Z, Z, model.comm))
     kept = share > SPANNED * share[-1]
     root = np.sqrt(share[kept])
@@ -211,7 +210,7 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
     """Eigenmodes with all but so many as enrichment modes."""
     if not is_modal(model):
         raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
-    return model if coordinates == model.size else truncated(model, coordinates)
+    return with_tables(model) if coordinates == model.size else truncated(model, coordinates)
 
 
 def _projected(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:

@@ -9,8 +9,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
 
+from pmr.constraints.polynomials import transposed
+from pmr.constraints.products import RowPolynomials
 from pmr.constraints.rows import SharedCarriers
 from pmr.errors import InputError, environment
 from pmr.fem.compat import MPI
@@ -206,12 +207,11 @@ def load_powers(
 
 def tables(flexibility: LoadFlexibility, shared: SharedCarriers) -> Flexibility:
     """Tables of rows on common carriers and breaks, all of them at the same path coordinate."""
-    C, breaks, K = stacked(shared), shared.rows[0].breaks, flexibility.carriers
-    inputs = flexibility.inputs
+    C, K, inputs = RowPolynomials.of(shared.rows), flexibility.carriers, flexibility.inputs
     return Flexibility(
-        rows=PPoly(_squared(C, flexibility.pairs[:K, :K]), breaks),
-        inputs=PPoly(C.times(inputs[:K]), breaks),
-        outputs=PPoly(C.times(flexibility.outputs[:, :K].T).swapaxes(2, 3), breaks),
+        rows=C.squared(flexibility.pairs[:K, :K]),
+        inputs=C.times(inputs[:K]),
+        outputs=transposed(C.times(flexibility.outputs[:, :K].T)),
         direct=flexibility.outputs[:, K:],
         energy=inputs[K:],
     )
@@ -221,67 +221,3 @@ def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:
     """Unit loads on the carriers, then the inputs: this rank's rows."""
     share = slice(*model.M.getOwnershipRange())
     return sp.hstack([carriers[:, share].T, local_csr(model.inputs)], format="csc")
-
-
-@dataclass(frozen=True)
-class Polynomials:
-    """Coefficients of m rows on k intervals, one sparse row for each interval, row and power, in this order."""
-
-    entries: sp.csr_matrix
-    shape: tuple[int, int, int]
-
-    def times(self, X: Array) -> Array:
-        """Coefficients (powers, k, m, c) of C(s) X."""
-        return np.moveaxis((self.entries @ X).reshape(*self.shape, X.shape[1]), 2, 0)
-
-    def on(self, interval: int) -> tuple[Indices, Array]:
-        """Numbers (d,) of the carriers that the rows touch on one interval, and coefficients there, (m powers, d)."""
-        size = self.shape[1] * self.shape[2]
-        ends = self.entries.indptr[interval * size : (interval + 1) * size + 1]
-        which = slice(ends[0], ends[-1])
-        touched, column = np.unique(self.entries.indices[which], return_inverse=True)
-        dense = np.zeros((size, len(touched)))
-        np.add.at(dense, (np.repeat(np.arange(size), np.diff(ends)), column), self.entries.data[which])
-        return touched, dense
-
-
-def stacked(shared: SharedCarriers) -> Polynomials:
-    """Coefficients of rows on common carriers and breaks."""
-    rows = shared.rows
-    powers = max(len(row.coefficients) for row in rows)
-    k, m = len(rows[0].breaks) - 1, len(rows)
-    parts = []
-    for a, row in enumerate(rows):
-        lacking = powers - len(row.coefficients)
-        p, j, d = np.indices(row.coefficients.shape)
-        parts.append(
-            (
-                row.coefficients.ravel(),
-                ((j * m + a) * powers + p + lacking).ravel(),
-                row.touched[j, d].ravel(),
-            )
-        )
-    values, at, columns = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return Polynomials(
-        sp.csr_matrix((values, (at, columns)), (k * m * powers, shared.carriers.shape[0])), (k, m, powers)
-    )
-
-
-def _squared(C: Polynomials, R: sp.csr_matrix | Array) -> Array:
-    """Coefficients (2 powers - 1, k, m, m) of C(s) R C(s)^T.
-
-    On an interval rows touch a few carriers only, so of R a small block counts, however long the path is.
-    """
-    k, m, powers = C.shape
-    result = np.zeros((2 * powers - 1, k, m, m))
-    sides = [C.on(j) for j in range(k)]
-    sizes = [len(at) ** 2 for at, _ in sides]
-    rows = np.concatenate([np.repeat(at, len(at)) for at, _ in sides])
-    columns = np.concatenate([np.tile(at, len(at)) for at, _ in sides])
-    blocks = np.split(np.asarray(R[rows, columns]).ravel(), np.cumsum(sizes)[:-1])  # all at once: SciPy is slow at one
-    for j, ((at, left), block) in enumerate(zip(sides, blocks, strict=True)):
-        product = (left @ block.reshape(len(at), len(at)) @ left.T).reshape(m, powers, m, powers)
-        for p in range(powers):
-            for q in range(powers):
-                result[p + q, j] += product[:, p, :, q]
-    return (result + result.swapaxes(2, 3)) / 2.0

@@ -7,6 +7,7 @@ its difference over all steps to that of the finest discretisation of the same a
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,11 +16,15 @@ from pydantic import Field, field_validator
 from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.compare.cable import simulate_cable
+from pmr.compare.evaluation import respond
+from pmr.compare.judged import warnings_of_response
+from pmr.compare.runs import run_from_start
 from pmr.errors import InputError
+from pmr.scene.hints import hints
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
-from pmr.studies import booms, marching, sections, shared, subjects
+from pmr.studies import booms, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
@@ -76,7 +81,7 @@ class Study(StudyBase):
         function = {"ancf": cable_tip, "full": beam_tip}[approach]
         runs = []
         for count in elements:
-            meshed = marching.driven(scene).model_copy(update={"mesh": scenes.MeshChoice(elements=count)})
+            meshed = _driven(scene).model_copy(update={"mesh": scenes.MeshChoice(elements=count)})
             arguments = shared.scene_arguments(meshed)
             needs = {"finest": f"{approach}-{elements[-1]}"} if count != elements[-1] else {}
             parameters: dict[str, Scalar] = {"approach": approach, "elements": count}
@@ -102,8 +107,9 @@ def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full beam's tip; array ``tip`` (T,) in m."""
     scene = shared.scene_of(arguments)
     system = shared.full_system(scene)
-    tip = marching.motion(system, Excitation.of(scene)).displacement[:, -1]
-    return _compared(tip, system.bodies[ALONE].size, needs)
+    response = respond(system, run_from_start(system, Excitation.of(scene)))
+    found = _compared(response.of("tip")[:, -1], system.bodies[ALONE].size, needs)
+    return replace(found, warnings=warnings_of_response(scene, system, response))
 
 
 def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -113,7 +119,8 @@ def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
     cable = scene.model_copy(update={"compare": compared})
     motion = simulate_cable(cable, [scene.alone.length], Excitation.of(scene))
-    return _compared(motion.displacement[:, -1], COORDINATES_PER_NODE * (elements + 1), needs)
+    found = _compared(motion.displacement[:, -1], COORDINATES_PER_NODE * (elements + 1), needs)
+    return replace(found, warnings=tuple(hints(scene)))
 
 
 def _compared(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -122,3 +129,9 @@ def _compared(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> Ta
         finest = needs["finest"].arrays["tip"]
         record |= {"e_abs": compare.absolute_error(tip, finest), "e_nrms": compare.relative_error(tip, finest)}
     return TaskResult(record, {"tip": tip})
+
+
+def _driven(scene: scenes.Scene) -> scenes.Scene:
+    """The scene without what the full model's motion does not depend on: reduction, comparison, choice of simulator."""
+    update = {"compare": scenes.Compare(against=()), "simulation": scenes.Simulation()}
+    return shared.with_reduction(scene.model_copy(update=update), scenes.Reduction())

@@ -21,6 +21,8 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare.errors import relative_error
+from pmr.compare.evaluation import respond
+from pmr.compare.judged import warnings_of_response
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulation import Excitation, TimeStepping
@@ -32,6 +34,7 @@ from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
 from pmr.studies.tolerances import TOLERANCES, holding
 from pmr.system.body import length_outputs
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Method = Literal["pod", "visited", "modes", "flexibility", "trajectory"]
@@ -87,7 +90,7 @@ class Study(StudyBase):
             runs.append(Task(key_of(f"{file.stem},radii"), dissipated, arguments, {"truth": truth.key}, parameters))
             if scene.body.profile is not None and scene.mesh.file is None:
                 arguments, parameters = given | {"elements": list(self.elements)}, parameters | {"method": "elements"}
-                runs.append(Task(key_of(f"{file.stem},elements"), meshed, arguments, {}, parameters))
+                runs.append(Task(key_of(f"{file.stem},elements"), meshed, arguments, {"truth": truth.key}, parameters))
         return Plan(tuple(runs), tuple(truths))
 
     def _check_steps(self, count: int) -> None:
@@ -130,14 +133,17 @@ def without_axial(scene: Scene) -> Scene:
 def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` than all that are tried.
 
-    Figures: ``step``, what its own step is off by, as a fraction.
+    Figures: ``step``, what its own step is off by, as a fraction.  Warnings are those of a run with the scene's step.
     """
     scene, steps = shared.scene_of(arguments), arguments["steps"]
     form, given, finest = modal_form(shared.body_of(scene)), Excitation.of(scene), FINER * steps[-1]
     coarser, y = (
         observed(form, stepped(given, factor * finest), round(steps[0] / (factor * finest))) for factor in (2.0, 1.0)
     )
-    return TaskResult({"step": relative_error(coarser, y) / 3.0}, {"y": y})
+    case = bases.Case.of(scene)
+    system = System.of(case.full)
+    lines = warnings_of_response(scene, system, respond(system, case.run))
+    return TaskResult({"step": relative_error(coarser, y) / 3.0}, {"y": y}, warnings=lines)
 
 
 def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -179,7 +185,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
         record[f"reduction.{r}"] = relative_error(runs[0].displacement, case.displacement[:, length_outputs(case.full)])
         off = np.abs(runs[0].energy - stored)[moving].max(initial=0.0)
         record[f"energy.{r}"] = float(min(off / stored.max(), 1e3))
-    return TaskResult(record, seconds=seconds)
+    return TaskResult(record, seconds=seconds, warnings=truth.warnings)
 
 
 def dissipated(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -191,7 +197,7 @@ def dissipated(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) ->
             stepping = TimeStepping(given.stepping.end, given.stepping.step * factor, radius)
             y = observed(form, given.with_stepping(stepping), round(arguments["steps"][0] / factor))
             record[f"rho.{radius:g}.{factor:g}"] = relative_error(y, truth)
-    return TaskResult(record)
+    return TaskResult(record, warnings=needs["truth"].warnings)
 
 
 def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -211,7 +217,7 @@ def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
             record[f"tip.{count}"] = relative_error(tip(count), finest)
         except InputError:
             record[f"tip.{count}"] = None
-    return TaskResult(record)
+    return TaskResult(record, warnings=needs["truth"].warnings)
 
 
 def _many(scene: Scene) -> Any:

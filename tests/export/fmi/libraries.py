@@ -1,9 +1,9 @@
-"""FMUs compiled by this machine's compiler and called through their C interface, in both versions."""
+"""FMUs called through their C interface, in both versions, with the package's library."""
 
 from __future__ import annotations
 
+import csv
 import ctypes
-import subprocess
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import Contents, contents
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.recorded import recorded
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-pedantic", "-Werror", "-fPIC", "-shared"]
 _UINT, _SIZE, _DOUBLES = ctypes.c_uint32, ctypes.c_size_t, ctypes.POINTER(ctypes.c_double)
 _LOGGER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
 _LOGGER_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
@@ -30,41 +30,41 @@ class CallError(Exception):
 
 @dataclass(frozen=True)
 class Library:
-    """A compiled FMU: its functions, and value references by name."""
+    """An FMU: its functions, value references by name, and where its resources are, as its version has it."""
 
     functions: ctypes.CDLL
     version: str
     token: str
     references: dict[str, int]
     causality: dict[str, str]
+    resources: bytes
 
     def named(self, causality: str) -> list[str]:
         return [name for name, has in self.causality.items() if has == causality]
 
 
 def library(model: ReducedModel, folder: Path, version: str) -> Library:
-    """The FMU's source, compiled without a warning."""
-    return compiled(
-        contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version), folder, version
-    )
+    """The FMU of a body alone."""
+    return loaded(contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version), folder, version)
 
 
-def compiled(found: Contents, folder: Path, version: str) -> Library:
-    """Source of an FMU, compiled without a warning."""
-    place = folder / f"fmi{version}"
-    place.mkdir()
-    for name, text in found.sources.items():
-        (place / name).write_text(text)
-    subprocess.run(["cc", *FLAGS, *found.described.sources, "-o", "body.so", "-lm"], cwd=place, check=True)
-    root = ET.fromstring(found.texts["modelDescription.xml"])
+def loaded(unit: Contents, folder: Path, version: str) -> Library:
+    """An FMU unpacked in a folder, whose binary is that of this system."""
+    (host,) = fmu.chosen("host", "3")
+    library = Path(fmu.__file__).parent / "binaries" / host.folder_3 / f"pmr_fmi{host.suffix}"
+    resources = folder / f"fmi {version}" / "resources"
+    resources.mkdir(parents=True)
+    (resources / "system.pmr").write_bytes(unit.system)
+    root = ET.fromstring(unit.texts["modelDescription.xml"])
     variables = root.find("ModelVariables")
     assert variables is not None
     return Library(
-        ctypes.CDLL(str(place / "body.so")),
+        ctypes.CDLL(str(library)),
         version,
-        found.described.token,
+        unit.described.token,
         {v.attrib["name"]: int(v.attrib["valueReference"]) for v in variables},
         {v.attrib["name"]: v.attrib["causality"] for v in variables},
+        (resources.as_uri() if version == "2" else f"{resources}/").encode(),
     )
 
 
@@ -80,10 +80,10 @@ class Instance:
             callbacks = (ctypes.c_void_p * 5)(ctypes.cast(self._logger, ctypes.c_void_p).value, None, None, None, None)
             self._callbacks = callbacks
             make = functions.fmi2Instantiate
-            arguments = [b"body", 0 if model_exchange else 1, names, b"", callbacks, 0, 0]
+            arguments = [b"body", 0 if model_exchange else 1, names, made.resources, callbacks, 0, 0]
         else:
             self._logger = _LOGGER_3(lambda e, status, category, message: self.said.append(message.decode()))
-            given = [b"body", names, b"", False, False]
+            given = [b"body", names, made.resources, False, False]
             if model_exchange:
                 make, arguments = functions.fmi3InstantiateModelExchange, [*given, None, self._logger]
             else:
@@ -94,6 +94,11 @@ class Instance:
         if not made_instance:
             raise CallError(self.said[-1])
         self.c = ctypes.c_void_p(made_instance)
+
+    def free(self) -> None:
+        free = getattr(self.library.functions, f"fmi{self.library.version}FreeInstance")
+        free.restype = None
+        free(self.c)
 
     def call(self, name: str, *arguments: object) -> None:
         if getattr(self.library.functions, f"fmi{self.library.version}{name}")(self.c, *arguments) != 0:
@@ -180,3 +185,24 @@ class Instance:
             self.call(f"{verb}Real", of, count, pointer)
         else:
             self.call(f"{verb}Float64", of, count, pointer, count)
+
+
+def follow_reference(unit: Contents, library: Library) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Outputs under the inputs of the reference that a unit carries, and the reference's, at its instants."""
+    given, expected = (_table(unit.texts[f"resources/reference_{part}.csv"]) for part in ("in", "out"))
+    instance, t, instants = Instance(library), given.pop("time"), expected.pop("time")
+    rows = np.column_stack(list(given.values()))
+    instance.initialise(list(given), rows[0])
+    outputs = [instance.get(list(expected))]
+    for k in range(len(rows) - 1):
+        instance.set(list(given), rows[k])
+        instance.step(t[k], t[k + 1] - t[k])
+        outputs.append(instance.get(list(expected)))
+    shown = np.array(outputs)[np.searchsorted(t, instants - 1e-9)]
+    return dict(zip(expected, shown.T, strict=True)), expected
+
+
+def _table(text: str) -> dict[str, Array]:
+    """Columns of comma-separated values by their names."""
+    head, *rows = csv.reader(text.splitlines())
+    return dict(zip(head, np.array(rows, float).T, strict=True))

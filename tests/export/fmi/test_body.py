@@ -18,7 +18,6 @@ from one_body import displacement
 from oracle import flexible, project, rich_body
 
 from pmr.errors import BEYOND_ENDS
-from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import Contents, contents
 from pmr.export.fmi.reference import reference
@@ -151,7 +150,7 @@ def test_from_step_to_step_its_inputs_have_the_signals_values_and_rates(made: Ma
     """Led on by the rates that it carries it is the run, whose parts of steps follow the signals."""
     scene, (values, _), (moved, _, forces) = recorded(System.of(made.model), "model"), made.names(), made.observed()
     given = made.library.named("input")
-    carried = reference(Drivers.of(arrangement(System.of(made.model))), scene)
+    carried = reference(Drivers.of(System.of(made.model)), scene)
     instance, found, shown = Instance(made.library), [], np.round(carried.t / STEP).astype(int)
     instance.initialise(values, carried.inputs[0, 1 : 1 + len(values)])
     for k in range(shown[-1] + 1):

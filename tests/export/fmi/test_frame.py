@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from export.fmi.libraries import CallError, Instance, Library, compiled
+from export.fmi.libraries import CallError, Instance, Library, loaded
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import pmr
-from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import contents
 from pmr.export.fmi.variables import path_names
@@ -104,8 +103,8 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     found = pmr.reduce(scene)
     system = System.load(found.system.save(tmp_path_factory.mktemp("system") / "system.npz"))
     texts = contents(system, recorded(system, "system.npz"), "crane", version)
-    library = compiled(texts, tmp_path_factory.mktemp("fmu"), version)
-    return Made(found.scene, system, Drivers.of(arrangement(system)), library, texts.texts)
+    library = loaded(texts, tmp_path_factory.mktemp("fmu"), version)
+    return Made(found.scene, system, Drivers.of(system), library, texts.texts)
 
 
 def driven(made: Made, instance: Instance) -> dict[str, Any]:
@@ -210,7 +209,7 @@ def test_the_tip_is_where_it_is_in_space(made: Made) -> None:
 
 def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
     """M q'' = B f - D q' - K q - sum c (V q' + G q) - C^T lambda, lambda of springs, in NumPy."""
-    if not made.drivers.rows.is_differential:
+    if not made.drivers.is_differential:
         with pytest.raises(CallError, match="rigid rows or friction leave no differential equation"):
             Instance(made.library, model_exchange=True)
         return
@@ -244,7 +243,7 @@ def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
 
 def test_derivatives_along_each_direction(made: Made) -> None:
     """Against central differences, of angles and their rates too; between breaks of the rows."""
-    if not made.drivers.rows.is_differential:
+    if not made.drivers.is_differential:
         return
     outputs = [name for name in made.library.named("output") if "reaction" not in name]
     groups = [
@@ -370,5 +369,5 @@ def test_what_goes_in_has_its_unit(made: Made) -> None:
         "fly_gust": "N",
     }
     assert {name: units[name] for name in expected} == expected
-    assert path_names(made.drivers.rows.paths) == ["s middle", "s fly"]
+    assert path_names(made.drivers.paths) == ["s middle", "s fly"]
     assert Excitation.of(made.scene).paths.keys() == set(made.frame.paths)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from export.fmi.libraries import CallError, Instance, Library, compiled
+from export.fmi.libraries import CallError, Instance, Library, loaded
 from export.fmi.test_systems import BOTH_WAYS, WORKFLOWS
 from numpy.typing import NDArray
 
@@ -50,7 +50,7 @@ class Made:
         found = reduce(load_any(WORKFLOWS / f"{scene}.toml", (*ROUGH, *changes)))
         assert isinstance(found, Reduction)
         self.system = System.load(found.system.save(folder / "system.npz"))
-        self.library: Library = compiled(
+        self.library: Library = loaded(
             contents(self.system, recorded(self.system, "system.npz"), "boom", version), folder, version
         )
         self.pushes = not np.isnan(self.system.clearance).all()

@@ -7,7 +7,6 @@ import os
 import re
 import shlex
 import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,6 @@ from processes import called
 from benchmarks.fmu import Timed
 from pmr import scene
 from pmr.export.fmi import fmu
-from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import PLATFORMS
 from pmr.export.fmi.reference import reference
@@ -43,10 +41,8 @@ ROOT = Path(__file__).parents[3]
 HERE = Path(__file__).parent
 pytestmark = pytest.mark.slow
 CASES = {"evolved_residual": ["time.end=6"], "boom_shell": ["time.end=2"]}
-#: Windows' C library is compiled by the first link for it, some hundred files for over a minute: ``PMR_SWEEP=full``
-#: links for it too, otherwise its part of the interface is compiled alone.
-LINKED = [one for one in PLATFORMS if one.suffix != ".dll" or os.environ.get("PMR_SWEEP") == "full"]
-(WINDOWS,) = (one for one in PLATFORMS if one.suffix == ".dll")
+#: All that ziglang compiles for with ``PMR_SWEEP=full``: a minute each.
+COMPILED = PLATFORMS if os.environ.get("PMR_SWEEP") == "full" else PLATFORMS[:1]
 #: What an importer of both kinds calls, by version.
 REQUIRED = {
     "2": "Instantiate FreeInstance SetupExperiment EnterInitializationMode ExitInitializationMode Terminate Reset "
@@ -78,9 +74,9 @@ def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     model = reduce(scene.load(ROOT / "workflows" / f"{request.param}.toml", CASES[request.param])).reduced
     npz, files = model.save(folder / "reduced.npz"), {}
     for version in fmu.VERSIONS:
-        everywhere = request.param == "evolved_residual" and version == "3"  # either version compiles the same source
+        everywhere = request.param == "evolved_residual" and version == "3"  # one library has both versions
         target = folder / f"body_{version}.fmu"
-        files[version] = fmu.write_fmu(npz, target, version, LINKED if everywhere else PLATFORMS[:1])
+        files[version] = fmu.write_fmu(npz, target, version, COMPILED if everywhere else PLATFORMS[:1])
     return Exported(model, files)
 
 
@@ -180,27 +176,10 @@ def test_model_exchange_under_cvode(exported: Exported, fmpy: Path, version: str
 @pytest.mark.parametrize("version", fmu.VERSIONS)
 def test_every_binary_exports_the_interface(exported: Exported, fmpy: Path, version: str) -> None:
     found = under(fmpy, "symbols", str(exported.files[version]))
-    assert len(found) in (1, len(LINKED))
+    assert len(found) in (1, len(COMPILED))
     for file, names in found.items():
         missing = {f"fmi{version}{name}" for name in REQUIRED[version].split()} - set(names)
         assert not missing, file
-
-
-@pytest.mark.parametrize("version", fmu.VERSIONS)
-def test_sources_compile_for_windows_with_the_interface_to_export(version: str, tmp_path: Path) -> None:
-    """As objects, which say what a library of them exports."""
-    model = reduce(scene.load(ROOT / "workflows" / "evolved_residual.toml", CASES["evolved_residual"])).reduced
-    sources = fmu.contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version).sources
-    for name, text in sources.items():
-        (tmp_path / name).write_text(text)
-    flags = [flag for flag in fmu._FLAGS if flag not in ("-shared", "-s")]
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", WINDOWS.target, *flags, "-c"]
-    exported = set[bytes]()
-    for name in sources:
-        if name.endswith(".c"):
-            subprocess.run([*command, name, "-o", "one.o"], cwd=tmp_path, check=True)
-            exported |= set(re.findall(rb"export:\"?(\w+)", (tmp_path / "one.o").read_bytes()))
-    assert {f"fmi{version}{name}".encode() for name in REQUIRED[version].split()} <= exported
 
 
 def test_the_self_check_of_the_manual_on_the_tutorials_boom(
@@ -241,7 +220,7 @@ def test_the_boom_of_the_manual_is_driven_under_fmpy(fmpy: Path, tmp_path: Path)
     loads: dict[str, SignalBase] = {name: Ramp(times=(0.0, 1.0), values=(at, at)) for name, at in starting}
     loads["fly.extension"] = Held(step=h, values=tuple(acceleration.tolist()))
     paths = {"middle": Ramp(times=(0.0, 1.0), values=(0.6, 0.6)), "fly": Ramp(times=t.tolist(), values=s.tolist())}
-    given = Excitation(paths, loads, reference(Drivers.of(arrangement(system)), known).stepping)
+    given = Excitation(paths, loads, reference(Drivers.of(system), known).stepping)
     run = systems.simulate(system, given, systems.static_start(system, given))
     tip = systems.displacements(system, run)["fly"][-1, -1]
     force = run.forces[-1, system.contact_names.index("cylinder of fly")]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from compare.test_luffing_cylinder import FOOT, LENGTH, LUG, MASS, G, raised
-from export.fmi.libraries import Instance, compiled
+from export.fmi.libraries import Instance, loaded
 
 import pmr
 from pmr.export.fmi.fmu import contents
@@ -20,7 +20,7 @@ def test_the_cylinder_carries_the_weight_at_each_angle(tmp_path: Path) -> None:
     """The arm is the height of the triangle of pivot, foot and lug over the cylinder; how it changes with the angle."""
     found = pmr.reduce(raised({"kind": "smooth_ramp", "times": [0.0, 2.0], "values": [0.3, 0.9]}))
     system = System.load(found.reduced.save(tmp_path / "reduced.npz"))
-    library = compiled(contents(system, recorded(system, "reduced.npz"), "boom", "3"), tmp_path, "3")
+    library = loaded(contents(system, recorded(system, "reduced.npz"), "boom", "3"), tmp_path, "3")
     output = "reaction_of_pivot_cylinder"
 
     def pressed(angle: float) -> float:

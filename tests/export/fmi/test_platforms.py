@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import ctypes
+import subprocess
+import sys
+import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
+from export.fmi.test_body import LOADS, PATH, provided
+from oracle import flexible, rich_body
 
 from pmr.errors import InputError
 from pmr.export.fmi import fmu
-from pmr.export.fmi.description import Described
-from pmr.export.fmi.fmu import PLATFORMS, Contents, Platform, chosen
+from pmr.export.fmi.fmu import PLATFORMS, chosen
 from pmr.export.formats import Options, write
+from pmr.simulation.recorded import recorded
+from pmr.system.system import System
 
 
 @pytest.mark.parametrize(
@@ -46,16 +53,40 @@ def test_anything_else_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("version", "count"), [("2", 3), ("3", 5)])
 def test_each_has_its_place_in_the_archive(tmp_path: Path, monkeypatch, version: str, count: int) -> None:
-    def compiled(folder: Path, sources: Sequence[str], platform: Platform, target: Path) -> None:
-        target.parent.mkdir(parents=True)
-        target.write_text(platform.target)
-
-    monkeypatch.setattr(fmu, "_compile", compiled)
-    described = Described("boom", "A boom", "token", True, ["model.c"], 1.0, 1e-3)
-    found = fmu._binaries(tmp_path, Contents({"sources/model.c": ""}, described), version, PLATFORMS)
+    monkeypatch.setattr(fmu, "binary", lambda platform: platform.target.encode())
+    model = provided(flexible(rich_body(), 6), PATH, LOADS)
+    system = System.of(model)
+    file = fmu.write(system, recorded(system, "model.npz"), tmp_path / "boom.fmu", version)
     places = {one.folder_2 if version == "2" else one.folder_3: one for one in PLATFORMS}
-    assert len(found) == count
-    for name, content in found.items():
-        binaries, place, library = name.split("/")
-        assert (binaries, library) == ("binaries", f"boom{places[place].suffix}")
-        assert content.decode() == places[place].target
+    with zipfile.ZipFile(file) as archive:
+        binaries = [name for name in archive.namelist() if name.startswith("binaries/")]
+        assert len(binaries) == count
+        for name in binaries:
+            _, place, library = name.split("/")
+            assert library == f"boom{places[place].suffix}"
+            assert archive.read(name).decode() == places[place].target
+
+
+def test_without_binary_or_compiler_it_says_what_to_install(monkeypatch) -> None:
+    (other,) = (one for one in PLATFORMS if one.folder_3 == "aarch64-darwin")
+    monkeypatch.setattr(fmu, "_HERE", Path("nowhere"))
+    monkeypatch.setitem(sys.modules, "ziglang", None)
+    with pytest.raises(InputError, match="ziglang"):
+        fmu.binary(other)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["2", "3"])
+def test_sources_that_come_along_compile_to_the_unit(tmp_path: Path, version: str) -> None:
+    """As an importer compiles them: the files that are listed, with no option but that for a shared library."""
+    system = System.of(provided(flexible(rich_body(), 6), PATH, LOADS))
+    file = fmu.write(system, recorded(system, "model.npz"), tmp_path / "body.fmu", version, PLATFORMS[:1], sources=True)
+    with zipfile.ZipFile(file) as archive:
+        archive.extractall(tmp_path / "unit")
+    described = tmp_path / "unit" / ("modelDescription.xml" if version == "2" else "sources/buildDescription.xml")
+    elements = ElementTree.parse(described).getroot().iter("File" if version == "2" else "SourceFile")
+    listed = sorted({str(element.get("name")) for element in elements})
+    command = ["cc", "-O1", "-fPIC", "-shared", *listed, "-o", "body.so", "-lm"]
+    subprocess.run(command, cwd=tmp_path / "unit" / "sources", check=True)
+    library = ctypes.CDLL(str(tmp_path / "unit" / "sources" / "body.so"))
+    assert hasattr(library, f"fmi{version}DoStep") and not hasattr(library, f"fmi{5 - int(version)}DoStep")

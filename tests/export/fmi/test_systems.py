@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from export.fmi.libraries import CallError, Instance, Library, compiled
+from export.fmi.libraries import CallError, Instance, Library, loaded
 from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import contents
 from pmr.export.fmi.reference import reference
@@ -98,7 +97,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     found = reduced(scene, *changes)
     system = System.load(found.system.save(tmp_path_factory.mktemp("system") / "system.npz"))
     texts = contents(system, recorded(system, "system.npz"), "boom", version)
-    return Made(found.scene, system, compiled(texts, tmp_path_factory.mktemp("fmu"), version))
+    return Made(found.scene, system, loaded(texts, tmp_path_factory.mktemp("fmu"), version))
 
 
 def outputs_of(system: System, found: SystemTrajectory) -> Array:
@@ -143,7 +142,7 @@ def test_with_rates_of_its_signals_a_boom_on_pads_that_push_is_the_run(made: Mad
     if np.isnan(made.system.clearance).all():
         return
     scene = recorded(made.system, "system")
-    carried = reference(Drivers.of(arrangement(made.system)), scene)
+    carried = reference(Drivers.of(made.system), scene)
     run = systems.simulate(made.system, scene.excitation, systems.static_start(made.system, scene.excitation))
     assert 1.0 < run.parts[1:].mean() < 32.0
     instance, given, found = Instance(made.library), made.library.named("input"), []
@@ -180,7 +179,7 @@ def test_it_starts_in_equilibrium_unless_told_to_be_at_rest(made: Made) -> None:
 
 def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
     """Contacts as springs, K + C^T F^-1 C, at places where a section slides on two others."""
-    if not arrangement(made.system).gives_way.all():
+    if not Drivers.of(made.system).is_differential:
         with pytest.raises(CallError, match="rigid rows or friction leave no differential equation"):
             Instance(made.library, model_exchange=True)
         return
@@ -209,7 +208,7 @@ def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
 
 def test_derivatives_along_each_direction(made: Made) -> None:
     """Against central differences, (h^2 / 6) y''' and the round-off of y over h off; between breaks."""
-    if not arrangement(made.system).gives_way.all():
+    if not Drivers.of(made.system).is_differential:
         return
     (values, rates), observed = made.inputs(), made.observed()
     of_states = [name for name in made.library.named("local") if name.startswith("der_")]
@@ -328,7 +327,7 @@ def test_pads_with_a_clearance_find_where_they_lie(tmp_path: Path) -> None:
     wide = tuple(f"section.joint.{ring}.0.clearance=2e-3" for ring in ("tail", "mouth"))
     found = reduced("boom_two", *wide, "time.end=0.01")
     scene, assembly = of_boom(found.scene, found.system), Assembly(found.system)
-    made = Made(found.scene, found.system, compiled(contents(found.system, scene, "boom", "3"), tmp_path, "3"))
+    made = Made(found.scene, found.system, loaded(contents(found.system, scene, "boom", "3"), tmp_path, "3"))
     expected = equilibrium(assembly, places(found.system, made.excitation)[0], scene.first_loads)
     instance = Instance(made.library)
     instance.initialise()
@@ -410,7 +409,7 @@ def test_a_body_without_contacts_or_paths_is_a_system_too(two: Reduction, tmp_pa
     weight = of_boom(two.scene, two.system).excitation.loads["base.gravity"]
     driven = Excitation({}, {"base.gravity": weight}, stepping, start="equilibrium")
     scene = Recorded("base", driven, np.array([9.81]))
-    instance = Instance(compiled(contents(system, scene, "base", "3"), tmp_path, "3"))
+    instance = Instance(loaded(contents(system, scene, "base", "3"), tmp_path, "3"))
     (moved,) = [[name for name in instance.library.named("output") if name.endswith("tip_z")]]
     instance.initialise()
     assembly = Assembly(system)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from export.fmi.libraries import Instance, compiled
+from export.fmi.libraries import Instance, loaded
 
 import pmr
 from pmr.export.fmi.fmu import contents
@@ -35,7 +35,7 @@ def test_a_wrench_at_the_tip_reaches_the_pin(tmp_path: Path) -> None:
     (tmp_path / "crane.toml").write_text(text.replace("\n[damping]", f"\n{wrench}\n[damping]"))
     found = pmr.reduce(load_any(tmp_path / "crane.toml", QUICK))
     system = System.load(found.system.save(tmp_path / "system.npz"))
-    library = compiled(contents(system, recorded(system, "system.npz"), "crane", "3"), tmp_path, "3")
+    library = loaded(contents(system, recorded(system, "system.npz"), "crane", "3"), tmp_path, "3")
     inputs = [name for name in library.named("input") if "_rate" not in name]
     assert [name for name in inputs if name in NAMES] == NAMES
     reactions = [f"reaction_of_base_pin_{axis}" for axis in ("x", "y", "z", "rx", "rz")]

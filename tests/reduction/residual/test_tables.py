@@ -89,15 +89,19 @@ def test_two_thousand_elements_are_reduced(load_scene) -> None:
     assert found.enrichment is not None and found.flexibility and len(found.flexibility.rows.x) == 2001
 
 
-def test_what_short_pads_take_of_memory_is_said_or_refused_before_it_is_done(load_scene, monkeypatch, caplog) -> None:
-    """Pads of 6 mm on a path of 2.5 m have 25,000 stations, of which any two are related: 5 GB were taken silently."""
+def test_short_pads_of_a_beam_take_no_more_than_its_coordinates(load_scene) -> None:
+    """Pads of 6 mm on a path of 2.5 m have 25,000 stations, of which any two would be related: 5 GB."""
     changes = ["mesh.elements=6", "time.end=0.2", "compare.against=[]", "pads.0.length=0.01", "pads.1.length=0.01"]
-    scene = load_scene("boom_beam", changes)
+    model = full_model(load_scene("boom_beam", changes))
+    assert model.carriers.carriers.shape[0] < model.size
+
+
+def test_what_pads_take_of_memory_is_said_or_refused_before_it_is_done(load_scene, monkeypatch, caplog) -> None:
+    model = full_model(load_scene("boom_beam", ["mesh.elements=6"]))
     monkeypatch.setattr(environment, "available_memory", lambda: 10_000)
-    with pytest.raises(InputError, match=r"pads.length: pads have [\d,]+ stations along their paths"):
-        reduce(scene)
+    with pytest.raises(InputError, match=r"pads.length: pads have 20,000 stations along their paths"):
+        check_memory(model, 20_000, 2)
     monkeypatch.setattr(environment, "available_memory", lambda: 2**40)
-    model = full_model(scene)
     check_memory(model, 20_000, 2)
     first = model.comm.rank == 0  # which speaks for all
     assert ("20,000 stations" in caplog.text and "12.8 GB" in caplog.text) == first

@@ -56,6 +56,7 @@ def test_every_kind_is_asked_here() -> None:
 def test_a_mesh_of_sections_converges(tmp_path: Path) -> None:
     found = finished(tmp_path, text("convergence", tmp_path))
     errors = {run.key: run.figures["e_abs"] for run in found.runs}
+    assert all("pull" in " ".join(run.warnings) for run in found.runs)
     assert number(errors["full-2"]) > 3.0 * number(errors["full-4"]) > 0.0 and errors["full-16"] is None
     reported("convergence", tmp_path, found)
 
@@ -64,6 +65,7 @@ def test_a_mesh_of_sections_converges(tmp_path: Path) -> None:
 def test_sizes_and_steps_of_sections_are_traded(tmp_path: Path) -> None:
     found = finished(tmp_path, text("trade", tmp_path))
     modes, flexible = (run.figures for run in found.runs)
+    assert all("pull" in " ".join(run.warnings) for run in found.runs)
     assert number(flexible["total.3.1"]) < number(flexible["total.3.2"])
     assert number(flexible["reduction.3"]) < number(flexible["reduction.1"]) < number(modes["reduction.1"])
     reported("trade", tmp_path, found)

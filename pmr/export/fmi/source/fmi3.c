@@ -1,17 +1,17 @@
-/* The body behind the C interface of FMI 3.0. */
+/* The unit behind the C interface of FMI 3.0. */
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "variables.h"
+#include "unit.h"
 
 typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
 typedef void (*Logger)(void *environment, fmi3Status status, const char *category, const char *message);
 typedef uint32_t Reference;
 
 typedef struct {
-    Body body;
+    Unit *unit;
     void *environment;
     Logger logger;
 } Instance;
@@ -19,52 +19,54 @@ typedef struct {
 static fmi3Status status_of(Instance *instance, int failed)
 {
     if (failed && instance->logger)
-        instance->logger(instance->environment, fmi3Error, "logStatusError", instance->body.message);
-    if (!failed && instance->body.warning[0] && instance->logger)
-        instance->logger(instance->environment, fmi3Warning, "logStatusWarning", instance->body.warning);
-    instance->body.warning[0] = 0;
+        instance->logger(instance->environment, fmi3Error, "logStatusError", instance->unit->message);
+    if (!failed && instance->unit->warning[0] && instance->logger)
+        instance->logger(instance->environment, fmi3Warning, "logStatusWarning", instance->unit->warning);
+    instance->unit->warning[0] = 0;
     return failed ? fmi3Error : fmi3OK;
 }
 
 static fmi3Status refused(Instance *instance, const char *why)
 {
-    strncpy(instance->body.message, why, sizeof instance->body.message - 1);
-    return status_of(instance, 1);
+    return status_of(instance, refuse(instance->unit, why));
 }
 
-static Instance *instance_of(const char *token, void *environment, Logger logger)
+static Instance *instance_of(const char *token, const char *resources, int model_exchange, void *environment,
+                             Logger logger)
 {
-    Instance *instance = same_text(token, model_token) ? malloc(sizeof *instance) : NULL;
-    if (!instance) {
-        if (logger) logger(environment, fmi3Error, "logStatusError", "the instantiation token is that of another model");
+    char why[400] = "no memory is left";
+    Instance *instance = calloc(1, sizeof *instance);
+    if (instance) instance->unit = unit_open(token, resources, model_exchange, why);
+    if (!instance || !instance->unit) {
+        if (logger) logger(environment, fmi3Error, "logStatusError", why);
+        free(instance);
         return NULL;
     }
-    memset(instance, 0, sizeof *instance);
     instance->environment = environment;
     instance->logger = logger;
-    body_reset(&instance->body);
     return instance;
+}
+
+static fmi3Status time_is(Instance *instance, double time)
+{
+    instance->unit->variables[TIME] = time;
+    return fmi3OK;
 }
 
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT fmi3Status fmi3SetDebugLogging(void *c, bool on, size_t count, const char *const categories[])
 {
-    (void)c, (void)on, (void)count, (void)categories; /* errors and warnings are logged, and there is nothing else to log */
+    (void)c, (void)on, (void)count,
+        (void)categories; /* errors and warnings are logged, and there is nothing else to log */
     return fmi3OK;
 }
 
 EXPORT void *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources, bool visible,
                                           bool logging, void *environment, Logger logger)
 {
-    (void)name, (void)resources, (void)visible, (void)logging;
-    if (!MODEL_EXCHANGE) {
-        if (logger)
-            logger(environment, fmi3Error, "logStatusError",
-                   "rigid rows or friction leave no differential equation: Co-Simulation is allowed");
-        return NULL;
-    }
-    return instance_of(token, environment, logger);
+    (void)name, (void)visible, (void)logging;
+    return instance_of(token, resources, 1, environment, logger);
 }
 
 EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources, bool visible,
@@ -72,42 +74,46 @@ EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, co
                                          const Reference *intermediate, size_t intermediate_count, void *environment,
                                          Logger logger, void *intermediate_update)
 {
-    (void)name, (void)resources, (void)visible, (void)logging, (void)event_mode, (void)early_return;
+    (void)name, (void)visible, (void)logging, (void)event_mode, (void)early_return;
     (void)intermediate, (void)intermediate_count, (void)intermediate_update;
-    return instance_of(token, environment, logger);
+    return instance_of(token, resources, 0, environment, logger);
 }
 
 EXPORT void *fmi3InstantiateScheduledExecution(const char *name, const char *token, const char *resources, bool visible,
                                                bool logging, void *environment, Logger logger, void *clock_update,
                                                void *lock, void *unlock)
 {
-    (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)clock_update, (void)lock, (void)unlock;
+    (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)clock_update, (void)lock,
+        (void)unlock;
     if (logger) logger(environment, fmi3Error, "logStatusError", "Co-Simulation and Model Exchange are allowed");
     return NULL;
 }
 
-EXPORT void fmi3FreeInstance(void *c) { free(c); }
+EXPORT void fmi3FreeInstance(void *c)
+{
+    Instance *instance = c;
+    if (!instance) return;
+    unit_close(instance->unit);
+    free(instance);
+}
 
 EXPORT fmi3Status fmi3EnterInitializationMode(void *c, bool tolerance_defined, double tolerance, double start,
                                               bool stop_defined, double stop)
 {
     Instance *instance = c;
     (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop;
-    if (instance->body.memory.started) return refused(instance, "initialisation is over: fmi3Reset first");
-    return status_of(instance, set_time(&instance->body, start));
+    if (instance->unit->started) return refused(instance, "initialisation is over: fmi3Reset first");
+    return time_is(instance, start);
 }
 
-EXPORT fmi3Status fmi3ExitInitializationMode(void *c)
-{
-    return status_of(c, finish_initialisation(&((Instance *)c)->body));
-}
+EXPORT fmi3Status fmi3ExitInitializationMode(void *c) { return status_of(c, unit_start(((Instance *)c)->unit)); }
 
 /* Modes between which nothing happens: all is continuous, and no event is ever indicated. */
-#define NOTHING_HAPPENS(NAME)           \
-    EXPORT fmi3Status fmi3##NAME(void *c) \
-    {                                   \
-        (void)c;                        \
-        return fmi3OK;                  \
+#define NOTHING_HAPPENS(NAME)                                                                                          \
+    EXPORT fmi3Status fmi3##NAME(void *c)                                                                              \
+    {                                                                                                                  \
+        (void)c;                                                                                                       \
+        return fmi3OK;                                                                                                 \
     }
 NOTHING_HAPPENS(EnterEventMode)
 NOTHING_HAPPENS(Terminate)
@@ -117,22 +123,18 @@ NOTHING_HAPPENS(EvaluateDiscreteStates)
 NOTHING_HAPPENS(EnterContinuousTimeMode)
 NOTHING_HAPPENS(EnterStepMode)
 
-EXPORT fmi3Status fmi3Reset(void *c)
-{
-    body_reset(&((Instance *)c)->body);
-    return fmi3OK;
-}
+EXPORT fmi3Status fmi3Reset(void *c) { return status_of(c, unit_reset(((Instance *)c)->unit)); }
 
 EXPORT fmi3Status fmi3GetFloat64(void *c, const Reference *references, size_t count, double *values, size_t size)
 {
     if (size != count) return refused(c, "all variables are scalars");
-    return status_of(c, get_variables(&((Instance *)c)->body, references, count, values));
+    return status_of(c, get_variables(((Instance *)c)->unit, references, count, values));
 }
 
 EXPORT fmi3Status fmi3SetFloat64(void *c, const Reference *references, size_t count, const double *values, size_t size)
 {
     if (size != count) return refused(c, "all variables are scalars");
-    return status_of(c, set_variables(&((Instance *)c)->body, references, count, values));
+    return status_of(c, set_variables(((Instance *)c)->unit, references, count, values));
 }
 
 EXPORT fmi3Status fmi3GetInt64(void *c, const Reference *references, size_t count, int64_t *values, size_t size)
@@ -140,8 +142,9 @@ EXPORT fmi3Status fmi3GetInt64(void *c, const Reference *references, size_t coun
     Instance *instance = c;
     size_t n;
     for (n = 0; n < count; n++) {
-        if (references[n] != START || size != count) return refused(instance, "the only integer is the kind of start");
-        values[n] = (int64_t)instance->body.memory.variables[START];
+        if (references[n] != instance->unit->at.start || size != count)
+            return refused(instance, "the only integer is the kind of start");
+        values[n] = (int64_t)instance->unit->variables[instance->unit->at.start];
     }
     return fmi3OK;
 }
@@ -152,23 +155,24 @@ EXPORT fmi3Status fmi3SetInt64(void *c, const Reference *references, size_t coun
     size_t n;
     for (n = 0; n < count; n++) {
         double value = (double)values[n];
-        if (references[n] != START || size != count || values[n] < 0 || values[n] > 2)
+        if (references[n] != instance->unit->at.start || size != count || values[n] < 0 || values[n] > 2)
             return refused(instance, "the only integer is the kind of start: 0 at rest, 1 static, 2 as given");
-        if (set_variables(&instance->body, references + n, 1, &value)) return status_of(instance, 1);
+        if (set_variables(instance->unit, references + n, 1, &value)) return status_of(instance, 1);
     }
     return fmi3OK;
 }
 
-#define NO_VARIABLES_OF(KIND, VALUE)                                                                                     \
-    EXPORT fmi3Status fmi3Get##KIND(void *c, const Reference *references, size_t count, VALUE *values, size_t size)     \
-    {                                                                                                                    \
-        (void)references, (void)values, (void)size;                                                                      \
-        return count ? refused(c, "there are no variables of this type") : fmi3OK;                                       \
-    }                                                                                                                    \
-    EXPORT fmi3Status fmi3Set##KIND(void *c, const Reference *references, size_t count, const VALUE *values, size_t size) \
-    {                                                                                                                    \
-        (void)references, (void)values, (void)size;                                                                      \
-        return count ? refused(c, "there are no variables of this type") : fmi3OK;                                       \
+#define NO_VARIABLES_OF(KIND, VALUE)                                                                                   \
+    EXPORT fmi3Status fmi3Get##KIND(void *c, const Reference *references, size_t count, VALUE *values, size_t size)    \
+    {                                                                                                                  \
+        (void)references, (void)values, (void)size;                                                                    \
+        return count ? refused(c, "there are no variables of this type") : fmi3OK;                                     \
+    }                                                                                                                  \
+    EXPORT fmi3Status fmi3Set##KIND(void *c, const Reference *references, size_t count, const VALUE *values,           \
+                                    size_t size)                                                                       \
+    {                                                                                                                  \
+        (void)references, (void)values, (void)size;                                                                    \
+        return count ? refused(c, "there are no variables of this type") : fmi3OK;                                     \
     }
 NO_VARIABLES_OF(Float32, float)
 NO_VARIABLES_OF(Int8, int8_t)
@@ -223,19 +227,14 @@ EXPORT fmi3Status fmi3GetVariableDependencies(void *c, Reference dependent, size
 EXPORT fmi3Status fmi3GetFMUState(void *c, void **state)
 {
     Instance *instance = c;
-    if (*state)
-        *(Memory *)*state = instance->body.memory;
-    else
-        *state = saved(&instance->body);
-    return *state ? fmi3OK : refused(instance, "no memory is left");
+    return status_of(instance, unit_save(instance->unit, state));
 }
 
 EXPORT fmi3Status fmi3SetFMUState(void *c, void *state)
 {
     Instance *instance = c;
     if (!state) return refused(instance, "there is no state to return to");
-    restore(&instance->body, state);
-    return fmi3OK;
+    return status_of(instance, unit_restore(instance->unit, state));
 }
 
 EXPORT fmi3Status fmi3FreeFMUState(void *c, void **state)
@@ -250,20 +249,28 @@ EXPORT fmi3Status fmi3FreeFMUState(void *c, void **state)
 
 EXPORT fmi3Status fmi3SerializedFMUStateSize(void *c, void *state, size_t *size)
 {
-    (void)c, (void)state;
-    *size = serialized_size();
+    (void)state;
+    *size = unit_bytes(((Instance *)c)->unit);
     return fmi3OK;
 }
 
 EXPORT fmi3Status fmi3SerializeFMUState(void *c, void *state, uint8_t *bytes, size_t size)
 {
-    return status_of(c, serialize(&((Instance *)c)->body, state, bytes, size));
+    Instance *instance = c;
+    if (!state || size < unit_bytes(instance->unit)) return refused(instance, "bytes are too few for a state");
+    memcpy(bytes, state, unit_bytes(instance->unit));
+    return fmi3OK;
 }
 
 EXPORT fmi3Status fmi3DeserializeFMUState(void *c, const uint8_t *bytes, size_t size, void **state)
 {
-    *state = deserialized(&((Instance *)c)->body, bytes, size);
-    return status_of(c, !*state);
+    Instance *instance = c;
+    *state = NULL;
+    if (!unit_is_state(instance->unit, bytes, size)) return status_of(instance, 1);
+    *state = malloc(size);
+    if (!*state) return refused(instance, "no memory is left");
+    memcpy(*state, bytes, size);
+    return fmi3OK;
 }
 
 EXPORT fmi3Status fmi3GetDirectionalDerivative(void *c, const Reference *unknowns, size_t unknown_count,
@@ -271,7 +278,8 @@ EXPORT fmi3Status fmi3GetDirectionalDerivative(void *c, const Reference *unknown
                                                size_t seed_size, double *answer, size_t answer_size)
 {
     if (seed_size != known_count || answer_size != unknown_count) return refused(c, "all variables are scalars");
-    return status_of(c, differentiate(&((Instance *)c)->body, unknowns, unknown_count, knowns, known_count, seed, answer));
+    return status_of(c,
+                     differentiate(((Instance *)c)->unit, unknowns, unknown_count, knowns, known_count, seed, answer));
 }
 
 EXPORT fmi3Status fmi3GetAdjointDerivative(void *c, const Reference *unknowns, size_t unknown_count,
@@ -284,23 +292,24 @@ EXPORT fmi3Status fmi3GetAdjointDerivative(void *c, const Reference *unknowns, s
 }
 
 /* Clocks: there are none. */
-#define NO_CLOCKS_1(NAME, TYPE_0) \
-    EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0) \
-    { \
-        (void)references, (void)value_0; \
-        return count ? refused(c, "there are no clocks") : fmi3OK; \
+#define NO_CLOCKS_1(NAME, TYPE_0)                                                                                      \
+    EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0)                  \
+    {                                                                                                                  \
+        (void)references, (void)value_0;                                                                               \
+        return count ? refused(c, "there are no clocks") : fmi3OK;                                                     \
     }
-#define NO_CLOCKS_2(NAME, TYPE_0, TYPE_1) \
+#define NO_CLOCKS_2(NAME, TYPE_0, TYPE_1)                                                                              \
     EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0, TYPE_1 *value_1) \
-    { \
-        (void)references, (void)value_0, (void)value_1; \
-        return count ? refused(c, "there are no clocks") : fmi3OK; \
+    {                                                                                                                  \
+        (void)references, (void)value_0, (void)value_1;                                                                \
+        return count ? refused(c, "there are no clocks") : fmi3OK;                                                     \
     }
-#define NO_CLOCKS_3(NAME, TYPE_0, TYPE_1, TYPE_2) \
-    EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0, TYPE_1 *value_1, TYPE_2 *value_2) \
-    { \
-        (void)references, (void)value_0, (void)value_1, (void)value_2; \
-        return count ? refused(c, "there are no clocks") : fmi3OK; \
+#define NO_CLOCKS_3(NAME, TYPE_0, TYPE_1, TYPE_2)                                                                      \
+    EXPORT fmi3Status fmi3##NAME(void *c, const Reference *references, size_t count, TYPE_0 *value_0, TYPE_1 *value_1, \
+                                 TYPE_2 *value_2)                                                                      \
+    {                                                                                                                  \
+        (void)references, (void)value_0, (void)value_1, (void)value_2;                                                 \
+        return count ? refused(c, "there are no clocks") : fmi3OK;                                                     \
     }
 NO_CLOCKS_3(GetIntervalFraction, uint64_t, uint64_t, int)
 NO_CLOCKS_2(GetIntervalDecimal, double, int)
@@ -329,16 +338,16 @@ EXPORT fmi3Status fmi3CompletedIntegratorStep(void *c, bool no_return, bool *ent
     return fmi3OK;
 }
 
-EXPORT fmi3Status fmi3SetTime(void *c, double time) { return status_of(c, set_time(&((Instance *)c)->body, time)); }
+EXPORT fmi3Status fmi3SetTime(void *c, double time) { return time_is(c, time); }
 
 EXPORT fmi3Status fmi3SetContinuousStates(void *c, const double *states, size_t count)
 {
-    return status_of(c, set_states(&((Instance *)c)->body, states, count));
+    return status_of(c, set_states(((Instance *)c)->unit, states, count));
 }
 
 EXPORT fmi3Status fmi3GetContinuousStateDerivatives(void *c, double *derivatives, size_t count)
 {
-    return status_of(c, get_derivatives(&((Instance *)c)->body, derivatives, count));
+    return status_of(c, get_derivatives(((Instance *)c)->unit, derivatives, count));
 }
 
 EXPORT fmi3Status fmi3GetEventIndicators(void *c, double *indicators, size_t count)
@@ -349,14 +358,12 @@ EXPORT fmi3Status fmi3GetEventIndicators(void *c, double *indicators, size_t cou
 
 EXPORT fmi3Status fmi3GetContinuousStates(void *c, double *states, size_t count)
 {
-    return status_of(c, get_states(&((Instance *)c)->body, states, count));
+    return status_of(c, get_states(((Instance *)c)->unit, states, count));
 }
 
 EXPORT fmi3Status fmi3GetNominalsOfContinuousStates(void *c, double *nominals, size_t count)
 {
-    if (count != 2 * MODES) return refused(c, "another number of states is asked for than there is");
-    memcpy(nominals, nominal, sizeof nominal);
-    return fmi3OK;
+    return status_of(c, get_nominals(((Instance *)c)->unit, nominals, count));
 }
 
 EXPORT fmi3Status fmi3GetNumberOfEventIndicators(void *c, size_t *count)
@@ -368,8 +375,7 @@ EXPORT fmi3Status fmi3GetNumberOfEventIndicators(void *c, size_t *count)
 
 EXPORT fmi3Status fmi3GetNumberOfContinuousStates(void *c, size_t *count)
 {
-    (void)c;
-    *count = 2 * MODES;
+    *count = 2 * (size_t)((Instance *)c)->unit->modes;
     return fmi3OK;
 }
 
@@ -381,10 +387,11 @@ EXPORT fmi3Status fmi3GetOutputDerivatives(void *c, const Reference *references,
     Instance *instance = c;
     size_t n;
     for (n = 0; n < count; n++) {
-        Reference rate = references[n] + OUTPUTS;
-        if (orders[n] != 1 || references[n] < DISPLACEMENTS || references[n] >= VELOCITIES || size != count)
+        Reference rate = references[n] + instance->unit->outputs;
+        if (orders[n] != 1 || references[n] < instance->unit->at.outputs || references[n] >= instance->unit->at.rates ||
+            size != count)
             return refused(instance, "first derivatives of displacements are known");
-        if (get_variables(&instance->body, &rate, 1, values + n)) return status_of(instance, 1);
+        if (get_variables(instance->unit, &rate, 1, values + n)) return status_of(instance, 1);
     }
     return fmi3OK;
 }
@@ -395,11 +402,9 @@ EXPORT fmi3Status fmi3DoStep(void *c, double time, double step, bool no_return, 
     Instance *instance = c;
     fmi3Status status;
     (void)no_return;
-    if (!instance->body.memory.started) return refused(instance, "a step comes after the initialisation");
-    set_time(&instance->body, time);
-    status = status_of(instance, body_advance(&instance->body, step));
+    status = status_of(instance, unit_advance(instance->unit, time, step));
     *event_needed = *terminate = *early_return = false;
-    *last_time = instance->body.memory.variables[TIME];
+    *last_time = instance->unit->variables[TIME];
     return status;
 }
 

@@ -1,191 +1,261 @@
-#include "variables.h"
-#include "drive.h"
+/* Variables of a unit by their value references, and how they change along others. */
+#include "unit.h"
 
 #include <math.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { TAG = 64, SUM = 8 }; /* bytes before a serialised state: a tag, at the end of which a checksum stands */
+/* Changes over which derivatives of rates are differences: of paths and angles in m and rad; of all else, in which
+   rates are linear. */
+#define SMALL 1e-5
+#define LARGE 1e6
 
-/* FNV-1a of the tag and the state, which any damage within eight bytes changes for certain, and other damage but for 2^-64. */
-static uint64_t checksum(const unsigned char *bytes)
+static int refuse_reference(Unit *unit, const char *why, unsigned reference)
 {
-    uint64_t sum = UINT64_C(14695981039346656037);
-    size_t n;
-    for (n = 0; n < TAG + sizeof(Memory); n++)
-        if (n < TAG - SUM || n >= TAG) sum = (sum ^ bytes[n]) * UINT64_C(1099511628211);
-    return sum;
-}
-
-static int refuse(Body *body, const char *what, unsigned reference)
-{
-    snprintf(body->message, sizeof body->message, "value reference %u: %s", reference, what);
+    snprintf(unit->message, sizeof unit->message, "value reference %u: %s", reference, why);
     return 1;
 }
 
-/* While nothing has begun, states and outputs are those with which it would. */
-static int prepared(Body *body) { return !body->memory.started && !body->fresh ? body_start(body) : 0; }
-
-int get_variables(Body *body, const unsigned *references, size_t count, double *values)
+static void put_states(Unit *unit, const double *z, const double *v)
 {
+    fill_modes(unit, z, unit->view.z);
+    fill_modes(unit, v, unit->view.v);
+}
+
+/* Outputs and forces, or with `further` the further outputs: of a step as it found them, else by the inputs and states
+   that were set. */
+static int find_outputs(Unit *unit, int further)
+{
+    double *u = unit->variables, *outputs = u + unit->at.outputs, *others = outputs + unit->sizes.outputs;
+    const pmr_values values = {
+        .outputs = outputs, .further = others, .forces = u + unit->at.forces, .closed = unit->closed};
+    int failed;
+    if (further ? unit->known_further : unit->known_outputs) return 0;
+    if (!unit->stands) {
+        failed = pmr_evaluate(unit->state, u + DRIVEN, 0, &values);
+        if (failed) return unit_failed(unit, failed);
+        unit->known_further = unit->known_outputs = 1;
+    } else if (further) {
+        pmr_further(unit->state, others);
+        unit->known_further = 1;
+    } else {
+        pmr_outputs(unit->state, outputs, u + unit->at.forces);
+        unit->known_outputs = 1;
+    }
+    return 0;
+}
+
+static int find_derivatives(Unit *unit)
+{
+    double *u = unit->variables, *to = u + unit->at.derivatives;
+    const pmr_values values = {.accelerations = unit->work, .closed = unit->closed};
+    int failed;
+    if (unit->known_derivatives) return 0;
+    failed = pmr_evaluate(unit->state, u + DRIVEN, 0, &values);
+    if (failed) return unit_failed(unit, failed);
+    memcpy(to, u + unit->at.states + unit->modes, (size_t)unit->modes * sizeof(double));
+    pick_modes(unit, unit->work, to + unit->modes);
+    unit->known_derivatives = 1;
+    return 0;
+}
+
+/* Rates of outputs and further ones with drivers (4 N), whose rates are the seed, and v as the rate of z, in `rates`; of
+   forces, which have none, they are zero. */
+static int find_rates(Unit *unit, const double *driven, int hold, double *rates)
+{
+    double *v = unit->work + 6 * (size_t)unit->sizes.modes, *nothing = v + unit->sizes.modes;
+    const pmr_values values = {.outputs = rates, .further = rates + unit->sizes.outputs, .closed = unit->closed};
+    int failed;
+    memcpy(v, unit->view.v, (size_t)unit->sizes.modes * sizeof(double));
+    memset(nothing, 0, (size_t)unit->sizes.modes * sizeof(double));
+    failed = pmr_evaluate_along(unit->state, driven, driven + unit->drivers, v, nothing, hold, &values);
+    return failed ? unit_failed(unit, failed) : 0;
+}
+
+static int find_all_rates(Unit *unit)
+{
+    if (unit->known_rates) return 0;
+    if (find_rates(unit, unit->variables + DRIVEN, 0, unit->variables + unit->at.rates)) return 1;
+    unit->known_rates = 1;
+    return 0;
+}
+
+int get_variables(Unit *unit, const unsigned *references, size_t count, double *values)
+{
+    const Numbers *at = &unit->at;
+    const unsigned first_further = at->outputs + (unsigned)unit->sizes.outputs;
     size_t n;
     for (n = 0; n < count; n++) {
-        unsigned reference = references[n];
-        if (reference >= VARIABLES) return refuse(body, "no such variable", reference);
-        if (reference >= STATES) {
-            if (prepared(body)) return 1;
-            if (reference >= VELOCITIES && reference < FORCES ? body_velocities(body)
-                                                              : reference >= DERIVATIVES && body_evaluate(body))
+        const unsigned reference = references[n];
+        if (reference >= at->all) return refuse_reference(unit, "no such variable", reference);
+        if (reference >= at->states) {
+            if (unit_prepare(unit)) return 1;
+            if (reference >= at->rates && reference < at->forces ? find_all_rates(unit)
+                : reference >= at->outputs ? find_outputs(unit, reference >= first_further && reference < at->rates)
+                                           : reference >= at->derivatives && find_derivatives(unit))
                 return 1;
         }
-        values[n] = body->memory.variables[reference];
+        values[n] = unit->variables[reference];
     }
     return 0;
 }
 
 /* Why a variable can't have a value, or NULL. */
-static const char *impossible(unsigned reference, double value)
+static const char *impossible(const Unit *unit, unsigned reference, double value)
 {
     if (!isfinite(value)) return "a finite number is allowed";
-#if FRAME
-    {
-        int k;
-        for (k = 0; k < ANGLES; k++) /* slewing goes on and on */
-            if (k != 1 && angle_drivers[k] >= 0 && reference == (unsigned)(DRIVEN + angle_drivers[k]) && fabs(value) > WHOLE_TURN)
-                return "an angle of at most one turn is allowed, in rad";
-    }
-#endif
-    (void)reference;
+    if (reference >= DRIVEN && reference < DRIVEN + (unsigned)unit->drivers &&
+        unit->kinds[reference - DRIVEN] == ANGLE && fabs(value) > WHOLE_TURN)
+        return "an angle of at most one turn is allowed, in rad";
     return NULL;
 }
 
-int set_variables(Body *body, const unsigned *references, size_t count, const double *values)
+int set_variables(Unit *unit, const unsigned *references, size_t count, const double *values)
 {
-    const char *why;
+    const Numbers *at = &unit->at;
     size_t n;
     for (n = 0; n < count; n++) {
-        unsigned reference = references[n];
-        int is_parameter = reference == INTERNAL_STEP || reference == RHO_INF || reference == START;
-        int is_state = reference >= STATES && reference < DERIVATIVES;
-        if (reference == TIME || reference >= DERIVATIVES) return refuse(body, "it can be read only", reference);
-        if ((is_parameter || is_state) && body->memory.started)
-            return refuse(body, "parameters and states are fixed once the start is made", reference);
-        if ((why = impossible(reference, values[n]))) return refuse(body, why, reference);
-        if (reference >= DRIVEN && reference < DRIVEN + DRIVERS) {
-            double *off = body->off + (reference - DRIVEN);
-            *off = fmax(*off, fabs(values[n] - body->memory.variables[reference]));
+        const unsigned reference = references[n];
+        const int is_parameter = reference >= at->internal_step && reference < at->states;
+        const int is_state = reference >= at->states && reference < at->derivatives;
+        const char *why;
+        if (reference == TIME || reference >= at->derivatives)
+            return refuse_reference(unit, "it can be read only", reference);
+        if ((is_parameter || is_state) && unit->started)
+            return refuse_reference(unit, "parameters and states are fixed once the start is made", reference);
+        if ((why = impossible(unit, reference, values[n]))) return refuse_reference(unit, why, reference);
+        if (reference < DRIVEN + (unsigned)unit->drivers) {
+            double *off = unit->off + (reference - DRIVEN);
+            *off = fmax(*off, fabs(values[n] - unit->variables[reference]));
         }
-        if (is_state)
-            body->memory.given[reference - STATES] = values[n];
-        else
-            body->memory.variables[reference] = values[n];
+        if (is_state) {
+            unit->given[reference - at->states] = values[n];
+            unit_changed(unit);
+        } else if (unit->variables[reference] != values[n]) {
+            unit->variables[reference] = values[n];
+            unit_changed(unit);
+        }
     }
-    body_changed(body);
     return 0;
 }
 
-int get_states(Body *body, double *states, size_t count)
+static int check_count(Unit *unit, size_t count)
 {
-    if (count != 2 * MODES) return refuse(body, "number of states", (unsigned)count);
-    if (prepared(body)) return 1;
-    memcpy(states, body->memory.variables + STATES, count * sizeof(double));
-    return 0;
+    return count == 2 * (size_t)unit->modes ? 0 : refuse(unit, "another number of states is asked for than there is");
 }
 
-int set_states(Body *body, const double *states, size_t count)
+int get_states(Unit *unit, double *states, size_t count)
 {
-    if (count != 2 * MODES) return refuse(body, "number of states", (unsigned)count);
-    memcpy(body->memory.variables + STATES, states, count * sizeof(double));
-    body_changed(body);
+    if (check_count(unit, count) || unit_prepare(unit)) return 1;
+    memcpy(states, unit->variables + unit->at.states, count * sizeof(double));
     return 0;
 }
 
-int get_derivatives(Body *body, double *derivatives, size_t count)
+int set_states(Unit *unit, const double *states, size_t count)
 {
-    if (count != 2 * MODES) return refuse(body, "number of states", (unsigned)count);
-    if (body_evaluate(body)) return 1;
-    memcpy(derivatives, body->memory.variables + DERIVATIVES, count * sizeof(double));
+    if (check_count(unit, count)) return 1;
+    memcpy(unit->variables + unit->at.states, states, count * sizeof(double));
+    put_states(unit, states, states + unit->modes);
+    unit_changed(unit);
     return 0;
 }
 
-int set_time(Body *body, double time)
+int get_derivatives(Unit *unit, double *derivatives, size_t count)
 {
-    body->memory.variables[TIME] = time;
+    if (check_count(unit, count) || unit_prepare(unit) || find_derivatives(unit)) return 1;
+    memcpy(derivatives, unit->variables + unit->at.derivatives, count * sizeof(double));
     return 0;
 }
 
-int differentiate(Body *body, const unsigned *unknowns, size_t unknown_count, const unsigned *knowns,
+int get_nominals(Unit *unit, double *nominals, size_t count)
+{
+    if (check_count(unit, count)) return 1;
+    memcpy(nominals, unit->nominal, count * sizeof(double));
+    return 0;
+}
+
+/* ---- derivatives along a seed ---- */
+
+/* Rates change along a seed (4 N, and 2 r' of z and v) of drivers of one kind, and z and v, as differences say. */
+static int add_rate_changes(Unit *unit, const double *seed, const double *z, const double *v, int moving,
+                            double *answer)
+{
+    const int n = 4 * unit->drivers, r = unit->sizes.modes, o = unit->outputs;
+    const int32_t *kinds = unit->kinds;
+    double *old = unit->work + 2 * r, *driven = unit->work + 8 * (size_t)r, *rates = driven + n, largest = 0.0, h;
+    int side, k, failed = 0;
+    for (k = 0; k < n; k++)
+        if ((kinds[k % unit->drivers] != OTHER) == moving) largest = fmax(largest, fabs(seed[k]));
+    for (k = 0; k < r && !moving; k++) largest = fmax(largest, fmax(fabs(z[k]), fabs(v[k])));
+    if (largest == 0.0) return 0;
+    h = (moving ? SMALL : LARGE) / largest;
+    memcpy(old, unit->view.z, (size_t)r * sizeof(double));
+    memcpy(old + r, unit->view.v, (size_t)r * sizeof(double));
+    for (side = -1; side <= 1 && !failed; side += 2) {
+        for (k = 0; k < n; k++)
+            driven[k] = unit->variables[DRIVEN + k] +
+                        ((kinds[k % unit->drivers] != OTHER) == moving ? side * h * seed[k] : 0.0);
+        for (k = 0; k < r && !moving; k++) {
+            unit->view.z[k] = old[k] + side * h * z[k];
+            unit->view.v[k] = old[r + k] + side * h * v[k];
+        }
+        failed = find_rates(unit, driven, 1, rates);
+        for (k = 0; k < o; k++) answer[k] += side * rates[k] / (2.0 * h);
+    }
+    memcpy(unit->view.z, old, (size_t)r * sizeof(double));
+    memcpy(unit->view.v, old + r, (size_t)r * sizeof(double));
+    return failed;
+}
+
+/* All that changes along a seed (variables), in `answer` (variables). */
+static int differentiate_all(Unit *unit, const double *seed, int rates, double *answer)
+{
+    const Numbers *at = &unit->at;
+    const int r = unit->sizes.modes;
+    double *z = unit->work, *v = z + r, *accelerations = v + 4 * r;
+    const pmr_values values = {.accelerations = accelerations,
+                               .outputs = answer + at->outputs,
+                               .further = answer + at->outputs + unit->sizes.outputs,
+                               .forces = answer + at->forces,
+                               .closed = unit->closed};
+    int failed;
+    memset(z, 0, 2 * (size_t)r * sizeof(double));
+    fill_modes(unit, seed + at->states, z);
+    fill_modes(unit, seed + at->states + unit->modes, v);
+    failed = pmr_evaluate_along(unit->state, unit->variables + DRIVEN, seed + DRIVEN, z, v, 0, &values);
+    if (failed) return unit_failed(unit, failed);
+    memcpy(answer + at->derivatives, seed + at->states + unit->modes, (size_t)unit->modes * sizeof(double));
+    pick_modes(unit, accelerations, answer + at->derivatives + unit->modes);
+    if (!rates) return 0;
+    return add_rate_changes(unit, seed + DRIVEN, z, v, 0, answer + at->rates) ||
+           add_rate_changes(unit, seed + DRIVEN, z, v, 1, answer + at->rates);
+}
+
+int differentiate(Unit *unit, const unsigned *unknowns, size_t unknown_count, const unsigned *knowns,
                   size_t known_count, const double *seed, double *answer)
 {
-    double of[VARIABLES] = {0.0}, found[VARIABLES] = {0.0};
+    const Numbers *at = &unit->at;
+    double *of, *to;
+    int rates = 0, failed;
     size_t n;
     for (n = 0; n < known_count; n++) {
-        int is_input = knowns[n] >= DRIVEN && knowns[n] < INTERNAL_STEP;
-        if (!is_input && !(knowns[n] >= STATES && knowns[n] < DERIVATIVES))
-            return refuse(body, "derivatives with respect to states and inputs are known", knowns[n]);
-        of[knowns[n]] += seed[n];
+        const int is_input = knowns[n] >= DRIVEN && knowns[n] < at->internal_step;
+        if (!is_input && !(knowns[n] >= at->states && knowns[n] < at->derivatives))
+            return refuse_reference(unit, "derivatives with respect to states and inputs are known", knowns[n]);
     }
-    for (n = 0; n < unknown_count; n++)
-        if (unknowns[n] < DERIVATIVES || unknowns[n] >= VARIABLES)
-            return refuse(body, "derivatives of outputs and of the states' rates are known", unknowns[n]);
-    if (prepared(body) || body_differentiate(body, of, found)) return 1;
-    for (n = 0; n < unknown_count; n++) answer[n] = found[unknowns[n]];
-    return 0;
-}
-
-int finish_initialisation(Body *body)
-{
-    if (body_start(body)) return 1;
-    body->memory.started = 1;
-    memset(body->off, 0, sizeof body->off);
-    return 0;
-}
-
-Memory *saved(const Body *body)
-{
-    Memory *memory = malloc(sizeof *memory);
-    if (memory) *memory = body->memory;
-    return memory;
-}
-
-void restore(Body *body, const Memory *memory)
-{
-    body->memory = *memory;
-    body->place.known = 0;
-    memset(body->off, 0, sizeof body->off);
-    body_changed(body);
-}
-
-size_t serialized_size(void) { return TAG + sizeof(Memory); }
-
-int serialize(Body *body, const Memory *memory, void *bytes, size_t size)
-{
-    char *target = bytes;
-    uint64_t sum;
-    if (!memory || size < serialized_size()) return refuse(body, "bytes are too few for a state", (unsigned)size);
-    memset(target, 0, TAG);
-    snprintf(target, TAG - SUM, "%s", model_token);
-    memcpy(target + TAG, memory, sizeof *memory);
-    sum = checksum(bytes);
-    memcpy(target + TAG - SUM, &sum, SUM);
-    return 0;
-}
-
-Memory *deserialized(Body *body, const void *bytes, size_t size)
-{
-    const char *source = bytes;
-    Memory *memory;
-    uint64_t sum = 0;
-    if (bytes && size == serialized_size()) memcpy(&sum, source + TAG - SUM, SUM);
-    if (!bytes || size != serialized_size() || strncmp(source, model_token, TAG - SUM - 1) != 0 || sum != checksum(bytes)) {
-        snprintf(body->message, sizeof body->message, "the bytes are no state of this model, or a damaged one");
-        return NULL;
+    for (n = 0; n < unknown_count; n++) {
+        if (unknowns[n] < at->derivatives || unknowns[n] >= at->all)
+            return refuse_reference(unit, "derivatives of outputs and of the states' rates are known", unknowns[n]);
+        rates |= unknowns[n] >= at->rates && unknowns[n] < at->forces;
     }
-    memory = malloc(sizeof *memory);
-    if (memory) memcpy(memory, source + TAG, sizeof *memory);
-    return memory;
+    if (unit_prepare(unit)) return 1;
+    of = calloc(2 * (size_t)at->all, sizeof(double));
+    if (!of) return refuse(unit, "no memory is left");
+    to = of + at->all;
+    for (n = 0; n < known_count; n++) of[knowns[n]] += seed[n];
+    failed = differentiate_all(unit, of, rates, to);
+    for (n = 0; n < unknown_count && !failed; n++) answer[n] = to[unknowns[n]];
+    free(of);
+    return failed;
 }
-
-int same_text(const char *a, const char *b) { return a && b && strcmp(a, b) == 0; }

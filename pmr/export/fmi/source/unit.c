@@ -1,0 +1,438 @@
+/* A unit: its system, its start, steps and saved states. */
+#include "unit.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Inputs that a step leaves farther than this share of their range, or of a turn, jump; and a motion in a frame that goes
+   on by so much, m or rad, without second rates has no inertia. */
+#define JUMP 0.1
+#define LEFT_OUT 1e-6
+
+enum { OMEGA, TOLERANCE, RESOLVED, MOST_PARTS, BEYOND_ENDS };
+
+int refuse(Unit *unit, const char *why)
+{
+    snprintf(unit->message, sizeof unit->message, "%s", why);
+    return 1;
+}
+
+/* Line `number` of names, as plain text. */
+static void line_of(const Unit *unit, const char *list, int number, char *text, size_t room)
+{
+    size_t count, used = 0;
+    const char *names = pmr_system_names(unit->system, list, &count), *end = names + count;
+    for (; names && names < end && number > 0; names++) number -= *names == '\n';
+    for (; names && names < end && *names != '\n' && used + 1 < room; names++)
+        text[used++] = *names < ' ' || *names > '~' || strchr("\"\\%#?", *names) ? '_' : *names;
+    text[used] = 0;
+}
+
+/* ---- opening ---- */
+
+/* Whether the arrays that are read here are there, and as long as they have to be. */
+static int is_sound(Unit *unit)
+{
+    int64_t counts[6], ends;
+    int k;
+    unit->first = pmr_system_numbers(unit->system, "unit_start", counts);
+    unit->nominal = pmr_system_numbers(unit->system, "unit_nominal", counts + 1);
+    unit->limits = pmr_system_numbers(unit->system, "unit_settings", counts + 2);
+    unit->where = pmr_system_integers(unit->system, "unit_modes", counts + 3);
+    unit->kinds = pmr_system_integers(unit->system, "unit_kinds", counts + 4);
+    unit->exchange = pmr_system_integers(unit->system, "unit_exchange", counts + 5);
+    unit->ends = pmr_system_numbers(unit->system, "path_ends", &ends);
+    if (!unit->first || !unit->nominal || !unit->limits || !unit->where || !unit->kinds || !unit->exchange) return 0;
+    pmr_system_sizes(unit->system, &unit->sizes);
+    unit->drivers = unit->sizes.motions ? unit->sizes.motions : unit->sizes.drivers;
+    unit->modes = (int)counts[3];
+    unit->outputs = unit->sizes.outputs + unit->sizes.further;
+    if (counts[0] != 4 + 4 * (int64_t)unit->drivers || counts[1] != 2 * counts[3] || counts[2] != 5 ||
+        counts[4] != unit->drivers || counts[5] != 1)
+        return 0;
+    for (k = 0; k < unit->modes; k++)
+        if (unit->where[k] < 0 || unit->where[k] >= unit->sizes.modes) return 0;
+    for (k = 0; k < unit->drivers; k++)
+        if (unit->kinds[k] < OTHER || unit->kinds[k] > SLEWING || (unit->kinds[k] == PATH) != (k < unit->sizes.paths))
+            return 0;
+    return 1;
+}
+
+/* Equal parts of a step as a run makes them: powers of two, up to what resolves an impact (pmr.simulation.contact_step). */
+static int count_levels(const double *settings, double step)
+{
+    const double needed =
+        fmin(fmax(ceil(step * settings[OMEGA] / settings[RESOLVED] - 1e-9), 1.0), settings[MOST_PARTS]);
+    int levels = 1;
+    while ((1 << (levels - 1)) < needed && levels < 16) levels++;
+    return levels;
+}
+
+static void set_settings(Unit *unit, double step, double rho_inf)
+{
+    const double *settings = unit->limits;
+    unit->settings.step = step;
+    unit->settings.rho_inf = rho_inf;
+    unit->settings.levels = count_levels(settings, step);
+}
+
+static int open_state(Unit *unit, char *why, size_t room)
+{
+    const double *settings = unit->limits, *start = unit->first;
+    char reason[PMR_MESSAGE];
+    int k;
+    for (k = 0; k < 16; k++) unit->parts[k] = 1 << k;
+    unit->settings.parts = unit->parts;
+    unit->settings.contact_omega = settings[OMEGA];
+    unit->settings.tolerance = settings[TOLERANCE];
+    set_settings(unit, start[unit->at.internal_step], start[unit->at.rho_inf]);
+    unit->settings.levels = count_levels(settings, 1e9); /* any step may be asked for */
+    if (pmr_state_open(unit->system, &unit->settings, &unit->state, reason)) {
+        snprintf(why, room, "%s", reason);
+        return 1;
+    }
+    pmr_state_view(unit->state, &unit->view);
+    return 0;
+}
+
+static int open_memory(Unit *unit)
+{
+    const int n = unit->drivers, r = unit->modes;
+    Numbers *at = &unit->at;
+    double *next;
+    size_t count;
+    at->internal_step = DRIVEN + 4 * n;
+    at->rho_inf = at->internal_step + 1;
+    at->start = at->internal_step + 2;
+    at->states = at->internal_step + 3;
+    at->derivatives = at->states + 2 * r;
+    at->outputs = at->derivatives + 2 * r;
+    at->rates = at->outputs + unit->outputs;
+    at->forces = at->rates + unit->outputs;
+    at->all = at->forces + unit->sizes.forces;
+    count = 3 * (size_t)at->all + 2 * (size_t)r + 6 * (size_t)n + 8 * (size_t)unit->sizes.modes;
+    unit->memory = next = calloc(count, sizeof(double));
+    unit->warned = calloc((size_t)n + unit->sizes.contacts + 1, sizeof(int32_t));
+    if (!unit->memory || !unit->warned) return 1;
+    unit->closed = unit->warned + n;
+    unit->variables = next;
+    unit->given = next += at->all;
+    unit->off = next += 2 * r;
+    unit->second = next += n;
+    unit->work = next + n;
+    return 0;
+}
+
+Unit *unit_open(const char *token, const char *folder, int model_exchange, char *why)
+{
+    Unit *unit;
+    Shared *shared = token ? shared_open(token, folder, why, 400) : NULL;
+    if (!shared) {
+        if (!token) snprintf(why, 400, "the token is that of another model");
+        return NULL;
+    }
+    unit = calloc(1, sizeof *unit);
+    if (!unit) {
+        shared_close(shared);
+        snprintf(why, 400, "no memory is left");
+        return NULL;
+    }
+    unit->shared = shared;
+    unit->system = shared_system(shared);
+    snprintf(why, 400, "no memory is left");
+    if (!is_sound(unit))
+        snprintf(why, 400, "resources/system.pmr: variables of a unit are missing or damaged");
+    else if (model_exchange && !unit->exchange[0])
+        snprintf(why, 400, "rigid rows or friction leave no differential equation: Co-Simulation is allowed");
+    else if (!open_memory(unit) && !open_state(unit, why, 400)) {
+        unit_reset(unit);
+        return unit;
+    }
+    unit_close(unit);
+    return NULL;
+}
+
+void unit_close(Unit *unit)
+{
+    if (!unit) return;
+    pmr_state_close(unit->state);
+    shared_close(unit->shared);
+    free(unit->memory);
+    free(unit->warned);
+    free(unit);
+}
+
+/* ---- where it stands ---- */
+
+void unit_changed(Unit *unit)
+{
+    unit->stands = unit->known_outputs = unit->known_further = unit->known_rates = unit->known_derivatives = 0;
+}
+
+int unit_reset(Unit *unit)
+{
+    memset(unit->variables, 0, unit->at.all * sizeof(double));
+    memcpy(unit->variables, unit->first, unit->at.states * sizeof(double));
+    memset(unit->given, 0, 2 * (size_t)unit->modes * sizeof(double));
+    memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
+    memset(unit->second, 0, (size_t)unit->drivers * sizeof(double));
+    memset(unit->warned, 0, (size_t)unit->drivers * sizeof(int32_t));
+    unit->started = 0;
+    unit_changed(unit);
+    return 0;
+}
+
+/* Modes among all that the kernel has, which are zero where they are no modes, and back. */
+void fill_modes(const Unit *unit, const double *from, double *to)
+{
+    int k;
+    for (k = 0; k < unit->modes; k++) to[unit->where[k]] = from[k];
+}
+
+void pick_modes(const Unit *unit, const double *from, double *to)
+{
+    int k;
+    for (k = 0; k < unit->modes; k++) to[k] = from[unit->where[k]];
+}
+
+static void read_states(Unit *unit)
+{
+    pick_modes(unit, unit->view.z, unit->variables + unit->at.states);
+    pick_modes(unit, unit->view.v, unit->variables + unit->at.states + unit->modes);
+}
+
+/* Why the kernel failed, with the paths. */
+int unit_failed(Unit *unit, int failed)
+{
+    char where[160] = "", row[80] = "";
+    size_t used = 0;
+    int p;
+    for (p = 0; p < unit->sizes.paths && used < sizeof where; p++) {
+        char name[40];
+        line_of(unit, "paths", p, name, sizeof name);
+        used += (size_t)snprintf(where + used, sizeof where - used, "%s%s = %g m", p ? ", " : "", name,
+                                 unit->variables[DRIVEN + p]);
+    }
+    switch (failed) {
+    case PMR_DEPENDENT:
+        if (pmr_state_trouble(unit->state) >= 0) line_of(unit, "contacts", pmr_state_trouble(unit->state), row, 80);
+        snprintf(unit->message, sizeof unit->message, "at %s the row %s depends on others, or nothing holds it", where,
+                 row);
+        return 1;
+    case PMR_UNSETTLED:
+        snprintf(unit->message, sizeof unit->message, "at %s it was not settled which pads are closed", where);
+        return 1;
+    case PMR_UNCONVERGED:
+        return refuse(unit, unit->sizes.pads
+                                ? "friction, or forces of second order, do not converge: pads stick and slide, close "
+                                  "and open again and again within a step, or it is too long"
+                                : "the forces of second order do not converge: shorter steps help where tension, "
+                                  "pressure or spin change the stiffness of a step as much as it is");
+    case PMR_NOT_FINITE: return refuse(unit, "the state is not finite: loads may have been none");
+    default: return refuse(unit, "what drives the system is not finite");
+    }
+}
+
+/* Paths may lie a little beyond their ends. */
+static int check_paths(Unit *unit, const double *drivers)
+{
+    const double *ends = unit->ends, share = unit->limits[BEYOND_ENDS];
+    int p;
+    for (p = 0; p < unit->sizes.paths; p++) {
+        const double low = ends[2 * p], high = ends[2 * p + 1], beyond = share * (high - low);
+        char name[80];
+        if (drivers[p] >= low - beyond && drivers[p] <= high + beyond) continue;
+        line_of(unit, "paths", p, name, sizeof name);
+        snprintf(unit->message, sizeof unit->message, "%s = %.9g m lies off the path: %.9g to %.9g m is allowed", name,
+                 drivers[p], low, high);
+        return 1;
+    }
+    return 0;
+}
+
+static int adjust(Unit *unit, double step, double rho_inf)
+{
+    char why[PMR_MESSAGE];
+    const pmr_settings *now = &unit->settings;
+    if (now->step == step && now->rho_inf == rho_inf && now->levels == count_levels(unit->limits, step)) return 0;
+    set_settings(unit, step, rho_inf);
+    return pmr_state_adjust(unit->state, &unit->settings, why) ? refuse(unit, why) : 0;
+}
+
+/* ---- start ---- */
+
+static int begin(Unit *unit)
+{
+    static const int kinds[] = {PMR_AT_REST, PMR_IN_EQUILIBRIUM, PMR_GIVEN};
+    const double *u = unit->variables, *driven = u + DRIVEN;
+    const int kind = (int)u[unit->at.start], r = unit->sizes.modes;
+    double *z = unit->work, *v = z + r;
+    char why[PMR_MESSAGE];
+    int failed, k;
+    if (!(u[unit->at.internal_step] > 0.0)) return refuse(unit, "internal_step: more than 0 s is allowed");
+    if (!(u[unit->at.rho_inf] >= 0.0 && u[unit->at.rho_inf] <= 1.0)) return refuse(unit, "rho_inf: 0 to 1 is allowed");
+    for (k = 0; k < 2 * unit->modes; k++)
+        if (kind != 2 && unit->given[k] != 0.0) return refuse(unit, "modes were set, which start = 2 alone takes");
+    if (check_paths(unit, driven) || adjust(unit, u[unit->at.internal_step], u[unit->at.rho_inf])) return 1;
+    memset(z, 0, 2 * (size_t)r * sizeof(double));
+    fill_modes(unit, unit->given, z);
+    fill_modes(unit, unit->given + unit->modes, v);
+    if (kind == 2 && pmr_check_start(unit->state, driven, driven + unit->drivers, z, v, why) == PMR_REFUSED)
+        return refuse(unit, why);
+    failed = unit->sizes.motions ? pmr_start_in_frame(unit->state, kinds[kind], driven, NULL, z, v)
+             : kind == 1         ? pmr_start_moving(unit->state, kinds[kind], driven, driven + unit->drivers, z, v)
+                                 : pmr_start(unit->state, kinds[kind], driven, z, v);
+    if (failed && kind == 1)
+        return refuse(unit, "no static start: nothing holds the body against the loads, or rows depend on each other");
+    if (failed) return unit_failed(unit, failed);
+    unit_changed(unit);
+    unit->stands = 1;
+    read_states(unit);
+    return 0;
+}
+
+int unit_start(Unit *unit)
+{
+    if (begin(unit)) return 1;
+    unit->started = 1;
+    memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
+    return 0;
+}
+
+/* While nothing has begun, states and outputs are those with which it would. */
+int unit_prepare(Unit *unit) { return !unit->started && !unit->stands ? begin(unit) : 0; }
+
+/* ---- steps ---- */
+
+/* Warn of inputs before a step, once each. */
+static void check_inputs(Unit *unit)
+{
+    const int32_t *kinds = unit->kinds;
+    const double *ends = unit->ends, *u = unit->variables + DRIVEN;
+    int n;
+    for (n = 0; n < unit->drivers; n++) {
+        const double second = fabs(u[2 * unit->drivers + n]) + fabs(u[3 * unit->drivers + n]), off = unit->off[n];
+        const double range = kinds[n] == OTHER ? 0.0 : kinds[n] == PATH ? ends[2 * n + 1] - ends[2 * n] : WHOLE_TURN;
+        const char *what = NULL;
+        if (range > 0.0 && off > JUMP * range)
+            what = "it jumps, which excites what no boom does: set it at the end of each step, in m or rad";
+        else if (unit->sizes.motions && range > 0.0 && off > LEFT_OUT && second == 0.0 && unit->second[n] == 0.0)
+            what =
+                "it moves without a second rate, so the inertia of what moves is left out: set its rates of order one "
+                "and two";
+        if (what && !unit->warned[n]) {
+            snprintf(unit->warning, sizeof unit->warning, "value reference %d: %s", DRIVEN + n, what);
+            unit->warned[n] = 1;
+        }
+        unit->second[n] = second;
+        unit->off[n] = 0.0;
+    }
+}
+
+int unit_advance(Unit *unit, double time, double duration)
+{
+    double *u = unit->variables, *driven = u + DRIVEN, *led = unit->work, step = u[unit->at.internal_step];
+    const double count = ceil(duration / step * (1.0 - 1e-9));
+    const int n = unit->drivers;
+    int failed, k;
+    u[TIME] = time;
+    if (!unit->started) return refuse(unit, "a step comes after the initialisation");
+    if (!(duration >= 0.0)) return refuse(unit, "a communication step of 0 s or more is allowed");
+    if (duration == 0.0) return 0;
+    if (!(count < 1e9)) return refuse(unit, "a communication step of less than 1e9 internal steps is allowed");
+    check_inputs(unit);
+    if (!(fabs(duration / count - step) <= 1e-9 * step))
+        step = duration / count; /* else it is round-off of the times */
+    if (adjust(unit, step, u[unit->at.rho_inf]) || check_paths(unit, driven)) return 1;
+    memcpy(led, driven, 4 * (size_t)n * sizeof(double));
+    for (k = 0; k < (int)count; k++) {
+        const double since = k * step;
+        pmr_lead_on(led, n, since + step, 3, driven);
+        unit_changed(unit);
+        if (check_paths(unit, driven)) return 1;
+        failed = pmr_step_led(unit->state, led, since);
+        if (failed) return unit_failed(unit, failed);
+        u[TIME] = time + (k + 1) * step;
+    }
+    unit->stands = 1;
+    read_states(unit);
+    return 0;
+}
+
+/* ---- saved states ---- */
+
+typedef struct {
+    char magic[8];
+    uint64_t checksum; /* of what follows */
+    char token[48];
+    int64_t started, stands;
+    double step, rho_inf;
+} Head;
+
+size_t unit_bytes(const Unit *unit)
+{
+    return sizeof(Head) + (unit->at.states + 2 * (size_t)unit->modes) * sizeof(double) + pmr_state_bytes(unit->state);
+}
+
+static void name_model(const Unit *unit, char token[48])
+{
+    memset(token, 0, 48);
+    line_of(unit, "token", 0, token, 48);
+}
+
+int unit_save(Unit *unit, void **state)
+{
+    Head head = {.magic = "PMRUNIT1", .started = unit->started, .stands = unit->stands};
+    const size_t own = unit->at.states * sizeof(double), given = 2 * (size_t)unit->modes * sizeof(double);
+    char *at;
+    if (!*state && !(*state = malloc(unit_bytes(unit)))) return refuse(unit, "no memory is left");
+    name_model(unit, head.token);
+    head.step = unit->settings.step;
+    head.rho_inf = unit->settings.rho_inf;
+    at = *state;
+    memcpy(at + sizeof head, unit->variables, own);
+    memcpy(at + sizeof head + own, unit->given, given);
+    pmr_state_save(unit->state, at + sizeof head + own + given);
+    memcpy(at, &head, sizeof head);
+    head.checksum = pmr_checksum(at + 16, unit_bytes(unit) - 16);
+    memcpy(at, &head, sizeof head);
+    return 0;
+}
+
+int unit_is_state(Unit *unit, const void *bytes, size_t count)
+{
+    Head head;
+    char token[48];
+    name_model(unit, token);
+    if (bytes && count == unit_bytes(unit)) {
+        memcpy(&head, bytes, sizeof head);
+        if (!memcmp(head.magic, "PMRUNIT1", 8) && !memcmp(head.token, token, 48) &&
+            head.checksum == pmr_checksum((const char *)bytes + 16, count - 16))
+            return 1;
+    }
+    refuse(unit, "the bytes are no state of this model, or a damaged one");
+    return 0;
+}
+
+int unit_restore(Unit *unit, const void *state)
+{
+    const size_t own = unit->at.states * sizeof(double), given = 2 * (size_t)unit->modes * sizeof(double);
+    const char *at = state;
+    char why[PMR_MESSAGE] = "the state can't be taken up";
+    Head head;
+    memcpy(&head, at, sizeof head);
+    if (adjust(unit, head.step, head.rho_inf)) return 1;
+    memcpy(unit->variables, at + sizeof head, own);
+    memcpy(unit->given, at + sizeof head + own, given);
+    memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
+    unit_changed(unit);
+    unit->started = (int)head.started;
+    if (!unit->started) return 0;
+    if (pmr_state_restore(unit->state, at + sizeof head + own + given, pmr_state_bytes(unit->state), why))
+        return refuse(unit, why);
+    unit->stands = (int)head.stands;
+    read_states(unit);
+    return 0;
+}

@@ -1,0 +1,95 @@
+/* A functional mock-up unit of a system of the kernel (../../../kernel/src/pmr_kernel.h), as both versions of the
+   interface see it: variables by their value references.
+
+   The system is read from resources/system.pmr once, and shared by all instances of a process.  Beside what the kernel
+   reads that file holds, of N drivers (or motions of a frame), r modes and P paths,
+
+       unit_start (1 + 4 N + 3)  start values of the variables up to the kind of start
+       unit_nominal (2 r)        sizes of the states
+       unit_modes (r)            where modes stand among all that the kernel has
+       unit_kinds (N)            what a driver is: OTHER, PATH, ANGLE, or SLEWING, which may go on and on
+       unit_settings (5)         of contacts that push: omega, tolerance, the resolved share of 1 / omega, most parts;
+                                 share of a path by which s may lie beyond its ends
+       unit_exchange (1)         whether there is a differential equation
+       names_token, names_paths  */
+#ifndef UNIT_H
+#define UNIT_H
+
+#include <stddef.h>
+
+#include "pmr_kernel.h"
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#elif defined __GNUC__
+#define EXPORT __attribute__((visibility("default")))
+#else
+#define EXPORT
+#endif
+
+enum { OTHER, PATH, ANGLE, SLEWING };
+/* Angles but that of slewing turn once at most, rad. */
+#define WHOLE_TURN 6.283185307179586
+
+/* Value references. */
+enum { TIME = 0, DRIVEN = 1 }; /* all drivers, then their rates of order one to three */
+typedef struct {
+    unsigned internal_step, rho_inf, start, states, derivatives, outputs, rates, forces, all;
+} Numbers;
+
+#include "shared.h"
+
+typedef struct {
+    Shared *shared;
+    const pmr_system *system;
+    pmr_state *state;
+    pmr_view view;
+    pmr_sizes sizes;
+    pmr_settings settings;
+    const double *first, *nominal, *limits,
+        *ends;                               /* arrays of the system's file: start, nominal, settings, path_ends */
+    const int32_t *where, *kinds, *exchange; /* modes, kinds, exchange */
+    Numbers at;
+    int32_t parts[16];           /* of steps, ascending */
+    int drivers, modes, outputs; /* N, r, and outputs with further ones */
+    int started;                 /* initialisation is over */
+    int stands;                  /* states and inputs are those that the last step or start has led to */
+    int known_outputs, known_further, known_rates, known_derivatives;
+    double *memory, *variables, *given, *off, *second, *work;
+    int32_t *warned, *closed;
+    char message[400], warning[400];
+} Unit;
+
+/* NULL with the reason in `why` (400); `folder`: where the resources are, as a path or a URI. */
+Unit *unit_open(const char *token, const char *folder, int model_exchange, char *why);
+void unit_close(Unit *unit);
+
+/* All return 0, or 1 with the reason in the unit's `message`. */
+int unit_reset(Unit *unit);
+int unit_start(Unit *unit); /* ends the initialisation */
+int unit_advance(Unit *unit, double time, double duration);
+int get_variables(Unit *unit, const unsigned *references, size_t count, double *values);
+int set_variables(Unit *unit, const unsigned *references, size_t count, const double *values);
+int get_states(Unit *unit, double *states, size_t count);
+int set_states(Unit *unit, const double *states, size_t count);
+int get_derivatives(Unit *unit, double *derivatives, size_t count);
+int get_nominals(Unit *unit, double *nominals, size_t count);
+int differentiate(Unit *unit, const unsigned *unknowns, size_t unknown_count, const unsigned *knowns,
+                  size_t known_count, const double *seed, double *answer);
+
+/* A state as `unit_bytes` bytes; `unit_save` fills memory of its own where `*state` is NULL. */
+size_t unit_bytes(const Unit *unit);
+int unit_save(Unit *unit, void **state);
+int unit_restore(Unit *unit, const void *state);
+int unit_is_state(Unit *unit, const void *bytes, size_t count);
+
+/* Parts of these. */
+int refuse(Unit *unit, const char *why);
+int unit_failed(Unit *unit, int failed); /* with why the kernel failed */
+int unit_prepare(Unit *unit);            /* while nothing has begun, states and outputs are those with which it would */
+void unit_changed(Unit *unit);           /* states or inputs were set */
+/* Modes among all that the kernel has, which are zero where they are no modes, and back. */
+void fill_modes(const Unit *unit, const double *from, double *to);
+void pick_modes(const Unit *unit, const double *from, double *to);
+
+#endif

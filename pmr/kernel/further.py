@@ -1,0 +1,225 @@
+r"""Further outputs of a system: reactions of rigid supports, the tip in space, the force of the luffing cylinder.
+
+With the motions of `pmr.reduced.reactions` and :math:`P = \Phi^T M X X^T` a body presses on its rigid supports with
+
+.. math::
+    \lambda_f = (\Phi^T - P) B f - (\Phi^T D - P D) X \dot z - (\Phi^T K - P K) X z - (C \Phi - C P^T)^T \lambda
+        - \sum_k c_k (\Phi^T - P) (G_k X z + V_k X \dot z)
+
+so each is an output of modes, loads and multipliers, to which rates and terms add.  `pmr_frame_outputs` of src/frame.c
+has the equations of the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.constraints.polynomials import columns, common_breaks, rebased, same_degree, total, transposed
+from pmr.reduced.carriers import CarrierFlexibility
+from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.model import ReducedModel
+from pmr.scene.built import force_of, reaction_of
+from pmr.scene.pivot import CYLINDER, pin_and_cylinder, pressed_on_ground
+from pmr.scene.scene import Scene
+from pmr.system.body import kinds_of
+from pmr.system.contacts import named
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+Arrays = dict[str, NDArray[Any] | str]
+#: Entries of a term's matrix below this share of its largest one are round-off of zero.
+NEGLIGIBLE = 1e-13
+
+
+class Modal(Protocol):
+    """A body in its own modes (`pmr.simulation.modal.ModalForm`)."""
+
+    @property
+    def body(self) -> ReducedModel:
+        """M = 1, K diagonal."""
+
+    @property
+    def X(self) -> Array:
+        """Modes (n, r): q = X z."""
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Numbers of the rows that `body` has, among the original's."""
+
+
+@dataclass(frozen=True)
+class Supports:
+    """Reactions of a body's h rigid supports; h is 0 where the body does not tell what its contacts press on them."""
+
+    names: tuple[str, ...]  # of the outputs
+    units: tuple[str, ...]
+    inertia: Array  # P (h, n), on the body's coordinates
+    of_modes: Array  # (h, r)
+    of_rates: Array  # (h, r)
+    inputs: Array  # (h, i)
+
+
+def supports_of(system: System, name: str, form: Modal, wanted: bool = True) -> Supports:
+    """Reactions of a body's rigid supports in its modes; none where they are not wanted."""
+    body, X, r = system.bodies[name], form.X, form.body.size
+    reactions = body.reactions if isinstance(body, ReducedModel) else None
+    carried = reactions is not None and reactions.carried is not None and body.carriers is not None
+    if not wanted or not isinstance(body, ReducedModel) or reactions is None or not (system.on_one_path or carried):
+        nothing = np.zeros((0, r))
+        return Supports((), (), np.zeros((0, body.size)), nothing, nothing, np.zeros((0, len(body.input_names))))
+    n = body.size
+    P = reactions.inertia[:, :n] @ X @ X.T
+    return Supports(
+        names=tuple(reaction_of(named(name, support)) for support in reactions.names),
+        units=reactions.units,
+        inertia=P,
+        of_modes=-(reactions.stiffness[:, :n] - P @ body.K) @ X,
+        of_rates=-(reactions.damping[:, :n] - P @ body.D) @ X,
+        inputs=reactions.inputs - P @ body.B,
+    )
+
+
+def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, supports: Supports) -> ReducedModel:
+    """The body in its modes with reactions as outputs behind its own, by modes, loads and multipliers."""
+    body = system.bodies[name]
+    if not supports.names or not isinstance(body, ReducedModel):
+        return modal
+    reactions = body.reactions
+    assert reactions is not None  # of a body that has supports
+    outputs, (_, i, o) = np.vstack([modal.outputs, supports.of_modes]), _sizes(modal)
+    if system.on_one_path:
+        pressed = columns(total(reactions.rows, transposed(body.rows_on(supports.inertia.T)), -1.0), list(form.rows))
+        flexibility = modal.flexibility or _no_flexibility(modal)
+        breaks = common_breaks([flexibility.outputs, pressed], modal.domain)
+        c = same_degree(rebased(flexibility.outputs, breaks).c, rebased(pressed, breaks).c)
+        direct = np.vstack([flexibility.direct, supports.inputs])
+        with_pressed = replace(flexibility, outputs=PPoly(np.concatenate(c, axis=2), breaks), direct=direct)
+        return replace(modal, outputs=outputs, flexibility=with_pressed)
+    carriers = modal.carriers
+    assert carriers is not None and body.carriers is not None and reactions.carried is not None
+    K = len(carriers.values)
+    left = carriers.flexibility or CarrierFlexibility(
+        *(np.zeros(shape) for shape in ((K, K), (K, i), (o, K), (o, i), (i, i)))
+    )
+    carried = reactions.carried - body.carriers.values @ supports.inertia.T
+    left = replace(left, outputs=np.vstack([left.outputs, carried.T]), direct=np.vstack([left.direct, supports.inputs]))
+    return replace(modal, outputs=outputs, carriers=replace(carriers, flexibility=left))
+
+
+def _sizes(body: ReducedModel) -> tuple[int, int, int]:
+    return len(body.row_names), len(body.input_names), len(body.outputs)
+
+
+def _no_flexibility(body: ReducedModel) -> Flexibility:
+    m, i, o = _sizes(body)
+    rows, inputs, outputs = (
+        PPoly(np.zeros((1, len(body.rows.x) - 1, *shape)), body.rows.x) for shape in ((m, m), (m, i), (o, m))
+    )
+    return Flexibility(rows, inputs, outputs, np.zeros((o, i)), np.zeros((i, i)))
+
+
+def support_arrays(
+    system: System, supports: Sequence[Supports], forms: Sequence[Modal], modes: Sequence[slice], width: int
+) -> Arrays:
+    """What rates of modes and terms add to reactions; `modes` are where bodies' modes stand, filled up."""
+    r = modes[-1].stop
+    rates, first = np.zeros((r, width)), np.cumsum([0, *(len(of.names) for of in supports)])
+    for of, place, at in zip(supports, modes, first, strict=False):
+        rates[place.start : place.start + of.of_rates.shape[1], at : at + len(of.names)] = of.of_rates.T
+    names, entries, values, counts = list(system.bodies), [np.zeros((0, 2), np.int64)], [np.zeros(0)], [0]
+    for term in system.terms:
+        bodies = [names.index(name) for name in term.bodies]
+        X, count = scipy.linalg.block_diag(*(forms[k].X for k in bodies)), 0
+        numbers = np.concatenate([modes[k].start + np.arange(forms[k].X.shape[1]) for k in bodies])
+        for key, A in term.arrays.items():
+            before = 0
+            for k in bodies:
+                held, before = A[before : before + len(forms[k].X)], before + len(forms[k].X)
+                work = term.supports.get(names[k])
+                if work is None or not supports[k].names:
+                    continue
+                table = np.asarray((work - supports[k].inertia @ held) @ X)
+                at = np.argwhere(np.abs(table) > NEGLIGIBLE * np.abs(table).max(initial=0.0))
+                entries.append(np.column_stack([first[k] + at[:, 0], numbers[at[:, 1]] + r * (key == "damping")]))
+                values.append(table[tuple(at.T)])
+                count += len(at)
+        counts.append(count)
+    return {
+        "reaction_rates": rates,
+        "support_first": np.cumsum(counts),
+        "support_entries": np.concatenate(entries),
+        "support_values": np.concatenate(values),
+    }
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """Forces that make the moment which the luffing cylinder bears."""
+
+    hinges: tuple[float, ...]  # m: x and z of foot and lug
+    sources: tuple[int, ...]  # (K,): numbers among outputs, reactions and forces of contacts, one after the other
+    moments: Array  # (K, 1 + P): moment about the pivot of a unit of each, m, and what 1 m of each path adds
+    pin: tuple[int, int, int]  # reactions of a pin along x and z, -1 for none, and the source of the support at the lug
+
+
+def luffing_cylinder(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Cylinder | None:
+    """None without a cylinder by its hinges, or where a force between boom and ground has no number."""
+    if scene.frame is None or scene.frame.cylinder is None:
+        return None
+    # without extensions, then with 1 m of each path by itself
+    unit = {name: np.eye(len(paths) + 1)[1 + k] for k, name in enumerate(paths)}
+    still = np.zeros(len(paths) + 1)
+    sources, moments = list[int](), list[Array]()
+    for pressed in pressed_on_ground(scene, {name: unit.get(name, still) for name in scene.paths}):
+        name = next((name for name in pressed.names if name in numbers), None)
+        if name is None:
+            return None
+        about = pressed.wrench[:, 4]
+        if np.any(about):
+            sources.append(numbers[name])
+            moments.append(np.concatenate([about[:1], about[1:] - about[0]]))
+    if not sources:
+        return None
+    pin, held = (-1, -1, 0), pin_and_cylinder(scene)
+    if held is not None and set(held.pin) <= set(numbers):
+        across = next(numbers[name] for name in held.across if name in numbers)
+        pin = (numbers[held.pin[0]] - outputs, numbers[held.pin[1]] - outputs, across)
+    return Cylinder((*scene.frame.cylinder.foot, *scene.frame.cylinder.lug), tuple(sources), np.array(moments), pin)
+
+
+def frame_output_arrays(
+    scene: Scene | None, system: System, paths: Sequence[str], reactions: Sequence[str], motions: int
+) -> tuple[Arrays, list[str]]:
+    """Arrays of the tip and the cylinder of a scene with a frame, empty ones without; names of further outputs."""
+    integers, names = np.zeros(0, np.int64), list[str]()
+    arrays: Arrays = dict.fromkeys(("tip_numbers", "cylinder_sources", "cylinder_pin"), integers)
+    arrays |= dict.fromkeys(("tip_place", "cylinder_hinges", "cylinder_moments"), np.zeros(0))
+    sources = 0
+    if scene is not None and scene.frame is not None and motions:
+        outputs, last = len(system.output_names), [*system.bodies.values()][-1]
+        kinds, first = list(kinds_of(last)), outputs - last.outputs.shape[0]
+        tip = [first + kinds.index(f"tip {axis}") if f"tip {axis}" in kinds else -1 for axis in "xyz"]
+        place = np.array(scene.frame.place) + [scene.sections[-1].length, 0.0, 0.0]
+        arrays |= {"tip_numbers": np.array([*tip, len(scene.sections) - 1]), "tip_place": place}
+        names += [f"tip in space {axis}" for axis in "XYZ"]
+        known = {force_of(name): outputs + len(reactions) + k for k, name in enumerate(system.contact_names)}
+        known |= {name: k for k, name in enumerate([*system.output_names, *reactions])}
+        cylinder = luffing_cylinder(scene, paths, known, outputs)
+        if cylinder is not None:
+            sources = len(cylinder.sources)
+            arrays |= {
+                "cylinder_hinges": np.array(cylinder.hinges, float),
+                "cylinder_sources": np.array(cylinder.sources),
+                "cylinder_moments": cylinder.moments,
+                "cylinder_pin": np.array(cylinder.pin),
+            }
+            names.append(CYLINDER)
+    arrays["further"] = np.array([len(reactions), int(bool(names)), sources])
+    return arrays, [*reactions, *names]

@@ -1,0 +1,226 @@
+/* Values in continuous time, and how they change along a seed: what an ordinary differential equation has to know.
+
+       F lambda = C z + H f - g - c,       z'' = B f + w - D z' - Omega^2 z - C^T lambda
+
+   with lambda of the closed contacts that give way; along a seed, with derivatives C_s, H_s, F_s by the paths,
+
+       F d lambda = C dz + H df + sum over paths of ds (C_s z + H_s f - F_s lambda). */
+
+/* Share of their sizes by which a given position and given rates may move a rigid contact: steps leave O(h^2) of
+   rates. */
+#define MOVED 1e-6
+#define RATES_MOVED 1e-2
+
+/* x of F x = x among the closed contacts that give way, where the rows stand without a step; zero at the others. */
+static int solve_giving(pmr_state *st, double *x)
+{
+    const pmr_system *y = st->system;
+    int count = 0, k, l;
+    for (k = 0; k < y->contacts; k++) {
+        if (st->closed[k] == 0.0 || is_rigid(st, k)) continue;
+        st->numbers[count] = k;
+        for (l = 0; l <= count; l++) st->entries[l] = st->A[k * y->mp + st->numbers[l]];
+        if (!factorise(st->entries, st->factor, count, y->mp)) {
+            st->trouble = k;
+            return PMR_DEPENDENT;
+        }
+        count++;
+    }
+    for (l = 0; l < count; l++) st->entries[l] = x[st->numbers[l]];
+    solve(st->factor, count, y->mp, st->entries);
+    for (k = 0; k < y->contacts; k++) x[k] = 0.0;
+    for (l = 0; l < count; l++) x[st->numbers[l]] = st->entries[l];
+    return PMR_DONE;
+}
+
+/* Rows and loads under `at`, with all that has to be known of a state at z and v but its multipliers. */
+static int stand_under(pmr_state *st, const double *at)
+{
+    const pmr_system *y = st->system;
+    int failed;
+    if (y->motions)
+        pmr_frame_drivers(y, at, st->u, st->quantities);
+    else
+        copy(st->u, at, y->drivers);
+    if (!all_finite(st->u, y->drivers)) return PMR_REFUSED;
+    st->placed = 0;
+    st->moved = 1;
+    failed = place(st, st->still, st->u); /* F may be singular */
+    if (failed && failed != PMR_DEPENDENT) return failed;
+    load_bodies(st, st->u + y->paths);
+    copy(st->z_free, st->z, y->modes);
+    if (y->registers) {
+        combine_terms(st, st->u + y->paths + y->inputs);
+        find_terms(st, st->z, st->v, st->w);
+    }
+    return PMR_DONE;
+}
+
+/* Multipliers from the position, of rigid contacts those of the last step. */
+static int find_position_forces(pmr_state *st, int hold, int32_t *closed)
+{
+    const pmr_system *y = st->system;
+    double *old = st->before_lambda, *x = st->motion;
+    int failed, k, j;
+    copy(old, st->lambda, y->contacts);
+    if (y->pads)
+        for (k = 0; k < y->contacts; k++) {
+            st->pushed[k] -= st->gap[k];
+            for (j = y->contacts; j < y->rows; j++) st->pushed[k] -= st->A[j * y->mp + k] * st->lambda[j];
+        }
+    if (hold || !y->pushing) {
+        for (k = 0; k < y->contacts; k++) {
+            st->closed[k] = !hold || closed[k] != 0;
+            x[k] = dot(st->C + k * y->modes, st->z, 0, y->modes) + st->pushed[k] - y->clearance[k];
+        }
+        failed = solve_giving(st, x);
+        copy(st->lambda, x, y->contacts);
+    } else {
+        failed = find_giving(st, NULL); /* what it leaves out is for contacts that hold both ways */
+    }
+    if (failed) return failed;
+    for (k = 0; k < y->contacts; k++) {
+        if (is_rigid(st, k)) st->lambda[k] = old[k];
+        if (closed) closed[k] = st->closed[k] != 0.0;
+    }
+    return PMR_DONE;
+}
+
+static void copy_values(pmr_state *st, const pmr_values *to, const double *all, const double *accelerations)
+{
+    const pmr_system *y = st->system;
+    if (to->accelerations) copy(to->accelerations, accelerations, y->modes);
+    if (to->outputs) copy(to->outputs, all, y->outputs);
+    if (to->further) copy(to->further, all + y->op, y->reactions);
+    if (to->forces) copy(to->forces, all + y->op + y->hp, y->forces);
+}
+
+/* How all of it changes along a seed. */
+static int find_changes(pmr_state *st, const double *at, const double *seed_at, const double *dz, const double *dv,
+                        const pmr_values *to)
+{
+    const pmr_system *y = st->system;
+    const int r = y->modes;
+    const double *amplitudes = st->u + y->paths + y->inputs, *of_terms;
+    const pmr_observed sets[2] = {of_outputs(y), of_reactions(y)};
+    double *room = st->seeds, *du = room + 10 * (size_t)r, *all = st->changes, *reactions = all + y->op;
+    seed d = {.z = room,
+              .v = room + r,
+              .forces = room + 2 * r,
+              .w = room + 3 * r,
+              .lambda = st->motion,
+              .sums = du + y->drivers,
+              .u = du};
+    int k, n, failed;
+    d.free = d.z;
+    copy(d.z, dz, r);
+    copy(d.v, dv, r);
+    if (y->motions)
+        pmr_frame_along(y, at, seed_at, st->u_next, du, st->quantities);
+    else
+        copy(du, seed_at, y->drivers);
+    of_terms = du + y->paths + y->inputs;
+    find_slopes(st, st->still);
+    for (k = 0; k < y->mp; k++) d.lambda[k] = 0.0;
+    for (k = 0; k < y->joints; k++) d.sums[k] = 0.0; /* friction stays as it is */
+    for (k = 0; k < y->contacts; k++) st->excess[k] = seed_motion(st, &d, k);
+    copy(d.lambda, st->excess, y->contacts);
+    failed = solve_giving(st, d.lambda);
+    if (failed) return failed;
+    for (n = 0; n < r; n++) d.forces[n] = 0.0;
+    if (y->registers) {
+        amplitude_forces(st, of_terms, d.w);
+        combine_terms(st, amplitudes);
+        find_terms(st, d.z, d.v, d.forces);
+        for (n = 0; n < r; n++) d.forces[n] += d.w[n];
+    }
+    add_seed_loads(y, &d, d.forces);
+    subtract_seed_rows(st, &d, d.forces);
+    for (n = 0; n < r; n++) {
+        d.forces[n] -= y->omega2[n] * dz[n];
+        if (!y->coupled) d.forces[n] -= y->damping[n] * dv[n];
+        for (k = 0; y->coupled && k < r; k++) d.forces[n] -= y->damping[(size_t)k * r + n] * dv[k];
+    }
+    find_outputs(st, sets, d.z, du + y->paths, d.lambda, du, all);
+    find_outputs(st, sets + 1, d.z, du + y->paths, d.lambda, du, reactions);
+    add_supports(y, d.v, amplitudes, d.z, d.v, reactions);
+    add_supports(y, NULL, of_terms, st->z, st->v, reactions);
+    forces_of(st, d.lambda, NULL, reactions + y->hp);
+    copy_values(st, to, all, d.forces);
+    copy(st->shown, st->values + y->op, y->reactions);
+    if (to->further && y->motions) pmr_frame_outputs(y, at, seed_at, st->values, all, st->shown, to->further);
+    return PMR_DONE;
+}
+
+/* The state is where it was afterwards, with its rows. */
+static int return_to(pmr_state *st, const pmr_progress *progress, int failed)
+{
+    const int trouble = st->trouble;
+    int failed_back;
+    memcpy(st->mark, st->began, st->saved * sizeof(double));
+    st->progress = *progress;
+    st->factored = -1;
+    failed_back = stand(st);
+    st->trouble = trouble;
+    return failed ? failed : failed_back;
+}
+
+static int evaluate_along(pmr_state *st, const double *at, const double *seed_at, const double *dz, const double *dv,
+                          int hold, const pmr_values *to)
+{
+    const pmr_system *y = st->system;
+    const pmr_progress progress = st->progress;
+    int failed;
+    memcpy(st->began, st->mark, st->saved * sizeof(double));
+    failed = stand_under(st, at);
+    if (!failed) failed = find_position_forces(st, hold, to->closed);
+    if (!failed) {
+        find_all(st, st->values);
+        if (seed_at) {
+            failed = find_changes(st, at, seed_at, dz, dv, to);
+        } else {
+            accelerate(st, st->u + y->paths, st->acceleration);
+            copy_values(st, to, st->values, st->acceleration);
+            if (to->further && y->motions) pmr_frame_outputs(y, at, NULL, st->values, NULL, to->further, NULL);
+        }
+    }
+    return return_to(st, &progress, failed);
+}
+
+static int evaluate_at(pmr_state *st, const double *at, int hold, const pmr_values *to)
+{
+    return evaluate_along(st, at, NULL, NULL, NULL, hold, to);
+}
+
+static int check_start(pmr_state *st, const double *at, const double *rates, const double *z, const double *v,
+                       char *why)
+{
+    const pmr_system *y = st->system;
+    const pmr_progress progress = st->progress;
+    const char *wrong = NULL;
+    int failed, k, n, p;
+    memcpy(st->began, st->mark, st->saved * sizeof(double));
+    failed = stand_under(st, at);
+    if (!failed) find_slopes(st, st->still);
+    for (k = 0; !failed && k < y->contacts; k++) {
+        double moved = 0.0, size = 0.0, rate = 0.0, fastest = 0.0;
+        if (!is_rigid(st, k) || y->pushes[k]) continue;
+        for (n = 0; n < y->modes; n++) {
+            const double C = st->C[k * y->modes + n];
+            double along = 0.0;
+            for (p = 0; p < y->paths; p++) along += rates[p] * slopes_of(st, p).C[(size_t)k * y->modes + n] * z[n];
+            moved += C * z[n];
+            size += fabs(C * z[n]);
+            rate += C * v[n] + along;
+            fastest += fabs(C * v[n]) + fabs(along);
+        }
+        if (!(fabs(moved) <= MOVED * size))
+            wrong = "start as given: the states move a rigid row";
+        else if (!(fabs(rate) <= RATES_MOVED * fastest))
+            wrong = "start as given: the states' rates move a rigid row, or do not follow it along the path";
+    }
+    failed = return_to(st, &progress, failed);
+    if (!wrong) return failed;
+    pmr_say(why, "%s", wrong);
+    return PMR_REFUSED;
+}

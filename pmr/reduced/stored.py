@@ -1,0 +1,118 @@
+r"""A reduced model as the arrays of a file, in which nothing stands twice.
+
+Beside what `pmr.files.records` writes of it,
+
+- coefficients of a table over the path are left out, and only its breaks are there, where the table is a product of
+  what the carriers measure, :math:`C = b\, (U V)`, :math:`G = b\, R\, b^T` and so on (`pmr.constraints.products`);
+- of a symmetric matrix between carriers, or between vectors, the lower triangle is there, row by row, as
+  ``name.triangle``; of an antisymmetric one as ``name.antitriangle``.
+
+A file of an earlier version has all arrays, which are read as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.files import records
+from pmr.reduced.carriers import CarriedRows
+from pmr.reduced.soundness import misfit
+
+Array = NDArray[np.float64]
+#: Where square matrices are written as triangles, and the least size from which on they are.
+TRIANGLES, LEAST = "carriers.", 8
+_SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
+
+
+class Carried(Protocol):
+    """A dataclass that has rows on carriers (`pmr.reduced.model.ReducedModel`)."""
+
+    @property
+    def carriers(self) -> CarriedRows | None:
+        """Rows on carriers, if there are any."""
+
+
+def arrays(model: Carried, prefix: str = "") -> dict[str, NDArray[Any]]:
+    """Arrays of a file that holds the model, by names behind `prefix`."""
+    found = records.arrays(model)
+    sound = model.carriers is not None and not _fault(model.carriers)
+    for name, table in (_products(model.carriers, found) if model.carriers and sound else {}).items():
+        if np.array_equal(table.c, found[f"{name}.coefficients"]):
+            del found[f"{name}.coefficients"]
+    compact = dict[str, NDArray[Any]]()
+    for name, array in found.items():
+        kind = _kind(array) if name.startswith(TRIANGLES) else None
+        if kind is None:
+            compact[prefix + name] = array
+        else:
+            compact[f"{prefix}{name}.{kind}"] = array[np.tril_indices(len(array))]
+    return compact
+
+
+def filled(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
+    """Arrays behind `prefix` as `pmr.files.records.record` takes them, from those of a file.
+
+    Raises the errors of `pmr.files.records.record`, and a ValueError where tables are missing and carriers are not
+    sound, or a triangle has not as many entries as one has.
+    """
+    found = dict[str, NDArray[Any]]()
+    for name, array in data.items():
+        if name.startswith(prefix):
+            name = name.removeprefix(prefix)
+            whole, _, kind = name.rpartition(".")
+            if kind in _SIGNS and name.startswith(TRIANGLES):
+                found[whole] = _square(array, _SIGNS[kind])
+            else:
+                found[name] = array
+    tables = {name.removesuffix(".breaks") for name in found if name.endswith(".breaks")}
+    if any(f"{name}.coefficients" not in found for name in tables) and any(
+        name.startswith(TRIANGLES) for name in found
+    ):
+        carriers = records.record(CarriedRows, found, TRIANGLES)
+        if wrong := _fault(carriers):
+            raise ValueError(wrong)
+        for name, table in _products(carriers, found).items():
+            found.setdefault(f"{name}.coefficients", table.c)
+    return {prefix + name: array for name, array in found.items()}
+
+
+def _fault(carriers: CarriedRows) -> str | None:
+    """Fault of carriers in words; None if products with them can be computed."""
+    return misfit(carriers, {}, TRIANGLES) or carriers.contradiction(len(carriers.breaks))
+
+
+def _products(carriers: CarriedRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
+    """Tables by their names that follow from what carriers measure, on the breaks that `arrays` have of the rows."""
+    breaks = arrays.get("rows.breaks")
+    if not carriers.breaks or breaks is None:
+        return {}
+    C = carriers.polynomials(breaks)
+    tables = {"rows": C.times(carriers.values), "enrichment.rows": C.times(carriers.enrichment)}
+    if carriers.flexibility is not None:
+        products = carriers.flexibility.tables(C)
+        tables |= {f"flexibility.{name}": getattr(products, name) for name in ("rows", "inputs", "outputs")}
+    on_breaks = [name for name in tables if np.array_equal(arrays.get(f"{name}.breaks", ()), breaks)]
+    return {name: tables[name] for name in on_breaks}
+
+
+def _kind(A: NDArray[Any]) -> str | None:
+    """How a square matrix is written: of one that is neither symmetric nor antisymmetric None."""
+    if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
+        return None
+    return next((kind for kind, sign in _SIGNS.items() if np.array_equal(A, sign * A.T)), None)
+
+
+def _square(triangle: NDArray[Any], sign: float) -> Array:
+    """The matrix of which this is the lower triangle, row by row."""
+    n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
+    if triangle.shape != (n * (n + 1) // 2,):
+        raise ValueError(f"{triangle.shape} is no triangle of a matrix")
+    square, below = np.empty((n, n)), np.tri(n, dtype=bool)
+    square.T[below] = sign * triangle
+    square[below] = triangle
+    return square

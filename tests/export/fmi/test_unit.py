@@ -1,0 +1,122 @@
+"""What a unit is made of: the kernel's object code and a file, which the instances of a process share."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export.fmi.libraries import CallError, Instance, Library, loaded
+from export.fmi.test_body import LOADS, PATH, STEP, provided
+from numpy.typing import NDArray
+from oracle import flexible, rich_body
+
+from pmr.export.fmi.fmu import Contents, contents
+from pmr.kernel.kernel import Kernel, Settings, State
+from pmr.reduced.model import ReducedModel
+from pmr.scene.signals import SmoothRamp
+from pmr.simulation.modal import modal_form
+from pmr.simulation.recorded import recorded
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+VERSIONS = pytest.mark.parametrize("version", ["2", "3"])
+
+
+def unit_of(model: ReducedModel, version: str = "3") -> Contents:
+    return contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version)
+
+
+def model(last: float) -> ReducedModel:
+    """Another model for each place at which its path ends, as instances of one model share it."""
+    return provided(flexible(rich_body(), 6), SmoothRamp(times=(0.0, 0.2), values=(2.0, last)), LOADS)
+
+
+@VERSIONS
+def test_a_step_is_the_kernels_bit_for_bit(version: str, tmp_path: Path) -> None:
+    """Under what has become of the unit's inputs at the end of each step."""
+    unit = unit_of(provided(flexible(rich_body(), 6), PATH, LOADS), version)
+    instance, state = Instance(loaded(unit, tmp_path, version)), State(Kernel(unit.system), Settings(STEP, 0.8))
+    inputs = [name for name in instance.library.named("input") if "_rate" not in name]
+    outputs = [name for name in instance.library.named("output") if not name.endswith("_rate")]
+    displacements = [name for name in outputs if not name.startswith(("force_of", "reaction"))]
+    forces = [name for name in outputs if name.startswith("force_of")]
+    instance.initialise(inputs, [2.0, 10.0, -20.0])
+    state.start("rest", [2.0, 10.0, -20.0])
+    instance.set([f"{name}_rate" for name in inputs], [0.7, 300.0, 100.0])
+    for k in range(50):
+        instance.step(k * STEP, STEP)
+        state.step(instance.get(inputs))
+        y, pads = state.outputs()
+        np.testing.assert_array_equal(instance.get(displacements), y)
+        np.testing.assert_array_equal(instance.get(forces), pads)
+    assert np.abs(y).max() > 1e-6
+
+
+@VERSIONS
+def test_instances_share_the_system(version: str, tmp_path: Path) -> None:
+    """The second one reads no file; after the last one is freed the next one does."""
+    library = loaded(unit_of(model(2.51), version), tmp_path, version)
+    first = Instance(library)
+    (tmp_path / f"fmi {version}" / "resources" / "system.pmr").unlink()
+    second = Instance(library)
+    first.free()
+    second.initialise()
+    second.step(0.0, STEP)
+    second.free()
+    with pytest.raises(CallError, match="system.pmr.*it can't be read"):
+        Instance(library)
+
+
+def test_a_damaged_system_is_refused_in_one_line(tmp_path: Path) -> None:
+    unit, rng = unit_of(model(2.52)), np.random.default_rng(2)
+    library: Library = loaded(unit, tmp_path, "3")
+    file = tmp_path / "fmi 3" / "resources" / "system.pmr"
+    for _ in range(30):
+        damaged = bytearray(unit.system)
+        damaged[rng.integers(len(damaged))] ^= int(rng.integers(1, 256))
+        file.write_bytes(damaged)
+        with pytest.raises(CallError, match=r"resources/system.pmr \(.*\): [^\n]+$"):
+            Instance(library)
+    file.write_bytes(unit.system[:1000])
+    with pytest.raises(CallError, match="cut short"):
+        Instance(library)
+
+
+def test_what_is_no_system_of_a_unit_is_refused(tmp_path: Path) -> None:
+    """A block of the kernel alone, and the system of another unit."""
+    system = System.of(model(2.53))
+    library = loaded(unit_of(model(2.53)), tmp_path, "3")
+    kernel = Kernel.of(system, {name: modal_form(body) for name, body in system.reduced.items()})
+    file = tmp_path / "fmi 3" / "resources" / "system.pmr"
+    for content in (kernel.block, unit_of(model(2.54)).system):
+        file.write_bytes(content)
+        with pytest.raises(CallError, match="the token is that of another model"):
+            Instance(library)
+
+
+@pytest.mark.parametrize("folder", ["a b", "100 %", "ä"])
+def test_resources_are_found_in_any_folder(folder: str, tmp_path: Path) -> None:
+    """Whose URI has its letters escaped."""
+    unit = unit_of(model(2.55), "2")
+    instance = Instance(loaded(unit, tmp_path / folder, "2"))
+    instance.initialise()
+    instance.free()
+
+
+def test_a_step_of_another_length_goes_on(tmp_path: Path) -> None:
+    """Half the steps from the middle on: both ways are within what a step errs."""
+    library = loaded(unit_of(model(2.56)), tmp_path, "3")
+    ends = list[Array]()
+    displacements = [name for name in library.named("output") if re.match("displacement|output|tip", name)]
+    for half in (1.0, 0.5):
+        instance, t = Instance(library), 0.0
+        instance.initialise()
+        instance.set(["F"] if "F" in library.references else library.named("input")[1:2], [30.0])
+        for h in (*[STEP] * 50, *[half * STEP] * round(50 / half)):
+            instance.step(t, h)
+            t += h
+        ends.append(instance.get(displacements))
+    assert np.abs(ends[0]).max() > 1e-6
+    np.testing.assert_allclose(ends[1], ends[0], rtol=0.0, atol=2e-2 * np.abs(ends[0]).max())
