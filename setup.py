@@ -35,7 +35,7 @@ class BuildKernel(build_ext):
         return os.path.join(*fullname.split(".")) + cross.TARGETS[TARGET].extension
 
     def build_extension(self, ext) -> None:
-        library = os.path.join(self.build_lib, self.library)
+        library = os.path.join(self.build_lib, _library(TARGET or cross.host()))
         self.mkpath(os.path.dirname(library))
         kernel = [name for name in ext.sources if name.startswith(os.path.join("pmr", "kernel", "src"))]
         units = [os.path.join(FMI, "source", f"{name}.c") for name in ("fmi2", "fmi3", "shared", "unit", "variables")]
@@ -53,19 +53,22 @@ class BuildKernel(build_ext):
         output = self.get_ext_fullpath(ext.name)
         os.makedirs(os.path.dirname(output), exist_ok=True)
         cross.compile_extension(TARGET, ext.sources, output, ext.include_dirs, ext.extra_compile_args, self.build_temp)
-        cross.compile_library(TARGET, kernel + units, library, ext.include_dirs, ext.extra_compile_args)
+        for system in cross.TARGETS if "PMR_TARGET" in os.environ else [TARGET]:  # a wheel has FMUs for all systems
+            library = os.path.join(self.build_lib, _library(system))
+            self.mkpath(os.path.dirname(library))
+            cross.compile_library(system, kernel + units, library, ext.include_dirs, ext.extra_compile_args)
 
     def copy_extensions_to_source(self) -> None:
         super().copy_extensions_to_source()
-        self.mkpath(os.path.dirname(self.library))
-        self.copy_file(os.path.join(self.build_lib, self.library), self.library)
+        library = _library(TARGET or cross.host())
+        self.mkpath(os.path.dirname(library))
+        self.copy_file(os.path.join(self.build_lib, library), library)
 
-    @property
-    def library(self) -> str:
-        """Where the library of FMUs for this system is, from the folder of the package on."""
-        system = TARGET or cross.host()
-        suffix = {"windows": ".dll", "darwin": ".dylib"}.get(system.rpartition("-")[2], ".so")
-        return os.path.join(FMI, "binaries", system, f"pmr_fmi{suffix}")
+
+def _library(system: str) -> str:
+    """Where the library of FMUs for a system is, from the folder of the package on."""
+    suffix = {"windows": ".dll", "darwin": ".dylib"}.get(system.rpartition("-")[2], ".so")
+    return os.path.join(FMI, "binaries", system, f"pmr_fmi{suffix}")
 
 
 class BuildWithWorkflows(build_py):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import gc
 import hashlib
 import importlib
 import os
@@ -110,23 +109,6 @@ def check_current_folder() -> None:
     except OSError as error:
         allowed = f"a folder that is there is allowed ({error.strerror}); `cd` into one"
         raise InputError("environment", "the current folder", None, allowed) from None
-
-
-@contextmanager
-def uncollected(keep: bool = False) -> Iterator[None]:
-    """Don't look for garbage that holds itself: a tenth of the time where many objects are made, most of which stay.
-
-    What was made within is kept for good if asked: modules that are loaded, or what a process makes last.
-    """
-    looked = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-        if keep:
-            gc.freeze()
-    finally:
-        if looked:
-            gc.enable()
 
 
 def available_memory() -> int | None:

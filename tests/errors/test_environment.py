@@ -108,7 +108,7 @@ def test_letters_that_a_terminal_lacks_are_spelled_out(encoding: str, tmp_path: 
     "error",
     [
         ValueError("numpy.dtype size changed, may indicate binary incompatibility. Expected 96 from C header"),
-        ImportError("Numba needs NumPy 2.3 or less. Got NumPy 9.9."),
+        ImportError("SciPy needs NumPy 2.3 or less. Got NumPy 9.9."),
     ],
 )
 def test_packages_that_do_not_fit_together_are_one_line(error: Exception, monkeypatch, capsys) -> None:

@@ -130,7 +130,7 @@ def outputs_of(made: Made) -> tuple[list[str], list[str]]:
 
 
 def test_co_simulation_is_the_stepper(made: Made) -> None:
-    """Under what has become of its inputs at the end of each step: C and Numba, to round-off."""
+    """Under what has become of its inputs at the end of each step, to round-off."""
     (moved, contacts), (names, table) = outputs_of(made), made.table("in")
     instance = made.started()
     stepper = Stepper(made.system, STEP, **driven(made, instance), rho_inf=made.scene.time.rho_inf)
