@@ -293,7 +293,7 @@ static int find_giving(pmr_state *st, const double *free)
     const pmr_system *y = st->system;
     int32_t *giving = st->numbers;
     double *F = st->scratch, *b = st->held, *lambda = b + y->mp, *factor;
-    int count = 0, moved = 0, k, l, failed;
+    int count = 0, k, l, failed;
     problem c = {.pushes = st->wrong,
                  .excess = b,
                  .lambda = lambda,
@@ -317,9 +317,7 @@ static int find_giving(pmr_state *st, const double *free)
         for (l = 0; l <= k; l++) F[(size_t)k * count + l] = st->A[giving[k] * y->mp + giving[l]];
         st->wrong[k] = y->pushes[giving[k]];
         st->before_closed[k] = !y->pushes[giving[k]];
-        moved |= b[k] != 0.0;
     }
-    if (!moved && !y->pushing) return PMR_DONE; /* no forces, also where F is round-off that no factor is made of */
     c.rows = c.stride = count;
     c.A = F;
     c.factor = factor;
