@@ -73,13 +73,19 @@ static int solve_dense(int n, const double *A, double *x, double *room)
     return 0;
 }
 
-/* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F. */
+/* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F.  F is residual
+   flexibility beside the one of the modes, sum C^2 / omega^2, and such a share of that is its round-off. */
+#define ROUND_OFF_OF_MODES 1e-14
 static int is_rigid(const pmr_state *st, int k)
 {
     const pmr_system *y = st->system;
-    int l;
+    const double *row = st->C + (size_t)k * y->modes;
+    double of_modes = 0.0;
+    int l, n;
+    for (n = 0; n < y->modes; n++)
+        if (y->omega2[n] > 0.0) of_modes += row[n] * row[n] / y->omega2[n];
     for (l = 0; l < y->contacts; l++)
-        if (st->A[(k > l ? k : l) * y->mp + (k > l ? l : k)] != 0.0) return 0;
+        if (fabs(*lower(st->A, y->mp, k, l)) > ROUND_OFF_OF_MODES * of_modes) return 0;
     return 1;
 }
 
