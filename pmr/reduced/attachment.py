@@ -59,12 +59,12 @@ def with_cylinder_modes(model: ReducedModel, count: int = CYLINDER) -> ReducedMo
         return _rigid_along(model, answers)
     turned, stiffness = _turned(answers.stiffness[:count, :count], answers.inertia[:count, :count])
     measured = np.vstack([answers.rows[:, :count], answers.inputs[:, :count]]) @ turned
-    found = _extended(model, stiffness, measured, answers.outputs[:, :count] @ turned)
-    assert found.carriers is not None
+    with_modes = _extended(model, stiffness, measured, answers.outputs[:, :count] @ turned)
+    assert with_modes.carriers is not None
     reactions = None if model.reactions is None else _carried(model, model.reactions, answers, turned)
-    on_modes = replace(found.carriers, answers=replace(answers, turned=turned))
+    on_modes = replace(with_modes.carriers, answers=replace(answers, turned=turned))
     loads = np.zeros((len(answers.rows) + len(answers.inputs), turned.shape[1]))
-    return _in_a_frame(replace(found, carriers=on_modes, reactions=reactions), model, loads, turned)
+    return _in_a_frame(replace(with_modes, carriers=on_modes, reactions=reactions), model, loads, turned)
 
 
 def knows_matrices(model: ReducedModel) -> bool:
@@ -75,7 +75,7 @@ def knows_matrices(model: ReducedModel) -> bool:
     return len(carriers.spanned) > 0
 
 
-def _in_a_frame(found: ReducedModel, model: ReducedModel, loads: Array, turned: Array) -> ReducedModel:
+def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array, turned: Array) -> ReducedModel:
     """`found` with the matrices and ports of a model that has `a` coordinates less, as far as they are known.
 
     Those are answers to combinations `loads` (K + i, a) of loads on carriers and inputs, and combinations `turned`
@@ -84,41 +84,46 @@ def _in_a_frame(found: ReducedModel, model: ReducedModel, loads: Array, turned: 
     carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, turned.shape
     assert carriers is not None
     if not carriers.matrices:
-        return found
+        return extended_model
     answers, K = carriers.answers, len(carriers.values)
     n, c = 0 if answers is None else answers.rows.shape[1], 0 if modes is None else modes.count
     size, p = len(next(iter(carriers.matrices.values()))), len(carriers.spanned)
-    known, X = loads if p else np.zeros_like(loads), np.zeros((size, r + a))
+    row_loads, X = loads if p else np.zeros_like(loads), np.zeros((size, r + a))
     X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), turned
     if modes is not None:  # which have joined the answers
-        on_modes = (carriers.enrichment.T @ known[:K] + modes.B @ known[K:]) / modes.stiffness[:, None]
+        on_modes = (carriers.enrichment.T @ row_loads[:K] + modes.B @ row_loads[K:]) / modes.stiffness[:, None]
         shares = 0.0 if answers is None else answers.shares(carriers.enrichment, modes)[:, :count] @ turned
         X[r : r + c, r:] = on_modes + shares
     if p:
         X[r + c : r + c + p, r:] = carriers.spanned @ loads
     matrices = {name: X.T @ A @ X for name, A in carriers.matrices.items()}
     ports = {name: row @ X for name, row in carriers.ports.items()}
-    reactions = found.reactions
+    reactions = extended_model.reactions
     if reactions is not None:  # of files of earlier versions the work on these vectors is not known
         worked = {name: A @ X[: A.shape[1]] for name, A in reactions.matrices.items()}
         reactions = replace(reactions, matrices=worked)
-    return replace(found, matrices={**found.matrices, **matrices}, ports={**found.ports, **ports}, reactions=reactions)
+    return replace(
+        extended_model,
+        matrices={**extended_model.matrices, **matrices},
+        ports={**extended_model.ports, **ports},
+        reactions=reactions,
+    )
 
 
-def _carried(model: ReducedModel, known: Reactions, answers: Answers, turned: Array) -> Reactions:
+def _carried(model: ReducedModel, reactions: Reactions, answers: Answers, turned: Array) -> Reactions:
     """Reactions of the model with combinations of the answers as its last coordinates."""
     assert model.carriers is not None
     r, count, of_all = model.size, len(turned), answers.supports
     if model.enrichment is not None:  # the modes that the largest basis has beside the model's
-        joined = known.inertia[:, r : r + model.enrichment.count]
+        joined = reactions.inertia[:, r : r + model.enrichment.count]
         of_all = of_all + joined @ answers.shares(model.carriers.enrichment, model.enrichment)
     inertia = of_all[:, :count] @ turned
     damping = (0.0 if model.rayleigh is None else model.rayleigh.alpha) * inertia
     return replace(
-        known,
-        inertia=np.hstack([known.inertia[:, :r], inertia]),
-        damping=np.hstack([known.damping[:, :r], damping]),
-        stiffness=np.hstack([known.stiffness[:, :r], np.zeros_like(inertia)]),
+        reactions,
+        inertia=np.hstack([reactions.inertia[:, :r], inertia]),
+        damping=np.hstack([reactions.damping[:, :r], damping]),
+        stiffness=np.hstack([reactions.stiffness[:, :r], np.zeros_like(inertia)]),
     )
 
 
@@ -138,9 +143,9 @@ def with_attachment_modes(
         raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
     R, S, answers = _on_loads(carriers.flexibility), _on_loads(carriers.inertia), carriers.answers
     G = _principal(S, sp.csr_matrix(loads), left_out)
-    measured, moved = R @ G, S @ G  # of the answers, and of what their inertia moves
+    measured, inertia_measured = R @ G, S @ G  # of the answers, and of what their inertia moves
     outputs = np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G
-    K, M = G.T @ measured, G.T @ moved
+    K, M = G.T @ measured, G.T @ inertia_measured
     if answers is not None and answers.inertia.any():
         x, n = np.vstack([answers.rows, answers.inputs]), RICHER
         K = np.block([[K, G.T @ x[:, :n]], [x[:, :n].T @ G, answers.stiffness[:n, :n]]])
@@ -149,14 +154,17 @@ def with_attachment_modes(
     turned, stiffness = _turned(K, M)
     if not len(stiffness):
         return model if answers is None else _rigid_along(model, answers)
-    found, g = _extended(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
+    with_modes, g = _extended(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
     if at_rest and model.reactions is not None:  # where forces do not depend on which inertia supports bear
-        known, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
+        reactions, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
         inertia, damping, stiff = (
-            np.hstack([part[:, : model.size], none]) for part in (known.inertia, known.damping, known.stiffness)
+            np.hstack([part[:, : model.size], none])
+            for part in (reactions.inertia, reactions.damping, reactions.stiffness)
         )
-        found = replace(found, reactions=replace(known, inertia=inertia, damping=damping, stiffness=stiff))
-    return _in_a_frame(found, model, G @ turned[:g], turned[g:])
+        with_modes = replace(
+            with_modes, reactions=replace(reactions, inertia=inertia, damping=damping, stiffness=stiff)
+        )
+    return _in_a_frame(with_modes, model, G @ turned[:g], turned[g:])
 
 
 def _turned(K: Array, M: Array) -> tuple[Array, Array]:
@@ -169,8 +177,8 @@ def _turned(K: Array, M: Array) -> tuple[Array, Array]:
     K, M = (A[np.ix_(sound, sound)] for A in (K, M))
     scale = 1.0 / np.sqrt(np.diagonal(M))
     size, Q = np.linalg.eigh(scale[:, None] * M * scale)
-    kept = size > DEPENDENT
-    apart = scale[:, None] * Q[:, kept] / np.sqrt(size[kept])
+    is_independent = size > DEPENDENT
+    apart = scale[:, None] * Q[:, is_independent] / np.sqrt(size[is_independent])
     stiffness, turned = np.linalg.eigh(apart.T @ K @ apart)
     stiff = stiffness > 0.0
     X = np.zeros((count, int(np.count_nonzero(stiff))))
@@ -179,7 +187,7 @@ def _turned(K: Array, M: Array) -> tuple[Array, Array]:
 
 
 def _extended(model: ReducedModel, stiffness: Array, measured: Array, outputs: Array) -> ReducedModel:
-    """With M-orthonormal vectors that measure so much on carriers and inputs (K + i, a) and outputs (o, a)."""
+    """Add M-orthonormal vectors that measure so much on carriers and inputs (K + i, a) and outputs (o, a)."""
     carriers = model.carriers
     assert carriers is not None
     K = len(carriers.values)
@@ -193,26 +201,28 @@ def _extended(model: ReducedModel, stiffness: Array, measured: Array, outputs: A
         rows=stacked(rows, model.domain),
     )
     on_modes = replace(carriers, enrichment=measured[:K], inertia=None, answers=None)
-    found = extended(replace(model, enrichment=modes, carriers=on_modes, reactions=None))  # which know nothing of them
-    return found if carriers.answers is None else _rigid_along(found, carriers.answers)
+    with_modes = extended(
+        replace(model, enrichment=modes, carriers=on_modes, reactions=None)
+    )  # which know nothing of them
+    return with_modes if carriers.answers is None else _rigid_along(with_modes, carriers.answers)
 
 
 def _rigid_along(model: ReducedModel, answers: Answers) -> ReducedModel:
-    """Without what round-off leaves of residual flexibility under a cylinder whose answers are coordinates."""
+    """Remove round-off of residual flexibility under a cylinder whose answers are coordinates."""
     carriers, load = model.carriers, answers.load
     assert carriers is not None and carriers.flexibility is not None
 
     def rigid(A: Array) -> Array:
         return A - np.outer(load, load @ A) / (load @ load)
 
-    known = carriers.flexibility
-    left = replace(
-        known,
-        rows=symmetric(rigid(rigid(known.rows).T)),
-        inputs=rigid(known.inputs),
-        outputs=rigid(known.outputs.T).T,
+    flexibility = carriers.flexibility
+    residual = replace(
+        flexibility,
+        rows=symmetric(rigid(rigid(flexibility.rows).T)),
+        inputs=rigid(flexibility.inputs),
+        outputs=rigid(flexibility.outputs.T).T,
     )
-    return with_tables(replace(model, carriers=replace(carriers, flexibility=left)))
+    return with_tables(replace(model, carriers=replace(carriers, flexibility=residual)))
 
 
 def _on_loads(part: CarrierFlexibility) -> Array:
@@ -235,8 +245,8 @@ def _principal(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     gathered = loads.T @ (loads @ half)  # not by squares of the loads, which would lose what cancels
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]
-    known = np.cumsum(np.maximum(energy, 0.0))
-    enough = 1 + int(np.searchsorted(known, (1.0 - left_out) * np.max(known, initial=0.0)))
+    energy_so_far = np.cumsum(np.maximum(energy, 0.0))
+    enough = 1 + int(np.searchsorted(energy_so_far, (1.0 - left_out) * np.max(energy_so_far, initial=0.0)))
     some = energy > CANCELLED**2 * mass * loads.power(2).sum()
     chosen = slice(min(MOST, enough, int(np.count_nonzero(some))))
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])

@@ -61,7 +61,7 @@ class CarrierFlexibility:
 
 @dataclass(frozen=True)
 class Answers:
-    r"""What answers a force on one row c that stays, at rest and by inertia, n vectors.
+    r"""Answers to a force on one row c that stays, at rest and by inertia, n vectors.
 
     .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
 
@@ -150,7 +150,7 @@ class CarriedRows:
         return replace(self, values=self.values @ X)
 
     def with_rows(self, numbers: Sequence[int]) -> CarriedRows:
-        """With none but these rows."""
+        """Return the carriers with none but these rows."""
         return replace(
             self,
             breaks={str(k): self.breaks[str(number)] for k, number in enumerate(numbers)},
@@ -160,16 +160,16 @@ class CarriedRows:
 
     def truncated(self, r: int, modes: EnrichmentModes) -> CarriedRows:
         """On the first r coordinates; the others, the `modes`, join the flexibility and the enrichment modes."""
-        values, moved = self.values[:, :r], self.values[:, r:]
-        return replace(self._joined(moved, modes, 1.0), values=values, enrichment=np.hstack([moved, self.enrichment]))
+        values, beyond = self.values[:, :r], self.values[:, r:]
+        return replace(self._joined(beyond, modes, 1.0), values=values, enrichment=np.hstack([beyond, self.enrichment]))
 
     def extended(self, modes: EnrichmentModes) -> CarriedRows:
-        """With the first enrichment modes, the `modes`, as coordinates: what `truncated` undoes."""
+        """Make the first enrichment modes, the `modes`, coordinates: the reverse of `truncated`."""
         back, enrichment = self.enrichment[:, : modes.count], self.enrichment[:, modes.count :]
         return replace(self._joined(back, modes, -1.0), values=np.hstack([self.values, back]), enrichment=enrichment)
 
     def _joined(self, U: Array, modes: EnrichmentModes, sign: float) -> CarriedRows:
-        """With what modes leave out that measure U (K, c) on the carriers, or without it where `sign` is -1."""
+        """Add the flexibility of modes that measure U (K, c) on the carriers, or take it out where `sign` is -1."""
         assert self.flexibility is not None
         flexibility = self.flexibility.joined(U, modes, sign / modes.stiffness)
         inertia = None if self.inertia is None else self.inertia.joined(U, modes, sign / modes.stiffness**2)
@@ -177,7 +177,7 @@ class CarriedRows:
         return replace(self, flexibility=flexibility, inertia=inertia, answers=answers)
 
     def contradiction(self, m: int) -> str | None:
-        """What is wrong with b(x) of the m rows, in words; None where all is sound."""
+        """Describe what is wrong with b(x) of the m rows; None where all is sound."""
         for k in map(str, range(m)):
             x, touched, b = self.breaks[k], self.touched[k], self.coefficients[k]
             if x.ndim != 1 or touched.ndim != 2 or len(touched) != len(x) - 1 or not np.all(np.diff(x) > 0.0):
@@ -186,8 +186,8 @@ class CarriedRows:
                 return f"the carriers' row {k} has coefficients of shape {b.shape} or that are not finite"
             if not np.all((touched >= 0) & (touched < len(self.values))):
                 return f"the carriers' row {k} touches a carrier that there is none of"
-        known = self.answers
-        least = self.values.shape[1] + (0 if known is None else known.rows.shape[1] - known.turned.shape[1])
+        answers = self.answers
+        least = self.values.shape[1] + (0 if answers is None else answers.rows.shape[1] - answers.turned.shape[1])
         if (p := len(self.spanned)) and (
             self.spanned.shape[1] < len(self.values) or not np.isfinite(self.spanned).all()
         ):

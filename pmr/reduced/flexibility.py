@@ -40,7 +40,7 @@ class Flexibility:
     energy: Array  # B^T R B (i, i) m/N: twice the residual strain energy under unit inputs
 
     def with_rows(self, numbers: Sequence[int]) -> Flexibility:
-        """Of a body with none but these of its rows."""
+        """Return the flexibility of a body with none but these of its rows."""
         rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
         outputs = columns(self.outputs, numbers)
         return replace(self, rows=columns(rows, numbers), inputs=inputs, outputs=outputs)
@@ -50,7 +50,7 @@ class Flexibility:
         return applied(self._at_rows, s, np.hstack([loads, -multipliers]))
 
     def row_motion_change(self, s: Array, multipliers: Array, loads: Array) -> Array:
-        """What that changes by, (T - 1, m) in m, from each s (T,) to the next under forces and loads (T - 1, ...)."""
+        """Change of the rows' motion, (T - 1, m) m, from one s (T,) to the next under forces and loads (T - 1, ...)."""
         return applied_change(self._at_rows, s, np.hstack([loads, -multipliers]))
 
     def displacement(self, s: Array, multipliers: Array, loads: Array) -> Array:

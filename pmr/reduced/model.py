@@ -147,8 +147,8 @@ class ReducedModel:
     @property
     def cylinder_modes(self) -> int:
         """Number of modes of the section's cylinder (`pmr.reduced.attachment`); they are the last coordinates."""
-        known = None if self.carriers is None else self.carriers.answers
-        return 0 if known is None else known.turned.shape[1]
+        answers = None if self.carriers is None else self.carriers.answers
+        return 0 if answers is None else answers.turned.shape[1]
 
     @property
     def row_compliance(self) -> Array:
@@ -182,9 +182,9 @@ class ReducedModel:
         loads = scene.get("loads") if isinstance(scene, Mapping) else None
         listed = [load for load in loads if isinstance(load, Mapping)] if isinstance(loads, list | tuple) else []
         directions = {str(load.get("name")): str(load.get("direction")) for load in listed}
-        given = {name: "N m" if direction.startswith("r") else "N" for name, direction in directions.items()}
-        given |= dict.fromkeys(("gravity", "extension", *CONSTANT), "m/s^2") | dict.fromkeys(LINEAR, "1/s^2")
-        return tuple(given.get(name, "N") for name in self.input_names)
+        units = {name: "N m" if direction.startswith("r") else "N" for name, direction in directions.items()}
+        units |= dict.fromkeys(("gravity", "extension", *CONSTANT), "m/s^2") | dict.fromkeys(LINEAR, "1/s^2")
+        return tuple(units.get(name, "N") for name in self.input_names)
 
     def ensure_whole(self, source: str) -> None:
         """Raise an InputError of `source` if this is a section of a boom: its joints are not in the model."""
@@ -356,17 +356,17 @@ class ReducedModel:
 
 def _of_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
     """Arrays by the names of today; names, provenance and Rayleigh's factors stood in the header."""
-    found = records.renamed(data, _OLD_NAMES)
+    arrays = records.renamed(data, _OLD_NAMES)
     for name in _NAMES:
         names = header.get(name, ())
         if not isinstance(names, list | tuple) or not all(isinstance(each, str) for each in names):
             raise TypeError(f"a list of names is allowed, not {names!r:.60}")
-        found[name] = np.array(names, dtype=np.str_)
-    found["provenance"] = np.array(jsonfile.text(header["provenance"]))
+        arrays[name] = np.array(names, dtype=np.str_)
+    arrays["provenance"] = np.array(jsonfile.text(header["provenance"]))
     if header.get("rayleigh") is not None:
         alpha, beta = header["rayleigh"]
-        found |= {"rayleigh.alpha": np.array(alpha), "rayleigh.beta": np.array(beta)}
-    return found
+        arrays |= {"rayleigh.alpha": np.array(alpha), "rayleigh.beta": np.array(beta)}
+    return arrays
 
 
 def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:

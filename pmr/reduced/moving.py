@@ -23,7 +23,7 @@ CARRIED = {
 
 @dataclass(frozen=True)
 class UnitLoad:
-    """What makes a unit state of stress in a body that is held at its tail."""
+    """Load that makes a unit state of stress in a body that is held at its tail."""
 
     acceleration: Array = field(default_factory=lambda: np.zeros(3))  # of the frame, (3,) m/s^2
     stretch: float = 0.0  # 1/s^2: by how much that along x grows with x

@@ -32,8 +32,8 @@ def as_simulated(model: ReducedModel, stressed: bool) -> ReducedModel:
 
 
 def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC) -> ReducedModel:
-    """With up to `count` of its first enrichment modes as coordinates without inertia, behind its own."""
+    """Make up to `count` of a model's first enrichment modes coordinates without inertia, behind its own."""
     if model.enrichment is None or model.flexibility is None:
         return model
-    found = extended(model, min(count, model.enrichment.count))
-    return replace(found, quasi_static=np.arange(model.size, found.size))
+    with_modes = extended(model, min(count, model.enrichment.count))
+    return replace(with_modes, quasi_static=np.arange(model.size, with_modes.size))

@@ -56,11 +56,11 @@ class Reactions:
         return list(zip(self.names, self.units, strict=True))
 
     def on(self, V: Array) -> Reactions:
-        """Those of the body projected on V (n, r)."""
+        """Reactions of the body projected on V (n, r)."""
         inertia, damping, stiffness = (A[:, : len(V)] @ V for A in (self.inertia, self.damping, self.stiffness))
         matrices = {name: A[:, : len(V)] @ V for name, A in self.matrices.items()}
         return replace(self, inertia=inertia, damping=damping, stiffness=stiffness, matrices=matrices)
 
     def with_rows(self, numbers: list[int]) -> Reactions:
-        """Those of the body with none but these of its rows."""
+        """Reactions of the body with none but these of its rows."""
         return replace(self, rows=columns(self.rows, numbers))

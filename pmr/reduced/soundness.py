@@ -19,45 +19,45 @@ LONGEST = 4 * LONGEST_NAME
 
 
 def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
-    """What is wrong with the arrays, names and piecewise polynomials of `part`, a dataclass, in words; None: nothing.
+    """Describe what is wrong with the arrays, names and piecewise polynomials of a dataclass; None: nothing.
 
     Its ``AXES`` give a letter for each axis, such as ``{"rows": "mr"}`` for values (m, r).  What a letter stands for,
     unless `sizes` says it, does its first axis.  Parts within the part that have such a table follow.
     """
     sizes = dict(sizes)
     for name, axes in part.AXES.items():
-        found = getattr(part, name)
-        if found is None:
+        value = getattr(part, name)
+        if value is None:
             continue
-        if wrong := misnamed(name, found):
+        if wrong := misnamed(name, value):
             return prefix + wrong
-        values, has = (found.c, found.c.shape[2:]) if isinstance(found, PPoly) else (found, np.shape(found))
+        values, has = (value.c, value.c.shape[2:]) if isinstance(value, PPoly) else (value, np.shape(value))
         if len(has) != len(axes):
             return f"{prefix}{name} has shape {has}, {len(axes)} axes are allowed"
         for letter, size in zip(axes, has, strict=True):
             sizes.setdefault(letter, size)
         if has != (allowed := tuple(sizes[letter] for letter in axes)):
             return f"{prefix}{name} has shape {has}, {allowed} is allowed"
-        if not isinstance(found, tuple) and not np.isfinite(values).all():
+        if not isinstance(value, tuple) and not np.isfinite(values).all():
             return f"{prefix}{name} is not finite"
-        if isinstance(found, PPoly) and not (np.all(np.diff(found.x) > 0.0) and np.isfinite(found.x).all()):
+        if isinstance(value, PPoly) and not (np.all(np.diff(value.x) > 0.0) and np.isfinite(value.x).all()):
             return f"the breaks of {prefix}{name} do not increase"
     parts = {field.name: getattr(part, field.name) for field in fields(part)}
-    within = (misfit(one, sizes, f"{prefix}{name}.") for name, one in parts.items() if hasattr(one, "AXES"))
+    within = (misfit(inner, sizes, f"{prefix}{name}.") for name, inner in parts.items() if hasattr(inner, "AXES"))
     return next((wrong for wrong in within if wrong), None)
 
 
 def misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int) -> str | None:
-    """What is wrong with matrices by name, in words, where one is not (size, size) or not finite."""
+    """Describe matrices by name of which one is not (size, size) or not finite."""
     for name, A in matrices.items():
         if A.shape != (size, size) or not np.isfinite(A).all():
             return f"{field}.{name} has shape {A.shape} or is not finite, {(size, size)} is allowed"
     return None
 
 
-def misnamed(field: str, found: Any) -> str | None:
-    """What is wrong with a field's names, in words, where one is none (`pmr.errors.text.is_name`)."""
-    wrong = [name for name in found if not is_name(name, LONGEST)] if isinstance(found, tuple) else []
+def misnamed(field: str, names: Any) -> str | None:
+    """Describe a field's names of which one is none (`pmr.errors.text.is_name`)."""
+    wrong = [name for name in names if not is_name(name, LONGEST)] if isinstance(names, tuple) else []
     return f"{field} holds {wrong[0]!r:.60}, which is no name" if wrong else None
 
 
@@ -67,7 +67,7 @@ def symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
-    """What is wrong with a mass, damping or stiffness, in words: one that is not positive lets motions grow."""
+    """Describe a mass, damping or stiffness that is not positive, which lets motions grow."""
     for name, matrix in matrices.items():
         size = np.abs(matrix).max(initial=0.0)
         if np.abs(matrix - matrix.T).max(initial=0.0) > SYMMETRIC * size:

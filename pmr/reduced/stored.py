@@ -39,13 +39,13 @@ class Carried(Protocol):
 
 def arrays(model: Carried, prefix: str = "") -> dict[str, NDArray[Any]]:
     """Arrays of a file that holds the model, by names behind `prefix`."""
-    found = records.arrays(model)
+    content = records.arrays(model)
     sound = model.carriers is not None and not _fault(model.carriers)
-    for name, table in (_products(model.carriers, found) if model.carriers and sound else {}).items():
-        if np.array_equal(table.c, found[f"{name}.coefficients"]):
-            del found[f"{name}.coefficients"]
+    for name, table in (_products(model.carriers, content) if model.carriers and sound else {}).items():
+        if np.array_equal(table.c, content[f"{name}.coefficients"]):
+            del content[f"{name}.coefficients"]
     compact = dict[str, NDArray[Any]]()
-    for name, array in found.items():
+    for name, array in content.items():
         kind = _kind(array) if name.startswith(TRIANGLES) else None
         if kind is None:
             compact[prefix + name] = array
@@ -60,25 +60,25 @@ def filled(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDAr
     Raises the errors of `pmr.files.records.record`, and a ValueError where tables are missing and carriers are not
     sound, or a triangle has not as many entries as one has.
     """
-    found = dict[str, NDArray[Any]]()
+    content = dict[str, NDArray[Any]]()
     for name, array in data.items():
         if name.startswith(prefix):
             name = name.removeprefix(prefix)
-            whole, _, kind = name.rpartition(".")
+            stem, _, kind = name.rpartition(".")
             if kind in _SIGNS and name.startswith(TRIANGLES):
-                found[whole] = _square(array, _SIGNS[kind])
+                content[stem] = _square(array, _SIGNS[kind])
             else:
-                found[name] = array
-    tables = {name.removesuffix(".breaks") for name in found if name.endswith(".breaks")}
-    if any(f"{name}.coefficients" not in found for name in tables) and any(
-        name.startswith(TRIANGLES) for name in found
+                content[name] = array
+    tables = {name.removesuffix(".breaks") for name in content if name.endswith(".breaks")}
+    if any(f"{name}.coefficients" not in content for name in tables) and any(
+        name.startswith(TRIANGLES) for name in content
     ):
-        carriers = records.record(CarriedRows, found, TRIANGLES)
+        carriers = records.record(CarriedRows, content, TRIANGLES)
         if wrong := _fault(carriers):
             raise ValueError(wrong)
-        for name, table in _products(carriers, found).items():
-            found.setdefault(f"{name}.coefficients", table.c)
-    return {prefix + name: array for name, array in found.items()}
+        for name, table in _products(carriers, content).items():
+            content.setdefault(f"{name}.coefficients", table.c)
+    return {prefix + name: array for name, array in content.items()}
 
 
 def _fault(carriers: CarriedRows) -> str | None:

@@ -40,7 +40,7 @@ def truncated(model: ReducedModel, r: int) -> ReducedModel:
     stiffness = np.diagonal(model.K)
     if not np.all(stiffness[r:] > MODAL * stiffness[-1] * np.finfo(float).eps):
         raise ValueError("a rigid-body motion has no flexibility: rigid-body modes have to stay")
-    moved = EnrichmentModes(
+    modes = EnrichmentModes(
         stiffness=stiffness[r:],
         damping=np.diagonal(model.D)[r:],
         B=model.B[r:],
@@ -51,9 +51,9 @@ def truncated(model: ReducedModel, r: int) -> ReducedModel:
     return with_tables(
         replace(
             replace(model, flexibility=None, carriers=None).leading(r),
-            flexibility=_joined(model, moved, 1.0),
-            enrichment=moved if model.enrichment is None else _chained(moved, model.enrichment),
-            carriers=None if model.carriers is None else model.carriers.truncated(r, moved),
+            flexibility=_joined(model, modes, 1.0),
+            enrichment=modes if model.enrichment is None else _chained(modes, model.enrichment),
+            carriers=None if model.carriers is None else model.carriers.truncated(r, modes),
         )
     )
 
@@ -63,10 +63,10 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
 
     A ValueError is raised where the model has fewer enrichment modes.
     """
-    found = 0 if model.enrichment is None else model.enrichment.count
-    count = found if count is None else count
-    if model.enrichment is None or model.flexibility is None or not 0 < count <= found:
-        raise ValueError(f"{count} enrichment modes of {found}: the model has no more")
+    available = 0 if model.enrichment is None else model.enrichment.count
+    count = available if count is None else count
+    if model.enrichment is None or model.flexibility is None or not 0 < count <= available:
+        raise ValueError(f"{count} enrichment modes of {available}: the model has no more")
     back = _part(model.enrichment, slice(count))
     longer = replace(
         model,
@@ -79,7 +79,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
         matrices={name: _with(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
         ports={name: _port(model, name, count) for name in model.ports},
         flexibility=_joined(model, back, -1.0),
-        enrichment=_part(model.enrichment, slice(count, None)) if count < found else None,
+        enrichment=_part(model.enrichment, slice(count, None)) if count < available else None,
         carriers=None if model.carriers is None else model.carriers.extended(back),
     )
     return with_tables(longer)
@@ -151,8 +151,8 @@ def _with(A: Array, of_all: Array | None, count: int) -> Array:
 
 def _port(model: ReducedModel, name: str, count: int) -> Array:
     """A port (r + count,) on `count` modes more, which it measures nothing of unless that is known."""
-    known = None if model.carriers is None else model.carriers.ports.get(name)
-    beyond = np.zeros(count) if known is None else known[model.size : model.size + count]
+    port_of_carriers = None if model.carriers is None else model.carriers.ports.get(name)
+    beyond = np.zeros(count) if port_of_carriers is None else port_of_carriers[model.size : model.size + count]
     return np.append(model.ports[name], beyond)
 
 

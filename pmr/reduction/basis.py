@@ -65,7 +65,7 @@ def pod(
     size: int | None,
     product: str = "euclidean",
     solver: str = "auto",
-    beside: int = 0,
+    rigid_count: int = 0,
 ) -> Basis:
     """POD of a pool, truncated to `size` vectors; collective.
 
@@ -89,20 +89,24 @@ def pod(
     """
     decompose = _dense_pod if is_dense(model, solver) else _distributed_pod
     # Where all snapshots vanish (at a support), so does the basis: left in, these rows would fill with round-off.
-    whole = np.array(snapshots.S.getDenseArray())
+    columns = np.array(snapshots.S.getDenseArray())
     first = snapshots.S.getOwnershipRange()[0]
-    moving = np.flatnonzero(whole.any(axis=1))
+    moving = np.flatnonzero(columns.any(axis=1))
     rows = PETSc.IS().createGeneral((first + moving).astype(PETSc.IntType), comm=model.M.comm)
     M = model.M.createSubMatrix(rows, rows)
-    compact, sigma = decompose(tall(whole[moving], M), M if product == "mass" else None)
-    local = np.zeros((len(whole), compact.shape[1]))
+    compact, sigma = decompose(tall(columns[moving], M), M if product == "mass" else None)
+    local = np.zeros((len(columns), compact.shape[1]))
     local[moving] = compact
     rank = int(np.sum(sigma > sigma[0] * np.finfo(float).eps * max(snapshots.S.getSize())))
     size = rank if size is None else size
     if size > rank:
-        rigid = f" and there are {beside} rigid-body modes" if beside > 1 else " and there is one rigid-body mode"
-        allowed = f"the snapshots span {rank} dimensions only{rigid if beside else ''}; at most {rank + beside}"
-        raise InputError("scene", "reduction.coordinates", size + beside, allowed)
+        rigid = (
+            f" and there are {rigid_count} rigid-body modes" if rigid_count > 1 else " and there is one rigid-body mode"
+        )
+        allowed = (
+            f"the snapshots span {rank} dimensions only{rigid if rigid_count else ''}; at most {rank + rigid_count}"
+        )
+        raise InputError("scene", "reduction.coordinates", size + rigid_count, allowed)
     return Basis(tall(fix_signs(local[:, :size], model.comm), model.M), sigma, product)
 
 
@@ -139,11 +143,13 @@ def with_rigid_modes(
         raise InputError("scene", "reduction.coordinates", size, allowed)
     S = np.array(snapshots.S.getDenseArray())
     share = inner(times(model.M, rigid), S, model.comm)
-    rest = pod(model, replace(snapshots, S=tall(S - rigid @ share, model.M)), size - count, product, solver, count)
-    V = np.hstack([rigid, np.array(rest.V.getDenseArray())])
+    of_elastic = pod(
+        model, replace(snapshots, S=tall(S - rigid @ share, model.M)), size - count, product, solver, count
+    )
+    V = np.hstack([rigid, np.array(of_elastic.V.getDenseArray())])
     gram = np.eye(count) if product == "mass" else inner(rigid, rigid, model.comm)
     held = np.linalg.svd(np.linalg.cholesky(gram).T @ share, compute_uv=False)
-    return Basis(tall(V, model.M), np.concatenate([held, rest.sigma]), product)
+    return Basis(tall(V, model.M), np.concatenate([held, of_elastic.sigma]), product)
 
 
 def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:

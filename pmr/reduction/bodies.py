@@ -74,8 +74,8 @@ class Reduction:
         The second term is the residual flexibility R of what the basis leaves out, where the model has it.  `states`
         are those of `pmr.simulate_with_states(scene, reduction.system, steps)`.
         """
-        found = {name: self._whole(name, self._recovery(name).positions(at).T).T for name, at in states.items()}
-        return found.get(ALONE, found)
+        coordinates = {name: self._whole(name, self._recovery(name).positions(at).T).T for name, at in states.items()}
+        return coordinates.get(ALONE, coordinates)
 
     def project(self, q: Array, body: str = ALONE) -> Array:
         r"""Coordinates p (r, ...) of the vectors q (n, ...) that are nearest to them in the product of the basis.
@@ -104,22 +104,24 @@ class Reduction:
 
     @cached_property
     def system(self) -> System:
-        """What `pmr.simulate(scene, ...)` takes, and a file holds."""
-        found = joined(self.scene, self.bodies)
-        return found if ALONE in found.bodies else replace(found, provenance=self.scene.recorded)
+        """System that `pmr.simulate(scene, ...)` takes, and a file holds."""
+        joined_system = joined(self.scene, self.bodies)
+        return (
+            joined_system if ALONE in joined_system.bodies else replace(joined_system, provenance=self.scene.recorded)
+        )
 
 
 def as_asked(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
     """The bodies as they are simulated with second order or without it."""
-    return {name: replace(one, stressed=any(frame_terms(scene))) for name, one in bodies.items()}
+    return {name: replace(body, stressed=any(frame_terms(scene))) for name, body in bodies.items()}
 
 
 def joined(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
     """The system of a scene's bodies as they are simulated; it knows them on their modes alone too."""
     bodies = as_asked(scene, bodies)
-    found = system_of(scene, {name: one.model for name, one in bodies.items()})
-    on_modes = {name: one.modal for name, one in bodies.items() if one.modal is not one.model and one.tells_errors}
-    return replace(found, on_modes=on_modes)
+    joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
+    on_modes = {name: body.modal for name, body in bodies.items() if body.modal is not body.model and body.tells_errors}
+    return replace(joined_system, on_modes=on_modes)
 
 
 def reduce_bodies(
@@ -141,31 +143,31 @@ def reduce_bodies(
         return {ALONE: reduce_body(scene, built[ALONE].model, clock, vectors)}
     if ALONE in built:
         return {ALONE: cached_body(scene, built[ALONE].model, caches.get(ALONE), clock)}
-    made, found = dict[tuple[int, Choice], ReducedBody](), dict[str, ReducedBody]()
+    by_model, reduced_bodies = dict[tuple[int, Choice], ReducedBody](), dict[str, ReducedBody]()
     with clock.stage("reduce"):
         for member in members(scene):
             name, key = member.part.name, (id(built[member.part.name]), member.part.reduction)
-            if key not in made:
+            if key not in by_model:
                 try:
-                    made[key] = _section(scene, member, built[name].model, caches.get(name))
+                    by_model[key] = _section(scene, member, built[name].model, caches.get(name))
                 except InputError as error:
                     raise error.called(scene.key_of(member.number, error.key)) from None
-            found[name] = _named(scene, member, made[key])
-    return found
+            reduced_bodies[name] = _named(scene, member, by_model[key])
+    return reduced_bodies
 
 
 def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Clock | None = None) -> ReducedBody:
     """A body alone as `reduce_body` makes it, or as the cache has it; collective."""
     if cache is None:
         return reduce_body(scene, model, clock)
-    asked = scene.reduction.model_dump(mode="json") | {"path": scene.travel}
-    asked["enrichment"] = enrichment_of(scene, scene.reduction, model)
+    content = scene.reduction.model_dump(mode="json") | {"path": scene.travel}
+    content["enrichment"] = enrichment_of(scene, scene.reduction, model)
     if may_be_stressed(scene):
-        asked["stressed"] = True
+        content["stressed"] = True
     if scene.reduction.file is not None:
-        asked["file"] = scene.hash  # which has the content
-    found = cache.reduced(asked, lambda: reduce_body(scene, model, clock))
-    return replace(found, modal=replace(found.modal, provenance=provenance(scene, found.basis)))
+        content["file"] = scene.hash  # which has the content
+    body = cache.reduced(content, lambda: reduce_body(scene, model, clock))
+    return replace(body, modal=replace(body.modal, provenance=provenance(scene, body.basis)))
 
 
 def reduce_body(
@@ -186,16 +188,16 @@ def reduce_with(
     clock: Clock | None = None,
     body: FreeBody | None = None,
 ) -> ReducedBody:
-    """The same from snapshots; a `body` whose factor these were made with is taken over and dropped."""
+    """Reduce a body on vectors that a caller gives."""
     with (clock or Clock()).stage("pod"):
         body = body or FreeBody(model, scene.reduction.solver)
         basis, motions = build_basis(scene, model, snapshots), support_motions(body)
         if scene.reduction.ports:
             basis = with_ports(body, basis)
-        found = ReducedBody(snapshots, basis, project(scene, body, basis, provenance(scene, basis)))
-        found = replace(found, modal=with_reactions(found.modal, body, found.V, motions))
+        reduced_body = ReducedBody(snapshots, basis, project(scene, body, basis, provenance(scene, basis)))
+        reduced_body = replace(reduced_body, modal=with_reactions(reduced_body.modal, body, reduced_body.V, motions))
     free_dropped(model.comm)
-    return found
+    return reduced_body
 
 
 def _section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
@@ -207,22 +209,22 @@ def _section(scene: Scene, member: Member, model: FullModel, cache: Cache | None
         body = FreeBody(model, choice.solver)
         snapshots = free_modes(model, choice.coordinates, choice.solver, enrichment, body, stressed)
         basis, motions = modal_basis(snapshots), support_motions(body)
-        found = ReducedBody(snapshots, basis, section_model(body, basis, {}, choice.coordinates, motions))
-        return replace(found, modal=with_reactions(found.modal, body, found.V, motions))
+        reduced_body = ReducedBody(snapshots, basis, section_model(body, basis, {}, choice.coordinates, motions))
+        return replace(reduced_body, modal=with_reactions(reduced_body.modal, body, reduced_body.V, motions))
 
-    asked = choice.model_dump(mode="json") | {"section": enrichment} | ({"stressed": True} if stressed else {})
-    found = make() if cache is None else cache.reduced(asked, make)
-    return found if choice.flexibility else replace(found, modal=_stiff(found.modal))
+    content = choice.model_dump(mode="json") | {"section": enrichment} | ({"stressed": True} if stressed else {})
+    reduced_body = make() if cache is None else cache.reduced(content, make)
+    return reduced_body if choice.flexibility else replace(reduced_body, modal=_stiff(reduced_body.modal))
 
 
 def _stiff(model: ReducedModel) -> ReducedModel:
-    """Without the flexibility of the modes that are left out."""
+    """Return the model without the flexibility of the modes that are left out."""
     assert model.carriers is not None  # as section models have
     return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None, answers=None))
 
 
 def _named(scene: Scene, member: Member, body: ReducedBody) -> ReducedBody:
-    """As one of the sections of the scene."""
+    """Return a body as one of the sections of the scene."""
     rows = tuple(row for row in body.modal.row_names if row in member.joint_rows)
-    own, about = SectionOf(member.part.name, scene.title, rows), provenance(scene, body.basis, member.number)
-    return replace(body, modal=replace(body.modal, provenance=about, section=own))
+    section, about = SectionOf(member.part.name, scene.title, rows), provenance(scene, body.basis, member.number)
+    return replace(body, modal=replace(body.modal, provenance=about, section=section))

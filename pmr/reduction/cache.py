@@ -46,74 +46,74 @@ class Cache:
     model: FullModel
     content: str  # digest of the model, see `content_of`
 
-    def reduced(self, asked: Mapping[str, Any], make: Callable[[], ReducedBody]) -> ReducedBody:
-        """What is kept for what is `asked`, or what `make` returns, which is kept then; collective."""
-        file = self._file("reduction", asked)
+    def reduced(self, content: Mapping[str, Any], make: Callable[[], ReducedBody]) -> ReducedBody:
+        """Return what is stored under this content, or what `make` returns, which is stored then; collective."""
+        file = self._file("reduction", content)
         arrays = self._read(file)
         if arrays is not None:
-            found = self._loaded(file, arrays)
-            if found is not None:
-                return found
-        made = make()
-        own = made.basis.V is not made.snapshots.S
+            stored_body = self._loaded(file, arrays)
+            if stored_body is not None:
+                return stored_body
+        body = make()
+        has_basis = body.basis.V is not body.snapshots.S
         arrays = {
-            "S": self._whole(made.snapshots.S),
-            "V": self._whole(made.basis.V) if own else np.empty((0, 0)),
-            "omega": made.snapshots.omega,
-            "s": made.snapshots.s,
-            "residuals": made.snapshots.residuals,
-            "sigma": made.basis.sigma,
-            "source": np.array(made.snapshots.source),
-            "product": np.array(made.basis.product),
+            "S": self._whole(body.snapshots.S),
+            "V": self._whole(body.basis.V) if has_basis else np.empty((0, 0)),
+            "omega": body.snapshots.omega,
+            "s": body.snapshots.s,
+            "residuals": body.snapshots.residuals,
+            "sigma": body.basis.sigma,
+            "source": np.array(body.snapshots.source),
+            "product": np.array(body.basis.product),
         }
-        self._write(file, arrays, made.modal)
-        return made
+        self._write(file, arrays, body.modal)
+        return body
 
     def model_of(self, scene: Scene, make: Callable[[], ReducedModel]) -> ReducedModel:
         """The reduced model of a scene with the same structure on another mesh; on every rank, collective."""
         file = self._file("mesh", {"scene": structure_in(scene), "path": scene.travel})
-        found = self._read(file)
-        model = None if found is None else self._loaded_by(ReducedModel.load, file)
+        stored_arrays = self._read(file)
+        model = None if stored_arrays is None else self._loaded_by(ReducedModel.load, file)
         if model is None:
             model = self.model.comm.bcast(make())
             self._write(file, {}, model)
         return model
 
-    def arrays(self, kind: str, asked: Mapping[str, Any], make: Callable[[], Array]) -> Array:
-        """The same of an array that all ranks have."""
-        file = self._file(kind, asked)
-        found = self._read(file)
-        if found is not None:
-            return np.asarray(found["array"], float)
-        made = make()
-        self._write(file, {"array": made})
-        return made
+    def arrays(self, kind: str, content: Mapping[str, Any], make: Callable[[], Array]) -> Array:
+        """Return an array that all ranks have, stored or from `make`; collective."""
+        file = self._file(kind, content)
+        stored = self._read(file)
+        if stored is not None:
+            return np.asarray(stored["array"], float)
+        array = make()
+        self._write(file, {"array": array})
+        return array
 
     def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
         """The reduced system of a scene of any structure; on every rank, collective.
 
         That supports and pads leave it free to move is kept, too: to find it takes the full models.
         """
-        asked = self._of_system(scene)
-        file, unheld = self._file("system", asked), self._file("unheld", asked | {"end": scene.time.end})
-        if (known := self._read(unheld)) is not None:
-            raise NotHeldError("scene", "free_motions", scene.free_motions, *map(str, known["said"]))
-        found = None if self._read(file) is None else self._loaded_by(System.load, file)
-        if found is None:
+        content = self._of_system(scene)
+        file, unheld = self._file("system", content), self._file("unheld", content | {"end": scene.time.end})
+        if (not_held := self._read(unheld)) is not None:
+            raise NotHeldError("scene", "free_motions", scene.free_motions, *map(str, not_held["said"]))
+        system = None if self._read(file) is None else self._loaded_by(System.load, file)
+        if system is None:
             try:
-                found = make()
+                system = make()
             except NotHeldError as error:
                 self._write(unheld, {"said": np.array([error.allowed, error.short])})
                 raise
-            self._write(file, {}, found)
-        return found
+            self._write(file, {}, system)
+        return system
 
     def _of_system(self, scene: Scene) -> dict[str, Any]:
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
         return {"scene": structure_in(scene), "path": path}
 
-    def _file(self, kind: str, asked: Mapping[str, Any]) -> Path:
-        text = repr((self.content, sorted(asked.items())))
+    def _file(self, kind: str, content: Mapping[str, Any]) -> Path:
+        text = repr((self.content, sorted(content.items())))
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
 
     def _loaded(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
@@ -127,27 +127,27 @@ class Cache:
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
     def _loaded_by(self, load: Callable[[Path], Kept], file: Path) -> Kept | None:
-        """What is beside a file, on every rank; None where it isn't sound."""
-        found = None
+        """Load the file beside another one on every rank; None where it isn't sound."""
+        loaded = None
         if self.model.comm.rank == 0:
             try:
-                found = load(_beside(file))
+                loaded = load(_beside(file))
             except InputError as error:
                 _log.warning("%s is made again: %s", file, error)
-        kept: Kept | None = self.model.comm.bcast(found)
-        return kept
+        everywhere: Kept | None = self.model.comm.bcast(loaded)
+        return everywhere
 
     def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
         """On every rank; None where there is no such file, or none that is sound."""
-        found = None
+        arrays = None
         if self.model.comm.rank == 0 and file.is_file():
             try:
-                found = npz.read(file)
-                if npz.without_header(found) != {"format": FORMAT}:
+                arrays = npz.read(file)
+                if npz.without_header(arrays) != {"format": FORMAT}:
                     raise npz.DamagedError("another format")
             except npz.DamagedError as error:
                 _log.warning("%s is made again: %s", file, error)
-        result: dict[str, NDArray[Any]] | None = self.model.comm.bcast(found)
+        result: dict[str, NDArray[Any]] | None = self.model.comm.bcast(arrays)
         return result
 
     def _write(
@@ -169,7 +169,7 @@ class Cache:
 
 
 def cache_in(folder: Path, model: FullModel) -> Cache:
-    """Of a model that was just assembled; collective.
+    """Cache of a model that was just assembled; collective.
 
     Raises an `InputError` if the folder can't be made.
     """
@@ -182,5 +182,5 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
 
 
 def _beside(file: Path) -> Path:
-    """Where the reduced model or system is."""
+    """File of the reduced model or system."""
     return file.with_name(f"{file.stem}-reduced.npz")

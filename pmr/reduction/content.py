@@ -40,7 +40,7 @@ def content_of(model: FullModel) -> str:
 
 
 def structure_in(scene: Scene) -> str:
-    """What of a scene decides its reduction, beside the stretch that its path visits: neither signals nor comparisons.
+    """Content of a scene that decides its reduction, beside the stretch of its path: neither signals nor comparisons.
 
     The content of files that it names is not in it.
     """

@@ -73,19 +73,19 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 
 
 def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
-    """What the reduced model of one of a scene's bodies says of where it comes from."""
-    one, known = member_at(scene, number), scene.recorded
-    if one.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe the model
-        known = known | {"scene": {key: value for key, value in known["scene"].items() if key != "reduction"}}
-    if one.jointed:  # as a body alone is described, with the pads of its joints
-        described = known["scene"]
-        own = described.pop("sections")[number] | {"pads": [ring.model_dump(mode="json") for ring in one.pads]}
-        own = {key: value for key, value in own.items() if key not in ("name", "joint", "slider")}
-        title = {"title": f"{scene.title}: {one.part.name}"}
-        known = known | {"scene": described | own | title, "files": one.part.digests}
+    """Provenance of the reduced model of one of a scene's bodies."""
+    member, recorded = member_at(scene, number), scene.recorded
+    if member.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe the model
+        recorded = recorded | {"scene": {key: value for key, value in recorded["scene"].items() if key != "reduction"}}
+    if member.jointed:  # as a body alone is described, with the pads of its joints
+        described = recorded["scene"]
+        section = described.pop("sections")[number] | {"pads": [ring.model_dump(mode="json") for ring in member.pads]}
+        section = {key: value for key, value in section.items() if key not in ("name", "joint", "slider")}
+        title = {"title": f"{scene.title}: {member.part.name}"}
+        recorded = recorded | {"scene": described | section | title, "files": member.part.digests}
     return {
-        **known,
-        "basis": description(one.part.reduction, basis),
+        **recorded,
+        "basis": description(member.part.reduction, basis),
         "kappa": basis.kappa(),
         "versions": environment.versions() | versions(),
     }
@@ -118,9 +118,9 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
     """
     choice = scene.reduction
     if enrichment_of(scene, choice, body.model):
-        found = section_model(body, basis, provenance, choice.coordinates)
-        check_independence(found)  # on one path all rows are
-        return found
+        reduced_body = section_model(body, basis, provenance, choice.coordinates)
+        check_independence(reduced_body)  # on one path all rows are
+        return reduced_body
     if choice.flexibility:
         return flexible_model(body, basis, provenance)
     reduced = reduced_model(body.model, basis, provenance)

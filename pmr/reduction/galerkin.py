@@ -46,15 +46,15 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) ->
 
     Raises an `InputError` if the basis is too small, or too poor, for the rows that remain.
     """
-    whole = galerkin(model, basis, provenance)
-    satisfied = satisfied_rows(whole.rows, tolerance=min(1e2 * basis.accuracy, 1e-3))
-    reduced = without_rows(whole, [i for i in satisfied if model.rows.rows[i].fixed])
+    complete = galerkin(model, basis, provenance)
+    satisfied = satisfied_rows(complete.rows, tolerance=min(1e2 * basis.accuracy, 1e-3))
+    reduced = without_rows(complete, [i for i in satisfied if model.rows.rows[i].fixed])
     _check_rank(reduced)
     return reduced
 
 
 def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """The same with all rows, whether they mean anything in the reduced space or not."""
+    """Project a model with all rows, whether they mean anything in the reduced space or not."""
     comm = model.comm
     V = np.array(basis.V.getDenseArray())
     first = basis.V.getOwnershipRange()[0]
@@ -95,9 +95,9 @@ def _rigid_work(model: FullModel) -> Array | None:
 
 def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
     """The model without some of its rows, which it names as left out."""
-    rest = [i for i in range(len(model.row_names)) if i not in numbers]
+    numbers_left = [i for i in range(len(model.row_names)) if i not in numbers]
     left_out = (*model.left_out, *(model.row_names[i] for i in numbers))
-    return replace(model.with_rows(rest), left_out=left_out)
+    return replace(model.with_rows(numbers_left), left_out=left_out)
 
 
 def with_held_coordinates(model: ReducedModel) -> ReducedModel:
@@ -126,9 +126,9 @@ def _check_rank(model: ReducedModel) -> None:
     if not names:
         return
     places = low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS
-    found = [of_rows(model.C(s)[rigid], names) for s in places]
-    worst = int(np.argmin([dependence.measure for dependence in found]))
-    measure, involved = found[worst].measure, ", ".join(found[worst].names)
+    dependences = [of_rows(model.C(s)[rigid], names) for s in places]
+    worst = int(np.argmin([dependence.measure for dependence in dependences]))
+    measure, involved = dependences[worst].measure, ", ".join(dependences[worst].names)
     if measure < INDEPENDENT:
         raise InputError(
             "scene",

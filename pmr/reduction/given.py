@@ -66,7 +66,7 @@ def vectors_of(model: FullModel, basis: Vectors) -> Snapshots:
 
 
 def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
-    """What a function of an installed package makes, an entry point `pmr.bases` of the basis' name; collective.
+    """Vectors by a function of an installed package, an entry point `pmr.bases` of the basis' name; collective.
 
     It gets the model and what the scene says of the reduction, and returns this rank's rows (n_local, k) of vectors.
 
@@ -91,7 +91,7 @@ def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
 
 
 def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
-    """Of vectors of which nothing is known but this rank's rows."""
+    """Snapshots of vectors of which nothing is known but this rank's rows."""
     unknown = np.full(local.shape[1], np.nan)
     return Snapshots.of(np.ascontiguousarray(local), model, unknown, unknown, unknown, source)
 
@@ -114,14 +114,14 @@ def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: i
     for v in V.T:
         if Q.shape[1] == size:
             break
-        whole = left = _size(model, v, in_mass)
+        size_before = size_after = _size(model, v, in_mass)
         for _ in range(2):  # once leaves round-off of what was taken away
-            if left <= DEPENDENT * whole:
+            if size_after <= DEPENDENT * size_before:
                 break
             v = v - Q @ inner(Q, _weighed(model, v, in_mass), model.comm)[:, 0]
-            left = _size(model, v, in_mass)
-        if left > DEPENDENT * whole:
-            Q = np.column_stack([Q, v / left])
+            size_after = _size(model, v, in_mass)
+        if size_after > DEPENDENT * size_before:
+            Q = np.column_stack([Q, v / size_after])
     if size is not None and Q.shape[1] < size:
         allowed = f"the vectors and rigid-body modes span {Q.shape[1]} dimensions; at most so many are allowed"
         raise InputError("scene", "reduction.coordinates", size, allowed)

@@ -41,10 +41,10 @@ def with_ports(body: FreeBody, modes: Basis) -> Basis:
     turns = np.array([name.split(" ")[-1].startswith("r") for name in model.ports])
     scale = np.sqrt(np.maximum(np.diagonal(K), 0.0))
     largest = np.where(turns, scale.max(where=turns, initial=0.0), scale.max(where=~turns, initial=0.0))
-    moved = np.flatnonzero(scale > np.sqrt(HELD) * largest)
-    energy, Q = np.linalg.eigh(K[np.ix_(moved, moved)] / np.outer(scale[moved], scale[moved]))
-    Y = Q[:, energy > INDEPENDENT] / np.sqrt(energy[energy > INDEPENDENT]) / scale[moved, None]
-    X = X[:, moved] @ Y
+    moving = np.flatnonzero(scale > np.sqrt(HELD) * largest)
+    energy, Q = np.linalg.eigh(K[np.ix_(moving, moving)] / np.outer(scale[moving], scale[moving]))
+    Y = Q[:, energy > INDEPENDENT] / np.sqrt(energy[energy > INDEPENDENT]) / scale[moving, None]
+    X = X[:, moving] @ Y
     theta, Q = scipy.linalg.eigh(symmetric(inner(X, times(model.M, X), model.comm)))  # 1/omega^2
     X = X @ (Q / np.sqrt(theta))[:, ::-1]
     sigma = np.append(modes.sigma, np.ones(X.shape[1]))

@@ -39,11 +39,11 @@ def support_motions(body: FreeBody) -> Array | None:
     S = sp.vstack([row.at(row.breaks[0]) for row in held], format="csr")
     measured = np.asarray(model.comm.allreduce(S[:, share] @ R))
     N = np.linalg.pinv(measured, rcond=HELD)
-    left = np.eye(len(held)) - measured @ N
-    left[np.abs(left) < HELD] = 0.0
+    remainder = np.eye(len(held)) - measured @ N
+    remainder[np.abs(remainder) < HELD] = 0.0
     motions = R @ N
-    if np.any(left) or np.any(np.abs(model.rigid.held @ N) > HELD * np.abs(model.rigid.held).max(initial=0.0)):
-        motions = motions + (S[:, share].T @ (np.linalg.pinv((S @ S.T).toarray()) @ left))
+    if np.any(remainder) or np.any(np.abs(model.rigid.held @ N) > HELD * np.abs(model.rigid.held).max(initial=0.0)):
+        motions = motions + (S[:, share].T @ (np.linalg.pinv((S @ S.T).toarray()) @ remainder))
         motions = motions - body.solve(np.asfortranarray(times(model.K, np.asfortranarray(motions))))
     motions = np.asfortranarray(motions)
     subtract(motions, body.Z, inner(body.MZ, motions, model.comm))
@@ -56,11 +56,11 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
         return reduced
     model, held = body.model, fixed_rows(body.model)
     first = model.M.getOwnershipRange()[0]
-    known = {row.name: row.project(motions, first) for row in model.rows.rows}
+    tables = {row.name: row.project(motions, first) for row in model.rows.rows}
     for row in model.rows.rows:
-        known[row.name].c[:] = 0.0 if row.fixed else model.comm.allreduce(known[row.name].c)
+        tables[row.name].c[:] = 0.0 if row.fixed else model.comm.allreduce(tables[row.name].c)
     nothing = PPoly(np.zeros((1, 1, len(held))), np.array(model.rows.domain))
-    rows = stacked([known.get(name, nothing) for name in reduced.row_names] or [nothing], model.rows.domain)
+    rows = stacked([tables.get(name, nothing) for name in reduced.row_names] or [nothing], model.rows.domain)
     c = rows.c if reduced.row_names else rows.c[:, :, :0]
     inertia = inner(motions, times(model.M, V), model.comm)
     if model.rayleigh is None:

@@ -35,5 +35,5 @@ class ReducedBody:
 
     @cached_property
     def model(self) -> ReducedModel:
-        """What is simulated: with modes of a section's cylinder and, under terms, modes without inertia."""
+        """Model that is simulated: with modes of a section's cylinder and, under terms, modes without inertia."""
         return as_simulated(self.modal, self.stressed)

@@ -85,27 +85,27 @@ class Assembly:
     @cached_property
     def direct(self) -> Array:
         """W = O R B (o, i) m/N."""
-        found = np.zeros((_count(self.observed), _count(self.inputs)))
-        for name, known in self._flexibility.items():
-            found[self.observed[name], self.inputs[name]] = known.direct
-        return found
+        W = np.zeros((_count(self.observed), _count(self.inputs)))
+        for name, flexibility in self._flexibility.items():
+            W[self.observed[name], self.inputs[name]] = flexibility.direct
+        return W
 
     @cached_property
     def energy(self) -> Array:
         """B^T R B (i, i) m/N."""
-        found = np.zeros((_count(self.inputs),) * 2)
-        for name, known in self._flexibility.items():
-            found[self.inputs[name], self.inputs[name]] = known.energy
-        return found
+        of_loads = np.zeros((_count(self.inputs),) * 2)
+        for name, flexibility in self._flexibility.items():
+            of_loads[self.inputs[name], self.inputs[name]] = flexibility.energy
+        return of_loads
 
     @property
     def _flexibility(self) -> dict[str, Any]:
-        """Of each body that has any."""
+        """Residual flexibility of each body that has any."""
         of_bodies = {
             name: (body if body.carriers is None else body.carriers).flexibility
             for name, body in self.system.bodies.items()
         }
-        return {name: known for name, known in of_bodies.items() if known is not None}
+        return {name: flexibility for name, flexibility in of_bodies.items() if flexibility is not None}
 
     def stiffness(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
         """K + sum_k c_k G_k with amplitudes c (k,) of the system's terms, in their order; none leave K alone."""
@@ -117,12 +117,12 @@ class Assembly:
 
     def term_forces(self, q: Array, v: Array, c: Array) -> Array:
         """-sum_k c_k (V_k v + G_k q), (T, n) N, of coordinates and rates (T, n) and amplitudes c (T, k)."""
-        found = np.zeros_like(q)
+        forces = np.zeros_like(q)
         for term, amplitude in zip(self.terms, c.T, strict=True):
-            for A, moved in ((term.stiffness, q), (term.damping, v)):
+            for A, motion in ((term.stiffness, q), (term.damping, v)):
                 if A is not None:
-                    found -= amplitude[:, None] * (A @ moved.T).T
-        return found
+                    forces -= amplitude[:, None] * (A @ motion.T).T
+        return forces
 
     def at(self, x: Array) -> ContactRows:
         """The contacts with their places at x (sides,) m, as `System.coordinates` has them."""
@@ -134,26 +134,28 @@ class Assembly:
         T, m, i, o = len(x), len(system.contacts), _count(self.inputs), _count(self.observed)
         C, H, X = np.zeros((T, m, self.size)), np.zeros((T, m, i)), np.zeros((T, o, m))
         F = np.array(np.broadcast_to(system.gives(x), (T, m, m)))
-        found = ContactRows(C, F, H, X)
+        rows = ContactRows(C, F, H, X)
         for name, body in system.bodies.items():
             if on := system.sides_of(name):
-                (self._add_tables if body.carriers is None else self._add_carried)(name, on, x.T[on], found)
+                (self._add_tables if body.carriers is None else self._add_carried)(name, on, x.T[on], rows)
         return ContactRows(C, (F + F.transpose(0, 2, 1)) / 2.0, H, X)
 
     def slopes(self, x: Array) -> Array:
         """dC/dx (m, n) of the contacts with their places at x (sides,) m, of bodies on carriers."""
-        found = np.zeros((len(self.system.contacts), self.size))
+        rows_by_x = np.zeros((len(self.system.contacts), self.size))
         for side, at in zip(self.system.sides, x, strict=True):
             name, carriers = side.place.body, self.system.bodies[side.place.body].carriers
             assert carriers is not None
             touched, b = self._weights(side.place, at, 1)
-            found[side.contact, self.coordinates[name]] += side.sign * (b @ carriers.values[touched])[self.free[name]]
-        return found
+            rows_by_x[side.contact, self.coordinates[name]] += (
+                side.sign * (b @ carriers.values[touched])[self.free[name]]
+            )
+        return rows_by_x
 
     def turned_rows(self, x: Array) -> Array:
-        """What a unit moment on the sides of each contact moves in all contacts, (m, m) 1/N, likewise."""
-        found = np.zeros((len(self.system.contacts),) * 2)
-        for name, known in self._flexibility.items():
+        """Motions of all contacts by a unit moment on the sides of each, (m, m) 1/N, likewise."""
+        moved_by_moments = np.zeros((len(self.system.contacts),) * 2)
+        for name, flexibility in self._flexibility.items():
             numbers = self.system.sides_of(name)
             sides = [self.system.sides[number] for number in numbers]
             slopes, values = (
@@ -161,10 +163,10 @@ class Assembly:
                 for order in (1, 0)
             )
             for side, (touched, b) in zip(sides, slopes, strict=True):
-                slope = side.sign * (b @ known.rows[touched])
+                slope = side.sign * (b @ flexibility.rows[touched])
                 for other, (at, weights) in zip(sides, values, strict=True):
-                    found[other.contact, side.contact] += other.sign * (weights @ slope[at])
-        return found
+                    moved_by_moments[other.contact, side.contact] += other.sign * (weights @ slope[at])
+        return moved_by_moments
 
     def _weights(self, place: Place, at: float, derivative: int) -> tuple[Array, Array]:
         """The carriers (d,) that the row of a place touches at a path of so many m, and their weights."""
@@ -172,20 +174,22 @@ class Assembly:
         return touched[0], b[0]
 
     def turned(self, x: Array) -> Array:
-        """What a unit moment on the sides of each contact, at x (sides,) m, moves in the outputs, (o, m) 1/N."""
-        found = np.zeros((_count(self.observed), len(self.system.contacts)))
+        """Outputs by a unit moment on the sides of each contact, at x (sides,) m, (o, m) 1/N."""
+        moved_outputs = np.zeros((_count(self.observed), len(self.system.contacts)))
         for side, at in zip(self.system.sides, x, strict=True):
             name = side.place.body
-            if (known := self._flexibility.get(name)) is not None:
+            if (flexibility := self._flexibility.get(name)) is not None:
                 b = self.system.row(side.place).weights(np.array([at]), 1)
-                found[self.observed[name], side.contact] += side.sign * (known.outputs[:, b.indices] @ b.data)
-        return found
+                moved_outputs[self.observed[name], side.contact] += side.sign * (
+                    flexibility.outputs[:, b.indices] @ b.data
+                )
+        return moved_outputs
 
-    def _add_carried(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
-        """What a body contributes with its sides, the `on`-th of all, at x (k, T) m."""
+    def _add_carried(self, name: str, on: Sequence[int], x: Array, rows: ContactRows) -> None:
+        """Add the part of a body on carriers, with its sides, the `on`-th of all, at x (k, T) m."""
         sides, carriers = [self.system.sides[a] for a in on], self.system.bodies[name].carriers
         assert carriers is not None
-        contacts, known = [side.contact for side in sides], carriers.flexibility
+        contacts, flexibility = [side.contact for side in sides], carriers.flexibility
         # of some thousand carriers the sides touch a few: a product with all would copy tables of 100 MB each time
         places = [self.system.row(side.place).on_carriers(at, 0) for side, at in zip(sides, x, strict=True)]
         touched = np.hstack([at for at, _ in places])  # (T, d)
@@ -193,26 +197,28 @@ class Assembly:
         ends = np.cumsum([0, *(at.shape[1] for at, _ in places)])
         for k, first, last in zip(contacts, ends, ends[1:], strict=False):
             at, b = touched[:, first:last], weights[:, None, first:last]
-            found.C[:, k, self.coordinates[name]] += (b @ carriers.values[at])[:, 0, self.free[name]]
-            if known is not None:
-                found.H[:, k, self.inputs[name]] += (b @ known.inputs[at])[:, 0]
-                found.X[:, self.observed[name], k] += (b @ known.outputs.T[at])[:, 0]
-                moved = (b @ known.rows[at[:, :, None], touched[:, None]])[:, 0] * weights
-                found.F[:, k, contacts] += np.add.reduceat(moved, ends[:-1], axis=1)
+            rows.C[:, k, self.coordinates[name]] += (b @ carriers.values[at])[:, 0, self.free[name]]
+            if flexibility is not None:
+                rows.H[:, k, self.inputs[name]] += (b @ flexibility.inputs[at])[:, 0]
+                rows.X[:, self.observed[name], k] += (b @ flexibility.outputs.T[at])[:, 0]
+                between = (b @ flexibility.rows[at[:, :, None], touched[:, None]])[:, 0] * weights
+                rows.F[:, k, contacts] += np.add.reduceat(between, ends[:-1], axis=1)
 
-    def _add_tables(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
-        """The same of a body alone that has tables over its path, at one of whose places all its rows are."""
+    def _add_tables(self, name: str, on: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
+        """Add the part of a body alone that has tables over its path, at one of whose places all its rows are."""
         body, sides = self.system.bodies[name], [self.system.sides[a] for a in on]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])
         rows, contacts = [body.row_names.index(side.place.row) for side in sides], [side.contact for side in sides]
-        found.C[:, contacts] = body.dense_rows(s)[:, rows][:, :, self.free[name]]
-        if (known := body.flexibility) is not None:
-            found.F[:, np.array(contacts)[:, None], contacts] += evaluate(known.rows, s)[:, rows][:, :, rows]
-            found.H[:, contacts] = evaluate(known.inputs, s)[:, rows]
-            found.X[:, :, contacts] = evaluate(known.outputs, s)[:, :, rows]
+        contact_rows.C[:, contacts] = body.dense_rows(s)[:, rows][:, :, self.free[name]]
+        if (flexibility := body.flexibility) is not None:
+            contact_rows.F[:, np.array(contacts)[:, None], contacts] += evaluate(flexibility.rows, s)[:, rows][
+                :, :, rows
+            ]
+            contact_rows.H[:, contacts] = evaluate(flexibility.inputs, s)[:, rows]
+            contact_rows.X[:, :, contacts] = evaluate(flexibility.outputs, s)[:, :, rows]
 
     def answers(self, rows: ContactRows, omega: Array, c: Sequence[float] | Array = ()) -> NDArray[np.complex128]:
-        r"""What outputs and forces of contacts (W, o + m, i) answer to a unit of each input at omega (W,) in rad/s.
+        r"""Answers (W, o + m, i) of outputs and forces of contacts to a unit of each input at omega (W,) in rad/s.
 
         .. math::
             (-\omega^2 M + i \omega D + K)\, q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
@@ -224,17 +230,17 @@ class Assembly:
         M, D, K, B = (A.toarray() for A in (self.M, self.damping(c), self.stiffness(c), self.B))
         n, scale = len(K), rows.unit(K)
         held = np.block([[K, scale * rows.C.T], [scale * rows.C, -(scale**2) * rows.F]]).astype(complex)
-        right, O, found = np.vstack([B, -scale * rows.H]), self.outputs.toarray(), list[Array]()
+        right, O, answers = np.vstack([B, -scale * rows.H]), self.outputs.toarray(), list[Array]()
         for w in omega:
             matrix = held.copy()
             matrix[:n, :n] += 1j * w * D - w**2 * M
             q, forces = np.vsplit(np.linalg.solve(matrix, right), [n])
-            found.append(np.vstack([O @ q + self.direct - rows.X @ (scale * forces), scale * forces]))
-        return np.array(found)
+            answers.append(np.vstack([O @ q + self.direct - rows.X @ (scale * forces), scale * forces]))
+        return np.array(answers)
 
     def rates(self, x: Array, x_rate: Array) -> Array:
         """dC/dt (m, n) of the contacts with their places at x (sides,) m, which move by x_rate (sides,) m/s."""
-        found = np.zeros((len(self.system.contacts), self.size))
+        rates = np.zeros((len(self.system.contacts), self.size))
         for side, at, rate in zip(self.system.sides, x, x_rate, strict=True):
             if rate != 0.0:
                 body, name = self.system.bodies[side.place.body], side.place.body
@@ -242,8 +248,8 @@ class Assembly:
                     row = np.asarray(body.C(float(at), 1))[body.row_names.index(side.place.row)]
                 else:
                     row = self.system.row(side.place).weights(at, 1).toarray()[0] @ body.carriers.values
-                found[side.contact, self.coordinates[name]] += side.sign * rate * row[self.free[name]]
-        return found
+                rates[side.contact, self.coordinates[name]] += side.sign * rate * row[self.free[name]]
+        return rates
 
     def frequencies(self, x: Array, count: int, c: Array | None = None) -> Array:
         """The lowest natural frequencies, ([S,] count) Hz, every contact closed, its places at x ([S,] sides) in m.
@@ -254,7 +260,7 @@ class Assembly:
         """
         if x.ndim == 1:
             return np.asarray(self.frequencies(x[None], count, None if c is None else c[None])[0])
-        rows, found = self.along(x), np.full((len(x), count), np.nan)
+        rows, hertz = self.along(x), np.full((len(x), count), np.nan)
         amplitudes = np.zeros((len(x), len(self.terms))) if c is None else c
         C: Array | None = None  # of rigid contacts
         M, Z = self.M.toarray(), None
@@ -270,8 +276,8 @@ class Assembly:
             if not len(K):
                 continue  # the contacts hold all coordinates
             omega = oscillations(M, turning, K)[:count]
-            found[k, : len(omega)] = omega / (2.0 * np.pi)
-        return found
+            hertz[k, : len(omega)] = omega / (2.0 * np.pi)
+        return hertz
 
     def modes(self, rows: ContactRows, count: int, c: Array | Sequence[float] = ()) -> tuple[Array, Array]:
         """The lowest modes, every contact closed, with its `rows` at one place (`at`): omega (f,) and phi (n, f).
@@ -294,7 +300,7 @@ class Assembly:
 
 def _count(slices: Mapping[str, slice]) -> int:
     """How many entries all bodies have together."""
-    return max((own.stop for own in slices.values()), default=0)
+    return max((entries.stop for entries in slices.values()), default=0)
 
 
 def _slices(system: System, sizes: Any) -> dict[str, slice]:

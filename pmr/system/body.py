@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class Observed(Protocol):
-    """What has outputs."""
+    """Body with outputs."""
 
     @property
     def output_positions(self) -> Array: ...
@@ -130,13 +130,13 @@ def with_inertia(body: SlidingBody, v: Array) -> Array:
     """Rates (T, n) of the coordinates that have inertia, zero of the others."""
     if not len(body.quasi_static):
         return v
-    found = v.copy()
-    found[:, body.quasi_static] = 0.0
-    return found
+    rates = v.copy()
+    rates[:, body.quasi_static] = 0.0
+    return rates
 
 
 class WithRows:
-    """What a full model says of its rows, as `pmr.constraints.rows.Rows` has it."""
+    """Rows of a full model, from `pmr.constraints.rows.Rows`."""
 
     rows: Rows
 
@@ -216,7 +216,7 @@ class FullBody(WithRows):
 
     @cached_property
     def reactions(self) -> Reactions | None:
-        """Of the rows that always hold, on the shortest motions that move one of them."""
+        """Reactions of the rows that always hold, on the shortest motions that move one of them."""
         numbers = self.rows.fixed
         if not numbers:
             return None

@@ -29,7 +29,7 @@ Indices = NDArray[np.int64]
 
 
 class ChangingRows:
-    """Of a system of bodies whose rows are on carriers, on paths with the P names in their order.
+    """Rows of a system on carriers and their changes, on paths with the P names in their order.
 
     An InputError is raised for a body that has tables over its path instead, as plain bases of a body alone have.
     """
@@ -48,7 +48,7 @@ class ChangingRows:
         self._key, self._known = b"", self._at(np.clip(np.zeros(len(names)), *self._ends))
 
     def at(self, s: Array) -> Changing:
-        """Where the paths are at s (P,) m; the last are kept, for what needs them is asked one after the other.
+        """Rows where the paths are at s (P,) m; the last ones are stored, as several callers need them in turn.
 
         An InputError is raised where a path leaves a row.
         """
@@ -59,15 +59,15 @@ class ChangingRows:
         return self._known
 
     def _at(self, s: Array) -> Changing:
-        known, n, i, P = self._system.compliance, self._size, self._inputs, len(self._names)
-        m = len(known.constant)
-        found = _nothing(m, n, i)
+        compliance, n, i, P = self._system.compliance, self._size, self._inputs, len(self._names)
+        m = len(compliance.constant)
+        rows = _nothing(m, n, i)
         slopes, curves = _nothing(m, n, i, P), _nothing(m, n, i, P, P)
-        found.F[:] = known.at(s[self._on])
-        np.add.at(slopes.F, self._on, known.slopes)
+        rows.F[:] = compliance.at(s[self._on])
+        np.add.at(slopes.F, self._on, compliance.slopes)
         for body in self._bodies:
-            body.add(s, found, slopes, curves)
-        return Changing(found, slopes, curves)
+            body.add(s, rows, slopes, curves)
+        return Changing(rows, slopes, curves)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def _nothing(m: int, n: int, i: int, *paths: int) -> ContactRows:
 
 
 class _Body:
-    """What one body contributes: k sides, each on d carriers wherever it is, their polynomials of one degree."""
+    """Part of one body: k sides, each on d carriers wherever it is, their polynomials of one degree."""
 
     def __init__(self, assembly: Assembly, name: str, names: Sequence[str]) -> None:
         system = assembly.system
@@ -124,38 +124,38 @@ class _Body:
             min(max(int(breaks.searchsorted(at, side="right")) - 1, 0), len(breaks) - 2)
             for breaks, at in zip(self._breaks, x, strict=True)
         ]
-        touched = np.concatenate([one[j] for one, j in zip(self._touched, number, strict=True)])
-        c = np.array([one[:, j] for one, j in zip(self._coefficients, number, strict=True)])  # (k, powers, d)
+        touched = np.concatenate([of_side[j] for of_side, j in zip(self._touched, number, strict=True)])
+        c = np.array([of_side[:, j] for of_side, j in zip(self._coefficients, number, strict=True)])  # (k, powers, d)
         beyond = x - [breaks[j] for breaks, j in zip(self._breaks, number, strict=True)]
         exponents, powers = np.arange(self._powers - 1, -1, -1), np.zeros((3, len(x), self._powers))
         factor, rate = np.ones(len(exponents)), np.where(travelling, self._rate, 0.0)
         for order in range(3):
-            left = np.maximum(exponents - order, 0)
-            powers[order] = factor * beyond[:, None] ** left * (self._signs * rate**order)[:, None]
+            exponent = np.maximum(exponents - order, 0)
+            powers[order] = factor * beyond[:, None] ** exponent * (self._signs * rate**order)[:, None]
             factor = factor * (exponents - order)
         return touched, np.einsum("jkp,kpd->jkd", powers, c)
 
     def add(self, s: Array, rows: ContactRows, slopes: ContactRows, curves: ContactRows) -> None:
-        """To all contacts at s (P,) m."""
+        """Add this body's part to all contacts at s (P,) m."""
         assert self._carriers is not None
         touched, weights = self._weights(s)
-        known, P = self._carriers.flexibility, len(s)
+        flexibility, P = self._carriers.flexibility, len(s)
         b, b_s, b_ss = np.zeros(self._shape), np.zeros((P, *self._shape)), np.zeros((P, *self._shape))
         b[self._at] = weights[0]
         for path in set(self._path.tolist()) - {-1}:
-            for found, one in ((b_s, weights[1]), (b_ss, weights[2])):
-                found[path][self._at] = np.where((self._path == path)[:, None], one, 0.0)
-        each, own = np.arange(P), [(("C", self._coordinates), self._values)]
-        if known is not None:
-            own.append((("H", self._inputs), known.inputs))
-        for (what, columns), values in own:
+            for by_path, derivative in ((b_s, weights[1]), (b_ss, weights[2])):
+                by_path[path][self._at] = np.where((self._path == path)[:, None], derivative, 0.0)
+        each, measures = np.arange(P), [(("C", self._coordinates), self._values)]
+        if flexibility is not None:
+            measures.append((("H", self._inputs), flexibility.inputs))
+        for (what, columns), values in measures:
             on = values[touched]
             getattr(rows, what)[:, columns] += b @ on
             getattr(slopes, what)[:, :, columns] += b_s @ on
             getattr(curves, what)[each, each, :, columns] += b_ss @ on
-        if known is None:
+        if flexibility is None:
             return
-        R = known.rows[touched[:, None], touched]
+        R = flexibility.rows[touched[:, None], touched]
         Rb = (R + R.T) / 2.0 @ b.T
         rows.F[:] += b @ Rb
         slope, curve, mixed = b_s @ Rb, b_ss @ Rb, b_s @ ((R + R.T) / 2.0)
@@ -166,8 +166,8 @@ class _Body:
 
 
 def _wider(values: NDArray[Any], *shape: int) -> NDArray[Any]:
-    """With zeros before the first powers and behind the last carriers."""
+    """Pad with zeros before the first powers and behind the last carriers."""
     first = shape[0] - values.shape[0]
-    found = np.zeros(shape, values.dtype)
-    found[first:, ..., : values.shape[-1]] = values
-    return found
+    wide = np.zeros(shape, values.dtype)
+    wide[first:, ..., : values.shape[-1]] = values
+    return wide

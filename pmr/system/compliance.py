@@ -36,21 +36,23 @@ class Compliance:
 
     @classmethod
     def of(cls, contacts: Sequence[Contact]) -> Compliance:
-        """Of the contacts of a system; an InputError is raised where one bears others that there are none of."""
-        names = [one.name for one in contacts]
+        """Compliance of a system's contacts; an InputError is raised where one bears others that there are none of."""
+        names = [contact.name for contact in contacts]
         S = np.eye(len(contacts))
         for k, contact in enumerate(contacts):
             for name, share in contact.bears:
                 if name not in names:
                     raise refused(contact.name, "bears", name, f"{', '.join(names)} are allowed")
                 S[k, names.index(name)] += share
-        own, grows = (np.array([getattr(one, what) for one in contacts]) for what in ("compliance", "lengthening"))
+        compliances, grows = (
+            np.array([getattr(contact, what) for contact in contacts]) for what in ("compliance", "lengthening")
+        )
         changing = np.flatnonzero(grows)
         paths = tuple(dict.fromkeys(str(contacts[k].path) for k in changing))
         slopes = np.zeros((len(paths), *S.shape))
         for k in changing:
             slopes[paths.index(str(contacts[k].path))] += grows[k] * np.outer(S[k], S[k])
-        return cls(S.T @ (own[:, None] * S), paths, slopes)
+        return cls(S.T @ (compliances[:, None] * S), paths, slopes)
 
     @property
     def rigid(self) -> NDArray[np.bool_]:
@@ -66,6 +68,6 @@ class Compliance:
         return np.asarray(forces @ self.constant + np.einsum("tm,qmn,tq->tn", forces, self.slopes, s))
 
     def work(self, forces: Array, s: Array) -> Array:
-        """What drums do on the boom in each step, (T - 1,) J, likewise: from the means of the forces."""
+        """Work of drums on the boom in each step, (T - 1,) J, likewise: from the means of the forces."""
         mean = (forces[1:] + forces[:-1]) / 2.0
         return np.asarray(-np.einsum("tm,qmn,tn,tq->t", mean, self.slopes, mean, np.diff(s, axis=0)) / 2.0)

@@ -31,11 +31,11 @@ class ContactRows:
         return ContactRows(self.C[places], self.F[places], self.H[places], self.X[places])
 
     def of(self, which: NDArray[np.bool_]) -> ContactRows:
-        """None but some of the contacts (m,), at one place."""
+        """Rows of some of the contacts (m,) alone, at one place."""
         return ContactRows(self.C[which], self.F[np.ix_(which, which)], self.H[which], self.X[:, which])
 
     def unit(self, K: Any) -> float:
-        """Of forces, the size of the stiffness K (n, n) or, of rigid motions alone, of contacts: rows of one size."""
+        """Unit of forces: the size of the stiffness K (n, n) or, of rigid motions alone, of contacts."""
         flexibility = abs(self.F).max(initial=0.0)
         return float(abs(K).max() or (abs(self.C).max() ** 2 / flexibility if flexibility else 1.0))
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Place:
-    """Where a row of a body measures: at x(t) = at + rate s(t)."""
+    """Place at which a row of a body measures: x(t) = at + rate s(t)."""
 
     # a body of the system, and one of its rows
     body: str
@@ -75,7 +75,7 @@ class Contact:
 
 
 def refused(contact: str, key: str, value: object, allowed: str) -> InputError:
-    """What is wrong with a contact, by its name."""
+    """Error about a contact, by its name."""
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
 
 

@@ -21,14 +21,14 @@ def root(A: Array) -> Array | None:
 
     For any L, :math:`|A - L L^T|_F` is at least as large as the least eigenvalue is negative.
     """
-    found, pivots, rank, _ = scipy.linalg.lapack.dpstrf(A, lower=1)
+    factor, pivots, rank, _ = scipy.linalg.lapack.dpstrf(A, lower=1)
     L = np.zeros((len(A), rank))
-    L[pivots - 1] = np.tril(found)[:, :rank]
+    L[pivots - 1] = np.tril(factor)[:, :rank]
     return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None
 
 
 class Free:
-    """What rows C (c, n) leave free: an orthonormal basis (n, r) of that, and matrices on it.
+    """Motions that rows C (c, n) leave free: an orthonormal basis (n, r) of them, and matrices on it.
 
     By Householder's reflections, one for each row, so that no products of full matrices are needed.
     """
@@ -50,8 +50,8 @@ class Free:
         """A (k, n) times the basis behind the directions that are held."""
         if not len(self._scales):
             return A
-        found, *_ = scipy.linalg.lapack.dormqr("R", "N", self._reflections, self._scales, A, 64 * len(A))
-        return np.asarray(found)
+        rotated, *_ = scipy.linalg.lapack.dormqr("R", "N", self._reflections, self._scales, A, 64 * len(A))
+        return np.asarray(rotated)
 
 
 def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.inf) -> float:
@@ -88,10 +88,10 @@ def _beside(A: Array, B: Array, low: float) -> float | None:
         pressed = -float(x @ B @ x)
         if not pressed > 0.0:
             return None
-        found = low + float(b @ x) / pressed
-        if abs(found - last) <= SETTLED * found:
-            return found if definite(A + found * (1.0 - BELOW) * B) else None
-        last, x = found, x / np.linalg.norm(x)
+        load = low + float(b @ x) / pressed
+        if abs(load - last) <= SETTLED * load:
+            return load if definite(A + load * (1.0 - BELOW) * B) else None
+        last, x = load, x / np.linalg.norm(x)
     return None
 
 

@@ -24,56 +24,56 @@ def terms_of(
     scene: Scene, bodies: Mapping[str, SlidingBody], which: Iterable[FrameTerm] | None = None
 ) -> tuple[Term, ...]:
     """Those of a scene whose frame asks for second order, none otherwise; or `which` of them."""
-    return tuple(_term(scene, one, bodies) for one in (frame_terms(scene) if which is None else which))
+    return tuple(_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
 
 
-def _term(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
-    if one.of in ("cylinder", "cylinder load"):
-        apart = sp.csr_matrix(_apart(scene, one, bodies))
-        mass = carried(bodies[one.carried], one.component) if one.of == "cylinder" else 1.0
-        moved = {name: mass * (_moved(scene, one, bodies, name).T @ apart) for name in one.bodies}
-        supports = {name: A for name, A in moved.items() if A.size}
-        return Term(one.name, one.bodies, stiffness=mass * (apart.T @ apart), supports=supports)
-    (name,) = one.bodies
-    matrix = bodies[name].matrices.get(one.matrix, sp.csr_matrix((bodies[name].size,) * 2))
-    known = bodies[name].reactions
-    on = None if known is None else known.matrices.get(one.matrix)
+def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
+    if term.of in ("cylinder", "cylinder load"):
+        apart = sp.csr_matrix(_apart(scene, term, bodies))
+        mass = carried(bodies[term.carried], term.component) if term.of == "cylinder" else 1.0
+        support_parts = {name: mass * (_moved(scene, term, bodies, name).T @ apart) for name in term.bodies}
+        supports = {name: A for name, A in support_parts.items() if A.size}
+        return Term(term.name, term.bodies, stiffness=mass * (apart.T @ apart), supports=supports)
+    (name,) = term.bodies
+    matrix = bodies[name].matrices.get(term.matrix, sp.csr_matrix((bodies[name].size,) * 2))
+    reactions = bodies[name].reactions
+    on = None if reactions is None else reactions.matrices.get(term.matrix)
     supports = {} if on is None else {name: on[:, : bodies[name].size]}
-    if one.of == "rotation":
-        return Term(one.name, one.bodies, damping=_of_inertia(bodies[name], matrix), supports=supports)
-    return Term(one.name, one.bodies, stiffness=matrix, supports=supports)
+    if term.of == "rotation":
+        return Term(term.name, term.bodies, damping=_of_inertia(bodies[name], matrix), supports=supports)
+    return Term(term.name, term.bodies, stiffness=matrix, supports=supports)
 
 
 def _of_inertia(body: SlidingBody, matrix: Any) -> Any:
     """A matrix that acts on rates (n, n), zero on coordinates without inertia."""
     if not len(body.quasi_static):
         return matrix
-    found = np.array(matrix.toarray() if sp.issparse(matrix) else matrix)
-    found[body.quasi_static] = found[:, body.quasi_static] = 0.0
-    return found
+    on_inertia = np.array(matrix.toarray() if sp.issparse(matrix) else matrix)
+    on_inertia[body.quasi_static] = on_inertia[:, body.quasi_static] = 0.0
+    return on_inertia
 
 
-def _moved(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
-    """What motions of the rigid supports of a body with that name do to the distance of `_apart`, (d, h)."""
-    known, sign = bodies[name].reactions, 1.0 if name == one.bodies[0] else -1.0
-    rows = tails(member_at(scene, one.number))
-    if known is None or not known.ports:
+def _moved(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
+    """Change of the distance of `_apart` by motions of the rigid supports of a body with that name, (d, h)."""
+    reactions, sign = bodies[name].reactions, 1.0 if name == term.bodies[0] else -1.0
+    rows = tails(member_at(scene, term.number))
+    if reactions is None or not reactions.ports:
         return np.zeros((len(rows), 0))
-    nothing = np.zeros(len(known.names))
-    return np.array([sign * known.ports.get(row, nothing) for row in rows])
+    nothing = np.zeros(len(reactions.names))
+    return np.array([sign * reactions.ports.get(row, nothing) for row in rows])
 
 
-def _apart(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
+def _apart(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
     """Rows (d, n) that measure how far the tails of two sections are apart across the boom, from both's coordinates."""
-    found = []
-    for row in tails(member_at(scene, one.number)):
+    distance_rows = []
+    for row in tails(member_at(scene, term.number)):
         parts = []
-        for sign, name in zip((1.0, -1.0), one.bodies, strict=True):
+        for sign, name in zip((1.0, -1.0), term.bodies, strict=True):
             body = bodies[name]
-            known = body.ports.get(row)  # none of a tail that is clamped
-            parts.append(np.zeros(body.size) if known is None else sign * np.asarray(sp.csr_matrix(known).toarray())[0])
-        found.append(np.concatenate(parts))
-    return np.array(found)
+            port = body.ports.get(row)  # none of a tail that is clamped
+            parts.append(np.zeros(body.size) if port is None else sign * np.asarray(sp.csr_matrix(port).toarray())[0])
+        distance_rows.append(np.concatenate(parts))
+    return np.array(distance_rows)
 
 
 def carried(body: SlidingBody, field: str, axis: str = "x") -> float:
@@ -81,5 +81,7 @@ def carried(body: SlidingBody, field: str, axis: str = "x") -> float:
 
     It is what accelerates it along the `axis`, all of which is free to move.
     """
-    along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + one)] for one in (axis, field))
+    along, over = (
+        np.asarray(body.B)[:, body.input_names.index(INERTIA + inertia_axis)] for inertia_axis in (axis, field)
+    )
     return float(along @ spla.spsolve(sp.csc_matrix(body.M), over))

@@ -51,18 +51,21 @@ class Friction:
 
     @classmethod
     def of(cls, contacts: Sequence[Contact]) -> Friction | None:
-        """Of the contacts of a system; None without any."""
-        numbers = {one.name: k for k, one in enumerate(contacts)}
-        joints = tuple(dict.fromkeys(one.inner.body for one in contacts if one.friction))
-        own = [[k for k, one in enumerate(contacts) if one.friction and one.inner.body == name] for name in joints]
+        """Friction of the contacts of a system; None without any."""
+        numbers = {contact.name: k for k, contact in enumerate(contacts)}
+        joints = tuple(dict.fromkeys(contact.inner.body for contact in contacts if contact.friction))
+        pads_of_joints = [
+            [k for k, contact in enumerate(contacts) if contact.friction and contact.inner.body == name]
+            for name in joints
+        ]
         if not joints:
             return None
-        pads = [k for of_joint in own for k in of_joint]
+        pads = [k for of_joint in pads_of_joints for k in of_joint]
         cylinders = [numbers.get(cylinder_of(name), -1) for name in joints]
         return cls(
             joints,
             np.array(pads, np.int64),
-            np.cumsum([0, *map(len, own)]),
+            np.cumsum([0, *map(len, pads_of_joints)]),
             np.array(cylinders, np.int64),
             np.array([0.0 if k < 0 else contacts[k].compliance for k in cylinders]),
             np.array([contacts[k].friction for k in pads]),
@@ -72,20 +75,20 @@ class Friction:
         )
 
     def totals(self, friction: Array) -> Array:
-        """Of each joint, (..., J) N, from that of its pads (..., n) N."""
+        """Friction of each joint, (..., J) N, from that of its pads (..., n) N."""
         return np.asarray(np.add.reduceat(friction, self.first[:-1], axis=-1))
 
     def along(self, friction: Array) -> Array:
-        """What the contacts (..., m) bear in N of the pads' friction (..., n) N: cylinders, that of their joints."""
-        found, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
-        found[..., self.cylinders[driven]] = self.totals(friction)[..., driven]
-        return found
+        """Friction (..., m) in N that the contacts bear of the pads' (..., n) N: cylinders, that of their joints."""
+        borne, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
+        borne[..., self.cylinders[driven]] = self.totals(friction)[..., driven]
+        return borne
 
     def moments(self, friction: Array, forces: Array) -> Array:
         """Moments (..., m) in N m of the pads' friction (..., n) N, on the faces that the contacts' forces press on."""
-        found = np.zeros(forces.shape)
-        found[..., self.pads] = self.arms * np.sign(forces[..., self.pads]) * friction
-        return found
+        pad_moments = np.zeros(forces.shape)
+        pad_moments[..., self.pads] = self.arms * np.sign(forces[..., self.pads]) * friction
+        return pad_moments
 
     def gaps(self, friction: Array) -> Array:
         """By how much (..., m) m cylinders give way to it."""
@@ -98,12 +101,12 @@ class Friction:
         return gaps
 
     def stored(self, friction: Array, forces: Array) -> Array:
-        r"""What cylinders store in J beyond :math:`\lambda^2 / 2 k`, with the forces (..., m) N of all contacts."""
+        r"""Energy in J that cylinders store beyond lambda^2 / 2 k, with the forces (..., m) N of all contacts."""
         total = self.totals(friction)
         return np.asarray(np.sum(self.gives * total * (forces[..., self.cylinders] - total / 2.0), axis=-1))
 
 
 def joints_of(contacts: Sequence[Contact]) -> tuple[str, ...]:
     """`Friction.joints`, none without friction."""
-    found = Friction.of(contacts)
-    return () if found is None else found.joints
+    friction = Friction.of(contacts)
+    return () if friction is None else friction.joints

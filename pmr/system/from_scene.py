@@ -45,7 +45,7 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
     if ALONE in bodies:
         return grounded(bodies[ALONE])
     contacts = [contact for number in range(1, len(scene.sections)) for contact in _between(scene, number, bodies)]
-    places = [place for one in contacts for place in (one.inner, one.outer) if place is not None]
+    places = [place for contact in contacts for place in (contact.inner, contact.outer) if place is not None]
     joined = {(place.body, place.row) for place in places}
     ground = [
         contact for name, body in bodies.items() for contact in _on_ground(name, body, joined, scene.bodies[name])
@@ -54,7 +54,7 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
 
 
 def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
-    """What the forces of its ``pad``, ``cylinder`` and ``support`` are called, as far as no model has to be built."""
+    """Names of the forces of pads, cylinders and supports, as far as no model has to be built."""
     found: dict[str, list[str]] = {"pad": [], "cylinder": [], "support": []}
     for number, (name, member) in enumerate(zip(scene.names, members(scene), strict=True)):
         if number:

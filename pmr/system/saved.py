@@ -37,7 +37,7 @@ ROOM = npz.MOST_EXPANSION, npz.ROOM
 
 @dataclass(frozen=True)
 class Saved:
-    """What a file holds."""
+    """Content of a file."""
 
     bodies: Mapping[str, ReducedModel]
     contacts: tuple[Contact, ...]
@@ -56,7 +56,7 @@ class _TermHeader:
 
 @dataclass(frozen=True)
 class _Header:
-    """Of version 6; 5 has all arrays of bodies, 4 no ropes that bear others or change their length.
+    """Header of version 6; 5 has all arrays of bodies, 4 no ropes that bear others or change their length.
 
     Version 3 has all arrays of models on modes, 2 no such models, 1 no terms either.
     """
@@ -79,10 +79,10 @@ def write(path: Path, system: Saved) -> None:
         arrays |= stored.arrays(body, f"bodies.{number}.")
     same, names = dict[str, str](), list(system.bodies)
     for number, (name, body) in enumerate(system.on_modes.items()):
-        beside = f"bodies.{names.index(name)}."
+        stem = f"bodies.{names.index(name)}."
         for key, array in stored.arrays(body).items():
-            if beside + key in arrays and np.array_equal(array, arrays[beside + key]):
-                same[f"on_modes.{number}.{key}"] = beside + key
+            if stem + key in arrays and np.array_equal(array, arrays[stem + key]):
+                same[f"on_modes.{number}.{key}"] = stem + key
             else:
                 arrays[f"on_modes.{number}.{key}"] = array
     for number, term in enumerate(system.terms):
@@ -91,7 +91,7 @@ def write(path: Path, system: Saved) -> None:
         arrays |= {f"terms.{number}.supports.{body}": A for body, A in on.items()}
     header = {"format": FORMAT, "version": FORMAT_VERSION, "units": "SI", "bodies": list(system.bodies)}
     parts = {
-        "contacts": [asdict(one) for one in system.contacts],
+        "contacts": [asdict(contact) for contact in system.contacts],
         "terms": [{"name": term.name, "bodies": term.bodies} for term in system.terms],
         "provenance": dict(system.provenance),
         "on_modes": list(system.on_modes),
@@ -101,7 +101,7 @@ def write(path: Path, system: Saved) -> None:
 
 
 def read(path: Path) -> Saved | ReducedModel:
-    """What `write` wrote, or the model of a file that holds one body, as `ReducedModel.save` writes it.
+    """Read what `write` wrote, or the model of a file that holds one body, as `ReducedModel.save` writes it.
 
     An InputError of the file is raised as by `ReducedModel.load`.
     """
@@ -116,20 +116,20 @@ def read(path: Path) -> Saved | ReducedModel:
             raise InputError(str(path), "format", header["format"], f"{FORMAT!r} or {ONE_BODY!r} is allowed")
         if int(header["version"]) > FORMAT_VERSION:
             raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
-        known = _HEADER.validate_python(
+        file_header = _HEADER.validate_python(
             {field.name: header[field.name] for field in fields(_Header) if field.name in header}
         )
         data = npz.read(path, *ROOM)
-        data = {key: data[one] for key, one in known.same.items()} | data
+        data = {key: data[alias] for key, alias in file_header.same.items()} | data
         models, on_modes = (
             [
                 records.record(ReducedModel, stored.filled(data, f"{kind}.{number}."), f"{kind}.{number}.")
                 for number in range(len(names))
             ]
-            for kind, names in {"bodies": known.bodies, "on_modes": known.on_modes}.items()
+            for kind, names in {"bodies": file_header.bodies, "on_modes": file_header.on_modes}.items()
         )
-        terms = tuple(_term(one, data, f"terms.{number}.") for number, one in enumerate(known.terms))
-        wrong = _contradiction(known, models, on_modes)
+        terms = tuple(_term(alias, data, f"terms.{number}.") for number, alias in enumerate(file_header.terms))
+        wrong = _contradiction(file_header, models, on_modes)
     except InputError:
         raise
     except ValidationError as error:
@@ -140,35 +140,38 @@ def read(path: Path) -> Saved | ReducedModel:
         raise InputError(str(path), "", None, f"not a system written by pmr ({error})") from None
     if wrong:
         raise InputError(str(path), "", None, f"not a sound system: {wrong}")
-    bodies, modal = dict(zip(known.bodies, models, strict=True)), dict(zip(known.on_modes, on_modes, strict=True))
-    return Saved(bodies, known.contacts, terms, known.provenance, modal)
+    bodies, modal = (
+        dict(zip(file_header.bodies, models, strict=True)),
+        dict(zip(file_header.on_modes, on_modes, strict=True)),
+    )
+    return Saved(bodies, file_header.contacts, terms, file_header.provenance, modal)
 
 
-def _term(known: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> Term:
-    found = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
-    on = {name: f"{prefix}supports.{body}" for body, name in enumerate(known.bodies)}
+def _term(header: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> Term:
+    matrices = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
+    on = {name: f"{prefix}supports.{body}" for body, name in enumerate(header.bodies)}
     supports = {name: np.asarray(data[key], float) for name, key in on.items() if key in data}
-    return Term(known.name, known.bodies, **found, supports=supports)
+    return Term(header.name, header.bodies, **matrices, supports=supports)
 
 
-def _contradiction(known: _Header, models: list[ReducedModel], on_modes: list[ReducedModel]) -> str | None:
-    """What is wrong with it, in words; None where names are names and every body is sound."""
-    places = [place for one in known.contacts for place in (one.inner, one.outer) if place is not None]
-    named = {"bodies": known.bodies, "contacts": tuple(one.name for one in known.contacts)}
-    named |= {"terms": tuple(one.name for one in known.terms)}
+def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[ReducedModel]) -> str | None:
+    """Describe what is wrong with a file; None where names are names and every body is sound."""
+    places = [place for entry in header.contacts for place in (entry.inner, entry.outer) if place is not None]
+    named = {"bodies": header.bodies, "contacts": tuple(entry.name for entry in header.contacts)}
+    named |= {"terms": tuple(entry.name for entry in header.terms)}
     named |= {"paths": tuple(place.path for place in places if place.path is not None)}
-    if not models or len(set(known.bodies)) < len(models) or (ALONE in known.bodies and len(models) > 1):
+    if not models or len(set(header.bodies)) < len(models) or (ALONE in header.bodies and len(models) > 1):
         return f"{len(models)} bodies, one or more with names that differ are allowed"
     for what, names in named.items():
         if wrong := misnamed(what, tuple(name for name in names if (what, name) != ("bodies", ALONE))):
             return wrong
-    for name, model in zip(known.bodies, models, strict=True):
+    for name, model in zip(header.bodies, models, strict=True):
         if wrong := model.contradiction():
             return f"bodies.{name}: {wrong}"
-    for name, model in zip(known.on_modes, on_modes, strict=True):
-        if name not in known.bodies:
-            return f"on_modes.{name}: {', '.join(known.bodies)} are allowed"
-        if wrong := model.contradiction() or _other(models[known.bodies.index(name)], model):
+    for name, model in zip(header.on_modes, on_modes, strict=True):
+        if name not in header.bodies:
+            return f"on_modes.{name}: {', '.join(header.bodies)} are allowed"
+        if wrong := model.contradiction() or _other(models[header.bodies.index(name)], model):
             return f"on_modes.{name}: {wrong}"
     return None
 
@@ -178,6 +181,6 @@ def _other(model: ReducedModel, on_modes: ReducedModel) -> str | None:
     for names in ("row_names", "input_names", "output_names"):
         if getattr(model, names) != getattr(on_modes, names):
             return f"{names} {getattr(on_modes, names)} are not those of its body"
-    if on_modes.size != (own := model.size - model.cylinder_modes - len(model.quasi_static)):
-        return f"{on_modes.size} coordinates, {own} are allowed"
+    if on_modes.size != (size := model.size - model.cylinder_modes - len(model.quasi_static)):
+        return f"{on_modes.size} coordinates, {size} are allowed"
     return None

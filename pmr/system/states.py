@@ -17,7 +17,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class BodyStates:
-    """What a simulated reduced body says at S times."""
+    """States of a simulated reduced body at S times."""
 
     t: Array  # (S,) s
     s: Array  # (S, m) m: where each of its rows is
@@ -35,35 +35,35 @@ class BodyStates:
     def __getitem__(self, which: slice) -> BodyStates:
         """Some of the states."""
         return replace(
-            self, **{key: one[which] for key, one in vars(self).items() if key != "rows" and one is not None}
+            self, **{key: array[which] for key, array in vars(self).items() if key != "rows" and array is not None}
         )
 
-    def share(self, own: slice) -> BodyStates:
-        """The same with some of its coordinates."""
-        return replace(self, p=self.p[:, own], v=self.v[:, own])
+    def share(self, columns: slice) -> BodyStates:
+        """Return these states with some of the coordinates."""
+        return replace(self, p=self.p[:, columns], v=self.v[:, columns])
 
 
 def rubbed_on(
     system: Joined[Any], name: str, forces: Array, friction: Array | None
 ) -> tuple[Array, Array] | tuple[None, None]:
     """`moments` and `along` of a body's `BodyStates` under forces (S, m) of contacts, with friction (S, n) of pads."""
-    known = Friction.of(system.contacts)
-    if known is None or friction is None:
+    rubbing = Friction.of(system.contacts)
+    if rubbing is None or friction is None:
         return None, None
     sides, of_contacts = [system.sides[number] for number in system.sides_of(name)], np.zeros(forces.shape)
-    of_contacts[:, known.pads] = friction
+    of_contacts[:, rubbing.pads] = friction
     on = [side.contact for side in sides]
     ways = np.array([side.sign * system.contacts[side.contact].direction for side in sides])  # 1 of the inner section
-    return system.pressed(name, known.moments(friction, forces)), of_contacts[:, on] * ways
+    return system.pressed(name, rubbing.moments(friction, forces)), of_contacts[:, on] * ways
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:
-    """Of every body at some of the steps of a trajectory."""
-    found, first, kept = {}, 0, trajectory.at(steps)
+    """States of every body at some of the steps of a trajectory."""
+    states, first, at_steps = {}, 0, trajectory.at(steps)
     for name, body in system.bodies.items():
-        motion, last = kept.bodies[name], first + len(body.input_names)
+        motion, last = at_steps.bodies[name], first + len(body.input_names)
         rows = tuple(system.sides[number].place.row for number in system.sides_of(name))
-        loads, rubbed = kept.loads[:, first:last], rubbed_on(system, name, kept.forces, kept.friction)
-        found[name] = BodyStates(kept.t, motion.s, motion.q, motion.v, motion.multipliers, loads, rows, *rubbed)
+        loads, rubbed = at_steps.loads[:, first:last], rubbed_on(system, name, at_steps.forces, at_steps.friction)
+        states[name] = BodyStates(at_steps.t, motion.s, motion.q, motion.v, motion.multipliers, loads, rows, *rubbed)
         first = last
-    return found
+    return states

@@ -78,7 +78,7 @@ class Joined(Generic[AnyBody]):
                 raise refused(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
         for path in self.compliance.paths:
             if path not in self.paths:
-                rope = next(one.name for one in self.contacts if one.lengthening and one.path == path)
+                rope = next(contact.name for contact in self.contacts if contact.lengthening and contact.path == path)
                 raise refused(rope, "path", path, f"{', '.join(self.paths) or 'none'} are allowed")
         for name, body in self.bodies.items():
             if body.carriers is None and not self.on_one_path:
@@ -109,12 +109,12 @@ class Joined(Generic[AnyBody]):
     @cached_property
     def sides(self) -> tuple[Side, ...]:
         """The places of all contacts, the inner one of each first."""
-        found = []
+        sides = []
         for k, contact in enumerate(self.contacts):
-            found.append(Side(k, contact.inner, contact.direction))
+            sides.append(Side(k, contact.inner, contact.direction))
             if contact.outer is not None:
-                found.append(Side(k, contact.outer, -contact.direction))
-        return tuple(found)
+                sides.append(Side(k, contact.outer, -contact.direction))
+        return tuple(sides)
 
     def sides_of(self, body: str) -> list[int]:
         """Numbers of the sides on a body."""
@@ -126,14 +126,14 @@ class Joined(Generic[AnyBody]):
 
     @cached_property
     def _signs(self) -> dict[str, Array]:
-        """Of each body's sides on their contacts, (m, k): a product takes a tenth of the time of picking columns."""
-        found = {}
+        """Signs of each body's sides on their contacts, (m, k): a product is ten times as quick as picking columns."""
+        signs = {}
         for body in self.bodies:
-            own = [self.sides[number] for number in self.sides_of(body)]
-            found[body] = np.zeros((len(self.contacts), len(own)))
-            for k, side in enumerate(own):
-                found[body][side.contact, k] = side.sign
-        return found
+            body_sides = [self.sides[number] for number in self.sides_of(body)]
+            signs[body] = np.zeros((len(self.contacts), len(body_sides)))
+            for k, side in enumerate(body_sides):
+                signs[body][side.contact, k] = side.sign
+        return signs
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -143,7 +143,9 @@ class Joined(Generic[AnyBody]):
     @property
     def input_names(self) -> tuple[str, ...]:
         """``body.input`` of all bodies, in their order; ``input`` of a body alone."""
-        return tuple(input_of(name, one) for name, body in self.bodies.items() for one in body.input_names)
+        return tuple(
+            input_of(name, input_name) for name, body in self.bodies.items() for input_name in body.input_names
+        )
 
     @property
     def term_names(self) -> tuple[str, ...]:
@@ -155,16 +157,16 @@ class Joined(Generic[AnyBody]):
         return Compliance.of(self.contacts)
 
     def gives(self, x: Array) -> Array:
-        """The same, (..., m, m) m/N, with the sides at x (..., sides) m."""
+        """Compliance, (..., m, m) m/N, with the sides at x (..., sides) m."""
         return self.compliance.at(self.lengthened(x))
 
     def lengthened(self, x: Array) -> Array:
-        """Where the paths lead by which ropes get longer, (..., Q) m, likewise."""
-        found = []
+        """Coordinates of the paths by which ropes get longer, (..., Q) m, likewise."""
+        lengths = []
         for path in self.compliance.paths:
             k, place = next((k, side.place) for k, side in enumerate(self.sides) if side.place.path == path)
-            found.append((x[..., k] - place.at) / place.rate)
-        return np.moveaxis(np.array(found).reshape(-1, *x.shape[:-1]), 0, -1)
+            lengths.append((x[..., k] - place.at) / place.rate)
+        return np.moveaxis(np.array(lengths).reshape(-1, *x.shape[:-1]), 0, -1)
 
     @property
     def clearance(self) -> Array:
@@ -184,7 +186,7 @@ class Joined(Generic[AnyBody]):
         return {}
 
     def range_of(self, place: Place) -> tuple[float, float]:
-        """Where the row of a place is defined, in m."""
+        """Range in which the row of a place is defined, in m."""
         body = self.bodies[place.body]
         if body.carriers is None:
             return body.domain
@@ -194,21 +196,21 @@ class Joined(Generic[AnyBody]):
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Smallest and largest s of each path, in m; in between all rows on this path are defined."""
-        found = {path: (-np.inf, np.inf) for path in self.paths}
+        ranges = {path: (-np.inf, np.inf) for path in self.paths}
         for side in self.sides:
             place = side.place
             if place.path is not None:
                 ends = sorted((x - place.at) / place.rate for x in self.range_of(place))
-                low, high = found[place.path]
-                found[place.path] = max(low, ends[0]), min(high, ends[1])
-        return found
+                low, high = ranges[place.path]
+                ranges[place.path] = max(low, ends[0]), min(high, ends[1])
+        return ranges
 
     def coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
         """X (..., sides) in m of all places from the path coordinates in m, within their rows' ranges.
 
         An InputError is raised where a path is missing, or takes a place where its row is not defined.
         """
-        found = []
+        places = []
         for side in self.sides:
             place, name = side.place, self.contacts[side.contact].name
             if place.path is not None and place.path not in s:
@@ -220,9 +222,9 @@ class Joined(Generic[AnyBody]):
                 worst = float(np.atleast_1d(x)[np.atleast_1d(outside)][0])
                 allowed = f"{low:g} to {high:g} m are allowed on {place.body}"
                 raise refused(name, "place", worst, allowed)
-            found.append(np.clip(x, low, high))
+            places.append(np.clip(x, low, high))
         shape = np.broadcast_shapes(*(np.shape(values) for values in s.values()))
-        return np.moveaxis(np.array([np.broadcast_to(x, shape) for x in found]).reshape(len(found), *shape), 0, -1)
+        return np.moveaxis(np.array([np.broadcast_to(x, shape) for x in places]).reshape(len(places), *shape), 0, -1)
 
 
 @dataclass(frozen=True)
@@ -250,27 +252,27 @@ class System(Joined[SlidingBody]):
     @property
     def output_names(self) -> tuple[str, ...]:
         """``body: output`` of all bodies, in their order; ``output`` of a body alone."""
-        return tuple(named(name, one) for name, body in self.bodies.items() for one in names_of(body))
+        return tuple(named(name, output) for name, body in self.bodies.items() for output in names_of(body))
 
     @property
     def output_units(self) -> tuple[str, ...]:
-        """Of each of `output_names`."""
+        """Unit of each of `output_names`."""
         return tuple(unit for body in self.bodies.values() for unit in units_of(body))
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Of each of `input_names`, as far as reduced bodies know them."""
+        """Unit of each of `input_names`, as far as reduced bodies know them."""
         return tuple(unit for body in self.bodies.values() for unit in getattr(body, "input_units", ()))
 
     @property
     def reduced(self) -> dict[str, ReducedModel]:
         """The bodies; an InputError is raised where one is not reduced."""
-        found = {name: body for name, body in self.bodies.items() if isinstance(body, ReducedModel)}
+        reduced_bodies = {name: body for name, body in self.bodies.items() if isinstance(body, ReducedModel)}
         for name in self.bodies:
-            if name not in found:
+            if name not in reduced_bodies:
                 kind = type(self.bodies[name]).__name__
                 raise InputError("system", f"bodies.{name}", kind, "a ReducedModel is allowed here")
-        return found
+        return reduced_bodies
 
     @property
     def modal(self) -> dict[str, ReducedModel]:
@@ -283,15 +285,15 @@ class System(Joined[SlidingBody]):
 
     def ensure_frictionless(self, source: str) -> System:
         """Itself; an InputError of `source`, which knows it not, where it has friction."""
-        if (known := Friction.of(self.contacts)) is not None:
-            names = ", ".join(self.contact_names[k] for k in known.pads)
+        if (friction := Friction.of(self.contacts)) is not None:
+            names = ", ".join(self.contact_names[k] for k in friction.pads)
             raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")
         return self
 
     def ensure_lengths_stay(self, source: str) -> System:
         """Itself; an InputError of `source`, which knows them not, where it has ropes whose length changes."""
         if self.compliance.paths:
-            names = ", ".join(one.name for one in self.contacts if one.lengthening)
+            names = ", ".join(contact.name for contact in self.contacts if contact.lengthening)
             allowed = "0 is allowed here; `pmr simulate` follows ropes whose length changes"
             raise InputError(source, "rope.lengthens", names, allowed)
         return self
@@ -325,11 +327,13 @@ class System(Joined[SlidingBody]):
             If the file is missing, is neither of both, has less content than its header says, contradicts itself, or
             has a later format.
         """
-        found = saved.read(Path(path))
+        content = saved.read(Path(path))
         try:
-            if isinstance(found, ReducedModel):
-                return cls.of(found)
-            return cls(found.bodies, found.contacts, found.provenance, terms=found.terms, on_modes=found.on_modes)
+            if isinstance(content, ReducedModel):
+                return cls.of(content)
+            return cls(
+                content.bodies, content.contacts, content.provenance, terms=content.terms, on_modes=content.on_modes
+            )
         except InputError as error:
             raise InputError(str(path), error.key, error.value, error.allowed) from None
 
@@ -387,16 +391,16 @@ class SystemTrajectory:
     @property
     def arrays(self) -> list[NDArray[Any]]:
         """All that is known of each step, of the bodies too."""
-        of_bodies = [array for one in self.bodies.values() for array in _arrays(one).values()]
+        of_bodies = [array for body in self.bodies.values() for array in _arrays(body).values()]
         return [*of_bodies, *_arrays(self).values()]
 
     def mapped(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> SystemTrajectory:
-        """The same with all of its arrays changed."""
+        """Return the trajectory with all of its arrays changed."""
 
-        def changed(one: Trajectory | SystemTrajectory) -> dict[str, Any]:
-            return {name: change(array) for name, array in _arrays(one).items()}
+        def changed(trajectory: Trajectory | SystemTrajectory) -> dict[str, Any]:
+            return {name: change(array) for name, array in _arrays(trajectory).items()}
 
-        bodies = {name: replace(one, **changed(one)) for name, one in self.bodies.items()}
+        bodies = {name: replace(trajectory, **changed(trajectory)) for name, trajectory in self.bodies.items()}
         return replace(self, bodies=bodies, **changed(self))
 
     def at(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
@@ -404,6 +408,6 @@ class SystemTrajectory:
         return replace(self.mapped(lambda array: array[steps]), parts=None, impulses=None)
 
 
-def _arrays(one: Trajectory | SystemTrajectory) -> dict[str, NDArray[Any]]:
-    """Those among the fields, by their names."""
-    return {name: value for name, value in vars(one).items() if isinstance(value, np.ndarray)}
+def _arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, NDArray[Any]]:
+    """Arrays among the fields, by their names."""
+    return {name: value for name, value in vars(trajectory).items() if isinstance(value, np.ndarray)}

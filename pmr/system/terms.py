@@ -48,13 +48,13 @@ class Term:
 
     @property
     def matrices(self) -> dict[str, Any]:
-        """Those that it has, by the names of their fields."""
-        given = {"stiffness": self.stiffness, "damping": self.damping}
-        return {key: matrix for key, matrix in given.items() if matrix is not None}
+        """Matrices of the term, by the names of their fields."""
+        fields = {"stiffness": self.stiffness, "damping": self.damping}
+        return {key: matrix for key, matrix in fields.items() if matrix is not None}
 
     @property
     def arrays(self) -> dict[str, Array]:
-        """The same of reduced bodies, dense."""
+        """Matrices of reduced bodies, dense."""
         return {key: np.asarray(A.toarray() if sp.issparse(A) else A) for key, A in self.matrices.items()}
 
     def check(self, size: int) -> None:
@@ -66,21 +66,23 @@ class Term:
                 raise refused(self.name, key, None, "finite numbers are allowed")
 
     def on(self, motions: Mapping[str, Array]) -> Term:
-        """On other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense."""
+        """Term on other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense."""
         V = sp.block_diag([sp.csr_matrix(motions[name]) for name in self.bodies], format="csr")
-        found: dict[str, Any] = {key: (V.T @ (sp.csr_matrix(A) @ V)).toarray() for key, A in self.matrices.items()}
-        return replace(self, **found, supports={})
+        projected: dict[str, Any] = {key: (V.T @ (sp.csr_matrix(A) @ V)).toarray() for key, A in self.matrices.items()}
+        return replace(self, **projected, supports={})
 
     def among(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
         """Among `size` coordinates, where those of a body with number 0 or more stand; others are left out; sparse."""
         at = np.concatenate([np.asarray(numbers[name], np.int64) for name in self.bodies])
-        found = dict[str, Any]()
+        scattered = dict[str, Any]()
         for key, A in self.matrices.items():
             entries = sp.coo_matrix(A)
             places = at[entries.row], at[entries.col]
-            kept = np.minimum(*places) >= 0
-            found[key] = sp.csr_matrix((entries.data[kept], tuple(one[kept] for one in places)), shape=(size, size))
-        return replace(self, **found, supports={})
+            is_kept = np.minimum(*places) >= 0
+            scattered[key] = sp.csr_matrix(
+                (entries.data[is_kept], tuple(places_of_axis[is_kept] for places_of_axis in places)), shape=(size, size)
+            )
+        return replace(self, **scattered, supports={})
 
 
 def added(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
@@ -100,11 +102,11 @@ def added(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] 
 
 
 def refused(term: str, key: str, value: object, allowed: str) -> InputError:
-    """What is wrong with a term, by its name."""
+    """Error about a term, by its name."""
     return InputError("system", f"terms.{term}.{key}", value, allowed)
 
 
 def first_few(names: Sequence[str], most: int = 3) -> str:
     """Names for a message: the first of them, and how many more there are."""
-    left = len(names) - most
-    return ", ".join(names[:most]) + (f" and {left} more" if left > 0 else "")
+    further = len(names) - most
+    return ", ".join(names[:most]) + (f" and {further} more" if further > 0 else "")

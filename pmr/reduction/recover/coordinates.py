@@ -98,7 +98,7 @@ class Recovery:
         return np.asarray(states.v @ self.V.T)
 
     def blocks(self, states: BodyStates) -> Iterator[Array]:
-        """The same as `positions`, at most `BLOCK` states at a time, one block after the other."""
+        """Positions of at most `BLOCK` states at a time, one block after the other."""
         for k in range(0, len(states.t), BLOCK):
             yield self._block(states[k : k + BLOCK])
 
@@ -110,8 +110,8 @@ class Recovery:
 
     def _loads(self, states: BodyStates) -> Array:
         """This rank's rows (n_local, S) of B f - C(s)^T z, in N."""
-        known = self._model.rows
-        pressed = sp.csr_matrix((len(states.t), known.size))
+        model_rows = self._model.rows
+        pressed = sp.csr_matrix((len(states.t), model_rows.size))
         for name, z, at in zip(states.rows, states.multipliers.T, states.s.T, strict=True):
-            pressed = pressed + known.rows[known.names.index(name)].pressed(at, z)
+            pressed = pressed + model_rows.rows[model_rows.names.index(name)].pressed(at, z)
         return np.asarray(self._inputs @ states.loads.T - pressed[:, self._share].T.toarray())

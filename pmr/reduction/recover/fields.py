@@ -64,12 +64,12 @@ class View:
         return values.reshape(len(values), len(self.grid.points), 3)
 
     def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
-        """Likewise; those of a beam under what acts on it at these times."""
+        """Stresses of coordinates; those of a beam under what acts on it at these times."""
         along = None if self.forces is None else self.forces.of(np.hstack(self.comm.allgather(q)), acting)
         if self.stress_rows is None:
             return Stresses(along, None)
-        known = self._summed(self._stresses, q) if along is None else along @ self.stress_rows.rows.T
-        return Stresses(along, self.stress_rows.shaped(known))
+        values = self._summed(self._stresses, q) if along is None else along @ self.stress_rows.rows.T
+        return Stresses(along, self.stress_rows.shaped(values))
 
     def along(self) -> Running | None:
         """The envelope of `Stresses.along_beam`, to be filled; None of bodies that are no lines."""
@@ -147,8 +147,8 @@ def look(
     first, at_peak, when, along = 0, np.zeros(0), np.zeros(len(most)), view.along()
     for q in blocks:
         last = first + len(q)
-        found = np.flatnonzero((chosen >= first) & (chosen < last))
-        displacement[found] = view.displacements(q[chosen[found] - first])
+        numbers = np.flatnonzero((chosen >= first) & (chosen < last))
+        displacement[numbers] = view.displacements(q[chosen[numbers] - first])
         stressed = view.stresses(q, None if acting is None else acting[first:last])
         stresses = stressed.values
         if along is not None:
@@ -161,11 +161,11 @@ def look(
             most = np.maximum(most, values.max(axis=0))
             if not at_peak.size or values.max() > at_peak.max():
                 at_peak = values[values.max(axis=1).argmax()].copy()
-            for face, part in rows.by_cell(values[chosen[found] - first], cells).items():
-                fields[face][found] = part
+            for face, part in rows.by_cell(values[chosen[numbers] - first], cells).items():
+                fields[face][numbers] = part
             if components:
-                for name, part in rows.components_by_cell(stresses[chosen[found] - first], cells).items():
-                    signed.setdefault(name, np.zeros((len(chosen), cells), np.float32))[found] = part
+                for name, part in rows.components_by_cell(stresses[chosen[numbers] - first], cells).items():
+                    signed.setdefault(name, np.zeros((len(chosen), cells), np.float32))[numbers] = part
         first = last
     history = None if rows is None else stress_history(rows, view.grid, t, largest, point, at_peak)
     regions = {} if rows is None else peaks_by_region(rows, view.grid, most, when)

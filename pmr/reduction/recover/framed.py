@@ -76,8 +76,8 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
     still = replace(held.full, rows=Rows((*held.rows, *frames), held.full.size))
     Phi = eigensolver(still, solver).lowest(s, count).phi
     w = np.hstack([-Psi @ (measured @ R), Psi, Phi])
-    whole, of_model = w.copy(), coupling.T @ w
-    whole[:, :6] += coupling.rigid
+    with_rigid, of_model = w.copy(), coupling.T @ w
+    with_rigid[:, :6] += coupling.rigid
     of_model[:, :6] += R
     mass = gather(operators_of(model, MPI.COMM_SELF).M)
     assert mass is not None and built.model.rayleigh is not None
@@ -88,7 +88,7 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
             ("ground", *(place if isinstance(place, str) else f"at {place:g} m" for place in places)),
             np.array([np.zeros(3), *(model.centroid(place) for place in places)]),
         ),
-        M=symmetric(of_model.T @ (mass @ of_model) + whole.T @ (coupling.attached_mass() @ whole)),
+        M=symmetric(of_model.T @ (mass @ of_model) + with_rigid.T @ (coupling.attached_mass() @ with_rigid)),
         C=symmetric(built.model.rayleigh.of(*damped)),
         K=symmetric(w.T @ times(held.full.K, w)),
     )
@@ -132,10 +132,10 @@ def _not_held() -> InputError:
 
 
 def _places(scene: Scene, model: StructuralModel) -> list[str | float]:
-    """Where loads act and the tip, each point once."""
-    found: dict[str | float, Array] = {}
+    """Places where loads act and the tip, each point once."""
+    points: dict[str | float, Array] = {}
     for place in (*(load.on for load in scene.loads), scene.observe.tip):
         point = model.centroid(place)
-        if all(np.linalg.norm(point - other) > APART * np.linalg.norm(point) for other in found.values()):
-            found[place] = point
-    return list(found)
+        if all(np.linalg.norm(point - other) > APART * np.linalg.norm(point) for other in points.values()):
+            points[place] = point
+    return list(points)

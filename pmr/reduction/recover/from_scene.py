@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Recovered:
-    """What is seen of the reduced model, and of the full one where its states are known."""
+    """Fields of the reduced model, and of the full one where its states are known."""
 
     reduced: Seen
     full: Seen | None
@@ -32,25 +32,33 @@ class Recovered:
 
         Of what a body has: a beam without a profile has no stresses, a shell no section forces.
         """
-        peaks = {name: seen.stress.peak for name, seen in self._named() if seen.stress is not None}
+        peaks = {
+            name: model_fields.stress.peak for name, model_fields in self._named() if model_fields.stress is not None
+        }
         along = {name: envelope.extremes() for name, envelope in self.envelopes().items()}
         forces = {"section_forces": along} if along else {}
         if not peaks:
             return forces
-        regions = {name: {r: p.summary() for r, p in seen.by_region.items()} for name, seen in self._named()}
+        regions = {
+            name: {r: p.summary() for r, p in model_fields.by_region.items()} for name, model_fields in self._named()
+        }
         return forces | {
-            "stress_by_region": {name: found for name, found in regions.items() if found},
+            "stress_by_region": {name: by_region for name, by_region in regions.items() if by_region},
             "max_von_mises": {name: peak.value for name, peak in peaks.items()},
             "stress_peak": {name: peak.summary() for name, peak in peaks.items()},
         }
 
     def histories(self) -> dict[str, Array]:
         """Largest von Mises stress (S,) in Pa over the recovered times, of ``reduced`` and ``full``."""
-        return {name: seen.stress.largest for name, seen in self._named() if seen.stress is not None}
+        return {
+            name: model_fields.stress.largest for name, model_fields in self._named() if model_fields.stress is not None
+        }
 
     def envelopes(self) -> dict[str, Envelope]:
         """Along a beam, of ``reduced`` and ``full``."""
-        return {name: seen.envelope for name, seen in self._named() if seen.envelope is not None}
+        return {
+            name: model_fields.envelope for name, model_fields in self._named() if model_fields.envelope is not None
+        }
 
     def _named(self) -> list[tuple[str, Seen]]:
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
@@ -74,28 +82,30 @@ class Looked:
 def of_reduced(
     scene: Scene, built: Mapping[str, Built], bodies: Mapping[str, ReducedBody], states: Mapping[str, BodyStates]
 ) -> dict[str, Looked]:
-    """What the scene asks for of the reduced models, body by body; collective.
+    """Fields of the reduced models of a scene's bodies.
 
     They have the `states` at the `recovered_steps`, the same on every rank.
     """
-    wanted, found = scene.recovery, {}
-    assert wanted is not None
+    recovery_of_scene, looked = scene.recovery, {}
+    assert recovery_of_scene is not None
     for part in scene.sections:
         name, at = part.name, states[part.name]
         recovery = Recovery(built[name].model, bodies[name].V, bodies[name].model, part.reduction.solver)
-        view = View(built[name], wanted.stress)
-        frames = min(wanted.frames, len(at.t))
+        view = View(built[name], recovery_of_scene.stress)
+        frames = min(recovery_of_scene.frames, len(at.t))
         pictures = np.unique(np.rint(np.linspace(0, len(at.t) - 1, frames)).astype(np.int64))
-        found[name] = Looked(view, look(view, at.t, recovery.blocks(at), pictures.tolist(), wanted.components, at))
-    return found
+        looked[name] = Looked(
+            view, look(view, at.t, recovery.blocks(at), pictures.tolist(), recovery_of_scene.components, at)
+        )
+    return looked
 
 
 def beside_full(looked: Mapping[str, Looked], full: Mapping[str, BodyStates]) -> dict[str, Recovered]:
-    """The same with the full models, whose states at these steps are this rank's rows; empty without; collective."""
+    """Fields beside those of the full models, whose states are this rank's rows; empty without; collective."""
     return {
         name: Recovered(
-            one.reduced,
-            look(one.view, full[name].t, in_blocks(full[name].p), acting=full[name]) if name in full else None,
+            of_body.reduced,
+            look(of_body.view, full[name].t, in_blocks(full[name].p), acting=full[name]) if name in full else None,
         )
-        for name, one in looked.items()
+        for name, of_body in looked.items()
     }

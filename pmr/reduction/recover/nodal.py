@@ -41,22 +41,22 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
     structure, full = built.structure, built.model
     model, T = structure.model, couple(structure).T
     order = nodes_of(model).ravel()
-    found = eigensolver(full, scene.reduction.solver).lowest(s, count)
-    q = np.asarray(T @ found.phi)
+    modes = eigensolver(full, scene.reduction.solver).lowest(s, count)
+    q = np.asarray(T @ modes.phi)
     operators = operators_of(model, MPI.COMM_SELF)
     M, K = gather(operators.M), gather(operators.K)
     assert M is not None and K is not None
     K = sp.csr_matrix(K + _springs(structure, s))
     R = model.rigid_motions()[order].reshape(-1, 3, 6)
     assert full.rayleigh is not None
-    projected = (found.phi.T @ times(A, found.phi) for A in (full.M, full.K))
+    projected = (modes.phi.T @ times(A, modes.phi) for A in (full.M, full.K))
     return NodalBody(
         s=s,
         points=np.stack([R[:, 1, 5], R[:, 2, 3], R[:, 0, 4]], axis=1),  # e_z x r, e_x x r and e_y x r have x, y and z
         M=sp.csr_matrix(M[order][:, order]),
         K=sp.csr_matrix(K[order][:, order]),
         modes=q[order],
-        omega=found.omega,
+        omega=modes.omega,
         damping=symmetric(full.rayleigh.of(*projected)),
         places=_places(structure, q),
     )
@@ -96,9 +96,9 @@ def nodes_of(model: StructuralModel) -> Indices:
             of_cells = model.element_coordinates(np.arange(len(model.mesh.cells)))
             return np.unique(np.column_stack([part.ravel() for part in of_cells]), axis=0)
     if isinstance(model, Matrices):
-        given = model.given
-        order = np.lexsort((given.direction, given.node))
-        if np.array_equal(given.direction[order], np.tile(np.arange(3), len(given.points))):
+        matrices = model.given
+        order = np.lexsort((matrices.direction, matrices.node))
+        if np.array_equal(matrices.direction[order], np.tile(np.arange(3), len(matrices.points))):
             return np.asarray(order.reshape(-1, 3), dtype=np.int64)
     allowed = "a solid, or matrices with three displacements at each node, are allowed in a flexible-body file"
     raise InputError("scene", "body.model", None, allowed)
@@ -117,20 +117,20 @@ def _springs(structure: Structure, s: float) -> sp.csr_matrix:
 
 
 def _places(structure: Structure, q: Array) -> Places:
-    """Where loads act and motions are observed."""
+    """Places where loads act and motions are observed."""
     model = structure.model
-    actions = [one for one in (*structure.loads, *structure.outputs) if isinstance(one, Action)]
-    places = list(dict.fromkeys(one.on for one in actions))
-    moved, turned = [], []
+    actions = [action for action in (*structure.loads, *structure.outputs) if isinstance(action, Action)]
+    places = list(dict.fromkeys(action.on for action in actions))
+    displacements, rotations = [], []
     for place in places:
-        moved.append(np.asarray(model.displacement(place) @ q))
+        displacements.append(np.asarray(model.displacement(place) @ q))
         try:
-            turned.append(np.asarray(model.motion(place)[3:] @ q))
+            rotations.append(np.asarray(model.motion(place)[3:] @ q))
         except InputError:  # a point or a line of a solid has no rotation
-            turned.append(np.zeros((3, q.shape[1])))
+            rotations.append(np.zeros((3, q.shape[1])))
     return Places(
         tuple(place if isinstance(place, str) else f"at {place:g} m" for place in places),
         np.array([model.centroid(place) for place in places]),
-        np.array(moved),
-        np.array(turned),
+        np.array(displacements),
+        np.array(rotations),
     )

@@ -48,7 +48,7 @@ ON_NODE = 1e-9
 
 
 class SectionForces:
-    """Of a full model whose structure is a beam, cut to pieces; the same on every rank, collective.
+    """Section forces of a full model whose structure is a beam, cut to pieces; the same on every rank, collective.
 
     Attributes
     ----------
@@ -64,8 +64,8 @@ class SectionForces:
         self._pieces = _Pieces(built.structure, cut)
         strained = cut.beam.section_forces()
         self.names, self.x = strained.names, strained.x
-        known = ForceRows(sp.eye(len(self.x), format="csr"), self.names, self.x)
-        self.stresses = cut.beam.corner_stresses(known, cut.element)
+        unit_forces = ForceRows(sp.eye(len(self.x), format="csr"), self.names, self.x)
+        self.stresses = cut.beam.corner_stresses(unit_forces, cut.element)
         self._strained, self._ends = strained.rows, cut.beam.end_forces()
         self._joined, self._between = cut.joined, None
         if cut.joined.shape[1]:
@@ -75,13 +75,13 @@ class SectionForces:
     def of(self, q: Array, acting: BodyStates | None = None) -> Array:
         """(S, P) in N and N m, of whole states q (S, n) under what acts then; by default nothing does."""
         a, supports = self._whole.acceleration(q, acting)
-        on_pieces, moved = self._pieces.loads(q, a, supports, acting)
+        on_pieces, displaced = self._pieces.loads(q, a, supports, acting)
         if self._between is not None:
-            moved = moved + (self._joined @ self._between.solve(self._joined.T @ on_pieces.T)).T
-        return np.asarray(moved @ self._strained.T - on_pieces @ self._ends.T) - self._rubbed(acting)
+            displaced = displaced + (self._joined @ self._between.solve(self._joined.T @ on_pieces.T)).T
+        return np.asarray(displaced @ self._strained.T - on_pieces @ self._ends.T) - self._rubbed(acting)
 
     def _rubbed(self, acting: BodyStates | None) -> Array | float:
-        """Of friction, which the equations have at the tail, the normal force from there to the pad (S, P) N."""
+        """Normal force of friction, which the equations have at the tail, from there to the pad, (S, P) N."""
         if acting is None or acting.along is None:
             return 0.0
         before = self.x < acting.s[:, :, None] - ON_NODE * self.x.max()  # (S, m, P)
@@ -119,10 +119,12 @@ class _Pieces:
         def between(place: str | float) -> bool:
             return bool(np.abs(nodes - beam.station(place)).min() > ON_NODE * nodes[-1])
 
-        pads, masses = structure.pads, tuple(one for one in structure.masses if between(one.on))
-        supports, ends = (tuple(one for one in every if between(one.on)) for every in (pads.supports, pads.ends))
+        pads, masses = structure.pads, tuple(attached for attached in structure.masses if between(attached.on))
+        supports, ends = (
+            tuple(attached for attached in every if between(attached.on)) for every in (pads.supports, pads.ends)
+        )
         pads = replace(pads, supports=supports, ends=ends, walls=Walls())
-        masses = tuple(one.model_copy(update={"coupling": "average"}) for one in masses)
+        masses = tuple(attached.model_copy(update={"coupling": "average"}) for attached in masses)
         apart = replace(structure, model=beam, clamps=(), masses=masses, pads=pads, outputs=(), ports=(), matrices=())
         coupling, base = couple(apart), operators_of(beam, MPI.COMM_SELF)
         restraints, moving = restrain(pads, beam, coupling.T), Moving(beam, masses, MPI.COMM_SELF)
@@ -136,26 +138,28 @@ class _Pieces:
         self._moved = sp.csr_matrix(cut.coordinates @ couple(structure).T)
 
     def loads(self, q: Array, a: Array, supports: dict[str, Array], acting: BodyStates | None) -> tuple[Array, Array]:
-        """What acts on the pieces, inertia too, and where they are if nothing acts between nodes, (S, c) both."""
-        moved = (self._moved @ q.T).T
-        found = _loads(self._B, self._rows, acting, len(q)) - moved @ self._springs - (self._moved @ a.T).T @ self._M
+        """Loads on the pieces, inertia too, and their places if nothing acts between nodes, (S, c) both."""
+        displaced = (self._moved @ q.T).T
+        forces = (
+            _loads(self._B, self._rows, acting, len(q)) - displaced @ self._springs - (self._moved @ a.T).T @ self._M
+        )
         for name, force in supports.items():
             if name in self._held:
-                found -= force[:, None] * self._held[name].toarray()
-        return found, moved
+                forces -= force[:, None] * self._held[name].toarray()
+        return forces, displaced
 
 
 def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, count: int) -> Array:
     """B f - C(s)^T lambda of the states, (S, n)."""
     if acting is None:
         return np.zeros((count, B.shape[0]))
-    known, pressed = {row.name: row for row in rows}, _nothing(B.shape[0], count)
+    rows_by_name, pressed = {row.name: row for row in rows}, _nothing(B.shape[0], count)
     turned = np.zeros_like(acting.multipliers) if acting.moments is None else acting.moments
     for name, force, moment, at in zip(acting.rows, acting.multipliers.T, turned.T, acting.s.T, strict=True):
-        if name in known:
-            pressed = pressed + known[name].pressed(at, force)
+        if name in rows_by_name:
+            pressed = pressed + rows_by_name[name].pressed(at, force)
             if np.any(moment):
-                pressed = pressed - known[name].pressed(at, moment, 1)
+                pressed = pressed - rows_by_name[name].pressed(at, moment, 1)
     return np.asarray((B @ acting.loads.T).T - pressed.toarray())
 
 

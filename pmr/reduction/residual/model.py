@@ -83,7 +83,7 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
 def section_model(
     body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int, motions: Array | None = None
 ) -> ReducedModel:
-    """The same with `carriers`, by which rows may each have a path coordinate of their own, and errors are estimated.
+    """Model of a section on free modes and carriers.
 
     Modes beyond `coordinates` come with the residual part's inertia on the carriers, by which errors are estimated.
     Where a cylinder holds its tail, what answers that comes along, and what of it rigid supports bear, by their
@@ -106,17 +106,17 @@ def section_model(
     carriers = CarriedRows.of(released(model).shared.rows, values, flexibility.between_any_two())
     flexible = _with_flexibility(reduced, tables(flexibility, shared))
     check_independence(flexible, _that_give_way(flexible))
-    moved = inertia[0].between_any_two() if inertia else None
-    known = replace(
+    inertia_of_any = inertia[0].between_any_two() if inertia else None
+    of_carriers = replace(
         carriers,
-        inertia=moved,
+        inertia=inertia_of_any,
         answers=answers,
         matrices=matrices,
         ports=ports,
         supports=supports,
         spanned=spanned,
     )
-    return _with_coordinates(replace(flexible, carriers=known), coordinates)
+    return _with_coordinates(replace(flexible, carriers=of_carriers), coordinates)
 
 
 def stiff_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
@@ -127,13 +127,13 @@ def stiff_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> R
 
 
 def _measured(model: FullModel, shared: SharedCarriers, basis: Basis) -> Array:
-    """What a basis measures on carriers, U V (K, r)."""
-    found = shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
-    return np.asarray(model.comm.allreduce(found))
+    """Measures of a basis on carriers, U V (K, r)."""
+    measured = shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
+    return np.asarray(model.comm.allreduce(measured))
 
 
 def _tail(shared: SharedCarriers) -> Array | None:
-    """What the cylinder of a section takes hold of, on the carriers (K,); None without one."""
+    """Weights on the carriers (K,) of the cylinder of a section; None without one."""
     tail = next((row for row in shared.rows if row.name == TAIL), None)
     return None if tail is None else np.asarray(tail.weights(tail.breaks[0]).toarray()[0])
 
@@ -164,9 +164,9 @@ def _span(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | 
         noise = np.abs(every) <= ROUND_OFF * np.finfo(float).eps  # of a beam that bends in one plane, or twists
         return np.eye(model.size)[model.share], np.where(noise, 0.0, every) * size
     share, Q = np.linalg.eigh(inner(Z, Z, model.comm))
-    kept = share > SPANNED * share[-1]
-    root = np.sqrt(share[kept])
-    return Z @ (Q[:, kept] / root), (root[:, None] * Q[:, kept].T) * size
+    is_spanned = share > SPANNED * share[-1]
+    root = np.sqrt(share[is_spanned])
+    return Z @ (Q[:, is_spanned] / root), (root[:, None] * Q[:, is_spanned].T) * size
 
 
 def _matrices(
@@ -178,16 +178,16 @@ def _matrices(
     """
     if not model.matrices:
         return {}, {}, {}
-    every = np.hstack([one for one in vectors if one is not None])
-    moved = {name: times(A, every) for name, A in model.matrices.items()}
-    matrices = {name: inner(every, one, model.comm) for name, one in moved.items()}
-    supports = {} if motions is None else {name: inner(motions, one, model.comm) for name, one in moved.items()}
+    every = np.hstack([block for block in vectors if block is not None])
+    products = {name: times(A, every) for name, A in model.matrices.items()}
+    matrices = {name: inner(every, block, model.comm) for name, block in products.items()}
+    supports = {} if motions is None else {name: inner(motions, block, model.comm) for name, block in products.items()}
     ports = {name: model.comm.allreduce(row[:, model.share] @ every)[0] for name, row in model.ports.items()}
     return matrices, ports, supports
 
 
 def _answers(residual: ResidualFlexibility, shared: SharedCarriers, x: Array, motions: Array | None) -> Answers:
-    """What x (n_local, n), that which answers the cylinder, measures."""
+    """Measures of x (n_local, n), which answers the cylinder."""
     model, load = residual.model, _tail(shared)
     assert load is not None  # as there is x
     U, comm = shared.carriers[:, model.share], model.comm
@@ -216,18 +216,18 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
 def _projected(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
     """On the basis, which holds the fixed rows: these are left out."""
     model = residual.model
-    whole = galerkin(model, basis, provenance)
+    complete = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
-    violated = set(fixed) - set(satisfied_rows(whole.rows, SATISFIED))
+    violated = set(fixed) - set(satisfied_rows(complete.rows, SATISFIED))
     if violated:
-        moved = ", ".join(model.rows.names[i] for i in sorted(violated))
-        allowed = f"vectors that move no rigid support are allowed where flexibility is true; these move {moved}"
+        moved_rows = ", ".join(model.rows.names[i] for i in sorted(violated))
+        allowed = f"vectors that move no rigid support are allowed where flexibility is true; these move {moved_rows}"
         raise InputError("scene", "reduction.basis", None, allowed)
-    return _without_round_off(without_rows(whole, fixed), residual, np.array(basis.V.getDenseArray()))
+    return _without_round_off(without_rows(complete, fixed), residual, np.array(basis.V.getDenseArray()))
 
 
 def _completed(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
-    """With the flexibility that the basis leaves out, by which all rows are independent."""
+    """Add the flexibility that the basis leaves out, by which all rows are independent."""
     flexible = _with_flexibility(reduced, flexibility)
     check_independence(flexible)
     return flexible
@@ -254,7 +254,7 @@ def released(model: FullModel) -> Rows:
 
 
 def _on_path(model: FullModel) -> SharedCarriers:
-    """The same on common carriers and breaks."""
+    """Rows of sliders and pads on common carriers and breaks."""
     return released(model).shared.aligned(model.rows.domain)
 
 
@@ -284,7 +284,7 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
 
 
 def _with_floor(model: ReducedModel) -> ReducedModel:
-    """Where a row's flexibility G + 1/k falls short of `FLOOR`, G + FLOOR C K^+ C^T over the whole path for these rows.
+    """Raise a row's flexibility G + 1/k to at least `FLOOR` of C K^+ C^T over the whole path.
 
     A basis of modes with the slider held answers a force at those positions itself and leaves nothing out there.  The
     stiffness C^T G^-1 C of such a row would drown the body's own in round-off; with the floor, both round-off and what
@@ -294,13 +294,13 @@ def _with_floor(model: ReducedModel) -> ReducedModel:
     """
     assert model.flexibility is not None
     G, C = model.flexibility.rows, model.rows
-    own = product(C, C, np.linalg.pinv(model.K, rcond=1e-12, hermitian=True))
+    of_modes = product(C, C, np.linalg.pinv(model.K, rcond=1e-12, hermitian=True))
     s = np.sort(np.concatenate([C.x, _spread(model)]))
-    left, held = (np.einsum("tmm->tm", table(s)) for table in (G, own))
-    lacking = np.any(left + model.row_compliance < FLOOR * held, axis=0)
+    residual_part, held = (np.einsum("tmm->tm", table(s)) for table in (G, of_modes))
+    lacking = np.any(residual_part + model.row_compliance < FLOOR * held, axis=0)
     if not lacking.any():
         return model
-    floor = PPoly(own.c * np.outer(lacking, lacking), own.x)
+    floor = PPoly(of_modes.c * np.outer(lacking, lacking), of_modes.x)
     return replace(model, flexibility=replace(model.flexibility, rows=total(G, floor, FLOOR)))
 
 
@@ -314,9 +314,9 @@ def check_independence(model: ReducedModel, numbers: list[int] | None = None) ->
     names = [model.row_names[k] for k in numbers]
     for s in _spread(model) if numbers else ():
         F = model.flexibility.rows(s) + np.diag(model.row_compliance)
-        found = of_flexibility(F[np.ix_(numbers, numbers)], names)
-        if found.measure < INDEPENDENT:
-            dependent = ", ".join(found.names)
+        dependence = of_flexibility(F[np.ix_(numbers, numbers)], names)
+        if dependence.measure < INDEPENDENT:
+            dependent = ", ".join(dependence.names)
             allowed = (
                 f"the rows {dependent} depend on each other at s = {s:.4g} m, so their forces are not "
                 "determined; sliders, supports and pads that hold different motions are allowed, or a stiffness"

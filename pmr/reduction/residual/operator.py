@@ -84,18 +84,18 @@ class ResidualFlexibility:
 
     def powers(self, c: Array, count: int) -> Array:
         """R c, R M R c, ..., (n_local, count), of one load by this rank's rows c (n_local,); collective."""
-        found = [self.apply(np.array(c)[:, None])]
-        while len(found) < count:
-            found.append(self.apply(times(self.model.M, found[-1])))
-        return np.asfortranarray(np.hstack(found))
+        columns = [self.apply(np.array(c)[:, None])]
+        while len(columns) < count:
+            columns.append(self.apply(times(self.model.M, columns[-1])))
+        return np.asfortranarray(np.hstack(columns))
 
 
 def terms(A: PETSc.Mat, X: Array) -> Array:
     """|A| |X| (n_local, k): the size of what is summed in A X, by which its round-off is known; collective."""
     sizes = sparse(abs(local_csr(A)), A, columns=A.getLocalSize()[1])
-    found = times(sizes, np.abs(X))
+    sums = times(sizes, np.abs(X))
     freed(sizes)
-    return found
+    return sums
 
 
 def _turned(model: FullModel, W: Array) -> tuple[Array, Array]:

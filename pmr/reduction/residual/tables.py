@@ -36,7 +36,7 @@ NOTICED = 2**30
 
 
 class Measured:
-    """What sparse rows (m, n_local), which touch a few coordinates, measure of tall columns."""
+    """Measures of tall columns by sparse rows (m, n_local), which touch a few coordinates."""
 
     def __init__(self, rows: sp.spmatrix) -> None:
         rows = sp.csr_matrix(rows)
@@ -62,9 +62,9 @@ class LoadFlexibility:
         return _dense(self.pairs[:, self.carriers :])
 
     def between_any_two(self) -> CarrierFlexibility:
-        """Where all pairs were asked for."""
-        whole, K = _dense(self.pairs), self.carriers
-        return CarrierFlexibility(whole[:K, :K], whole[:K, K:], self.outputs[:, :K], self.outputs[:, K:], whole[K:, K:])
+        """Flexibility between any two loads, where all pairs were computed."""
+        dense, K = _dense(self.pairs), self.carriers
+        return CarrierFlexibility(dense[:K, :K], dense[:K, K:], self.outputs[:, :K], self.outputs[:, K:], dense[K:, K:])
 
 
 class Pairs:
@@ -86,12 +86,12 @@ class Pairs:
     def total(self, comm: Any) -> sp.csr_matrix:
         """All of them (L, L), made symmetric; collective."""
         rows, columns, values = (np.concatenate(parts) for parts in zip(*self._found, strict=True))
-        found = sp.csr_matrix((comm.allreduce(values), (rows, columns)), self._pattern.shape)
-        return (found + found.T) / 2.0
+        summed = sp.csr_matrix((comm.allreduce(values), (rows, columns)), self._pattern.shape)
+        return (summed + summed.T) / 2.0
 
 
 class AnyTwo:
-    """The same for all pairs of `count` loads."""
+    """Pattern of all pairs of `count` loads."""
 
     def __init__(self, count: int) -> None:
         self._found, self._all = np.zeros((count, count)), np.arange(count)
@@ -131,7 +131,7 @@ def meeting(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
 
 
 class OnCarriers:
-    """What loads on carriers, inputs and outputs measure of answers to loads: of pairs in a pattern, or of any."""
+    """Measures of answers to loads on carriers, inputs and outputs: of pairs in a pattern, or of any."""
 
     def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: Pattern) -> None:
         self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), Measured(local_csr(model.outputs).T)
@@ -141,12 +141,12 @@ class OnCarriers:
 
     def take(self, numbers: Indices, answers: Array) -> None:
         """This rank's rows (n_local, k) of the answers to the loads with these numbers."""
-        others = self._pairs.beside(numbers)
-        self._pairs.put(others, numbers, Measured(self._rows[others]).of(answers))
+        partners = self._pairs.beside(numbers)
+        self._pairs.put(partners, numbers, Measured(self._rows[partners]).of(answers))
         self._found[:, numbers] = self._outputs.of(answers)
 
     def result(self) -> LoadFlexibility:
-        """Of all of them, once they are there; collective."""
+        """Flexibility of all loads, once their answers are there; collective."""
         outputs = np.asarray(self._comm.allreduce(self._found))
         return LoadFlexibility(self._pairs.total(self._comm), outputs, self._carriers)
 
@@ -164,12 +164,12 @@ def check_memory(model: FullModel, carriers: int, powers: int) -> None:
     """
     needed = 8 * carriers**2 * (powers + 2)  # bytes; as long as one of them is made symmetric there are two more
     free = model.comm.bcast(environment.available_memory() if model.comm.rank == 0 else None)
-    said = f"pads have {carriers:,} stations along their paths, which takes about {needed / 1e9:.1f} GB of memory"
+    message = f"pads have {carriers:,} stations along their paths, which takes about {needed / 1e9:.1f} GB of memory"
     if free is not None and needed > free:
-        allowed = f"{said}, {free / 1e9:.1f} GB are free; longer pads, or a shorter path, are allowed"
+        allowed = f"{message}, {free / 1e9:.1f} GB are free; longer pads, or a shorter path, are allowed"
         raise InputError("scene", "pads.length", None, allowed)
     if needed > NOTICED and model.comm.rank == 0:
-        _log.warning("%s; longer pads take less", said)
+        _log.warning("%s; longer pads take less", message)
 
 
 def load_powers(
@@ -184,7 +184,7 @@ def load_powers(
     model = residual.model
     if pattern is None:
         check_memory(model, carriers.shape[0], count)
-    loads, found = carrier_loads(model, carriers), [OnCarriers(model, carriers, pattern) for _ in range(count)]
+    loads, tables = carrier_loads(model, carriers), [OnCarriers(model, carriers, pattern) for _ in range(count)]
     images = images_of(carriers, [P for P in model.mirrors if residual.keeps(P)])
     orbits = Orbits(np.arange(loads.shape[1]), images, model.M)
     _log.info(
@@ -195,14 +195,14 @@ def load_powers(
     )
     many = min(BLOCK, 2 * BLOCK // (1 + len(images))) * model.comm.size
     for k in range(0, len(orbits.own), many):
-        own = orbits.own[k : k + many]
-        columns = loads[:, own].toarray(order="F")
-        for power, one in enumerate(found):
+        representatives = orbits.own[k : k + many]
+        columns = loads[:, representatives].toarray(order="F")
+        for power, table in enumerate(tables):
             columns = residual.apply(times(model.M, columns) if power else columns)
-            for answers in orbits.answers(own, columns):
-                one.take(answers.numbers, answers.columns)
+            for answers in orbits.answers(representatives, columns):
+                table.take(answers.numbers, answers.columns)
     orbits.drop()
-    return [one.result() for one in found]
+    return [one.result() for one in tables]
 
 
 def tables(flexibility: LoadFlexibility, shared: SharedCarriers) -> Flexibility:

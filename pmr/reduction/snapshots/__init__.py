@@ -30,5 +30,5 @@ class Snapshots:
 
     @classmethod
     def of(cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str) -> Snapshots:
-        """Of a model, from this rank's rows (n_local, k) of the columns; collective."""
+        """Snapshots of a model, from this rank's rows (n_local, k) of the columns; collective."""
         return cls(tall(local, model.M), omega, s, residuals, source)

@@ -140,7 +140,7 @@ def rigid_modes(model: FullModel) -> Array:
 
 
 def _measured(model: FullModel, R: Array) -> Array:
-    """What the fixed rows measure of each motion, (h, k)."""
+    """Measures of each motion by the fixed rows, (h, k)."""
     first = model.M.getOwnershipRange()[0]
     rows = [row.project(R, first).c[-1, 0] for row in fixed_rows(model)]
     return np.asarray(model.comm.allreduce(np.reshape(rows, (len(rows), R.shape[1]))))

@@ -69,14 +69,14 @@ def free_modes(
     stress = [A for name, A in model.matrices.items() if name.startswith("axial")] if stressed and enrichment else []
     more = enrichment + (SPARE if stress else 0)
     lowest = _lowest(body or FreeBody(model, solver), count + more + left)
-    modes, found = lowest.modes, len(lowest.modes.omega)
+    modes, count_of_modes = lowest.modes, len(lowest.modes.omega)
     if lowest.rigid > count:
         allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
-    if found <= count:
-        allowed = f"loads and sliders excite {found} modes of this mesh; fewer than these are allowed"
+    if count_of_modes <= count:
+        allowed = f"loads and sliders excite {count_of_modes} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
-    beyond = np.arange(count, min(count + more, found - left))
+    beyond = np.arange(count, min(count + more, count_of_modes - left))
     beyond = beyond[_bent(model, stress, modes, beyond)] if stress else beyond
     taken = np.concatenate([np.arange(count), beyond[:enrichment]])
     return Snapshots.of(
@@ -98,20 +98,20 @@ class _Lowest:
 
 
 def _lowest(body: FreeBody, count: int) -> _Lowest:
-    """With `count` that are excited, fewer if there are no more."""
+    """Lowest modes with `count` that are excited, fewer if there are no more."""
     model, Z = body.model, body.Z
     held = replace(model, rows=Rows(fixed_rows(model), model.size))
     s = _anywhere(held)
-    free, asked = model.size - len(held.rows.rows), count + Z.shape[1]
+    free, pairs = model.size - len(held.rows.rows), count + Z.shape[1]
     while True:
-        asked = min(asked, free)
-        elastic = _elastic(held, body, asked)
+        pairs = min(pairs, free)
+        elastic = _elastic(held, body, pairs)
         work = _work(model, np.hstack([Z, elastic.phi]))
         reached = _reached(work[:, : Z.shape[1]])
         chosen = np.flatnonzero(np.any(np.abs(work[:, Z.shape[1] :]) > UNREACHED, axis=0))[: count - reached.shape[1]]
-        if len(chosen) + reached.shape[1] == count or asked == free:
+        if len(chosen) + reached.shape[1] == count or pairs == free:
             break
-        asked = 2 * asked
+        pairs = 2 * pairs
     bodies = finished(held, s, np.zeros(reached.shape[1]), Z @ reached, cut=False)
     return _Lowest(
         Modes(
@@ -123,12 +123,12 @@ def _lowest(body: FreeBody, count: int) -> _Lowest:
     )
 
 
-def _elastic(held: FullModel, body: FreeBody, asked: int) -> Modes:
+def _elastic(held: FullModel, body: FreeBody, pairs: int) -> Modes:
     """The `asked` lowest modes but for the rigid-body modes among them."""
     if is_dense(held, body.choice):
-        return _beside(held, body.Z, DenseEigenSolver(held).lowest(_anywhere(held), asked))
-    found = body.elastic(asked - body.Z.shape[1])
-    return finished(held, _anywhere(held), 1.0 / found.theta, found.vectors, cut=False)
+        return _beside(held, body.Z, DenseEigenSolver(held).lowest(_anywhere(held), pairs))
+    lowest = body.elastic(pairs - body.Z.shape[1])
+    return finished(held, _anywhere(held), 1.0 / lowest.theta, lowest.vectors, cut=False)
 
 
 def _anywhere(held: FullModel) -> float:
@@ -154,20 +154,20 @@ def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
             f"round-off in the stiffness hides {count} rigid-body modes among the lowest of this mesh; fewer elements "
             "or stiffer supports help"
         )
-    rest = Vt[count:].T
-    omega2, turned = np.linalg.eigh(rest.T @ (modes.omega[:, None] ** 2 * rest))
-    combined = rest @ turned
+    complement = Vt[count:].T
+    omega2, turned = np.linalg.eigh(complement.T @ (modes.omega[:, None] ** 2 * complement))
+    combined = complement @ turned
     return finished(held, _anywhere(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
 
 
 def _bent(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which modes axial forces of matrices `stress` bend: by G on the modes before them, over their own stiffness."""
-    found = np.zeros(len(which))
+    bending = np.zeros(len(which))
     for G in stress:
         work = inner(times(G, modes.phi), modes.phi, model.comm)
         for k, number in enumerate(which):
-            found[k] += np.sum(work[number, : which[0]] ** 2) / modes.omega[number] ** 2
-    return np.asarray(found > UNBENT**2 * found.max(initial=0.0))
+            bending[k] += np.sum(work[number, : which[0]] ** 2) / modes.omega[number] ** 2
+    return np.asarray(bending > UNBENT**2 * bending.max(initial=0.0))
 
 
 def _work(model: FullModel, phi: Array) -> Array:
@@ -177,9 +177,9 @@ def _work(model: FullModel, phi: Array) -> Array:
     work += [
         contributions(row.project(phi, first)).reshape(-1, phi.shape[1]) for row in model.rows.rows if not row.fixed
     ]
-    whole = np.asarray(model.comm.allreduce(np.concatenate(work)))
-    largest = np.abs(whole).max(axis=1, initial=0.0, keepdims=True)
-    return np.divide(whole, largest, out=np.zeros_like(whole), where=largest > 0.0)
+    work_of_all = np.asarray(model.comm.allreduce(np.concatenate(work)))
+    largest = np.abs(work_of_all).max(axis=1, initial=0.0, keepdims=True)
+    return np.divide(work_of_all, largest, out=np.zeros_like(work_of_all), where=largest > 0.0)
 
 
 def _reached(work: Array) -> Array:
