@@ -20,11 +20,10 @@ FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
 PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 _NO_FIGURES = (
-    "from pmr.errors import aside\n"
-    "from pmr.report import blocks, paper\n"
+    "from pmr.report import background, blocks, paper\n"
     "from pmr.report.motion import album\n"
     "album.develop = lambda shots: [b''] * len(shots)\n"
-    "aside._saves_time = lambda: False\n"  # another process would draw
+    "background.has_free_core = lambda: False\n"  # another process would draw
     "blocks.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
 )
 #: The command whose reports have empty figures, in a real PDF.

@@ -216,10 +216,10 @@ def test_the_place_for_results_is_tried_before_anything_is_computed(tmp_path: Pa
 def test_an_export_replaces_no_model(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     model = folder / "reduced.npz"
     content = model.read_bytes()
-    (tmp_path / "reduced.npz").write_bytes(b"another")
+    (tmp_path / "script.npz").write_bytes(b"another")
     for out in (model, folder, tmp_path / "script.py"):
         assert called(monkeypatch, capsys, "export", str(model), "--out", str(out)).returncode == 2
-    assert model.read_bytes() == content and (tmp_path / "reduced.npz").read_bytes() == b"another"
+    assert model.read_bytes() == content and (tmp_path / "script.npz").read_bytes() == b"another"
 
 
 @pytest.mark.slow

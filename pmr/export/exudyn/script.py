@@ -43,14 +43,27 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     npz_path, target = Path(npz_path), Path(target)
     system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)
     arrays, beside = script_data(system, npz_path.name), target.with_suffix(".npz")
-    if beside.resolve() == npz_path.resolve():
-        raise InputError("command line", "--out", str(target), "a name other than the model's is allowed")
+    if beside.resolve() == npz_path.resolve() or not _is_free(beside):
+        raise InputError(
+            "command line", "--out", str(target), f"a name is allowed whose data replaces no {beside.name}"
+        )
     target.parent.mkdir(parents=True, exist_ok=True)
     with replaced(beside) as part, part.open("wb") as file:
         np.savez(file, **arrays)
     with replaced(target) as part:
         shutil.copyfile(Path(__file__).with_name("templates") / "sliding_body.py", part)
     return target
+
+
+def _is_free(file: Path) -> bool:
+    """Whether a script's data may be written here: nothing is there, or data of a script."""
+    if not file.exists():
+        return True
+    try:
+        with np.load(file) as data:
+            return {"paths", "inputs", "contacts", "time"} <= set(data.files)
+    except (OSError, ValueError):
+        return False
 
 
 def script_data(system: System, source: str) -> Arrays:

@@ -73,19 +73,19 @@ static int solve_dense(int n, const double *A, double *x, double *room)
     return 0;
 }
 
-/* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F.  F is residual
-   flexibility beside the one of the modes, sum C^2 / omega^2, and such a share of that is its round-off. */
-#define ROUND_OFF_OF_MODES 1e-14
+/* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F.  Residual flexibility
+   that is so small a share of what a step adds to it, z_gain C S^-1 C^T, is round-off. */
+#define ROUND_OFF_OF_STEP 1e-13
 static int is_rigid(const pmr_state *st, int k)
 {
     const pmr_system *y = st->system;
-    const double *row = st->C + (size_t)k * y->modes;
-    double of_modes = 0.0;
+    const double *row = st->C + (size_t)k * y->modes, z_gain = st->scheme->z_gain;
+    double of_step = 0.0;
     int l, n;
     for (n = 0; n < y->modes; n++)
-        if (y->omega2[n] > 0.0) of_modes += row[n] * row[n] / y->omega2[n];
+        if (!is_fill(y, n)) of_step += row[n] * row[n] * z_gain / (y->inertia[n] + y->omega2[n] * z_gain);
     for (l = 0; l < y->contacts; l++)
-        if (fabs(*lower(st->A, y->mp, k, l)) > ROUND_OFF_OF_MODES * of_modes) return 0;
+        if (fabs(*lower(st->A, y->mp, k, l)) > ROUND_OFF_OF_STEP * of_step) return 0;
     return 1;
 }
 

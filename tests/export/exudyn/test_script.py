@@ -167,7 +167,7 @@ def test_paths_and_loads_can_be_replaced(script: Path) -> None:
 def test_a_model_that_the_data_would_replace_stays(model: ReducedModel, tmp_path: Path) -> None:
     saved = model.save(tmp_path / "beam.npz")
     before = saved.read_bytes()
-    with pytest.raises(InputError, match="a name other than the model's is allowed"):
+    with pytest.raises(InputError, match="whose data replaces no beam.npz"):
         write_exudyn_script(saved, tmp_path / "beam.py")
     assert saved.read_bytes() == before and not (tmp_path / "beam.py").exists()
 
