@@ -260,8 +260,8 @@ def waited_for(found: Mapping[str, Mapping[str, Any]], prefix: str) -> Chapter:
             Block(
                 "Commands and more",
                 text="First: what was measured before anything was done about it. Where an earlier checkout ran in "
-                "turn here, this one is to be as many times as quick. With nothing compiled: neither loops nor a "
-                "platform's C library. After pmr compile: with what that command has compiled.",
+                "turn here, this one is to be as many times as quick. With nothing compiled: neither modules of "
+                "Python nor a platform's C library.",
                 grids=(Grid("Commands with what they start; the least of up to three times.", heads, rows),),
             )
         ],

@@ -51,7 +51,6 @@ class Place:
 
     folder: Path
     interpreter: str = sys.executable
-    caches: str = "first"
     taken: dict[str, Taken] = field(default_factory=dict)  # what they took, by the row's name
 
     def pmr(self, *arguments: str) -> Taken:
@@ -97,17 +96,6 @@ class Row:
 def run(*arguments: str) -> Callable[[Place], Taken]:
     """``pmr`` with these arguments."""
     return lambda place: place.pmr(*arguments)
-
-
-def compiled(*arguments: str) -> Callable[[Place], Taken]:
-    """The same first of all after ``pmr compile``, whose caches later commands have."""
-
-    def take(place: Place) -> Taken:
-        place.caches = "compiled"
-        place.pmr("compile")
-        return place.pmr(*arguments)
-
-    return take
 
 
 def tolerance(place: Place) -> Taken:
@@ -196,7 +184,6 @@ ROWS = (
     Row("report of that run", 2.0, 6.0, report, kind="processor"),
     Row("first FMU", 10.0, 97.0, run(*EXPORT), kind="processor", command=True),
     Row(f"{THREE}, {FIRST}", 7.5, 49.0, run("run", "boom_three"), command=True),
-    Row(f"{THREE}, first after pmr compile", 7.5, 49.0, compiled("run", "boom_three"), MODULES),
     Row(f"{THREE}, later", 5.0, 11.5, run("run", "boom_three"), MODULES, turns=3, command=True),
     Row(TOLERANCE, 2.0, 20.0, tolerance, turns=3),
     Row("a step of an FMU on pads that push", 10e-6, 48e-6, step),

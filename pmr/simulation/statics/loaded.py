@@ -11,13 +11,15 @@ do not change, A the flexibility under :math:`K + G_0`, :math:`A = L L^T`, :math
 
 (Woodbury), where q_0 and q_1 are the linear answers.  So one factorisation gives all loads, and the structure buckles
 where the first :math:`1 + P \eta_i` vanishes.  Contacts that only push open and close with the load: each set of closed
-ones has a `Form` of its own.
+ones has a `Form` of its own.  A search that meets a set which holds nothing begins anew with the closed contacts of
+first order, where a little of the mass holds what is free: that matrix is positive definite, so the search for these
+ends (docs/pads.md).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,8 +37,8 @@ Mask = NDArray[np.bool_]
 ROUND_OFF, RIGID = 1e-9, 1e-4
 #: Pull or overlap that is round-off, over the largest force or displacement.
 WRONG = 1e-9
-#: Sets of closed contacts that are tried at one load.
-MOST_SETS = 200
+#: Sets of closed contacts that are tried at one load; share of the lowest omega^2 that holds what open ones leave free.
+MOST_SETS, ALMOST_FREE = 200, 1e-8
 
 
 @dataclass(frozen=True)
@@ -310,7 +312,7 @@ class Loaded:
     def state(self, load: float) -> State:
         """The equilibrium under a load; one that does not stand where none is found."""
         if load not in self._states:
-            self._states[load] = self._found(load)
+            self._states[load] = self._find(load)
         return self._states[load]
 
     def states(self, loads: Sequence[float]) -> States:
@@ -331,34 +333,40 @@ class Loaded:
             self._forms[key] = Form(self.equations, closed.copy())
         return self._forms[key]
 
-    def _found(self, load: float) -> State:
-        o, m = len(self.equations.outputs), len(self.equations.pushes)
+    def _find(self, load: float) -> State:
+        closed, every = self._last, np.ones_like(self._last)
         if self.both_ways:
-            form = self._closed
-            found = form.responses(np.array([load]))[0]
-            return State(load, found[:o], found[o : o + m], form)
-        closed, tried, search = self._last.copy(), set[bytes](), ContactSearch()
+            return self._with(closed, load)[0]
+        state = self._search(closed, load)
+        if not state.stands and self._form(every).stands(np.array([load]))[0]:
+            state = self._search(self._first_order._search(every, load).form.closed, load)
+        return state
+
+    @cached_property
+    def _first_order(self) -> Loaded:
+        """The same without geometric stiffness, and with a little of its mass as stiffness: always one equilibrium."""
+        e, every = self.equations, self._form(np.ones_like(self._last))
+        floor = ALMOST_FREE * (2.0 * np.pi * every.frequency(0.0)) ** 2
+        return Loaded(replace(e, K=e.K + floor * e.M, G=(0.0 * e.K, 0.0 * e.K)))
+
+    def _search(self, closed: Mask, load: float) -> State:
+        """The equilibrium under a load, by way of sets of closed contacts (m,) that stand, from the given one on."""
+        search = ContactSearch()
         for _ in range(MOST_SETS):
-            form = self._form(closed)
-            found = form.responses(np.array([load]))[0]
-            state = State(load, found[:o], found[o : o + m], form)
+            state, wrong = self._with(closed, load)
             if not state.stands:
-                if closed.all():
-                    return state
-                closed = np.ones(m, dtype=bool)  # what open contacts leave free for the moment
-                if closed.tobytes() in tried:
-                    return state
-                continue
-            wrong = self._wrong(state, found[o + m :])
+                break
             if not wrong.any():
                 self._last = closed
                 return state
-            tried.add(closed.tobytes())
             closed = search.change(closed, wrong)
-        return State(load, np.full(o, np.nan), np.full(m, np.nan), form)
+        return State(load, np.full_like(state.outputs, np.nan), np.full_like(state.forces, np.nan), state.form)
 
-    def _wrong(self, state: State, beyond: Array) -> Mask:
-        pushes, closed = self.equations.pushes, state.form.closed
-        wrong = closed & pushes & (state.forces < -WRONG * np.abs(state.forces).max(initial=0.0))
+    def _with(self, closed: Mask, load: float) -> tuple[State, Mask]:
+        """The state with these contacts closed (m,), and which of them are on the wrong side."""
+        form, o, m = self._form(closed), len(self.equations.outputs), len(closed)
+        values = form.responses(np.array([load]))[0]
+        forces, beyond, pushes = values[o : o + m], values[o + m :], self.equations.pushes
+        wrong = closed & pushes & (forces < -WRONG * np.abs(forces).max(initial=0.0))
         wrong[pushes] |= ~closed[pushes] & (beyond > WRONG * np.abs(beyond).max(initial=0.0))
-        return wrong
+        return State(load, values[:o], forces, form), wrong

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -80,6 +82,34 @@ def test_a_pad_with_a_gap_carries_from_the_load_on_that_closes_it() -> None:
     assert searched(loaded, {"pad": (lambda states: states.forces[:, 0] / 30.0, search)}) == {
         "pad": pytest.approx(50.0, rel=1e-12)
     }
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_rod_between_pads_with_clearances_is_found_wherever_it_rests(seed: int) -> None:
+    """Pads above and below hold it alone, not all sets of them; beside all sets, of which exactly one is right."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(4.0) - 1.5
+    above = np.column_stack([np.ones(4), x, x**2 - 1.25])  # it moves, turns and bends
+    e = replace(
+        equations(np.diag([0.0, 0.0, 50.0]), np.zeros((3, 3)), rng.normal(size=3), np.vstack([above, -above]),
+                  np.diag(rng.uniform(0.005, 0.02, 8)), True),
+        b=(rng.normal(size=3), rng.normal(size=3)), g=(rng.uniform(0.0, 0.02, 8), np.zeros(8)),
+        G=(np.diag([0.0, -5.0, 0.0]), np.zeros((3, 3))),
+    )  # fmt: skip
+    states = list[Array]()
+    for closed in map(np.array, product([False, True], repeat=8)):
+        K, C = e.K + e.G[0], e.C[closed]
+        stiffness = K + C.T @ np.linalg.solve(e.F[closed][:, closed], C)
+        if np.linalg.eigvalsh(stiffness)[0] < 1e-6:
+            continue
+        pressing = np.linalg.solve(e.F[closed][:, closed], np.column_stack([C, e.g[0][closed]]))
+        q = np.linalg.solve(stiffness, e.b[0] + 3.0 * e.b[1] + C.T @ pressing[:, -1])
+        forces = pressing @ np.append(q, -1.0)
+        if (forces > 0.0).all() and (e.C @ q < e.g[0])[~closed].all():
+            states.append(q)
+    assert len(states) == 1
+    state = Loaded(e).state(3.0)
+    assert state.stands and state.outputs == pytest.approx(states[0], rel=1e-9)
 
 
 def found(used: Callable[[float], float], search: Search) -> tuple[float | None, int]:
