@@ -17,7 +17,7 @@ from pmr.export.fmi.fmu import PLATFORMS, write
 from pmr.export.fmi.variables import ORDERS
 from pmr.pipeline import reduce
 from pmr.scene import load_any
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.body import force_outputs
 from pmr.system.system import System
 
@@ -36,7 +36,7 @@ def measure(repeats: int, steps: int = STEPS, cases: dict[str, str] = CASES) -> 
         for name, file in cases.items():
             (folder := Path(made, name)).mkdir()
             system = reduce(load_any(beams.WORKFLOWS / file)).system
-            written = write(system, recorded(system, file), folder / "body.fmu", "2", PLATFORMS[:1])
+            written = write(system, read_scene(system, file), folder / "body.fmu", "2", PLATFORMS[:1])
             timed, size = Timed(system, written, folder), sum(body.size for body in system.reduced.values())
             ways[f"{name}, {size} coordinates"] = lambda timed=timed: timed.seconds(steps)
         found: dict[str, Times] = side_by_side(ways, repeats)

@@ -23,7 +23,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.system import System
 
 SCENES = ("evolved_residual", "boom_beam", "boom_two", "boom_three", "boom_four", "boom_three_shell", "crane")
@@ -56,7 +56,7 @@ def measure(
     rows = list[dict[str, Any]]()
     for name in scenes:
         system = reduce(load_any(WORKFLOWS / f"{name}.toml")).system
-        excitation = recorded(system, name).excitation
+        excitation = read_scene(system, name).excitation
         form, steps = SystemForm.of(system), excitation.stepping.steps
         march = March(form, excitation)
         row = {
@@ -82,7 +82,7 @@ def _loop(march: March) -> float:
     march.begin()
     record, at, per, seconds = Record(state.kernel, steps, LOOP), 0, state.settings.parts[0], 0.0
     while at < steps:
-        u = march.sampled(at, min(steps, at + max(FINE, TIMES // per)), per)
+        u = march.sample_drivers(at, min(steps, at + max(FINE, TIMES // per)), per)
         begun = time.process_time()
         taken, needed = state.advance_sampled(u, per, record, at)
         seconds += time.process_time() - begun

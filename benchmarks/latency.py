@@ -82,7 +82,7 @@ import json, sys, time, warnings
 import pmr
 from pmr.simulation.machine.motion import machine_motion
 from pmr.simulation.moving import MovingFrame
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.system import System
 warnings.simplefilter("ignore")
 
@@ -97,14 +97,14 @@ def least(step, count=200, repeats=20):
 
 folder, times = sys.argv[1], {}
 system = System.load(f"{folder}/boom_three.npz")
-excitation = recorded(system, "boom_three").excitation
+excitation = read_scene(system, "boom_three").excitation
 fly = excitation.s[:, list(excitation.paths).index("fly")].tolist()
 places = dict(zip(excitation.paths, excitation.s[0].tolist()))
 for what, outputs in (("all outputs", None), ("one output", system.output_names[-1:])):
     stepper = pmr.Stepper(system, excitation.stepping.step, places, outputs=outputs)
     times[f"boom_three, {what}"] = least(lambda n: stepper.step({"fly": fly[n + 1]}))
 system = System.load(f"{folder}/crane.npz")
-frame, excitation = MovingFrame.of(system), recorded(system, "crane").excitation
+frame, excitation = MovingFrame.of(system), read_scene(system, "crane").excitation
 motions = frame.motions(excitation, excitation.times[:4001]).tolist()
 def given(names, k):
     numbers = [frame.drivers.index(name) for name in names]

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 import pmr
 from pmr.compare.model_part import Motion, error, model_part
 from pmr.fem.compat import MPI
-from pmr.pipeline.model_part import measured
+from pmr.pipeline.model_part import measure_model
 from pmr.pipeline.scenes import run
 from pmr.scene import Scene
 from pmr.scene.checks import check
-from pmr.scene.richer import alike
+from pmr.scene.richer import comparable_scene
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -169,10 +169,10 @@ def reduced(scene: Scene) -> System:
 def moved(scene: Scene) -> Motion:
     """Over the whole run, of so many modes that nothing but the model is left to be wrong."""
     parts = []
-    for part in alike(scene).sections:
+    for part in comparable_scene(scene).sections:
         reduction = part.reduction.model_copy(update={"coordinates": MODES})
         parts.append(part.model_copy(update={"reduction": reduction}))
-    finer = alike(scene).model_copy(update={"sections": tuple(parts)})
+    finer = comparable_scene(scene).model_copy(update={"sections": tuple(parts)})
     return Motion.of(finer, reduced(finer))
 
 
@@ -210,7 +210,7 @@ def main(first: int = 0, last: int = BOXES) -> None:
         for name, body in BODIES.items():
             scene = random_box(seed, body)
             true = model_part(scene, moved(scene), shell, "shell")
-            stated = measured(scene, MPI.COMM_WORLD, None, reduced)
+            stated = measure_model(scene, MPI.COMM_WORLD, None, reduced)
             print(f"    {name}: {off(true, stated)}", flush=True)
             if name == GIVES:
                 within += max(true["largest"], true["frequency"]) <= WITHIN

@@ -13,9 +13,9 @@ from random_machines import G, random_machine
 
 from pmr.compare.evaluation import respond
 from pmr.compare.ropes import forces as rope_forces
-from pmr.compare.second_order import stressed
+from pmr.compare.second_order import second_order_effect
 from pmr.files import records
-from pmr.reduction.bodies import joined, reduce_bodies
+from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.checks import check
@@ -137,7 +137,7 @@ class Run:
         if limit.of == "support":
             return self._support()
         if limit.of == "buckling":
-            return stressed(self.scene, self.system.bodies).factor
+            return second_order_effect(self.scene, self.system.bodies).factor
         if limit.of == "frequency":
             excitation = Excitation.of(self.scene)
             x, c = places(self.system, excitation)[0], excitation.amplitudes(self.system.term_names)[0]
@@ -228,7 +228,7 @@ def run(plain: Mapping[str, Any], wind: float, mass: float) -> Run:
     last["loads"][0]["signal"]["amount"] = wind
     changed["gravity"] = {"rise": 0.0}
     scene = scene_of(changed)
-    system = joined(scene, reduce_bodies(scene, shared.bodies_of(scene)))
+    system = join_bodies(scene, reduce_bodies(scene, shared.bodies_of(scene)))
     excitation = Excitation.of(scene)
     moved = systems.simulate(system, excitation, systems.start_of(system, excitation))
     return Run(scene, system, with_forces_on_machine(scene, respond(system, moved)), mass)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 from textbook import LENGTH, beam_matrices
 
-from pmr.constraints.polynomials import stacked
+from pmr.constraints.polynomials import stack_tables
 from pmr.constraints.rows import Row, Rows, SharedCarriers, carrier, fixed_row, row_on_coordinates
 from pmr.reduced.carriers import CarriedRows, CarrierFlexibility
 from pmr.reduced.damping import Rayleigh
@@ -145,7 +145,7 @@ def paper_basis(full: FullBody, snapshots: int, modes: int, coordinates: int) ->
 
 def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
     """Galerkin projection on the columns of V (n, r), without the rows that V satisfies to `tolerance`."""
-    rows = stacked([row.project(V) for row in full.rows.rows], full.domain)
+    rows = stack_tables([row.project(V) for row in full.rows.rows], full.domain)
     left_out = satisfied_rows(rows, tolerance)
     kept = [i for i in range(len(full.row_names)) if i not in left_out]
     return ReducedModel(
@@ -189,7 +189,7 @@ def polynomial(values: Callable[[float], Array], breaks: Array, degree: int) -> 
 
 def rows_of(full: FullBody, model: ReducedModel) -> PPoly:
     """C(s) (m, n) of the rows that a model has, on all coordinates."""
-    rows = stacked([row.project(np.eye(full.size)) for row in full.rows.rows], full.domain)
+    rows = stack_tables([row.project(np.eye(full.size)) for row in full.rows.rows], full.domain)
     return PPoly(rows.c[:, :, [full.row_names.index(name) for name in model.row_names]], rows.x)
 
 
@@ -217,7 +217,7 @@ def enriched(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
     model = flexible(full, count)
     kept = [full.row_names.index(name) for name in model.row_names]
     more = free_modes(full, count + enrichment)[0][:, count:]
-    rows = stacked([row.project(more) for row in full.rows.rows], full.domain)
+    rows = stack_tables([row.project(more) for row in full.rows.rows], full.domain)
     beside = EnrichmentModes(
         stiffness=np.diagonal(more.T @ full.K @ more),
         damping=np.diagonal(more.T @ full.D @ more),

@@ -45,7 +45,7 @@ def observe(
     """As `pmr.simulation.petsc.observe`."""
     system = FullSystem.of(model)
     found = petsc.observe(system, excitation, recording, {} if initial is None else {"": initial}, *more, **named)
-    names = [contact.name for contact in system.supported().contacts]
+    names = [contact.name for contact in system.with_supports().contacts]
     rows = [names.index(name) for name in model.row_names]
     forces, peaks = (np.hstack([one, found.supports])[:, rows] for one in (found.forces, found.peaks))
     return Alone(

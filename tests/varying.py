@@ -13,7 +13,7 @@ from pmr.mesh.box import write_shell
 from pmr.mesh.named import read_mesh
 from pmr.models import DIRECTIONS
 from pmr.models.beam3d import Beam3D, beam_of
-from pmr.models.shell import Shell, drawn, of
+from pmr.models.shell import Shell, draw_box, of
 from pmr.scene import Body
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, Material, PointMass
@@ -35,7 +35,7 @@ def answers(model) -> np.ndarray:
 
 
 def shell(of_box: Box, folder: Path, size: float, along: float) -> Shell:
-    write_shell(drawn(of_box, size, along), folder / "m.msh")
+    write_shell(draw_box(of_box, size, along), folder / "m.msh")
     return of(Body(box=of_box), read_mesh(folder / "m.msh", ("triangle",)))
 
 

@@ -37,16 +37,16 @@ class _Commands(TyperGroup):
         try:
             return super().parse_args(ctx, args)
         except _UsageError as error:
-            raise _refused(error, ctx) from None
+            raise _refusal(error, ctx) from None
 
     def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)
         except _UsageError as error:
-            raise _refused(error, ctx) from None
+            raise _refusal(error, ctx) from None
 
 
-def _refused(error: Any, ctx: Any) -> InputError:
+def _refusal(error: Any, ctx: Any) -> InputError:
     """A wrong use in a line: what is missing with its own help, or what click says."""
     command, about = (error.ctx or ctx).command_path, getattr(getattr(error, "param", None), "help", None)
     message = error.format_message().rstrip(".")

@@ -49,7 +49,7 @@ def described_system(system: System) -> dict[str, str]:
     ranges = [f"{path} from {low:.4g} to {high:.4g} m" for path, (low, high) in system.ranges.items()]
     return rows | {
         **_inputs(system.input_names, system.input_units),
-        "contacts": f"{len(contacts)}: {_listed(contacts)}",
+        "contacts": f"{len(contacts)}: {_list_names(contacts)}",
         "paths": ", ".join(ranges) or "none",
         **_frequencies(system),
     }
@@ -60,10 +60,10 @@ def _frequencies(system: System) -> dict[str, str]:
     import numpy as np
 
     from pmr.errors import InputError, SimulationError
-    from pmr.simulation.recorded import visited
+    from pmr.simulation.recorded import path_ranges
     from pmr.system.assembly import Assembly
 
-    rows, ranges = dict[str, str](), visited(system)
+    rows, ranges = dict[str, str](), path_ranges(system)
     for end in (0, 1):
         s = {path: ends[end] for path, ends in ranges.items()}
         where = ", ".join(f"{path} at {at:.4g} m" for path, at in s.items()) or "at rest"
@@ -76,7 +76,7 @@ def _frequencies(system: System) -> dict[str, str]:
     return rows
 
 
-def _listed(names: list[str]) -> str:
+def _list_names(names: list[str]) -> str:
     """List names; of many the first and the last."""
     return ", ".join(names if len(names) <= LISTED else [names[0], "...", names[-1]])
 
@@ -114,12 +114,12 @@ def _frame(scene: scenes.Scene) -> dict[str, str]:
 
 def _describe_body(member: Member) -> dict[str, str]:
     """A body alone."""
-    from pmr.scene.choice import choose, undecided
+    from pmr.scene.choice import choose, is_undecided
 
     chosen, (low, high), part = choose(member), member.bounds, member.part
     pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in member.pads]
     points = [f"{len(member.points)} row(s)"] if member.points else []
-    at_least = "at least that, by measurement: " if undecided(member) else ""
+    at_least = "at least that, by measurement: " if is_undecided(member) else ""
     return {
         "body": f"{chosen.model}, {_size(part.body)}",
         "model": f"{part.body.model}: {at_least}{'; '.join(chosen.reasons)}",
@@ -167,7 +167,7 @@ def _size(body: scenes.Body) -> str:
 
 def _describe_reduction(reduction: scenes.Reduction) -> str:
     pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
-    basis = pool if reduction.pooled else reduction.basis.replace("_", " ")
+    basis = pool if reduction.uses_pod else reduction.basis.replace("_", " ")
     return f"{basis} and residual flexibility" if reduction.flexibility else basis
 
 

@@ -11,7 +11,7 @@ from rich.text import Text
 from pmr.cli.console import Model, ensure_file, ensure_writable, err, out, say
 from pmr.errors.text import visible
 from pmr.export.formats import Options, formats, write
-from pmr.files.swap import finished
+from pmr.files.swap import finish_swap
 
 _SAYS = "; ".join(f"{name}: {one.says}" for name, one in formats().items())
 
@@ -58,7 +58,7 @@ def export(
         pmr export reports/boom_shell/reduced.npz --to matlab --at 1.5,2.5,4
     """
     ensure_file(out_file, model) if out_file else ensure_writable(model.parent)
-    finished(model.parent)
+    finish_swap(model.parent)
     with err.status(Text(f"writing {visible(to)}")):  # on a terminal alone
         written = write(to, model, out_file, Options(fmi, at, section, platforms, sources or None))
     if section is not None:

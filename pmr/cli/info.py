@@ -13,7 +13,7 @@ from pmr.cli.console import out, scene_file
 from pmr.cli.described import described_file, described_scene
 from pmr.errors import environment
 from pmr.errors.text import visible
-from pmr.files.swap import finished
+from pmr.files.swap import finish_swap
 
 _PLACES = {"tip": "at the tip", "beam": "along the beam"}
 
@@ -50,15 +50,15 @@ def info(
 
         rows = described_scene(scenes.load_any(scene_file(file)))
     else:
-        finished(file.parent)
-        rows = described_file(file) | _estimated(file.with_name("summary.json"))
+        finish_swap(file.parent)
+        rows = described_file(file) | _estimate_lines(file.with_name("summary.json"))
     table = Table(show_header=False, box=None, pad_edge=False)
     for key, value in rows.items():
         table.add_row(key, visible(value))
     out.print(table)
 
 
-def _estimated(summary: Path) -> dict[str, str]:
+def _estimate_lines(summary: Path) -> dict[str, str]:
     """Estimated errors of the run that left a model, where its summary stands beside it."""
     try:
         estimates = json.loads(summary.read_text(encoding="utf-8"))["estimate"]

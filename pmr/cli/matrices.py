@@ -59,11 +59,11 @@ def matrices(
     body = read_foreign(files)
     say(out, f"{body.size} coordinates of {len(body.points)} nodes; groups: {', '.join(body.groups) or 'none'}")
     x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
-    say(out, f"{body.mass:.4g} kg, centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m; {_held(len(body.held))}")
+    say(out, f"{body.mass:.4g} kg, centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m; {_held_text(len(body.held))}")
     say(out, str(body.save(target)))
 
 
-def _held(count: int) -> str:
+def _held_text(count: int) -> str:
     if not count:
         return "free to move as a rigid body"
     return f"supports and springs in its stiffness hold {count} of 6 rigid motions"

@@ -33,7 +33,7 @@ from pmr.cli.console import (
 )
 from pmr.errors import ConvergenceError, InputError, SimulationError, environment
 from pmr.errors.text import duration, visible
-from pmr.files.swap import fresh, removed
+from pmr.files.swap import fresh, remove_files
 
 if TYPE_CHECKING:
     from pmr.errors.environment import Progress as Report
@@ -106,8 +106,8 @@ def run(
     names = [file.resolve().name if isdir(file) else file.stem for file in scene_files]
     files = [scene_file(file) for file in scene_files]
     loaded = [
-        (name, found, scenes.load_any(found, [*([] if tolerance is None else _to(tolerance, found)), *changes]))
-        for name, found in zip(names, files, strict=True)
+        (name, file, scenes.load_any(file, [*([] if tolerance is None else _to(tolerance, file)), *changes]))
+        for name, file in zip(names, files, strict=True)
     ]
     if len(set(names)) != len(names):
         raise InputError("command line", "SCENE", names, "names must differ")
@@ -193,7 +193,7 @@ def _save(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome
     report.draw(result)
     recovery = result.scene.recovery
     if folder != of_all:
-        removed(of_all, REPORT_FILES)
+        remove_files(of_all, REPORT_FILES)
     with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
         result.save(new)
         write_tables(result, new)
@@ -227,7 +227,7 @@ def _to(tolerance: str, file: Path) -> list[str]:
 
 
 def _print(outcome: Outcome) -> None:
-    """What it carries, errors, beside published ones where there are any, coordinates and solver seconds."""
+    """Print capacity, errors beside published ones, coordinates and solver seconds of a run."""
     from pmr.report import errors, first_page, model_error, sentences
 
     result, summary = outcome.result, outcome.result.summary
@@ -239,7 +239,7 @@ def _print(outcome: Outcome) -> None:
     ]
     out.print(visible(result.scene.title), style="bold")
     carried = Table.grid(padding=(0, 2))
-    for name, value in first_page.carried(result):
+    for name, value in first_page.capacity_rows(result):
         carried.add_row(broken(name, NAMES), broken(value, max(out.width - NAMES - 2, NAMES)))
     out.print(carried)
     _print_errors(errors.rows(result))

@@ -23,11 +23,14 @@ def scene_schema() -> str:
 
 def study_schema(*kinds: str) -> str:
     """Schema of a study file of these kinds, of any by default."""
-    from pmr.scene.schema import of
+    from pmr.scene.schema import union_schema
     from pmr.studies.files import schemas
 
     schemas_by_kind = schemas()
-    return json.dumps(of([schemas_by_kind[kind] for kind in kinds or schemas_by_kind], "Study of pmr"), indent=1) + "\n"
+    return (
+        json.dumps(union_schema([schemas_by_kind[kind] for kind in kinds or schemas_by_kind], "Study of pmr"), indent=1)
+        + "\n"
+    )
 
 
 def schema(

@@ -11,7 +11,7 @@ from rich.table import Table
 from pmr.cli.console import Folder, Model, Overrides, ensure_writable, out, say, scene_file, tell
 from pmr.errors import InputError
 from pmr.errors.text import visible
-from pmr.files.swap import finished, fresh
+from pmr.files.swap import finish_swap, fresh
 
 
 def simulate(
@@ -39,7 +39,7 @@ def simulate(
     from pmr.results.tables import write as write_tables
     from pmr.system.system import System
 
-    finished(model.parent)
+    finish_swap(model.parent)
     system, file = System.load(model), scene_file(scene)
     loaded, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", scene.stem)
     if folder.resolve() == model.parent.resolve():

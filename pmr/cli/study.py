@@ -92,7 +92,7 @@ def study(
             for part in chosen.parts:
                 ensure_writable(folder / part.name, TABLES)
             ensure_writable(folder / "tasks", ("*.npz",))
-            with _watching() as watch:
+            with _watch() as watch:
                 outcome = compute(chosen, folder, pool, watch)
     except KeyboardInterrupt:
         say(err, "interrupted; the same command goes on from here")
@@ -139,7 +139,7 @@ def _pool(jobs: int | None) -> AbstractContextManager[pools.Pool | None]:
 
 
 @contextmanager
-def _watching() -> Iterator[Watch]:
+def _watch() -> Iterator[Watch]:
     """A bar on a terminal; elsewhere a line in the log now and then."""
     if not err.is_terminal:
         due = [time.monotonic() + LOGGED_EVERY]

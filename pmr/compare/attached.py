@@ -35,21 +35,23 @@ def loads_carried(system: System, run: SystemTrajectory) -> dict[str, sp.csr_mat
         rows = [system.row(side.place) for side in system.sides if side.place.body == name]
         last = first + len(body.input_names)
         assert body.carriers is not None
-        forces[name] = pressing(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
+        forces[name] = carrier_forces_of_run(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
         first = last
     return forces
 
 
-def pressing(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
+def carrier_forces_of_run(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
     """Forces of rows on their carriers in a run, and its loads (T, i): (S, K + i) in N, at up to `STEPS` steps.
 
     The path coordinates of the run are those of each row (T, m) in m.
     """
     steps = np.linspace(0, len(run.t) - 1, min(len(run.t), STEPS)).astype(int)
-    return pressed(carriers, rows, run.s[steps], run.multipliers[steps], loads[steps])
+    return carrier_forces(carriers, rows, run.s[steps], run.multipliers[steps], loads[steps])
 
 
-def pressed(carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array) -> sp.csr_matrix:
+def carrier_forces(
+    carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array
+) -> sp.csr_matrix:
     """Forces of rows at x (T, m) m on their carriers, by multipliers (T, m) N, and loads: (T, K + i) in N.
 
     Sparse, for a row touches few carriers at a time.
@@ -66,7 +68,7 @@ def pressed(carriers: CarriedRows, rows: Sequence[Row], x: Array, multipliers: A
     return forces
 
 
-def lifting(forces: Array) -> bool:
+def lifts_off(forces: Array) -> bool:
     """Whether a contact that only pushes does so now and then, by the forces (T, p) of these in N."""
     pushed = forces > 0.0
     return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))

@@ -14,7 +14,7 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
-from pmr.simulation.columns import called
+from pmr.simulation.columns import column_names
 from pmr.simulation.support_reactions import is_reaction
 from pmr.system.contacts import named
 from pmr.system.system import Joined
@@ -61,7 +61,7 @@ def force_kinds(response: Response) -> list[str]:
     return [f"{output.kind}_force" for output in response.outputs if output.is_force]
 
 
-def bearing(system: Joined[Any]) -> list[int]:
+def output_contacts(system: Joined[Any]) -> list[int]:
     """Numbers of the contacts whose forces are outputs; of a body alone they are those that move or only push.
 
     Forces of rigid supports are reactions.
@@ -81,15 +81,15 @@ def bearing(system: Joined[Any]) -> list[int]:
 
 def force_kinds_of(system: Joined[Any]) -> tuple[str, ...]:
     """Kinds of forces of the springs of all bodies and of the contacts that bear; of a body alone all are of pads."""
-    springs = [kind for body in system.bodies.values() for kind in called(body).kinds[1]]
-    kinds = [*springs, *(system.contacts[k].kind for k in bearing(system))]
+    springs = [kind for body in system.bodies.values() for kind in column_names(body).kinds[1]]
+    kinds = [*springs, *(system.contacts[k].kind for k in output_contacts(system))]
     return tuple("pad_force" if ALONE in system.bodies else f"{kind}_force" for kind in kinds)
 
 
 def tip_columns(system: Joined[Any]) -> list[int]:
     """Which of the displacements are those of the last body's tip."""
     last = list(system.bodies)[-1]
-    kinds = [(name, kind) for name, body in system.bodies.items() for kind in called(body).kinds[0]]
+    kinds = [(name, kind) for name, body in system.bodies.items() for kind in column_names(body).kinds[0]]
     return [k for k, (name, kind) in enumerate(kinds) if name == last and kind.split(" ")[0] == "tip"]
 
 

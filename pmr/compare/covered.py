@@ -47,6 +47,6 @@ def not_covered(scene: Scene, response: Response, part: Mapping[str, Any], exact
     return [FIGURES[kind] for kind in stated if part.get(kind) is None and kind not in exact]
 
 
-def unsettled(kinds: Sequence[str]) -> list[str]:
+def unsettled_forces(kinds: Sequence[str]) -> list[str]:
     """Kinds of forces that go on changing with smaller steps, in words."""
     return [f"{FIGURES[kind]} beyond the figure stated: smaller steps go on changing them" for kind in kinds]

@@ -146,7 +146,7 @@ def pairs(
     order: tuple[str, ...] = ORDER,
     quantities: Mapping[str, Quantity] = AT_NODES,
 ) -> dict[str, dict[str, Pair]]:
-    """What `errors` compares: signal and reference, (T, o) each, by pair and quantity; round-off counts as zero."""
+    """Signals and references (T, o) that `errors` compares, by pair and quantity; round-off set to 0."""
     present = [name for name in order if name in responses]
     pairs_of_models = dict[str, dict[str, Pair]]()
     least = max((response.round_off for response in responses.values()), default=0.0)
@@ -193,15 +193,15 @@ def _without_round_off(
     compared_response: Response, reference: Response, least: float, force: float
 ) -> tuple[Response, Response]:
     """Both with zeros where neither exceeds round-off: such displacements (m) and forces (N) are nobody's error."""
-    x, y = settled(compared_response.displacement, reference.displacement, least)
+    x, y = zero_round_off(compared_response.displacement, reference.displacement, least)
     size = max(float(largest(response.slider_force, None)) for response in (compared_response, reference))
-    f, g = settled(compared_response.slider_force, reference.slider_force, max(force, ROUND_OFF * size))
+    f, g = zero_round_off(compared_response.slider_force, reference.slider_force, max(force, ROUND_OFF * size))
     return replace(compared_response, displacement=x, slider_force=f), replace(
         reference, displacement=y, slider_force=g
     )
 
 
-def settled(signal: Array, reference: Array, round_off: float | Array) -> tuple[Array, Array]:
+def zero_round_off(signal: Array, reference: Array, round_off: float | Array) -> tuple[Array, Array]:
     """Two signals (T, o) with zeros in the columns in which neither exceeds round-off, which each may have its own."""
     moves = np.maximum(largest(signal), largest(reference)) > round_off
     if moves.all():
@@ -220,20 +220,20 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
     axis don't bend the body at all.  It is linear in the loads, so no motion is too small by itself.  0 for bodies that
     are large.
     """
-    return float(ROUND_OFF * _moved(bodies, loads, end, length_outputs).max(initial=0.0))
+    return float(ROUND_OFF * _largest_motions(bodies, loads, end, length_outputs).max(initial=0.0))
 
 
 def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
     """Round-off as in `round_off`, of each output that is neither in m nor in N, (k,) in its unit."""
-    return ROUND_OFF * _moved(bodies, loads, end, other_outputs)
+    return ROUND_OFF * _largest_motions(bodies, loads, end, other_outputs)
 
 
-def _moved(bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: Callable[[Any], Any]) -> Array:
+def _largest_motions(bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: Callable[[Any], Any]) -> Array:
     """How far each of some outputs (o,) may go; 0 where a body is large."""
     sizes, reach, first = list[Array](), 0.0, 0
     for body in bodies.values():
         chosen, last = which(body), first + body.B.shape[1]
-        A = _released(body, end)
+        A = _dynamic_stiffness(body, end)
         reach += np.inf if A is None else _reach(A, body, loads[:, first:last])
         sizes.append(np.zeros(np.count_nonzero(chosen)) if A is None else _norms(A, dense(body.outputs)[chosen]))
         first = last
@@ -247,7 +247,7 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
     A row's is at most that share of :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}`,
     with C and G at the path coordinate s in m.
     """
-    if (A := _released(body, end)) is None:
+    if (A := _dynamic_stiffness(body, end)) is None:
         return 0.0
     rows = released_rows(body)
     C = dense(body.C(s))[rows]
@@ -259,7 +259,7 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
     return float(ROUND_OFF * np.concatenate([stiff, forces]).max(initial=0.0) * _reach(A, body, loads))
 
 
-def _released(body: SlidingBody, end: float) -> Array | None:
+def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
     """K + (2 pi / end)^2 M, with what supports hold held; None where the body is large."""
     if body.size > LARGEST_COMPLIANCE or not end > 0.0:
         return None

@@ -24,20 +24,20 @@ from numpy.typing import NDArray
 
 from pmr.compare import coverage
 from pmr.compare import errors as compare
-from pmr.compare.attached import SETTLED, UnsettledError, lifting, loads_carried, scatter, settled
+from pmr.compare.attached import SETTLED, UnsettledError, lifts_off, loads_carried, scatter, settled
 from pmr.compare.booms import quantities
 from pmr.compare.evaluation import respond
 from pmr.compare.indicators import chi
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, probe_differences
 from pmr.compare.ringing import rings
-from pmr.compare.runs import along_path, in_parts, responded, run_from_start
+from pmr.compare.runs import along_path, in_parts, outputs_of_response, run_from_start
 from pmr.errors import GrowthError
 from pmr.reduced.attachment import LEFT_OUT, with_attachment_modes
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended, is_modal
+from pmr.reduced.truncation import extend, is_modal
 from pmr.results import Response
 from pmr.simulation import Excitation
-from pmr.simulation.columns import called
+from pmr.simulation.columns import column_names
 from pmr.system.body import length_outputs
 from pmr.system.contacts import ALONE, named
 from pmr.system.system import System, SystemTrajectory
@@ -94,10 +94,10 @@ class Estimate:
 
 def no_estimate(models: Models) -> str | None:
     """Why errors of bodies with these models can't be estimated, in words; None where they can."""
-    return next((f"{name}: {why}" if name else why for name, model in models.items() if (why := _lacking(model))), None)
+    return next((f"{name}: {why}" if name else why for name, model in models.items() if (why := _defect(model))), None)
 
 
-def _lacking(model: ReducedModel) -> str | None:
+def _defect(model: ReducedModel) -> str | None:
     if model.flexibility is None:
         return (
             "without residual flexibility the static deformation of the modes that are left out is missing, and the "
@@ -132,7 +132,7 @@ class _Simulated:
     ) -> _Simulated:
         run = run or run_from_start(system, excitation)
         response = response or respond(system, run)
-        return cls(system, run, response, responded(system, run, excitation, response))
+        return cls(system, run, response, outputs_of_response(system, run, excitation, response))
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def estimate(
         raise ValueError(f"no estimate: {why}")
     first = _Simulated.of(system, excitation, run, response)
     outputs_of_run, floors = first.outputs, Floors.of(system, excitation, first.run.forces)
-    difference = _attached(models, first, excitation, floors)
+    difference = _attachment_difference(models, first, excitation, floors)
     better = outputs_of_run.plus(difference.missing)
     kinds = [kind for kind in dict.fromkeys((*KINDS, *outputs_of_run.kinds)) if kind != "probe"]
     largest, of_probes = (
@@ -195,7 +195,7 @@ def estimate(
         by="attachment",
         enrichment=difference.enrichment,
         chi=indicator,
-        bodies=_along(system, outputs_of_run.displacement, error),
+        bodies=_errors_along(system, outputs_of_run.displacement, error),
         unknown=unknown,
         scatter=difference.scatter,
     )
@@ -210,7 +210,7 @@ def _no_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, bet
     return coverage.RINGING if of_run.force.size and rings(of_run.force, better.force) else None
 
 
-def _attached(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
+def _attachment_difference(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
     """By the enrichment modes, and attachment modes for what bodies bore, in the parts of a step that they took."""
     if not excitation.stepping.schedule:
         excitation = in_parts(first.system, excitation, first.run)
@@ -220,7 +220,7 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
     left_out = LEFT_OUT
 
     def richer(count: int) -> _Simulated:
-        """With up to `count` enrichment modes of each body."""
+        """Simulate models with up to `count` enrichment modes of each body."""
         bodies = {
             name: with_attachment_modes(_with_enrichment(model, count), loads[name], left_out)
             for name, model in models.items()
@@ -239,8 +239,8 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
             left_out = MORE_LEFT_OUT
     pushing = ~np.isnan(first.system.clearance)
     missing = better.outputs.minus(first.outputs)
-    named = _named(first.response, better.response, excitation)
-    if not lifting(first.run.forces[:, pushing]):
+    named = _errors_by_name(first.response, better.response, excitation)
+    if not lifts_off(first.run.forces[:, pushing]):
         return _Difference(missing, better, count, named)
     other = richer(0)
     kinds = tuple(dict.fromkeys((*KINDS, *first.outputs.kinds)))
@@ -263,16 +263,16 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
 def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
     """The model with up to `count` of its enrichment modes as coordinates."""
     most = 0 if model.enrichment is None else model.enrichment.count
-    return extended(model, min(count, most)) if min(count, most) else model
+    return extend(model, min(count, most)) if min(count, most) else model
 
 
-def _named(response: Response, better: Response, excitation: Excitation) -> dict[str, float]:
+def _errors_by_name(response: Response, better: Response, excitation: Excitation) -> dict[str, float]:
     """Errors by name, of reactions and probes, and of forces of each kind between kinks."""
     responses, measured = {"reduced": response, "full": better}, quantities(excitation, response)
     return compare.errors(responses, compare.relative_error, quantities=measured)["reduced_vs_full"]
 
 
-def _along(system: System, displacement: Array, error: Array) -> dict[str, float]:
+def _errors_along(system: System, displacement: Array, error: Array) -> dict[str, float]:
     """Error along each of several bodies, with margin."""
     first, errors = 0, dict[str, float]()
     for name, body in system.bodies.items() if len(system.bodies) > 1 else ():
@@ -282,7 +282,7 @@ def _along(system: System, displacement: Array, error: Array) -> dict[str, float
 
 
 def _probes(system: System) -> list[str]:
-    return [named(name, probe) for name, body in system.bodies.items() for probe in called(body).others]
+    return [named(name, probe) for name, body in system.bodies.items() for probe in column_names(body).others]
 
 
 def by_other(system: System, better: ReducedModel, excitation: Excitation) -> Estimate:

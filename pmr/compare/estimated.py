@@ -17,14 +17,14 @@ from pmr.compare.evaluation import respond
 from pmr.compare.model_part import FREQUENCIES, frequency_error, steps_of
 from pmr.compare.outputs import KINDS, impulsive
 from pmr.compare.responses import Simulations
-from pmr.compare.runs import recorded, run_from_start
+from pmr.compare.runs import is_recorded, run_from_start
 from pmr.compare.summary import Part
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
 from pmr.errors.text import rounded
 from pmr.reduced.attachment import knows_matrices
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended
+from pmr.reduced.truncation import extend
 from pmr.results import Response
 from pmr.scene import Reduction, Scene
 from pmr.simulation import Excitation, TimeStepping
@@ -78,11 +78,11 @@ def reduction_error(
     simulated: SimulatedSystem,
     clock: Clock,
     other: ReducedModel | None = None,
-    found: estimate.Estimate | None = None,
+    estimated: estimate.Estimate | None = None,
 ) -> ReductionError:
     """The reduction's error as enrichment modes tell it, or an `other` model of a body alone, and what is not in it.
 
-    `moved` is the bodies' system with what drove it.  One that is `found` already is not computed again.
+    What is `estimated` already is not computed again.
     """
     system, excitation = simulated.system, simulated.excitation
     models = system.modal
@@ -92,23 +92,23 @@ def reduction_error(
     def make() -> estimate.Estimate:
         if other is not None:
             return estimate.by_other(system, other, excitation)
-        return found or estimate.estimate(models, system, excitation, simulated.run, simulated.response)
+        return estimated or estimate.estimate(models, system, excitation, simulated.run, simulated.response)
 
     failed, scattered = "", list[str]()
     if is_wanted and estimate.no_estimate(telling) is None:
-        found, failed, scattered = _made(clock, make)
-    if found is None:
+        estimated, failed, scattered = _attempt(clock, make)
+    if estimated is None:
         figures = dict.fromkeys((*KINDS, *_FIGURES)) | {"reason": failed or estimate.no_estimate(models)}
         messages = warnings(models, excitation.stepping, None) + scattered
         return ReductionError(Part({"estimate": figures} if is_wanted else {}, messages))
     held = any(body.reactions is not None for body in system.bodies.values())
-    left_out = [*_left_out(telling, system, excitation, found.enrichment), *[coverage.REACTIONS] * held]
-    left_out += [*[coverage.MACHINE] * moves_by_itself(scene), *found.unknown.values()]
-    messages = warnings(models, excitation.stepping, found) + coverage.warnings(left_out)
-    messages += [found.scatter] if found.scatter else []
-    figures = summary(found, left_out) | {"frequency": _frequency_error(models, system, excitation)}
+    left_out = [*_left_out(telling, system, excitation, estimated.enrichment), *[coverage.REACTIONS] * held]
+    left_out += [*[coverage.MACHINE] * moves_by_itself(scene), *estimated.unknown.values()]
+    messages = warnings(models, excitation.stepping, estimated) + coverage.warnings(left_out)
+    messages += [estimated.scatter] if estimated.scatter else []
+    figures = summary(estimated, left_out) | {"frequency": _frequency_error(models, system, excitation)}
     part = Part({"estimate": figures} if is_wanted else {}, messages)
-    return ReductionError(part, envelope(estimate.MARGIN * found.error[:, list(found.tips)]), found.bodies)
+    return ReductionError(part, envelope(estimate.MARGIN * estimated.error[:, list(estimated.tips)]), estimated.bodies)
 
 
 def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> float | None:
@@ -117,7 +117,7 @@ def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitat
         return None
     steps = steps_of(excitation)
     x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
-    richer = system.with_bodies({name: extended(model) for name, model in models.items()})
+    richer = system.with_bodies({name: extend(model) for name, model in models.items()})
     lowest, better = (Assembly(compared_system).frequencies(x, FREQUENCIES, c) for compared_system in (system, richer))
     apart = frequency_error(lowest, better)
     return None if apart is None else estimate.MARGIN * apart
@@ -156,7 +156,7 @@ class SimulatedSystem:
         return self.given or run_from_start(self.system, self.excitation)
 
 
-def _made(clock: Clock, make: Callable[[], estimate.Estimate]) -> tuple[estimate.Estimate | None, str, list[str]]:
+def _attempt(clock: Clock, make: Callable[[], estimate.Estimate]) -> tuple[estimate.Estimate | None, str, list[str]]:
     """An estimate; or None, with the reason, and what is said of forces that scatter."""
     try:
         with clock.stage("estimate"):
@@ -205,11 +205,11 @@ def envelope(error: Array) -> Array:
 
 
 def step_part(
-    scene: Scene, simulated: SimulatedSystem, natural: Array, found: step_error.StepError | None = None
+    scene: Scene, simulated: SimulatedSystem, natural: Array, step_estimate: step_error.StepError | None = None
 ) -> Part:
     """``step``: the time step's error; `natural` (S, f) in Hz are frequencies along the way.
 
-    One that is `found` already is not computed again.  Where the step was searched by its error, nothing is said.
+    A given `step_estimate` is not computed again.  Where the step was searched by its error, nothing is said.
     """
     system, excitation = simulated.system, simulated.excitation
     if scene.simulation.simulators[0] != "march":
@@ -217,17 +217,17 @@ def step_part(
     impacts = ALONE in system.reduced and impulsive(system.reduced[ALONE], excitation)
     complete = None if impacts else partial(with_forces_on_machine, scene)
     try:
-        run = simulated.run if found is None and recorded(system, excitation.stepping) else None
-        found = found or step_error.step_error(system, excitation, run, complete=complete)
-        if found.band is None:
-            found = step_error.with_band(found, system, excitation)
+        run = simulated.run if step_estimate is None and is_recorded(system, excitation.stepping) else None
+        step_estimate = step_estimate or step_error.step_error(system, excitation, run, complete=complete)
+        if step_estimate.band is None:
+            step_estimate = step_error.with_band(step_estimate, system, excitation)
     except (SimulationError, InputError) as error:
         messages = [f"the error of the time step is not known: {error}"]
         return Part({"step": step_error.summary(None, str(error))}, messages)
     searched = scene.accuracy is not None
-    messages = [] if searched else step_error.warnings(found, excitation.stepping, excitation.signals, natural)
+    messages = [] if searched else step_error.warnings(step_estimate, excitation.stepping, excitation.signals, natural)
     response = simulated.response or respond(system, simulated.run)
     exact = ("frequency", *["pad_force"] * impacts)  # no step is in frequencies, and impacts have a line of their own
-    lacking = covered.not_covered(scene, with_forces_on_machine(scene, response), found.others, exact)
-    lacking = [coverage.IMPACTS] * impacts + lacking + covered.unsettled(found.unsettled)
-    return Part({"step": step_error.summary(found, not_covered=lacking)}, messages)
+    lacking = covered.not_covered(scene, with_forces_on_machine(scene, response), step_estimate.others, exact)
+    lacking = [coverage.IMPACTS] * impacts + lacking + covered.unsettled_forces(step_estimate.unsettled)
+    return Part({"step": step_error.summary(step_estimate, not_covered=lacking)}, messages)

@@ -42,7 +42,7 @@ def warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
         giving = model["beside"].endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
         better = 'body.walls = "give" adds the compliance of walls under pads' if giving else "a richer model is closer"
         yield f"the model is off by up to {rounded(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"
-    if scene.ordered is None and isinstance(mesh, Mapping) and mesh:
+    if scene.goal is None and isinstance(mesh, Mapping) and mesh:
         kind, most = max(mesh.items(), key=lambda item: item[1])
         if most > allowed:
             where = CALLED.get(kind, kind)

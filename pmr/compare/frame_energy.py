@@ -51,7 +51,7 @@ class InSpace:
     others: Array
 
     @property
-    def unexplained(self) -> Array:
+    def residual_energy(self) -> Array:
         """Change of energy that is nobody's work, (T,) J: damping takes it, or it is an error of the step."""
         return self.energy - self.energy[0] - self.drives - self.others
 
@@ -83,7 +83,7 @@ def energy(scene: Scene, system: System, excitation: Excitation, run: SystemTraj
         "others": energies.others[-1],
     }
     return Part(
-        {"energy": {key: float(value) for key, value in ends.items()} | {"lost": -float(energies.unexplained[-1])}}
+        {"energy": {key: float(value) for key, value in ends.items()} | {"lost": -float(energies.residual_energy[-1])}}
     )
 
 

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from pmr.compare import forces
 from pmr.compare.booms import tip_columns
-from pmr.compare.errors import round_off, settled
+from pmr.compare.errors import round_off, zero_round_off
 from pmr.compare.evaluation import respond
 from pmr.compare.outputs import Outputs
 from pmr.compare.runs import (
     away_from_kinks,
     between_kinks,
-    observed,
+    is_recorded,
     outputs,
-    recorded,
+    outputs_from,
     run_from_start,
     without_rates,
 )
@@ -31,7 +31,7 @@ from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.resolution import aliased
+from pmr.simulation.resolution import is_aliased
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import length_outputs
 from pmr.system.system import System, SystemTrajectory
@@ -66,13 +66,13 @@ def reference_rho(system: System, rho_inf: float) -> float:
     Rows without residual flexibility grow with more damping than others, and what only pushes bounces otherwise.
     """
     parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
-    known = all(getattr(part, "flexibility", None) is not None for part in parts)
-    return max(rho_inf, UNDAMPED) if known and np.isnan(system.clearance).all() else rho_inf
+    flexible = all(getattr(part, "flexibility", None) is not None for part in parts)
+    return max(rho_inf, UNDAMPED) if flexible and np.isnan(system.clearance).all() else rho_inf
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """What a run says at the T times at which runs are compared."""
+    """Outputs and forces of a run at the T times at which runs are compared."""
 
     outputs: Outputs
     forces: forces.Histories = field(default_factory=dict)  # of completed responses, without steps beside kinks
@@ -106,7 +106,7 @@ class Stepped:
         #: Numbers of the tip's displacements among all.
         self.tips = tip_columns(system)
         self.moved = np.flatnonzero(np.concatenate([length_outputs(body) for body in system.bodies.values()]))
-        chosen = self.pushing and not self.given.parts and recorded(system, self.given)
+        chosen = self.pushing and not self.given.parts and is_recorded(system, self.given)
         #: The given run, where it chose parts.
         self.run = self.simulate(self.given) if chosen else None
         self._known = self._known or self.run
@@ -116,12 +116,12 @@ class Stepped:
 
     def halved(self, times: int) -> TimeStepping:
         """The time grid of a run that the given one is compared with, its step halved so many times."""
-        given, step = self.given, self.given.step / 2**times
+        grid, step = self.given, self.given.step / 2**times
         if self.run is None or self.run.parts is None:
-            return TimeStepping(given.end, step, self.reference_rho, self._parts)
-        made = np.pad(self.run.parts[1:], 1, mode="edge")
-        most = np.max([made[:-2], made[1:-1], made[2:]], axis=0)
-        return TimeStepping(given.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
+            return TimeStepping(grid.end, step, self.reference_rho, self._parts)
+        parts = np.pad(self.run.parts[1:], 1, mode="edge")
+        most = np.max([parts[:-2], parts[1:-1], parts[2:]], axis=0)
+        return TimeStepping(grid.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
 
     def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
         """All steps of a run; errors as for `pmr.simulation.Simulator`."""
@@ -147,31 +147,31 @@ class Stepped:
         Displacements that are round-off are zero, and so are forces beside kinks of extensions.  Errors likewise.
         """
         excitation, run, of_all = self.excitation.on_grid(stepping), None, forces.Histories()
-        if rates or recorded(self.system, stepping):
+        if rates or is_recorded(self.system, stepping):
             run = self.simulate(stepping)
             if rates:
-                found = outputs(self.system, run, excitation, every)
+                sampled = outputs(self.system, run, excitation, every)
             else:
-                found = without_rates(self.system, run.at(slice(None, None, every)))
+                sampled = without_rates(self.system, run.at(slice(None, None, every)))
             of_all = self._forces(run.at(slice(None, None, every)))
         else:
-            seen = systems.observe(self._form, excitation, every=every)
-            found = observed(self.system, seen.y, seen.multipliers)
-        found = between_kinks(self.system, found, excitation, excitation.times[::every], self.given.step)
-        moves, _ = settled(found.displacement, found.displacement, self.round_off)
-        return Sampled(replace(found, displacement=moves), of_all), run
+            observation = systems.observe(self._form, excitation, every=every)
+            sampled = outputs_from(self.system, observation.y, observation.multipliers)
+        sampled = between_kinks(self.system, sampled, excitation, excitation.times[::every], self.given.step)
+        moves, _ = zero_round_off(sampled.displacement, sampled.displacement, self.round_off)
+        return Sampled(replace(sampled, displacement=moves), of_all), run
 
     def _forces(self, run: SystemTrajectory) -> forces.Histories:
         """All forces of a run but beside kinks; none where responses are not to be completed."""
         if self._complete is None:
             return {}
         away = away_from_kinks(self.excitation, run.t, self.given.step)
-        known = forces.histories(self._complete(respond(self.system, run)))
-        return {kind: {name: force[away] for name, force in of.items()} for kind, of in known.items()}
+        histories = forces.histories(self._complete(respond(self.system, run)))
+        return {kind: {name: force[away] for name, force in of.items()} for kind, of in histories.items()}
 
 
 class Runs:
-    """What is `stepped`, with the given step, half of it, and so on, as little damped by the scheme as it says.
+    """Runs of a `stepped` system with its step, half of it, and so on, at its reference rho_inf.
 
     Velocities are outputs where `rates` are wanted.
     """
@@ -185,7 +185,7 @@ class Runs:
 
     @property
     def stepping(self) -> TimeStepping:
-        """Of the last run."""
+        """Time grid of the last run."""
         return self._stepped.halved(self.halved)
 
     @property
@@ -197,7 +197,7 @@ class Runs:
     @property
     def resolved(self) -> bool:
         """Whether the last run can tell all tones of path and loads from slower ones."""
-        return not any(aliased(signal, self.stepping) for _, signal in self._stepped.excitation.signals)
+        return not any(is_aliased(signal, self.stepping) for _, signal in self._stepped.excitation.signals)
 
     @property
     def affordable(self) -> bool:
@@ -206,27 +206,27 @@ class Runs:
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
 
     def given(self, first: Sampled) -> Sampled:
-        """What a run says with the given step and rho_inf, beside the `first` run; raises as `next`."""
-        given, stepping = self._stepped.given, self.stepping
-        if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (given.rho_inf, given.parts):
+        """Sample the run with the given step and rho_inf; the `first` run where that is the same."""
+        grid, stepping = self._stepped.given, self.stepping
+        if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):
             return first
         if self._stepped.run is None:
             self.taken += self._work
-        return self._stepped.sample(given, self._stride, self._rates)[0]
+        return self._stepped.sample(grid, self._stride, self._rates)[0]
 
     def next(self) -> Sampled:
-        """What the next run says where runs are compared.
+        """Sample the next run, with half the step of the last one, at the times of comparison.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
         self.halved += 1
         try:
-            found, self._last = self._stepped.sample(self.stepping, self._stride * 2**self.halved, self._rates)
+            sample, self._last = self._stepped.sample(self.stepping, self._stride * 2**self.halved, self._rates)
         except SimulationError:
             self.halved -= 1
             raise
         self.taken += self._work
-        return found
+        return sample
 
     def band(self) -> float:
         """Frequency in Hz above which 1 % of the tip's motion lies, by its RMS, in the last run; 0 if nothing moves.
@@ -243,12 +243,12 @@ class Runs:
         return band(y if np.any(y) else self._moving(of.displacements(self._last)), stepping.step)
 
     def _moving(self, y: Array) -> Array:
-        """With zeros in the columns that don't exceed round-off."""
-        return settled(y, y, self._stepped.round_off)[0]
+        """Signals y (T, o) with zeros in the columns that don't exceed round-off."""
+        return zero_round_off(y, y, self._stepped.round_off)[0]
 
 
 class Ladder(Generic[Compared]):
-    """What the runs say, from the first step to the smallest one, and how fast they approach each other.
+    """Differences between runs with ever smaller steps, and how fast they converge.
 
     `apart` is the measure of a difference to a finer run, a fraction.  The error is that of the `given` run, by default
     of the first.
@@ -262,7 +262,7 @@ class Ladder(Generic[Compared]):
         self.differences: list[float] = []
 
     def add(self, finer: Compared) -> None:
-        """What one more run says."""
+        """Add the samples of a run with a smaller step."""
         self.differences.append(self._apart(self.last, finer))
         self.last = finer
 
@@ -273,7 +273,7 @@ class Ladder(Generic[Compared]):
 
     @property
     def rest(self) -> float:
-        """What runs beyond the last would add, as a geometric series; infinite where differences don't fall."""
+        """Sum of all further differences, as a geometric series; infinite where they don't decrease."""
         if len(self.differences) < 2:
             return np.inf
         before, last = self.differences[-2:]
@@ -283,7 +283,7 @@ class Ladder(Generic[Compared]):
         return last * ratio / (1.0 - ratio) if ratio <= ROUGH else np.inf
 
     @property
-    def falling(self) -> bool:
+    def is_decreasing(self) -> bool:
         """Whether differences fall, or the last one is negligible."""
         return np.isfinite(self.rest) or self.differences[-1] <= NEGLIGIBLE
 
@@ -295,25 +295,25 @@ class Ladder(Generic[Compared]):
     @property
     def settled(self) -> bool:
         """Whether the rest is small against the error of the first run, or several differences in a row are small."""
-        own = self.whole
-        small = len(self.differences) > 1 and own + sum(self.differences[-2:]) <= NEGLIGIBLE
-        return self.rest <= SETTLED * own or small
+        difference = self.whole
+        small = len(self.differences) > 1 and difference + sum(self.differences[-2:]) <= NEGLIGIBLE
+        return self.rest <= SETTLED * difference or small
 
     def error(self, part: float | None = None) -> float:
         """Error of the first run, or of a part of what it says that is so far from the last run; both share the rest.
 
         Where differences don't fall, the difference to the last run, which is the least that the error may be.
         """
-        whole, rest = self.whole, self.rest
-        part = whole if part is None else part
-        return part * (1.0 + rest / whole) if np.isfinite(rest) and whole > 0.0 else part
+        difference, remainder = self.whole, self.rest
+        part = difference if part is None else part
+        return part * (1.0 + remainder / difference) if np.isfinite(remainder) and difference > 0.0 else part
 
     def halvings(self, limit: float) -> int | None:
         """How often the step has to be halved for an error below `limit`; None where these runs don't show it."""
         if not self.settled:
             return None
-        rest = self.rest if np.isfinite(self.rest) else self.differences[-1]
-        errors = np.append(np.cumsum(self.differences[::-1])[::-1], 0.0) + rest
+        remainder = self.rest if np.isfinite(self.rest) else self.differences[-1]
+        errors = np.append(np.cumsum(self.differences[::-1])[::-1], 0.0) + remainder
         errors *= max(1.0, self.whole / errors[0]) if errors[0] > 0.0 else 1.0
         below = np.flatnonzero(errors <= limit)
         return int(below[0]) if len(below) else None

@@ -34,30 +34,30 @@ def warnings_of_response(scene: Scene, system: System, response: Response) -> tu
         summary.sampling(excitation),
         summary.theory(scene, {"motion": response}),
     ]
-    return tuple(summary.combined(parts)["warnings"])
+    return tuple(summary.combine_parts(parts)["warnings"])
 
 
 def parts_of_motion(
     scene: Scene,
-    moved: SimulatedSystem,
-    made: Simulations,
+    simulated: SimulatedSystem,
+    simulations: Simulations,
     natural: Frequencies,
     step: Part,
 ) -> list[Part]:
     """Forces of contacts and supports, the step's error, published frequencies, and how fine the sampling is.
 
-    `made` is what simulators say of `moved`; `natural` are frequencies on the way; `step` says what its error is.
+    `simulations` are those of `simulated`; `natural` are frequencies on the way; `step` says what its error is.
     """
-    excitation, system = Excitation.of(scene), moved.system
+    excitation, system = Excitation.of(scene), simulated.system
     omega = contact_step.contact_frequency(system, excitation)
-    others = [
+    other_parts = [
         boom_figures.beside_published(scene, natural),
         Part(
-            contact_step.summary(omega, made.made),
+            contact_step.summary(omega, simulations.made),
             contact_step.warnings(omega, excitation.stepping),
         ),
         summary.sampling(excitation),
         moving_frame.frame(scene, system, excitation, natural),
-        frame_energy.energy(scene, system, excitation, made.first.run),
+        frame_energy.energy(scene, system, excitation, simulations.first.run),
     ]
-    return [*parts_of_forces(scene, system, made.first.response), step, *others]
+    return [*parts_of_forces(scene, system, simulations.first.response), step, *other_parts]

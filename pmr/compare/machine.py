@@ -15,7 +15,7 @@ MACHINE = "machine"
 
 
 def with_machine(scene: Scene, response: Response) -> Response:
-    """With its places in m and rad, their rates, and forces in N and N m, where the scene has the motion of a machine.
+    """Append places (m, rad), rates and forces (N, N m) of the machine, where the scene has its motion.
 
     Forces are those of springs, dampers and of what holds it, positive along the axes, by the directions of
     ``[frame.base]``; free directions without a spring have none.

@@ -67,23 +67,23 @@ def check_made_for(model: Made, scene: Scene, number: int | None = None) -> None
 def _of_gravity(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
     """Key, value, and that of the model, as all that follow."""
     if recorded_scene.get("gravity") and scene.gravity:
-        yield from _between(recorded_scene["gravity"], scene.gravity, "gravity")
+        yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
 
 
 def _of_body(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[tuple[str, Any, Any]]:
     recorded_loads = {load.get("name"): load for load in recorded_scene.get("loads") or ()}
     for i, load in enumerate(member.part.loads):
-        yield from _between(recorded_loads.get(load.name, {}), load, f"loads[{i}]")
+        yield from _part_differences(recorded_loads.get(load.name, {}), load, f"loads[{i}]")
     fields = {name: getattr(member.part, name) for name in OneBody.model_fields if name != "loads"}
     for name, value in (fields | {"pads": member.pads, "damping": member.damping}).items():
         if name in recorded_scene and not (name == "slider" and value is None):
-            yield from _between(recorded_scene[name], value, name)
+            yield from _part_differences(recorded_scene[name], value, name)
 
 
 def _of_scene(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
     for name in ("damping", "sections"):
         if name in recorded_scene:
-            yield from _between(recorded_scene[name], getattr(scene, name), name)
+            yield from _part_differences(recorded_scene[name], getattr(scene, name), name)
 
 
 def _of_files(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[tuple[str, Any, Any]]:
@@ -93,14 +93,14 @@ def _of_files(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> 
             yield f"{name}.file", file.name, f"content of SHA-256 {recorded_digests[name][:12]}"
 
 
-def _between(recorded: Any, present: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
+def _part_differences(recorded: Any, present: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
     """Differences in one part of a scene."""
     if isinstance(present, Section) and isinstance(recorded, Mapping):
         for name in [name for name in type(present).model_fields if name in recorded and name not in FREE]:
-            yield from _between(recorded[name], getattr(present, name), f"{key}.{name}")
+            yield from _part_differences(recorded[name], getattr(present, name), f"{key}.{name}")
     elif isinstance(present, dict) and isinstance(recorded, Mapping) and set(present) == set(recorded):
         for name, value in present.items():
-            yield from _between(recorded[name], value, f"{key}.{name}")
+            yield from _part_differences(recorded[name], value, f"{key}.{name}")
     elif (
         isinstance(present, tuple)
         and present
@@ -108,7 +108,7 @@ def _between(recorded: Any, present: Any, key: str) -> Iterator[tuple[str, Any, 
         and len(present) == len(recorded or ())
     ):
         for i, (recorded_entry, value) in enumerate(zip(recorded, present, strict=True)):
-            yield from _between(recorded_entry, value, f"{key}[{i}]")
+            yield from _part_differences(recorded_entry, value, f"{key}[{i}]")
     elif not _equal(recorded, present):
         yield key, present.name if isinstance(present, Path) else present, recorded
 

@@ -23,7 +23,7 @@ NUMBER = 8  # bytes
 NOTICED = 2**30  # bytes, from which on it is worth a line
 
 
-def needed(scene: Scene, size: int, outputs: int) -> int:
+def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
     """Memory in bytes that histories of all steps take at most at once; `size` and `outputs` of all full models."""
     bodies, full = scene.bodies.values(), full_simulator(scene, size)
     r, several = sum(body.reduction.coordinates for body in bodies), len(bodies) > 1
@@ -40,7 +40,7 @@ def needed(scene: Scene, size: int, outputs: int) -> int:
 
 def warnings(scene: Scene, size: int, outputs: int) -> list[str]:
     """A line where the histories take a lot."""
-    total = needed(scene, size, outputs)
+    total = needed_bytes(scene, size, outputs)
     return [] if total < NOTICED else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
 
 
@@ -50,7 +50,7 @@ def check(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = 
     Raises InputError with what would fit.
     """
     for message in warnings(scene, size, outputs):
-        total = needed(scene, size, outputs)
+        total = needed_bytes(scene, size, outputs)
         if free is not None and total > free:
             fitting = scene.time.steps * free // total
             allowed = f"{message}, {free / 1e9:.1f} GB are free; at most about {fitting:,} steps are allowed"

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare import forces
-from pmr.compare.responses import marched, refused_growth
+from pmr.compare.responses import march_once, refused_growth
 from pmr.compare.second_order import as_made
 from pmr.results import Response
 from pmr.scene import Scene
@@ -69,7 +69,7 @@ class Motion:
         x, c = places(system, excitation)[steps], excitation.amplitudes(system.term_names)[steps]
         if response is None:
             with refused_growth(scene):
-                response = marched(scene, system, excitation)
+                response = march_once(scene, system, excitation)
         assembly, kinds = Assembly(system), [kind for body in system.bodies.values() for kind in body.output_kinds]
         frequencies, motions, along = list[Array](), list[Array](), assembly.along(x)
         for k, amplitudes in enumerate(c):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.second_order import LIMIT, Stressed, stressed
+from pmr.compare.second_order import LIMIT, Stressed, second_order_effect
 from pmr.compare.summary import Part
 from pmr.errors import InputError
 from pmr.results import Frequencies
@@ -49,7 +49,7 @@ def frame(scene: Scene, system: System, excitation: Excitation, frequencies: Fre
         "frequencies": "unstressed" if frequencies.t is None else "stressed",
     }
     try:
-        stresses = stressed(scene, system.bodies)
+        stresses = second_order_effect(scene, system.bodies)
     except InputError:
         if scene.frame.second_order:
             raise

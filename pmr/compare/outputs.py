@@ -21,7 +21,7 @@ from pmr.compare.errors import (
     refuse_infinite,
     relative_error,
     round_off,
-    settled,
+    zero_round_off,
 )
 from pmr.reduced.model import ReducedModel
 from pmr.simulation import Excitation
@@ -101,7 +101,7 @@ class Floors:
 
     @classmethod
     def of(cls, system: System, excitation: Excitation, forces: Array | None = None) -> Floors:
-        """Of a system under these loads (`pmr.compare.errors.round_off`).
+        """Bounds of round-off of a system under these loads (`pmr.compare.errors.round_off`).
 
         Of several bodies no force counts that is nothing beside the largest of its `forces` (T, m) in N.
         """
@@ -116,7 +116,7 @@ class Floors:
 
 def differences(outputs: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = KINDS) -> dict[str, float]:
     """Error by kind (`pmr.compare.errors.relative_error`), fractions; what is round-off in both counts as zero."""
-    moves = settled(outputs.displacement, reference.displacement, floors.displacement)
+    moves = zero_round_off(outputs.displacement, reference.displacement, floors.displacement)
     errors = dict[str, float]()
     for kind in kinds:
         match kind:
@@ -125,7 +125,7 @@ def differences(outputs: Outputs, reference: Outputs, floors: Floors, kinds: Seq
             case "beam":
                 pair = moves
             case "pad_force" | "cylinder_force":
-                forces = settled(outputs.force, reference.force, floors.force)
+                forces = zero_round_off(outputs.force, reference.force, floors.force)
                 pair = outputs._forces(kind, forces[0]), reference._forces(kind, forces[1])
             case "probe":
                 errors[kind] = float(probe_differences(outputs, reference, floors).max(initial=0.0))
@@ -144,7 +144,7 @@ def probe_differences(outputs: Outputs, reference: Outputs, floors: Floors) -> A
 
     over all probes j in the unit of k: of a wall that is bent, the stress across is worth no digits of its own.
     """
-    y, r = settled(outputs.probe, reference.probe, floors.probe)
+    y, r = zero_round_off(outputs.probe, reference.probe, floors.probe)
     refuse_infinite(y, r)
     units, error, size = np.array(reference.units), *(np.sqrt(np.mean(x**2, axis=0)) for x in (y - r, r))
     scale = np.array(

@@ -45,8 +45,8 @@ def part(scene: Scene, system: System, response: Response) -> Part:
         ]
     if joined:
         figures["cylinders"] = list(_cylinders(scene, system, response))
-    warnings = _kinked(figures.get("cylinders", ())) + unknown(scene, response) + missing(scene)
-    return Part(figures | reactions(scene, response, along), warnings, pulled(scene, system.contacts, response))
+    warnings = _kink_warnings(figures.get("cylinders", ())) + unknown(scene, response) + missing_reactions(scene)
+    return Part(figures | reactions(scene, response, along), warnings, pulled_rings(scene, system.contacts, response))
 
 
 def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
@@ -79,11 +79,11 @@ def _cylinders(scene: Scene, system: System, response: Response) -> Iterator[dic
         if (body := driven.get(force)) is not None:
             row = {"name": cylinder_of(body), **Extremes.of(response.force(force, 0), response.t, along).summary()}
             if friction_of(body) in response.other_names:
-                row |= _rubbed(scene, system, response, body)
+                row |= _friction_figures(scene, system, response, body)
             yield row | ({"kinks": kinks} if (kinks := at_kinks[cylinder_of(body)]) else {})
 
 
-def _rubbed(scene: Scene, system: System, response: Response, body: str) -> dict[str, float]:
+def _friction_figures(scene: Scene, system: System, response: Response, body: str) -> dict[str, float]:
     r"""The largest ``friction`` in N along a section's joint, and what it has ``dissipated`` in J.
 
     .. math:: \int f\, dy - f^2 / 2 \textstyle\sum \kappa, \qquad y = s - \Lambda / k
@@ -106,7 +106,7 @@ def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object
     Of all supports, rigid or not, of a body or of the sections of a boom, whose names begin with the section's.
     """
     extremes_of = reaction_extremes(response, path)
-    rows = [{"name": of.support, "unit": of.unit, **one.summary()} for of, one in extremes_of.items()]
+    rows = [{"name": of.support, "unit": of.unit, **extremes.summary()} for of, extremes in extremes_of.items()]
     for body, part in zip(scene.names, scene.sections, strict=True):
         for name, unit in part.springs.items():
             if (force := named(body, force_of(name))) in response.force_names:
@@ -115,7 +115,7 @@ def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object
     return {"reactions": rows} if rows else {}
 
 
-def missing(scene: Scene) -> list[str]:
+def missing_reactions(scene: Scene) -> list[str]:
     """Reactions that the models can't tell, a line each: along x of beams that don't move so, and of all points."""
     pulled = scene.gravity is not None and scene.gravity.direction[0] != 0.0
     # what slides in others is accelerated along them, and has cylinders
@@ -145,7 +145,7 @@ def _force(response: Response, name: str) -> Array | None:
     return response.other(reaction_of(name)) if reaction_of(name) in response.other_names else None
 
 
-def pulled(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
+def pulled_rings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
     """Rings with pads that hold both ways and are pulled, a line each, and all joints that have some, in one line: how
     many, which most, what to set.
 
@@ -217,7 +217,7 @@ def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
     with the masses m of the section that it pushes and of those beyond, which lean on it.
     """
     jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
-    masses = [_moved(system.bodies[name]) for name in boom.names[1:]]
+    masses = [_moved_mass(system.bodies[name]) for name in boom.names[1:]]
     kinks_of_cylinders = dict[str, list[dict[str, float]]]()
     for i, name in enumerate(boom.names[1:]):
         at = {t: 0.0 for kinks in jumps for t in sorted(kinks)}
@@ -228,7 +228,7 @@ def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
     return kinks_of_cylinders
 
 
-def _moved(body: SlidingBody) -> float:
+def _moved_mass(body: SlidingBody) -> float:
     """Mass in kg that an extension accelerates; 0 where there is none."""
     along = [k for k, name in enumerate(body.input_names) if name in (EXTENSION, INERTIA + "x")]
     if not along:
@@ -237,7 +237,7 @@ def _moved(body: SlidingBody) -> float:
     return float(B @ spla.spsolve(sp.csc_matrix(body.M), B))
 
 
-def _kinked(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
+def _kink_warnings(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
     """Say in a line that forces at kinks are none to size by."""
     impulses_at_kinks = [
         (abs(kink["impulse"]), kink["t"], cylinder["name"])

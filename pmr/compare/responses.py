@@ -15,7 +15,7 @@ from pmr.compare import booms
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
 from pmr.compare.machine import with_machine
-from pmr.compare.runs import recorded
+from pmr.compare.runs import is_recorded
 from pmr.errors import GrowthError, environment
 from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
@@ -48,7 +48,7 @@ SHORT = 0.1
 
 @dataclass(frozen=True)
 class Simulated:
-    """What a simulation says."""
+    """Response of one simulation, with the states that were recorded."""
 
     response: Response
     states: Mapping[str, BodyStates]  # of each body at the steps that were asked for
@@ -59,7 +59,7 @@ class Simulated:
 
 @dataclass(frozen=True)
 class Simulations:
-    """What the simulators of a scene say."""
+    """Responses and solver times of all simulators of a scene."""
 
     first: Simulated  # by the one that the scene names first
     seconds: Mapping[str, float]  # of each simulator's solver, the first one's first
@@ -67,8 +67,8 @@ class Simulations:
     made: TimeStepping  # the time grid, with the parts that the first one made each step in where contacts only push
     again: Callable[[], Mapping[str, float]]  # the seconds once more, the least of the repeats that the scene asks for
 
-    def timed(self) -> Simulations:
-        """With these seconds, which nothing else has to wait for."""
+    def with_least_seconds(self) -> Simulations:
+        """Repeat short simulations and report the least solver seconds of each simulator."""
         least = self.again()
         response = replace(self.first.response, seconds=next(iter(least.values())))
         return replace(self, first=replace(self.first, response=response), seconds=least)
@@ -84,26 +84,26 @@ def simulate(
     Raises an InputError where the motion grows: the scene's own model can be mended by its step.
     """
     clock, names = clock or Clock(), scene.simulation.simulators
-    omega, made = contact_step.contact_frequency(system, excitation), excitation.stepping
-    found, prepared = dict[str, Simulated](), dict[str, Prepared]()
+    omega, stepping = contact_step.contact_frequency(system, excitation), excitation.stepping
+    results, prepared = dict[str, Simulated](), dict[str, Prepared]()
     for name in names:
         with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done, refused_growth(scene):
-            given = excitation.with_stepping(made)
-            prepared[name] = _prepared(system, given, name, np.asarray(steps, np.int64))
-            one = prepared[name].run(done)
-            found[name] = replace(one, response=with_machine(scene, with_forces_on_machine(scene, one.own)))
+            scheduled = excitation.with_stepping(stepping)
+            prepared[name] = _prepare(system, scheduled, name, np.asarray(steps, np.int64))
+            result = prepared[name].run(done)
+            results[name] = replace(result, response=with_machine(scene, with_forces_on_machine(scene, result.own)))
         if names[0] == "march" or name == names[-1]:
-            made = contact_step.as_made(excitation.stepping, found[names[0]].parts, omega)
-    responses = {name: one.response for name, one in found.items()}
+            stepping = contact_step.as_made(excitation.stepping, results[names[0]].parts, omega)
+    responses = {name: one.response for name, one in results.items()}
     seconds = {name: response.seconds for name, response in responses.items()}
 
     def again() -> dict[str, float]:
         return {name: one.least(seconds[name], scene.simulation.repeats) for name, one in prepared.items()}
 
-    return Simulations(found[names[0]], seconds, agreement(responses), made, again)
+    return Simulations(results[names[0]], seconds, agreement(responses), stepping, again)
 
 
-def repeated(
+def simulate_by(
     scene: Scene,
     system: System,
     excitation: Excitation,
@@ -111,24 +111,24 @@ def repeated(
     steps: Sequence[int] = (),
     done: Progress | None = None,
 ) -> Simulated:
-    """By a simulator, several times as the scene says unless it takes long; the seconds are the least."""
-    prepared = _prepared(system, excitation, simulator, np.asarray(steps, np.int64))
-    found = prepared.run(done)
-    seconds = prepared.least(found.own.seconds, scene.simulation.repeats)
-    return replace(found, response=replace(with_forces_on_machine(scene, found.own), seconds=seconds))
+    """Simulate by one simulator, repeated as the scene says unless it takes long; least seconds."""
+    prepared = _prepare(system, excitation, simulator, np.asarray(steps, np.int64))
+    result = prepared.run(done)
+    seconds = prepared.least(result.own.seconds, scene.simulation.repeats)
+    return replace(result, response=replace(with_forces_on_machine(scene, result.own), seconds=seconds))
 
 
-def marched(scene: Scene, system: System, excitation: Excitation) -> Response:
-    """By the compiled simulator, once; no states are kept."""
+def march_once(scene: Scene, system: System, excitation: Excitation) -> Response:
+    """Response by the compiled simulator, simulated once; states are not recorded."""
     nothing = np.empty(0, np.int64)
-    return with_forces_on_machine(scene, _marched(system, excitation, nothing, nothing).run(None).response)
+    return with_forces_on_machine(scene, _prepare_march(system, excitation, nothing, nothing).run(None).response)
 
 
-def agreement(found: Mapping[str, Response]) -> dict[str, float]:
+def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
     """``<a>_vs_<b>``: largest difference of displacements in m between two simulators."""
     return {
-        f"{a}_vs_{b}": float(np.abs(found[a].displacement - found[b].displacement).max())
-        for a, b in combinations(found, 2)
+        f"{a}_vs_{b}": float(np.abs(responses[a].displacement - responses[b].displacement).max())
+        for a, b in combinations(responses, 2)
     }
 
 
@@ -157,7 +157,7 @@ def check_installed(scene: Scene) -> None:
 
 
 def quantities(scene: Scene, response: Response) -> Mapping[str, compare.Quantity]:
-    """What is compared between responses, of which this is one."""
+    """Quantities by name that are compared between a response like this one and others."""
     if ALONE not in scene.bodies:
         return booms.quantities(Excitation.of(scene), response)
     tips = len(transverse(member_at(scene)))
@@ -183,22 +183,22 @@ class Prepared:
         return min([first, *(self.seconds(repeats - 1) if first <= SHORT else [])])
 
 
-def _prepared(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Prepared:
-    """What simulates, with all that every simulation of the system under the excitation needs made once.
+def _prepare(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Prepared:
+    """Prepare a simulator so that repeated runs of the system under the excitation share its set-up.
 
     Of full bodies, and of one alone with many steps, nothing but states at the `steps` is kept.
     """
     alone = ALONE in system.bodies and not system.terms
     if simulator == "march":
         reduced = all(isinstance(body, ReducedModel) for body in system.bodies.values())
-        every = reduced and (not alone or recorded(system, excitation.stepping))
-        return _marched(system, excitation, steps, np.arange(len(excitation.times)) if every else steps)
+        every = reduced and (not alone or is_recorded(system, excitation.stepping))
+        return _prepare_march(system, excitation, steps, np.arange(len(excitation.times)) if every else steps)
     start, formulation = systems.start_of(system, excitation), exudyn.FORMULATIONS[simulator]
 
     def run(done: Progress | None) -> Simulated:
-        found = exudyn.simulate_system(system, excitation, start, done, formulation)
-        states, response = states_of(system, found, steps), respond(system, found)
-        return Simulated(response, states, found.parts, None if alone else found, response)
+        trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)
+        states, response = states_of(system, trajectory, steps), respond(system, trajectory)
+        return Simulated(response, states, trajectory.parts, None if alone else trajectory, response)
 
     def again(count: int) -> list[float]:
         return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
@@ -206,14 +206,14 @@ def _prepared(system: System, excitation: Excitation, simulator: str, steps: Ind
     return Prepared(run, again)
 
 
-def _marched(system: System, excitation: Excitation, steps: Indices, kept: Indices) -> Prepared:
-    """By the compiled simulator: evaluated block by block; states of the steps that are `kept`, if these are all."""
+def _prepare_march(system: System, excitation: Excitation, steps: Indices, recorded_steps: Indices) -> Prepared:
+    """Prepare the compiled simulator; response block by block, states of the `recorded_steps`."""
     form = SystemForm.of(system)
-    f, every = excitation.forces(system.input_names), len(kept) == len(excitation.times)
+    f, every = excitation.forces(system.input_names), len(recorded_steps) == len(excitation.times)
     march = cache(lambda: March(form, excitation))
 
     def run(done: Progress | None) -> Simulated:
-        evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(kept)
+        evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
         parts = np.ones(len(excitation.times), np.int64)
 
         def take(block: Block) -> None:
@@ -223,9 +223,9 @@ def _marched(system: System, excitation: Excitation, steps: Indices, kept: Indic
             recorder(block)
 
         ended = systems.follow(march(), excitation, take, done)
-        found = recorder.trajectory(ended)
-        numbers = steps if every else np.arange(len(kept))
-        response, states = evaluation.response(ended), states_of(system, found, numbers)
-        return Simulated(response, states, parts, found if every else None, response)
+        trajectory = recorder.trajectory(ended)
+        numbers = steps if every else np.arange(len(recorded_steps))
+        response, states = evaluation.response(ended), states_of(system, trajectory, numbers)
+        return Simulated(response, states, parts, trajectory if every else None, response)
 
     return Prepared(run, lambda count: [march().again() for _ in range(count)])

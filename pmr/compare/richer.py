@@ -12,11 +12,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.compare.attached import pressed
+from pmr.compare.attached import carrier_forces
 from pmr.compare.estimate import no_estimate
 from pmr.errors import InputError
 from pmr.reduced.attachment import with_attachment_modes
-from pmr.reduced.truncation import extended
+from pmr.reduced.truncation import extend
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -41,9 +41,9 @@ def richer(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Ar
         on = system.sides_of(name)
         rows = [system.row(system.sides[number].place) for number in on]
         pressing = [
-            pressed(carriers, rows, x[:, on], system.pressed(name, of), acting[:, first:last])
+            carrier_forces(carriers, rows, x[:, on], system.pressed(name, of), acting[:, first:last])
             for of, acting in zip(forces, loads, strict=True)
         ]
-        bodies[name] = with_attachment_modes(extended(model), sp.vstack(pressing, "csr"), LEFT_OUT, at_rest=True)
+        bodies[name] = with_attachment_modes(extend(model), sp.vstack(pressing, "csr"), LEFT_OUT, at_rest=True)
         first = last
     return system.with_bodies(bodies)

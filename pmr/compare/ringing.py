@@ -67,7 +67,7 @@ def alternating(signal: Array) -> float:
     return float(np.sqrt(np.mean(_alternating_part(signal) ** 2))) / size
 
 
-def ringing(signal: Array, of: Array | None = None) -> float:
+def ringing_share(signal: Array, of: Array | None = None) -> float:
     """The share of a signal (T, o), column by column as in errors; in parts of another one's size, if `of` is given."""
     of = signal if of is None else of
     return relative_error(of + signal - _steady(signal), of)
@@ -76,7 +76,7 @@ def ringing(signal: Array, of: Array | None = None) -> float:
 def rings(signal: Array, reference: Array) -> bool:
     """Whether an error is the reference's ringing: most of the difference alternates, and the reference by as much."""
     error = relative_error(signal, reference)
-    return error > RINGING and min(ringing(reference), ringing(signal - reference, reference)) > error / 2.0
+    return error > RINGING and min(ringing_share(reference), ringing_share(signal - reference, reference)) > error / 2.0
 
 
 @dataclass(frozen=True)
@@ -89,12 +89,12 @@ class NotJudged:
 
     @classmethod
     def of(cls, pair: Pair, full: Response) -> NotJudged | None:
-        """Of signal and reference (T, o), which is of the `full` model; None if it is judged."""
+        """Compare signal and reference (T, o) of the `full` model; None if the reference is smooth."""
         if not rings(*pair):
             return None
         step, highest = float(full.t[1] - full.t[0]), band_of(full)
         signal, reference = map(_steady, pair)
-        return cls(ringing(pair[1]), highest, error_below(signal, reference, step, highest))
+        return cls(ringing_share(pair[1]), highest, error_below(signal, reference, step, highest))
 
 
 def warnings(not_judged: Mapping[str, NotJudged], rigid: Sequence[str] = ()) -> list[str]:

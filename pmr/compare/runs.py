@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import BESIDE_KINK, bearing, force_kinds_of, tip_columns
+from pmr.compare.booms import BESIDE_KINK, force_kinds_of, output_contacts, tip_columns
 from pmr.compare.outputs import Outputs
 from pmr.compare.velocities import velocity
 from pmr.reduced.model import ReducedModel
@@ -36,7 +36,7 @@ def run_from_start(system: System | SystemForm, excitation: Excitation, every: i
     return systems.simulate_form(form, excitation, every=every)
 
 
-def recorded(system: System, stepping: TimeStepping) -> bool:
+def is_recorded(system: System, stepping: TimeStepping) -> bool:
     """Whether all steps of a run are to be recorded."""
     bodies, contacts = system.bodies.values(), len(system.contacts)
     return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
@@ -47,26 +47,26 @@ def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | Non
     omega = contact_frequency(system, excitation)
     if omega == 0.0:
         return excitation
-    made = (run or run_from_start(system, excitation)).parts
-    return excitation.with_stepping(as_made(excitation.stepping, made, omega))
+    parts = (run or run_from_start(system, excitation)).parts
+    return excitation.with_stepping(as_made(excitation.stepping, parts, omega))
 
 
 def outputs(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
-    """Of each `every`-th step of a run; the excitation has all of them."""
-    y, kept = np.hstack(list(systems.displacements(system, run).values())), slice(None, None, every)
-    found, moved = observed(system, y[kept], run.forces[kept]), y[:, _moved(system)]
-    return replace(found, velocity=velocities(system, run, excitation, moved)[kept])
+    """Outputs of each `every`-th step of a run, whose excitation has all of them."""
+    y, stride = np.hstack(list(systems.displacements(system, run).values())), slice(None, None, every)
+    sampled, displacement = outputs_from(system, y[stride], run.forces[stride]), y[:, _displacement_mask(system)]
+    return replace(sampled, velocity=velocities(system, run, excitation, displacement)[stride])
 
 
-def responded(system: System, run: SystemTrajectory, excitation: Excitation, response: Response) -> Outputs:
-    """The same of all steps of a run of which the response is known."""
+def outputs_of_response(system: System, run: SystemTrajectory, excitation: Excitation, response: Response) -> Outputs:
+    """Outputs of all steps of a run from its response."""
     probes = np.concatenate([other_outputs(body) for body in system.bodies.values()])
-    others = np.empty((len(run.t), 0)) if response.others is None else response.others
+    other_columns = np.empty((len(run.t), 0)) if response.others is None else response.others
     return Outputs(
         displacement=response.displacement,
         velocity=velocities(system, run, excitation, response.displacement),
         force=response.slider_force,
-        probe=others[:, : np.count_nonzero(probes)],
+        probe=other_columns[:, : np.count_nonzero(probes)],
         units=tuple(unit for unit, counts in zip(system.output_units, probes, strict=True) if counts),
         tips=tuple(tip_columns(system)),
         forces=force_kinds_of(system),
@@ -74,19 +74,19 @@ def responded(system: System, run: SystemTrajectory, excitation: Excitation, res
 
 
 def without_rates(system: System, run: SystemTrajectory) -> Outputs:
-    """The same of all steps of a run without velocities, which cost more than all the rest."""
+    """Outputs of all steps of a run without velocities, which are expensive."""
     y = np.hstack(list(systems.displacements(system, run).values()))
-    return observed(system, y, run.forces)
+    return outputs_from(system, y, run.forces)
 
 
-def between_kinks(system: System, found: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
+def between_kinks(system: System, sampled: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
     """Outputs at some times (T,) s whose forces are zero within `BESIDE_KINK` steps, in s, of a kink of an extension.
 
     There they have no size: the shorter the steps, the larger they are.  A body alone keeps all.
     """
     if system.on_one_path:
-        return found
-    return replace(found, force=np.where(away_from_kinks(excitation, times, step)[:, None], found.force, 0.0))
+        return sampled
+    return replace(sampled, force=np.where(away_from_kinks(excitation, times, step)[:, None], sampled.force, 0.0))
 
 
 def away_from_kinks(excitation: Excitation, times: Array, step: float) -> NDArray[np.bool_]:
@@ -95,19 +95,19 @@ def away_from_kinks(excitation: Excitation, times: Array, step: float) -> NDArra
     return np.asarray(np.all([np.ones(len(times), bool), *(np.abs(times - t) > BESIDE_KINK * step for t in kinks)], 0))
 
 
-def observed(system: System, y: Array, forces: Array) -> Outputs:
-    """Of all outputs y (T, o) of the bodies and contact forces (T, m), without velocities.
+def outputs_from(system: System, y: Array, forces: Array) -> Outputs:
+    """Outputs from all output columns y (T, o) of the bodies and contact forces (T, m), without velocities.
 
     Forces are those of pads, sliders, springs and cylinders.
     """
     bodies = list(system.bodies.values())
-    moved, springs, probes = (
+    displacements, springs, probes = (
         np.concatenate([of(body) for body in bodies]) for of in (length_outputs, force_outputs, other_outputs)
     )
     return Outputs(
-        displacement=y[:, moved],
+        displacement=y[:, displacements],
         velocity=np.empty((len(y), 0)),
-        force=np.hstack([y[:, springs], forces[:, bearing(system)]]),
+        force=np.hstack([y[:, springs], forces[:, output_contacts(system)]]),
         probe=y[:, probes],
         units=tuple(unit for unit, counts in zip(system.output_units, probes, strict=True) if counts),
         tips=tuple(tip_columns(system)),
@@ -115,7 +115,7 @@ def observed(system: System, y: Array, forces: Array) -> Outputs:
     )
 
 
-def _moved(system: System) -> NDArray[np.bool_]:
+def _displacement_mask(system: System) -> NDArray[np.bool_]:
     """Which outputs of all bodies are displacements."""
     return np.concatenate([length_outputs(body) for body in system.bodies.values()])
 
@@ -129,18 +129,18 @@ def velocities(system: System, run: SystemTrajectory, excitation: Excitation, di
     if system.on_one_path and all(map(_by_tables, system.bodies.values())):
         body, motion = along_path(system, run, excitation)
         return velocity(body, motion, excitation.on_slider)[:, length_outputs(body)]
-    found, first = list[Array](), 0
-    for name, one in system.bodies.items():
-        O, own = dense(one.outputs)[length_outputs(one)], run.bodies[name]
+    rates, first = list[Array](), 0
+    for name, model in system.bodies.items():
+        O, trajectory = dense(model.outputs)[length_outputs(model)], run.bodies[name]
         last = first + len(O)
-        residual = displacement[:, first:last] - own.q @ O.T
-        found.append(own.v @ O.T + np.gradient(residual, run.t, axis=0))
+        residual = displacement[:, first:last] - trajectory.q @ O.T
+        rates.append(trajectory.v @ O.T + np.gradient(residual, run.t, axis=0))
         first = last
-    return np.hstack(found)
+    return np.hstack(rates)
 
 
 def _by_tables(body: SlidingBody) -> bool:
-    """Whether its tables tell rates; attachment modes leave next to nothing to these, round-off over round-off."""
+    """Return whether tables of flexibility yield rates, as they do without attachment modes."""
     attached = body.carriers is not None and getattr(body.carriers, "inertia", None) is None
     return body.flexibility is not None and not attached
 

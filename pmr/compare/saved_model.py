@@ -15,8 +15,8 @@ from pmr.compare.made_for import with_models_of
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.second_order import as_made
 from pmr.compare.simulated import excitation_in
-from pmr.compare.summary import Part, combined, origin, reliability, simulated, theory
-from pmr.compare.way import frequencies, in_frequency, visited
+from pmr.compare.summary import Part, combine_parts, origin, reliability, simulation_part, theory
+from pmr.compare.way import frequencies, in_frequency, places_on_way
 from pmr.errors.environment import Clock
 from pmr.results import BodyResult, Loads, Paths, RunResult, Shapes
 from pmr.scene import Scene
@@ -41,14 +41,14 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     scene = with_models_of(scene, system)
     system = with_terms_of(scene, system)
     clock, excitation, models = Clock(), excitation_in(scene, system), system.reduced
-    made = simulate(scene, system, excitation, clock).timed()
-    responses, response = {"reduced": made.first.response}, made.first.response
-    natural = frequencies(scene, system, excitation, visited(scene, excitation, 0))
-    moved, by_frequency = SimulatedSystem.of(system, excitation, made), in_frequency(scene, system, excitation)
-    error = _error(scene, moved, clock)
+    results = simulate(scene, system, excitation, clock).with_least_seconds()
+    responses, response = {"reduced": results.first.response}, results.first.response
+    natural = frequencies(scene, system, excitation, places_on_way(scene, excitation, 0))
+    motion, by_frequency = SimulatedSystem.of(system, excitation, results), in_frequency(scene, system, excitation)
+    error = _error(scene, motion, clock)
 
     with clock.stage("step"):
-        step = step_part(scene, moved, natural.models["reduced"])
+        step = step_part(scene, motion, natural.models["reduced"])
 
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
     parts = [
@@ -61,11 +61,11 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
                 "simulators": {"reduced": scene.simulation.simulators[0]},
             }
         ),
-        simulated(made.seconds, made.agreement, {}),
+        simulation_part(results.seconds, results.agreement, {}),
         sections(scene, responses, sizes, {name: error.of_section(name) for name in models}),
         error.part,
         Part(warnings=far_off.warnings_of_reduction(error.part.figures)),
-        *parts_of_motion(scene, moved, made, natural, step),
+        *parts_of_motion(scene, motion, results, natural, step),
         frequency_part(by_frequency),
         reliability({}, responses, system),
         theory(scene, responses),
@@ -74,7 +74,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     shapes = None if alone is None else Shapes(np.zeros(0), alone.output_positions, alone.outputs)
     return RunResult(
         scene,
-        combined(parts),
+        combine_parts(parts),
         responses,
         Paths(tuple(excitation.paths), excitation.s, excitation.rates),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
@@ -86,9 +86,9 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     )
 
 
-def _error(scene: Scene, moved: SimulatedSystem, clock: Clock) -> ReductionError:
-    error = reduction_error(scene, moved, clock)
-    bodies, asked = moved.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
-    if asked and any(one.cylinder_modes and name not in moved.system.on_modes for name, one in bodies):
+def _error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
+    error = reduction_error(scene, simulated, clock)
+    bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
+    if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):
         return ReductionError(Part({"estimate": error.part.figures["estimate"] | {"reason": EARLIER}}))
     return error

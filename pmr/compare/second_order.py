@@ -42,7 +42,7 @@ LIMIT = 2e-3
 
 @dataclass(frozen=True)
 class Stressed:
-    """What axial forces and the frame's speed do at some times of a run."""
+    """Effect of axial forces and of the frame's speed on stiffness at some times of a run."""
 
     t: Array  # (T,) s
     factors: Array  # (T,) by which all axial forces would have to grow until the boom buckles; inf where none presses
@@ -71,8 +71,8 @@ class Stressed:
         return not self.share <= LIMIT
 
 
-def stressed(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stressed:
-    """Of a scene in a frame with reduced bodies that were made for it, every contact closed.
+def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stressed:
+    """Effect of second order in a scene with a frame, with all contacts closed.
 
     Raises an InputError where contacts do not hold the bodies.
     """
@@ -91,7 +91,7 @@ def stressed(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Stressed:
             continue
         held = Held(assembly, rows.at(k))
         factors[k] = held.factors({name: c[name] for name in axial})[0]
-        either = [held.factors({name: way * one for name, one in c.items()}) for way in (1, -1)]
+        either = [held.factors({name: way * amount for name, amount in c.items()}) for way in (1, -1)]
         shares[k] = 1.0 / np.min(either)
     return Stressed(excitation.times[steps], factors, shares)
 
@@ -100,25 +100,25 @@ def _looked_at(excitation: Excitation) -> NDArray[np.int64]:
     """Numbers of steps; none beside a kink of an extension, which accelerates for a step and is no load that lasts."""
     steps = np.unique(np.linspace(0, excitation.stepping.steps, TIMES).astype(np.int64))
     kinks = [t for path in excitation.paths.values() for t in path.kinks(excitation.stepping.end)]
-    beside = np.abs(np.subtract.outer(excitation.times[steps], kinks)) < 2.0 * excitation.stepping.step
-    return steps[~beside.any(axis=1)]
+    near_kink = np.abs(np.subtract.outer(excitation.times[steps], kinks)) < 2.0 * excitation.stepping.step
+    return steps[~near_kink.any(axis=1)]
 
 
-def decided(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scene:
+def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scene:
     """The scene with second order or without it, where its frame leaves that open."""
     if scene.frame is None or scene.frame.second_order != "auto":
         return scene
     try:
-        found = stressed(scene, bodies)
+        effect = second_order_effect(scene, bodies)
     except InputError:  # what nothing holds: no stiffness to compare with
         return _with(scene, True)
-    chosen = "kept" if found.matters else "left out"
-    _log.info("second order is %s: stiffness changes by %.2g %%", chosen, 100.0 * found.share)
-    return _with(scene, found.matters)
+    chosen = "kept" if effect.matters else "left out"
+    _log.info("second order is %s: stiffness changes by %.2g %%", chosen, 100.0 * effect.share)
+    return _with(scene, effect.matters)
 
 
 def as_made(scene: Scene, terms: Any) -> Scene:
-    """The same for a system whose `terms` say how it was made."""
+    """Scene with the choice of second order that the system's `terms` were made with."""
     open_ = scene.frame is not None and scene.frame.second_order == "auto"
     return _with(scene, bool(terms)) if open_ else scene
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from pmr.compare.machine import with_machine
 from pmr.compare.made_for import check_made_for, with_models_of
-from pmr.compare.responses import Simulated, refused_growth, repeated
-from pmr.compare.second_order import as_made, decided
+from pmr.compare.responses import Simulated, refused_growth, simulate_by
+from pmr.compare.second_order import as_made, decide_second_order
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene.built import WEIGHT
-from pmr.scene.choice import acting
+from pmr.scene.choice import loads_of
 from pmr.scene.frame import INERTIA
 from pmr.scene.members import EXTENSION, members
 from pmr.simulation import Excitation
@@ -63,13 +63,13 @@ def simulate_with_states(
     """
     steps = range(scene.time.steps + 1) if steps is None else steps
     scene = with_models_of(scene, reduced)
-    system = reduced if isinstance(reduced, System) else joined(scene, reduced)
+    system = reduced if isinstance(reduced, System) else join_models(scene, reduced)
     scene = as_made(scene, system.terms)
     with Clock().stage("reduced"), refused_growth(scene):
         if scene.frame is not None and scene.frame.machine is not None:
             check_fits(scene, system)
             scene, system = with_machine_moved(scene, system)
-        simulated = repeated(scene, system, excitation_in(scene, system), scene.simulation.simulators[0], steps)
+        simulated = simulate_by(scene, system, excitation_in(scene, system), scene.simulation.simulators[0], steps)
         return replace(simulated, response=with_machine(scene, simulated.response))
 
 
@@ -112,7 +112,7 @@ def check_fits(scene: Any, system: System) -> None:
         load_inputs = [
             input_name for input_name in body.input_names if input_name not in (WEIGHT, EXTENSION, *inertia_inputs)
         ]
-        loads = [load.name for load in acting(member)]
+        loads = [load.name for load in loads_of(member)]
         weighs = scene.gravity is not None and scene.frame is None
         if set(loads) != set(load_inputs) or (name == ALONE and weighs != (WEIGHT in body.input_names)):
             key = "loads" if name == ALONE else f"sections.{name}.loads"
@@ -125,7 +125,7 @@ def check_fits(scene: Any, system: System) -> None:
     check_made_for(system, scene)
 
 
-def joined(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> System:
+def join_models(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> System:
     """The system of models that were reduced one by one; an InputError is raised where a scene has others."""
     names = tuple(scene.bodies)
     models = {ALONE: reduced} if isinstance(reduced, ReducedModel) else reduced
@@ -136,7 +136,7 @@ def joined(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Sy
             allowed = "a ReducedModel or a System is allowed with this scene"
         raise InputError("pmr.simulate", "models", models_given, allowed)
     if ALONE in names:
-        return system_of(decided(scene, models), models)
+        return system_of(decide_second_order(scene, models), models)
     for number, name in enumerate(names):
         model = models[name]
         if model.section is None or model.section.name != name:
@@ -144,4 +144,4 @@ def joined(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Sy
             raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
         check_made_for(model, scene, number)
     ordered_models = {name: models[name] for name in names}
-    return system_of(decided(scene, ordered_models), ordered_models)
+    return system_of(decide_second_order(scene, ordered_models), ordered_models)

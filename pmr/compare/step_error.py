@@ -98,10 +98,10 @@ def step_error(
         Ladder(relative_error, _rms(y), _rms(displacement_of_run)),
     )
     floors = Floors.of(system, excitation, of_run.outputs.force)
-    ladders = {kind: Ladder(partial(_apart, kind, floors), first, of_run) for kind in kinds}
+    ladders = {kind: Ladder(partial(_difference, kind, floors), first, of_run) for kind in kinds}
     samples = [first]
     while runs.affordable and not (
-        moving.halvings(LIMIT) is not None and runs.resolved and all(one.settled for one in ladders.values())
+        moving.halvings(LIMIT) is not None and runs.resolved and all(steps.settled for steps in ladders.values())
     ):
         try:
             samples.append(runs.next())
@@ -126,11 +126,11 @@ def step_error(
         enough=None if halvings is None else stepped.given.step / 2**halvings,
         band=runs.band() if band else None,
         seconds=time.perf_counter() - begin,
-        others={kind: MARGIN * one.most for kind, one in of_forces.items()}
-        | {kind: one.error() for kind, one in ladders.items()},
+        others={kind: MARGIN * steps.most for kind, steps in of_forces.items()}
+        | {kind: steps.error() for kind, steps in ladders.items()},
         unsettled=(
-            *(kind for kind, one in of_forces.items() if not one.falling),
-            *(kind for kind, one in ladders.items() if not one.settled),
+            *(kind for kind, steps in of_forces.items() if not steps.is_decreasing),
+            *(kind for kind, steps in ladders.items() if not steps.settled),
         ),
     )
 
@@ -142,7 +142,7 @@ def with_band(error: StepError, system: System, excitation: Excitation) -> StepE
     return replace(error, band=runs.band())
 
 
-def _apart(kind: str, floors: Floors, sampled: Sampled, finer: Sampled) -> float:
+def _difference(kind: str, floors: Floors, sampled: Sampled, finer: Sampled) -> float:
     """Difference of two runs in a kind of outputs, as a fraction of the finer run's."""
     return differences(sampled.outputs, finer.outputs, floors, [kind])[kind]
 
@@ -150,8 +150,8 @@ def _apart(kind: str, floors: Floors, sampled: Sampled, finer: Sampled) -> float
 def _force_ladders(
     of_run: Sampled, samples: Sequence[Sampled], in_the_mean: bool
 ) -> dict[str, Ladder[forces.Histories]]:
-    """What runs say of each kind of the completed forces, of their RMS values where they are compared `in_the_mean`."""
-    forces_of_run, *finer_forces = (_mean(one.forces) if in_the_mean else one.forces for one in (of_run, *samples))
+    """Ladders of each kind of completed forces, of their RMS values where `in_the_mean`."""
+    forces_of_run, *finer_forces = (_mean(run.forces) if in_the_mean else run.forces for run in (of_run, *samples))
     ladders = dict[str, Ladder[forces.Histories]]()
     for kind in forces.differences(forces_of_run, finer_forces[-1]):
         ladders[kind] = Ladder(partial(_forces_apart, kind), finer_forces[0], forces_of_run)

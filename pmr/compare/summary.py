@@ -34,7 +34,7 @@ class Part:
     grave: Sequence[str] = ()
 
 
-def combined(parts: Sequence[Part]) -> dict[str, Any]:
+def combine_parts(parts: Sequence[Part]) -> dict[str, Any]:
     """All figures, and under ``warnings`` all warnings: grave ones first, each kind in the order of the parts.
 
     Raises ValueError if two parts have figures of the same key.
@@ -69,12 +69,12 @@ def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
     )
 
 
-def simulated(seconds: Mapping[str, float], agreement: Mapping[str, float], stages: Mapping[str, float]) -> Part:
+def simulation_part(seconds: Mapping[str, float], agreement: Mapping[str, float], stages: Mapping[str, float]) -> Part:
     """Seconds of the `stages` and of the simulators, and how far those agree."""
     return Part({"seconds": {**stages, "simulate": dict(seconds)}, "agreement": dict(agreement)})
 
 
-def compared(
+def comparison_part(
     responses: Mapping[str, Response],
     measured: Mapping[str, errors.Quantity],
     simulators: Mapping[str, str],
@@ -99,7 +99,7 @@ def compared(
     return Part(
         {
             **kinds,
-            "not_judged": {name: vars(found) for name, found in unjudged.items()},
+            "not_judged": {name: vars(verdict) for name, verdict in unjudged.items()},
             "max_displacement": float(np.abs(reference).max()),
             "max_error": None if full is None else float(np.abs(reduced - reference).max()),
             "simulators": {name: simulator for name, simulator in simulators.items() if name in responses},
@@ -127,12 +127,12 @@ def impacts(system: System, excitation: Excitation, responses: Mapping[str, Resp
 def sampling(excitation: Excitation) -> Part:
     """Warnings about path and loads that the steps do not resolve."""
     signals, stepping = excitation.signals, excitation.stepping
-    return Part(warnings=resolution.unseen(signals, stepping) + resolution.overshooting(signals, stepping))
+    return Part(warnings=resolution.unseen(signals, stepping) + resolution.overshoots(signals, stepping))
 
 
 def reliability(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> Part:
     """References that are `missing`, and whether the motion of the reduced system can be relied on."""
-    absent, doubted = trust.absent(missing), trust.doubted(responses["reduced"], ringing.rigid_contacts(system))
+    absent, doubted = trust.absent(missing), trust.doubts(responses["reduced"], ringing.rigid_contacts(system))
     return Part({"no_reference": dict(missing)}, absent, doubted)
 
 

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.ringing import ALTERNATES, RINGING, alternating, causes, remedy, ringing
+from pmr.compare.ringing import ALTERNATES, RINGING, alternating, causes, remedy, ringing_share
 from pmr.errors.text import rounded
 from pmr.results import Response
-from pmr.simulation.balance import NOTABLE, described
+from pmr.simulation.balance import NOTABLE, describe_surplus
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def distrust(response: Response, rigid: Sequence[str] = ()) -> str | None:
         return f"{rounded(100.0 * share)} % of its motion changes its sign with every step: {causes(rigid)}"
     if response.surplus <= NOTABLE:
         return None
-    return f"{described(response.surplus)}: {causes(rigid)}"
+    return f"{describe_surplus(response.surplus)}: {causes(rigid)}"
 
 
 def absent(missing: Mapping[str, str]) -> list[str]:
@@ -45,12 +45,12 @@ def absent(missing: Mapping[str, str]) -> list[str]:
     return [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in missing.items()]
 
 
-def doubted(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
+def doubts(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
     """A line for each reason why the reduced motion is not to be trusted; names as for `distrust`."""
     lines = []
     if reduced.surplus > NOTABLE:
         lines.append(f"the reduced model's motion is not to be trusted: {distrust(reduced, rigid)}")
-    if (share := ringing(reduced.slider_force)) > RINGING:
+    if (share := ringing_share(reduced.slider_force)) > RINGING:
         lines.append(
             f"of the forces of sliders and pads {rounded(100.0 * share)} % {ALTERNATES} in the reduced model: "
             f"{causes(rigid)}; {remedy(rigid)}"

@@ -25,7 +25,7 @@ def utilisation(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part
     for part in scene.sections:
         figures = stresses.get(part.name, {})
         for model, peak in figures.get("stress_peak", {}).items():
-            for entry in _used(part, peak, figures.get("stress_by_region", {}).get(model, {})):
+            for entry in _utilisations(part, peak, figures.get("stress_by_region", {}).get(model, {})):
                 if entry["value"] > largest.get(model, {"value": -1.0})["value"]:
                     largest[model] = entry
     if not largest:
@@ -45,10 +45,10 @@ def masses(masses_of_bodies: Mapping[str, Any]) -> Part:
     return Part({"masses": rows} if rows else {})
 
 
-def _used(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Utilisation of the whole body, and of each region that is of a material of its own."""
-    body, of = part.body, {name: one.material for name, one in part.body.regions.items() if one.material is not None}
-    without_material = [one for name, one in regions.items() if name not in of]
+    body, of = part.body, {name: area.material for name, area in part.body.regions.items() if area.material is not None}
+    without_material = [area for name, area in regions.items() if name not in of]
     most = (
         peak
         if peak.get("region") not in of

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import applied, evaluate
+from pmr.constraints.polynomials import apply_table, evaluate
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.excitation import Excitation, in_order
 from pmr.system.body import Trajectory
@@ -61,8 +61,8 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, l
         raise ValueError("without residual flexibility no force follows from the positions")
     z, ds = trajectory.multipliers, path_rate[:, None]
     right = model.apply_rows(s, trajectory.v) + ds * model.apply_rows(s, trajectory.q, derivative=1)
-    right += applied(tables.inputs, s, loads.rate) + ds * applied(tables.inputs, s, loads.value, 1)
-    right -= ds * applied(tables.rows, s, z, 1)
+    right += apply_table(tables.inputs, s, loads.rate) + ds * apply_table(tables.inputs, s, loads.value, 1)
+    right -= ds * apply_table(tables.rows, s, z, 1)
     G = evaluate(tables.rows, s) + np.diag(model.row_compliance)
     is_open = ~np.isnan(model.row_clearance) & (z == 0.0)  # no force, and none that changes
     apart = is_open[:, :, None] | is_open[:, None, :]
@@ -77,5 +77,5 @@ def velocity(model: ReducedModel, trajectory: Trajectory, excitation: Excitation
         return np.asarray(result)
     f = load_rates(model, excitation)
     z, ds = force_rates(model, trajectory, excitation.path_rate, f), excitation.path_rate[:, None]
-    result += f.rate @ tables.direct.T - applied(tables.outputs, trajectory.s, z.rate)
-    return np.asarray(result - ds * applied(tables.outputs, trajectory.s, z.value, 1))
+    result += f.rate @ tables.direct.T - apply_table(tables.outputs, trajectory.s, z.rate)
+    return np.asarray(result - ds * apply_table(tables.outputs, trajectory.s, z.value, 1))

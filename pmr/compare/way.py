@@ -37,7 +37,7 @@ class Visited:
         return system.coordinates(dict(zip(system.paths, self.s.T, strict=True)))
 
 
-def visited(scene: Scene, excitation: Excitation, size: int) -> Visited:
+def places_on_way(scene: Scene, excitation: Excitation, size: int) -> Visited:
     """From one end of the way to the other; fewer places where frequencies of a large full model are found.
 
     With second order frequencies change with time, too: what stays where it is, is looked at again and again.
@@ -53,7 +53,7 @@ def visited(scene: Scene, excitation: Excitation, size: int) -> Visited:
     if alone:
         along = visited_positions(scene, size)
         return Visited(along, along[:, None], CURVES, _first_there(excitation, along))
-    return _reached(scene, excitation, count)
+    return _first_reached(scene, excitation, count)
 
 
 def _first_there(excitation: Excitation, s: Array) -> Array:
@@ -61,7 +61,7 @@ def _first_there(excitation: Excitation, s: Array) -> Array:
     return np.array([excitation.times[np.argmin(np.abs(excitation.s[:, 0] - at))] for at in s])
 
 
-def _reached(scene: Scene, excitation: Excitation, count: int) -> Visited:
+def _first_reached(scene: Scene, excitation: Excitation, count: int) -> Visited:
     """Places at which the sections first reach so far."""
     steps = boom_figures.on_the_way(scene, excitation.times, count)
     t = excitation.times[steps]
@@ -91,6 +91,6 @@ def in_frequency(scene: Scene, system: System, excitation: Excitation) -> Freque
         s = np.unique(np.linspace(*scene.path_bounds, RESPONSES))
         at = Visited(s, s[:, None], CURVES, _first_there(excitation, s))
     else:
-        at = _reached(scene, excitation, RESPONSES)
+        at = _first_reached(scene, excitation, RESPONSES)
     c = excitation.amplitudes(system.term_names, at.t)
     return frequency_response(system, at.sides(system), at.along, tip_names(scene), c)

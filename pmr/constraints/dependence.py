@@ -32,7 +32,7 @@ def of_rows(C: Array, names: Sequence[str]) -> Dependence:
         return Dependence(0.0, tuple(name for name, length in zip(names, size, strict=True) if length == 0.0))
     U, sigma, _ = np.linalg.svd(C / size[:, None], full_matrices=True)
     measure = float(sigma[-1]) if len(sigma) == len(C) else 0.0
-    return Dependence(measure, _involved(U[:, -1], names))
+    return Dependence(measure, _involved_names(U[:, -1], names))
 
 
 def of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
@@ -42,9 +42,9 @@ def of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
         return Dependence(0.0, tuple(name for name, d in zip(names, diagonal, strict=True) if not d > 0.0))
     scale = np.sqrt(diagonal)
     values, vectors = np.linalg.eigh(F / np.outer(scale, scale))
-    return Dependence(float(values[0]), _involved(vectors[:, 0], names))
+    return Dependence(float(values[0]), _involved_names(vectors[:, 0], names))
 
 
-def _involved(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
+def _involved_names(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
     large = np.abs(shares) >= TAKES_PART * np.abs(shares).max()
     return tuple(name for name, takes_part in zip(names, large, strict=True) if takes_part)

@@ -36,7 +36,7 @@ def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, what: str = "slide
     return np.asarray(table(within_domain(s, table.x[0], table.x[-1], what), nu=derivative))
 
 
-def applied(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
+def apply_table(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
     """A(s_t) x_t, (T, m), for a table with values (m, r), s (T,) m and x (T, r); or with a derivative of A.
 
     A ValueError is raised where s leaves the table's domain.  SciPy would keep the values of all steps at once.
@@ -44,7 +44,7 @@ def applied(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
     table = table if derivative == 0 else table.derivative(derivative)
     s = within_domain(s, table.x[0], table.x[-1], "slider")
     interval = _interval(table, s)
-    return _summed(table, interval, _powers(s - table.x[interval], len(table.c)), np.asarray(x, dtype=float))
+    return _sum_powers(table, interval, _powers(s - table.x[interval], len(table.c)), np.asarray(x, dtype=float))
 
 
 def applied_change(table: PPoly, s: Array, x: Array) -> Array:
@@ -54,9 +54,9 @@ def applied_change(table: PPoly, s: Array, x: Array) -> Array:
     same, offset = interval[1:] == interval[:-1], table.x[interval[1:]]
     ends, begins = _powers(s[1:] - offset, count), _powers(s[:-1] - offset, count)
     # of what stays within an interval the change of powers; of the others the powers at the end
-    change = _summed(table, interval[1:], np.where(same, ends - begins, ends), x)
+    change = _sum_powers(table, interval[1:], np.where(same, ends - begins, ends), x)
     crossings = np.flatnonzero(~same)
-    change[crossings] -= applied(table, s[crossings], x[crossings])
+    change[crossings] -= apply_table(table, s[crossings], x[crossings])
     return change
 
 
@@ -73,8 +73,8 @@ def _powers(x: Array, count: int) -> Array:
     return powers
 
 
-def _summed(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
-    """(T, m): a table's coefficients on each one's interval times `powers` (p, T) of it and x (T, r).
+def _sum_powers(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
+    """Sum coefficients on each step's interval times `powers` (p, T) times x (T, r), to (T, m).
 
     Steps in a row on the same interval are taken at once.
     """
@@ -123,14 +123,14 @@ def times(A: PPoly, X: Array) -> PPoly:
     return PPoly(np.ascontiguousarray(A.c @ X), A.x)
 
 
-def transposed(A: PPoly) -> PPoly:
+def transpose(A: PPoly) -> PPoly:
     """A(s)^T."""
     return PPoly(np.ascontiguousarray(A.c.swapaxes(2, 3)), A.x)
 
 
 def total(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
     """A(s) + factor B(s) of tables on the same domain, whatever their breaks and degrees."""
-    A, B = aligned(A, B)
+    A, B = align_tables(A, B)
     return PPoly(A.c + factor * B.c, A.x)
 
 
@@ -153,26 +153,26 @@ def _all(which: slice | Sequence[int] | Indices, count: int) -> bool:
     return np.array_equal(np.arange(count)[which], np.arange(count))
 
 
-def stacked(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:
+def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:
     """Tables with their own breaks and values (r,) as the rows of one with values (m, r) within `domain`."""
-    common = aligned(*tables, domain=domain)
+    common = align_tables(*tables, domain=domain)
     return PPoly(np.stack([table.c for table in common], axis=2), common[0].x)
 
 
 def side_by_side(*tables: PPoly) -> PPoly:
     """The columns of all tables, values (m, n_1 + n_2 + ...)."""
-    common = aligned(*tables)
+    common = align_tables(*tables)
     return PPoly(np.concatenate([table.c for table in common], axis=3), common[0].x)
 
 
-def aligned(*tables: PPoly, domain: tuple[float, float] | None = None) -> list[PPoly]:
+def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> list[PPoly]:
     """Return these tables on common breaks and of the same degree within `domain`, by default that of the first one."""
     if domain is None and all(np.array_equal(table.x, tables[0].x) for table in tables):
         breaks = tables[0].x
         return [PPoly(c, breaks) for c in same_degree(*(table.c for table in tables))]
     breaks = common_breaks(tables, (float(tables[0].x[0]), float(tables[0].x[-1])) if domain is None else domain)
     degree = max(len(table.c) for table in tables) - 1
-    return [rebased(table, breaks, degree) for table in tables]
+    return [refine_table(table, breaks, degree) for table in tables]
 
 
 def same_degree(*coefficients: Array) -> list[Array]:
@@ -191,7 +191,7 @@ def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array
     return np.asarray(breaks[apart])
 
 
-def rebased(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
+def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
     """Return this piecewise polynomial on finer breaks, its degree raised to `degree`: exact."""
     source = interval_around(breaks, table.x)
     c = table.c[:, source].copy()

@@ -49,27 +49,27 @@ class RowPolynomials:
     def times(self, X: Array) -> PPoly:
         """C(s) X, values (m, c), from U X (K, c) on the carriers."""
         m, powers, k, w = self.coefficients.shape
-        left = self.coefficients.transpose(2, 0, 1, 3).reshape(k, m * powers, w)
-        c = (left @ np.ascontiguousarray(X)[self.touched]).reshape(k, m, powers, X.shape[1])
+        blocks = self.coefficients.transpose(2, 0, 1, 3).reshape(k, m * powers, w)
+        c = (blocks @ np.ascontiguousarray(X)[self.touched]).reshape(k, m, powers, X.shape[1])
         return PPoly(np.ascontiguousarray(c.transpose(2, 0, 1, 3)), self.breaks)
 
-    def squared(self, R: sp.csr_matrix | Array) -> PPoly:
+    def quadratic_form(self, R: sp.csr_matrix | Array) -> PPoly:
         """C(s) Q C(s)^T, values (m, m), from symmetric R (K, K) between the carriers.
 
         On an interval rows touch a few carriers only, so of R a small block counts, however long the path is.
         """
         m, powers, k, w = self.coefficients.shape
-        left = self.coefficients.transpose(2, 1, 0, 3).reshape(k, powers * m, w)
+        blocks = self.coefficients.transpose(2, 1, 0, 3).reshape(k, powers * m, w)
         result, some = np.zeros((2 * powers - 1, k, m, m)), max(1, AT_ONCE // w**2)
         for j in range(0, k, some):
-            at, b = self.touched[j : j + some], left[j : j + some]
-            product = (b @ _between(R, at) @ b.swapaxes(1, 2)).reshape(len(b), powers, m, powers, m)
+            at, b = self.touched[j : j + some], blocks[j : j + some]
+            product = (b @ _entries_between(R, at) @ b.swapaxes(1, 2)).reshape(len(b), powers, m, powers, m)
             for p in range(powers):
                 result[p : p + powers, j : j + some] += product[:, p].transpose(2, 0, 1, 3)
         return PPoly((result + result.swapaxes(2, 3)) / 2.0, self.breaks)
 
 
-def _between(R: sp.csr_matrix | Array, touched: Indices) -> Array:
+def _entries_between(R: sp.csr_matrix | Array, touched: Indices) -> Array:
     """Entries (k, w, w) of R between the carriers that each of k intervals touches (k, w)."""
     rows, columns = np.broadcast_arrays(touched[:, :, None], touched[:, None])
     if isinstance(R, np.ndarray):

@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import common_breaks, interval_around, rebased, within_domain
+from pmr.constraints.polynomials import common_breaks, interval_around, refine_table, within_domain
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -133,7 +133,7 @@ class Row:
         """Return this row on finer breaks, which hold all of its own within their range: exact."""
         if np.array_equal(breaks, self.breaks):
             return self
-        finer = rebased(self._polynomial, breaks)
+        finer = refine_table(self._polynomial, breaks)
         touched = self.touched[interval_around(finer.x, self.breaks)]
         return replace(self, breaks=finer.x, touched=touched, coefficients=finer.c)
 
@@ -244,7 +244,7 @@ class Rows:
     @cached_property
     def shared(self) -> SharedCarriers:
         """These rows on common carriers."""
-        return _shared(self.rows, self.size)
+        return _shared_carriers(self.rows, self.size)
 
 
 @dataclass(frozen=True)
@@ -268,7 +268,7 @@ class SharedCarriers:
         return self.refined(common_breaks([row._polynomial for row in self.rows], domain))
 
 
-def _shared(rows: Sequence[Row], size: int) -> SharedCarriers:
+def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
     numbers: dict[bytes, int] = {}
     new, touched = [sp.csr_matrix((0, size))], []
     for row in rows:

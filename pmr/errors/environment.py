@@ -73,21 +73,21 @@ def needed(name: str) -> Any:
 
 
 def check_installed(name: str) -> None:
-    """The same before long work, without an import, so that a library may still be missing; raises InputError."""
+    """Check before long work that a package is there, without an import; raises InputError if it is missing."""
     if util.find_spec(name) is None:
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
 
 
 def check_report() -> None:
-    """The same for all that reports need."""
+    """Check that all packages that reports need are installed."""
     for name in REPORT:
         check_installed(name)
 
 
 def unfit(error: Exception) -> str:
-    """What to say where packages can't be loaded, because one is missing or another version than theirs is there."""
-    said = f"installation: {' '.join(str(error).split())}; NumPy is {_version('numpy')}, SciPy {_version('scipy')}"
-    return f"{said}: `make setup` puts the versions back that fit together, elsewhere install pmr anew"
+    """Text about packages that can't be loaded, because one is missing or of another version than needed."""
+    problem = f"installation: {' '.join(str(error).split())}; NumPy is {_version('numpy')}, SciPy {_version('scipy')}"
+    return f"{problem}: `make setup` puts the versions back that fit together, elsewhere install pmr anew"
 
 
 def check_temporary() -> None:
@@ -120,7 +120,7 @@ def available_memory() -> int | None:
 
 
 @contextmanager
-def unlaunched() -> Iterator[None]:
+def without_launcher() -> Iterator[None]:
     """Let MPI start without looking for others, where no launcher started this process.
 
     Open MPI would start a daemon for processes yet to come, and look for fast networks to them: 0.3 s.  What is set by

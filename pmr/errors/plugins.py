@@ -24,7 +24,7 @@ GROUPS = {
 
 
 @cache
-def offered(group: str, reserved: frozenset[str]) -> dict[str, Any]:
+def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
     """Objects of a group by their names, of all installed distributions; `own` are the names that pmr has itself.
 
     Raises InputError where one can't be imported, or its name is taken.
@@ -32,31 +32,31 @@ def offered(group: str, reserved: frozenset[str]) -> dict[str, Any]:
     objects: dict[str, Any] = {}
     for point in sorted(_points(group)):
         if point.name in reserved or point.name in objects:
-            raise refused(group, point.name, f"a name that nothing else has is allowed ({point.value})")
+            raise plugin_error(group, point.name, f"a name that nothing else has is allowed ({point.value})")
         try:
             objects[point.name] = point.load()
         except Exception as error:
-            raise refused(group, point.name, f"{point.value} can't be imported ({error})") from None
+            raise plugin_error(group, point.name, f"{point.value} can't be imported ({error})") from None
     return objects
 
 
 def one_of(group: str, name: str, reserved: frozenset[str]) -> Any:
     """The object of that name.
 
-    Raises InputError as `offered`, or where no installed package has the name: a file may come from another machine.
+    Raises InputError as `plugin_objects`, or where no package has the name: a file may come from another machine.
     """
-    objects = offered(group, reserved)
+    objects = plugin_objects(group, reserved)
     if name not in objects:
-        raise refused(group, name, "a name that an installed package offers is allowed")
+        raise plugin_error(group, name, "a name that an installed package offers is allowed")
     return objects[name]
 
 
-def named(group: str) -> set[str]:
+def plugin_names(group: str) -> set[str]:
     """Names of all that installed distributions offer; nothing is imported."""
     return {point.name for point in _points(group)}
 
 
-def refused(group: str, name: str, says: str | None = None) -> InputError:
+def plugin_error(group: str, name: str, says: str | None = None) -> InputError:
     """Return the error of an entry point; without `says`, that it is not what its group expects."""
     return InputError("installed plug-ins", group, name, says or f"{GROUPS[group]} is allowed")
 

@@ -9,7 +9,7 @@ import scipy.io
 
 from pmr.errors import environment
 from pmr.fields.held import FramedBody, NodalBody
-from pmr.files.whole import replaced
+from pmr.files.whole import replacement
 
 
 def write_ffrf(body: NodalBody, target: Path) -> Path:
@@ -24,7 +24,7 @@ def write_ffrf(body: NodalBody, target: Path) -> Path:
     fem.eigenValues = body.omega**2
     fem.metaData = {"sliders at s in m": body.s}
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replaced(target) as part:
+    with replacement(target) as part:
         named = part.with_name(f"{part.name}.npz")  # the writer wants its own ending
         fem.SaveToFile(str(named))
         named.replace(part)
@@ -39,6 +39,6 @@ def write_simscape(body: FramedBody, target: Path) -> Path:
     names = np.array(body.places.names, dtype=object)
     content = {"P": body.places.points, "K": body.K, "M": body.M, "C": body.C, "frames": names, "s": body.s}
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replaced(target) as part, part.open("wb") as stream:
+    with replacement(target) as part, part.open("wb") as stream:
         scipy.io.savemat(stream, content)
     return target

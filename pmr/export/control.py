@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.errors.environment import check_installed
 from pmr.export.formats import Options
-from pmr.export.places import PLACES, placed
-from pmr.files.whole import replaced
+from pmr.export.places import PLACES, load_places
+from pmr.files.whole import replacement
 from pmr.simulation.state_space import StateSpace, state_space
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -81,7 +81,7 @@ def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
 
     Raises InputError as `pmr.export.places.held_at`.
     """
-    return _written(*_interpolable(npz_path, options), target)
+    return _write_matrices(*_interpolable(npz_path, options), target)
 
 
 def write_python_control(npz_path: Path, target: Path, options: Options) -> Path:
@@ -94,8 +94,8 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
         raise InputError("command line", "--out", str(target), "a name that Python can import, .py, is allowed")
     if data.exists() and data.samefile(npz_path):
         raise InputError("command line", "--out", str(target), f"another name is allowed: {data.name} is read")
-    _written(*_interpolable(npz_path, options), data)
-    with replaced(target) as part:
+    _write_matrices(*_interpolable(npz_path, options), data)
+    with replacement(target) as part:
         part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")
     return target
 
@@ -108,7 +108,7 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
-    system, s = placed(npz_path, options)
+    system, s = load_places(npz_path, options)
     space, assembly = state_space(system, s, npz_path.name), Assembly(system)
     output = max(k for k, unit in enumerate(space.units) if unit == "m")
     natural = space.natural
@@ -117,7 +117,7 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     rows = assembly.along(np.atleast_2d(system.coordinates(s)))
     answers = [assembly.answers(rows.at(k), 2.0 * np.pi * f)[:, output] for k in range(len(space.s))]
     response = np.array(answers)
-    with replaced(target) as part:
+    with replacement(target) as part:
         part.write_text(_table(space, f, response, space.outputs[output]), encoding="utf-8")
     _draw(space, f, np.abs(response), space.outputs[output], target.with_suffix(".png"))
     return target
@@ -127,9 +127,9 @@ def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[f
     """State space at the places, and what it is off by when it is interpolated (`interpolation_error`).
 
     Where none are asked for there are `PLACES`, or twice as many as often as it takes to be off by `CLOSE` at most, up
-    to `MOST_PLACES`.  More than `CLOSE` is told by a warning.  Errors as for `placed` and `state_space`.
+    to `MOST_PLACES`.  More than `CLOSE` is told by a warning.  Errors as for `load_places` and `state_space`.
     """
-    system, s = placed(npz_path, options)
+    system, s = load_places(npz_path, options)
     count = PLACES
     while True:
         space = state_space(system, s, npz_path.name)
@@ -142,7 +142,7 @@ def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[f
         logger.warning(
             "halfway between two of the %d places interpolated matrices have static gains off by up to %.2g %% and "
             "frequencies off by up to %.2g %%: places that are closer together are more accurate",
-            len(space.s), *(100.0 * one for one in off),
+            len(space.s), *(100.0 * error for error in off),
         )  # fmt: skip
     return space, off
 
@@ -156,23 +156,23 @@ def interpolation_error(system: System, space: StateSpace, source: str) -> tuple
     if len(space.s) < 2 or not space.paths:
         return 0.0, 0.0
     halfway = state_space(system, dict(zip(space.paths, (space.s[1:] + space.s[:-1]).T / 2.0, strict=True)), source)
-    A, B, C, D = ((one[1:] + one[:-1]) / 2.0 for one in (space.A, space.B, space.C, space.D))
+    A, B, C, D = ((values[1:] + values[:-1]) / 2.0 for values in (space.A, space.B, space.C, space.D))
     between = replace(halfway, A=A, B=B, C=C, D=D)
-    moved = [k for k, unit in enumerate(space.units) if unit == "m"]
-    found, other = (one.D - one.C @ np.linalg.pinv(one.A) @ one.B for one in (halfway, between))
-    size = np.abs(found).max(axis=0)
+    displacements = [k for k, unit in enumerate(space.units) if unit == "m"]
+    exact, other = (model.D - model.C @ np.linalg.pinv(model.A) @ model.B for model in (halfway, between))
+    size = np.abs(exact).max(axis=0)
     size = np.where(size > FLOOR * size.max(initial=0.0), size, np.inf)
-    of_gains = (np.abs(other - found) / size)[:, moved].max(initial=0.0)
+    of_gains = (np.abs(other - exact) / size)[:, displacements].max(initial=0.0)
     bound = halfway.natural > FREE * halfway.natural.max()
     of_frequencies = np.abs(between.natural[bound] / halfway.natural[bound] - 1.0).max(initial=0.0)
     return float(of_gains), float(of_frequencies)
 
 
-def _written(space: StateSpace, off: tuple[float, float], target: Path) -> Path:
+def _write_matrices(space: StateSpace, off: tuple[float, float], target: Path) -> Path:
     matrices = {name: np.moveaxis(getattr(space, name), 0, 2) for name in "ABCD"}
     named = ("paths", "inputs", "outputs", "units", "states")
     names = {name: np.array(getattr(space, name), dtype=object) for name in named}
-    with replaced(target) as part, part.open("wb") as stream:
+    with replacement(target) as part, part.open("wb") as stream:
         interpolation = dict(zip(("static_gain", "frequency"), off, strict=True))
         scipy.io.savemat(
             stream, {"s": space.grid, **matrices, **names, "interpolation": interpolation}, do_compression=True
@@ -210,5 +210,5 @@ def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -
             axes.plot(level[:, 0], f)
             axes.set_xlabel("gain in dB")
         axes.set_title(f"{output} over {name}")
-    with replaced(target) as part, part.open("wb") as stream:
+    with replacement(target) as part, part.open("wb") as stream:
         figure.savefig(stream, format="png", dpi=150)

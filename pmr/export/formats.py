@@ -14,7 +14,7 @@ from pmr.errors.text import hint
 
 @dataclass(frozen=True)
 class Options:
-    """What a format takes besides the files; None: not given."""
+    """Options of a format besides the files; None: not given."""
 
     fmi: str | None = None  #: Version of the Functional Mock-up Interface
     at: str | None = None  #: Places of the sliders in m, separated by commas
@@ -33,7 +33,7 @@ class Format:
     write: Callable[[Path, Path, Options], Path]
 
 
-def _imported(module: str, name: str) -> Callable[..., Path]:
+def _writer(module: str, name: str) -> Callable[..., Path]:
     """A writer of this room, imported when it is called."""
 
     def write(*arguments: Any) -> Path:
@@ -45,7 +45,7 @@ def _imported(module: str, name: str) -> Callable[..., Path]:
 
 def _exudyn(model: Path, target: Path, options: Options) -> Path:
     environment.needed("exudyn")  # the script's parts are tested code, which is loaded to be written
-    return _imported("exudyn.script", "write_exudyn_script")(model, target)
+    return _writer("exudyn.script", "write_exudyn_script")(model, target)
 
 
 def _fmu(model: Path, target: Path, options: Options) -> Path:
@@ -59,25 +59,25 @@ _AT = frozenset({"at", "section"})
 FORMATS = {
     "exudyn": Format("a standalone Python script", "sliding_body.py", frozenset(), _exudyn),
     "fmu": Format("a functional mock-up unit", "sliding_body.fmu", frozenset({"fmi", "platforms", "sources"}), _fmu),
-    "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _imported("control", "write_matlab")),
+    "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _writer("control", "write_matlab")),
     "python-control": Format(
-        "the same, read by a script", "state_space.py", _AT, _imported("control", "write_python_control")
+        "the same, read by a script", "state_space.py", _AT, _writer("control", "write_python_control")
     ),
-    "modelica": Format("a block of Modelica with it", "StateSpace.mo", _AT, _imported("modelica", "write_modelica")),
+    "modelica": Format("a block of Modelica with it", "StateSpace.mo", _AT, _writer("modelica", "write_modelica")),
     "frequency-response": Format(
-        "a table and a picture over s", "frequency_response.csv", _AT, _imported("control", "write_frequency_response")
+        "a table and a picture over s", "frequency_response.csv", _AT, _writer("control", "write_frequency_response")
     ),
-    "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _imported("nastran", "write_dmig")),
-    "op4": Format("the same matrices as OUTPUT4", "sliding_body.op4", _AT, _imported("nastran", "write_output4")),
+    "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _writer("nastran", "write_dmig")),
+    "op4": Format("the same matrices as OUTPUT4", "sliding_body.op4", _AT, _writer("nastran", "write_output4")),
 }
 
 
 def formats() -> dict[str, Format]:
     """All formats by their names, those that installed plug-ins add among them."""
-    offered = plugins.offered("pmr.exports", frozenset(FORMATS))
-    for name, one in offered.items():
-        if not isinstance(one, Format):
-            raise plugins.refused("pmr.exports", name)
+    offered = plugins.plugin_objects("pmr.exports", frozenset(FORMATS))
+    for name, plugin in offered.items():
+        if not isinstance(plugin, Format):
+            raise plugins.plugin_error("pmr.exports", name)
     return FORMATS | offered
 
 
@@ -97,10 +97,10 @@ ONE_BODY = (
     "other; `pmr export` writes what a run leaves: an fmu or a script with the sliding in it, or a state space"
 )
 BODY_FORMATS = {
-    "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", "node", _imported("sid", "write_sid")),
-    "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", "node", _imported("bodies", "write_ffrf")),
+    "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", "node", _writer("sid", "write_sid")),
+    "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", "node", _writer("bodies", "write_ffrf")),
     "simscape": BodyFormat(
-        "Reduced Order Flexible Solid of Simscape", "body.mat", "frame", _imported("bodies", "write_simscape")
+        "Reduced Order Flexible Solid of Simscape", "body.mat", "frame", _writer("bodies", "write_simscape")
     ),
 }
 
@@ -110,12 +110,12 @@ def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
 
     Raises InputError if there is no such format, it does not take an option that was given, or its writer refuses.
     """
-    known = formats()
-    if to not in known:
-        raise InputError("command line", "--to", to, f"{hint(to, known)}one of {', '.join(known)} is allowed")
-    chosen = known[to]
+    writers = formats()
+    if to not in writers:
+        raise InputError("command line", "--to", to, f"{hint(to, writers)}one of {', '.join(writers)} is allowed")
+    chosen = writers[to]
     for name, value in vars(options).items():
         if value is not None and name not in chosen.options:
-            takers = ", ".join(key for key, one in known.items() if name in one.options)
+            takers = ", ".join(key for key, writer in writers.items() if name in writer.options)
             raise InputError("command line", f"--{name}", value, f"it is allowed with --to {takers}")
     return chosen.write(model, target or model.with_name(chosen.file_name), options)

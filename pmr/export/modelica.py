@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.export.fmi.variables import Identifiers
 from pmr.export.formats import Options
-from pmr.export.places import placed
-from pmr.files.whole import replaced
+from pmr.export.places import load_places
+from pmr.files.whole import replacement
 from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 from pmr.simulation.state_space import state_space
 
@@ -59,40 +59,40 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     name = target.stem
     if not (name.isascii() and name.isidentifier()) or name in RESERVED or target.suffix != ".mo":
         raise InputError("command line", "--out", str(target), "a name of letters, digits and _, with .mo, is allowed")
-    system, s = placed(npz_path, options)
+    system, s = load_places(npz_path, options)
     space, names = state_space(system, s, npz_path.name), Identifiers({name, *RESERVED})
-    given = zip(space.inputs, system.input_units, strict=True)
-    seen = zip(space.outputs, space.units, strict=True)
+    inputs = zip(space.inputs, system.input_units, strict=True)
+    outputs = zip(space.outputs, space.units, strict=True)
     signs = [f", {MINUS_THE_ACCELERATION}" if INERTIA in title else "" for title in space.inputs]
     lines = [
-        _variable("input", names(title), title + sign, unit) for (title, unit), sign in zip(given, signs, strict=True)
+        _variable("input", names(title), title + sign, unit) for (title, unit), sign in zip(inputs, signs, strict=True)
     ]
-    lines += [_variable("output", names(title), title, unit) for title, unit in seen]
-    own = [line.split("(")[0].split()[-1] for line in lines]
+    lines += [_variable("output", names(title), title, unit) for title, unit in outputs]
+    variables = [line.split("(")[0].split()[-1] for line in lines]
     i = len(space.inputs)
-    equations = [f"  f[{k}] = {one};" for k, one in enumerate(own[:i], 1)]
-    equations += [f"  {one} = y[{k}];" for k, one in enumerate(own[i:], 1)]
+    equations = [f"  f[{k}] = {variable};" for k, variable in enumerate(variables[:i], 1)]
+    equations += [f"  {variable} = y[{k}];" for k, variable in enumerate(variables[i:], 1)]
     S, n = space.A.shape[:2]
     text = _BLOCK.format(
         name=name,
         **{"S": S, "P": max(1, space.s.shape[1]), "n": n, "i": i, "q": len(space.outputs)},
         **{key: _braces(getattr(space, key)) for key in "ABCD"},
         s=_braces(space.s if space.paths else np.zeros((S, 1))),
-        paths=_said(", ".join(space.paths) or "nothing travels"),
+        paths=_escape(", ".join(space.paths) or "nothing travels"),
         variables="\n".join(lines),
         equations="\n".join(equations),
     )
-    with replaced(target) as part:
+    with replacement(target) as part:
         part.write_text(text, encoding="utf-8")
     return target
 
 
 def _variable(kind: str, name: str, title: str, unit: str) -> str:
-    """Its declaration; units as Modelica writes them, N.m and m/s2."""
-    return f'  {kind} Real {name}(unit = "{unit.replace(" ", ".").replace("^", "")}") "{_said(title)}";'
+    """Declaration of a variable; units as Modelica writes them, N.m and m/s2."""
+    return f'  {kind} Real {name}(unit = "{unit.replace(" ", ".").replace("^", "")}") "{_escape(title)}";'
 
 
-def _said(text: str) -> str:
+def _escape(text: str) -> str:
     """Within a string."""
     return text.replace("\\", "\\\\").replace('"', '\\"')
 
@@ -102,5 +102,5 @@ def _braces(values: Array) -> str:
     if values.size == 0:  # {} is no array in Modelica
         return f"zeros({', '.join(map(str, values.shape))})"
     if values.ndim == 1:
-        return f"{{{', '.join(repr(float(one)) for one in values)}}}"
+        return f"{{{', '.join(repr(float(value)) for value in values)}}}"
     return f"{{{(',' + chr(10) + '    ').join(map(_braces, values))}}}"

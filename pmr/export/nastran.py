@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.export.formats import Options
 from pmr.export.places import held_at
-from pmr.files.whole import replaced
+from pmr.files.whole import replacement
 from pmr.simulation.state_space import StateSpace
 
 Array = NDArray[np.float64]
@@ -39,17 +39,17 @@ def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
 
     Raises InputError as `pmr.export.places.held_at`.
     """
-    return _written(npz_path, target, options, _deck)
+    return _write(npz_path, target, options, _deck)
 
 
 def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
-    """The same matrices, whole and with all digits, as text of OUTPUT4; raises InputError as `write_dmig`."""
-    return _written(npz_path, target, options, _output4)
+    """Write all matrices, whole and with all digits, as text of OUTPUT4; raises InputError as `write_dmig`."""
+    return _write(npz_path, target, options, _output4)
 
 
-def _written(npz_path: Path, target: Path, options: Options, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
+def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
     space = held_at(npz_path, options)
-    with replaced(target) as part:
+    with replacement(target) as part:
         part.write_text("\n".join([*lines(space), ""]), encoding="utf-8")
     return target
 
@@ -73,20 +73,20 @@ def _deck(space: StateSpace) -> Iterator[str]:
     for k in range(len(space.s)):
         yield f"$ Place {k + 1}: {space.place(k)}".encode("ascii", "replace").decode()
     yield f"SPOINT  {1:<8d}THRU    {r:<8d}"
-    for one in _matrices(space):
-        form = _RECTANGULAR_DMIG if one.form == _RECTANGULAR else one.form
-        yield from _both(one.letter, one.number, one.A, form)
+    for matrix in _matrices(space):
+        form = _RECTANGULAR_DMIG if matrix.form == _RECTANGULAR else matrix.form
+        yield from _both(matrix.letter, matrix.number, matrix.A, form)
 
 
 def _output4(space: StateSpace) -> Iterator[str]:
-    for one in _matrices(space):
-        rows, columns = one.A.shape
-        yield f"{columns:8d}{rows:8d}{one.form:8d}{_DOUBLE:8d}{one.letter + one.number:<8}1P,3E24.16"
+    for matrix in _matrices(space):
+        rows, columns = matrix.A.shape
+        yield f"{columns:8d}{rows:8d}{matrix.form:8d}{_DOUBLE:8d}{matrix.letter + matrix.number:<8}1P,3E24.16"
         for j in range(columns):
-            there = np.flatnonzero(one.A[:, j])
-            if there.size:
-                values = one.A[there[0] : there[-1] + 1, j]
-                yield f"{j + 1:8d}{there[0] + 1:8d}{len(values):8d}"
+            nonzero = np.flatnonzero(matrix.A[:, j])
+            if nonzero.size:
+                values = matrix.A[nonzero[0] : nonzero[-1] + 1, j]
+                yield f"{j + 1:8d}{nonzero[0] + 1:8d}{len(values):8d}"
                 yield from ("".join(f"{x:24.16E}" for x in values[k : k + 3]) for k in range(0, len(values), 3))
         yield f"{columns + 1:8d}{1:8d}{1:8d}"
         yield f"{1.0:24.16E}"

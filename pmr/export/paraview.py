@@ -40,15 +40,15 @@ class Travelling:
     pose: Pose | None = None
 
     def file(self, k: int) -> str:
-        """What the file of time number k holds."""
+        """Content of the file of time number k."""
         fields = self.fields
         named: dict[str, NDArray[Any]] = {f"von_mises_{_word(face)}": of[k] for face, of in fields.von_mises.items()}
         named |= {f"stress_{_word(of)}": stress[k] for of, stress in fields.stress.items()}
         points = fields.grid.points + (0.0 if self.along is None else self.along[k], 0.0, 0.0)
-        moved: NDArray[Any] = fields.displacement[k]
+        displacement: NDArray[Any] = fields.displacement[k]
         if self.pose is not None:
-            points, moved = self.pose.at(k, points), self.pose.turned(k, moved)
-        return _vtu(fields.grid, points, {"displacement": moved}, named | _regions(fields.grid))
+            points, displacement = self.pose.at(k, points), self.pose.turned(k, displacement)
+        return _vtu(fields.grid, points, {"displacement": displacement}, named | _regions(fields.grid))
 
 
 def write_series(folder: Path, name: str, bodies: Mapping[str, Travelling], pads: Boxes | None = None) -> Path:
@@ -59,11 +59,11 @@ def write_series(folder: Path, name: str, bodies: Mapping[str, Travelling], pads
     Bodies by their names, at the same times, stand where they are.  The pads are one part more, with their values.
     """
     times = next(iter(bodies.values())).fields.t
-    drawn = {f"{one}-" if one else "": body.file for one, body in bodies.items()}
-    return _written(folder, name, times, drawn | ({PADS: lambda k: _of_pads(pads, k)} if pads is not None else {}))
+    drawn = {f"{body_name}-" if body_name else "": body.file for body_name, body in bodies.items()}
+    return _write_files(folder, name, times, drawn | ({PADS: lambda k: _of_pads(pads, k)} if pads is not None else {}))
 
 
-def _written(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], str]]) -> Path:
+def _write_files(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], str]]) -> Path:
     """A file for each time and part; what is `drawn` by the beginnings of the files' names."""
     steps = folder / name
     steps.mkdir(parents=True, exist_ok=True)
@@ -127,12 +127,12 @@ def _vtu(grid: Grid, points: Array, of_points: Named, of_cells: Named) -> str:
 def _array(name: str, values: NDArray[Any], part: str) -> str:
     kind = f"{_NUMBERS[values.dtype.kind]}{8 * values.dtype.itemsize}"
     wide = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 and part != "Cells" else ""
-    data = _compressed(np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes())
+    data = _compress(np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes())
     return f'<DataArray type="{kind}" Name="{escape(name)}"{wide} format="binary">{data}</DataArray>\n'
 
 
 @lru_cache(maxsize=64)
-def _compressed(data: bytes) -> str:
+def _compress(data: bytes) -> str:
     """One block, behind its number and sizes; cells and regions are the same in every file of a series."""
     block = zlib.compress(data, _LEVEL)
     head = np.array([1, len(data), len(data), len(block)], "<u4").tobytes()

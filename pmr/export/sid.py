@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fields.held import NodalBody
-from pmr.files.whole import replaced
+from pmr.files.whole import replacement
 
 Array = NDArray[np.float64]
 _DIAGONAL, _FULL = 1, 3
@@ -52,7 +52,7 @@ class Taylor:
 
 
 def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
-    """What the module's equations say, by the names of the format.
+    """Inertia integrals by the equations of the module, by the names of the format.
 
     Raises InputError if a node's mass differs along x, y and z: no field of displacements has such a mass matrix.
     """
@@ -66,11 +66,11 @@ def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
     xx, xp = of_x.T @ x, np.einsum("ni,njk->ijk", of_x, phi)
     pp = np.einsum("nik,njl->ijkl", phi, of_phi)
     Ct = np.einsum("n,nik->ki", unit, phi)
-    one = np.eye(3)[:, :, None]
+    eye = np.eye(3)[:, :, None]
     trace = np.einsum("iik->k", xp)
     J0 = np.trace(xx) * np.eye(3) - xx
-    J1 = 2.0 * trace * one - xp - xp.swapaxes(0, 1)
-    Gr = 2.0 * (trace * one - xp.swapaxes(0, 1))
+    J1 = 2.0 * trace * eye - xp - xp.swapaxes(0, 1)
+    Gr = 2.0 * (trace * eye - xp.swapaxes(0, 1))
     Cr0 = np.stack([xp[b, c] - xp[c, b] for b, c in _NEXT], axis=1)
     Cr1 = np.stack([pp[b, c].T - pp[c, b].T for b, c in _NEXT], axis=2)
     return {
@@ -95,7 +95,7 @@ def write_sid(body: NodalBody, target: Path) -> Path:
     """
     lines = list(_lines(body))
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replaced(target) as part:
+    with replacement(target) as part:
         part.write_text("\n".join([*lines, ""]), encoding="ascii")
     return target
 
@@ -111,12 +111,12 @@ def _lines(body: NodalBody) -> Iterator[str]:
     m, places = len(body.omega), body.places
     yield f"{len(places.names):5d}{m:5d}    :No. nodes, No. modes: sliders at s = {body.s!r} m, SI units"
     yield " part"
-    yield _said(6, "new modal", "")
+    yield _entry(6, "new modal", "")
     yield f"{'':11}refmod"
-    yield _said(16, "mass", _number(float(body.M[::3][:, ::3].sum())))
-    yield _said(16, "nelastq", f"{m:6d}")
+    yield _entry(16, "mass", _number(float(body.M[::3][:, ::3].sum())))
+    yield _entry(16, "nelastq", f"{m:6d}")
     for k, omega in enumerate(body.omega, start=1):
-        yield _said(16, f"ielastq ({k:4d})", f" Eigen Mode {k:4d} : {omega / (2.0 * np.pi):12.6g} Hz")
+        yield _entry(16, f"ielastq ({k:4d})", f" Eigen Mode {k:4d} : {omega / (2.0 * np.pi):12.6g} Hz")
     yield f"{'':11}end refmod"
     yield f"{'':11}frame"
     for k in range(len(places.names)):
@@ -128,14 +128,14 @@ def _lines(body: NodalBody) -> Iterator[str]:
     yield " end part"
 
 
-def _node(number: int, point: Array, moved: Array, turned: Array) -> Iterator[str]:
-    m, skew = moved.shape[1], np.zeros((3, moved.shape[1], 3))
+def _node(number: int, point: Array, translation: Array, turned: Array) -> Iterator[str]:
+    m, skew = translation.shape[1], np.zeros((3, translation.shape[1], 3))
     for a, (b, c) in enumerate(_NEXT):
         skew[c, :, b], skew[b, :, c] = turned[a], -turned[a]
-    yield _said(16, "new node", f"{number:8d}")
-    yield _said(21, "rframe", " body ref")
-    yield from _taylor(21, "origin", Taylor(point[:, None], moved[:, :, None]), m)
-    yield from _taylor(21, "phi", Taylor(moved), m)
+    yield _entry(16, "new node", f"{number:8d}")
+    yield _entry(21, "rframe", " body ref")
+    yield from _taylor(21, "origin", Taylor(point[:, None], translation[:, :, None]), m)
+    yield from _taylor(21, "phi", Taylor(translation), m)
     yield from _taylor(21, "psi", Taylor(turned), m)
     yield from _taylor(21, "AP", Taylor(np.eye(3), skew), m)
     yield f"{'':16}end node"
@@ -146,16 +146,16 @@ def _taylor(indent: int, name: str, value: Taylor, m: int) -> Iterator[str]:
     sizes = {"order": int(value.M1 is not None), "nrow": len(value.M0), "ncol": value.M0.shape[1], "nq": m, "nqn": 0}
     structure = value.structure if np.any(value.M0) or value.M1 is not None else 0
     for key, size in (sizes | {"structure": structure}).items():
-        yield _said(26, key, f"{size:6d}")
+        yield _entry(26, key, f"{size:6d}")
     for i, j in np.argwhere(value.M0):
-        yield _said(26, f"m0({i + 1:2d},{j + 1:2d})", _number(value.M0[i, j]))
+        yield _entry(26, f"m0({i + 1:2d},{j + 1:2d})", _number(value.M0[i, j]))
     if value.M1 is not None:
         for j, k, i in np.argwhere(value.M1.transpose(2, 1, 0)):
-            yield _said(26, f"m1({i + 1:2d},{k + 1:2d},{j + 1:2d})", _number(value.M1[i, k, j]))
+            yield _entry(26, f"m1({i + 1:2d},{k + 1:2d},{j + 1:2d})", _number(value.M1[i, k, j]))
     yield f"{'':{indent}}end {name}"
 
 
-def _said(indent: int, key: str, value: str) -> str:
+def _entry(indent: int, key: str, value: str) -> str:
     return f"{'':{indent}}{key:<{48 - indent}}={value}"
 
 

@@ -29,7 +29,7 @@ from types import ModuleType
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from pmr.errors.environment import check_current_folder, check_temporary, launched, unlaunched
+from pmr.errors.environment import check_current_folder, check_temporary, launched, without_launcher
 
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
@@ -43,7 +43,7 @@ if HAS_PETSC:
     import petsc4py
 
     # PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.
-    with unlaunched():
+    with without_launcher():
         petsc4py.init(["pmr", "-no_signal_handler"])
 
 
@@ -106,7 +106,7 @@ from pmr.files.whole import FULL
 __all__ = [
     "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",
     "check_fenicsx", "comm_of", "compiled_form", "constant", "create_mesh", "hermite_space", "lagrange_rule",
-    "lagrange_space", "original_cells", "rule_points", "shell_space", "tabulated", "tabulation_space",
+    "lagrange_space", "original_cells", "rule_points", "shell_space", "tabulate", "tabulation_space",
     "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
 
@@ -230,7 +230,7 @@ def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[A
     if cell == "point":
         return np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1))
     kind = getattr(basix.CellType, cell)
-    points, weights = _repeated(cell, parts, *_quadrature(kind, degree))
+    points, weights = _repeat_rule(cell, parts, *_quadrature(kind, degree))
     element = basix.create_element(basix.ElementFamily.P, kind, nodes, basix.LagrangeVariant.gll_warped)
     table = np.asarray(element.tabulate(1, points))[..., 0]
     return np.asarray(weights), table[0], table[1:]
@@ -241,7 +241,7 @@ def rule_points(cell: str, degree: int) -> Array:
     return np.asarray(_quadrature(getattr(basix.CellType, cell), degree)[0])
 
 
-def _repeated(cell: str, parts: int, points: Array, weights: Array) -> tuple[Array, Array]:
+def _repeat_rule(cell: str, parts: int, points: Array, weights: Array) -> tuple[Array, Array]:
     """A rule on each of the equal pieces of the reference cell; triangles: upright ones, and turned ones between."""
     d = points.shape[1]
     if parts == 1:
@@ -270,7 +270,7 @@ def lagrange_space(mesh: Any, degree: int) -> Any:
 
 def shell_space(mesh: Any) -> Any:
     """Quadratic displacement and Crouzeix-Raviart rotation, three components each, on triangles in space."""
-    return _space(mesh, _mixed([_element(mesh, "Lagrange", 2, 3), _element(mesh, "CR", 1, 3)]))
+    return _space(mesh, _mixed_element([_element(mesh, "Lagrange", 2, 3), _element(mesh, "CR", 1, 3)]))
 
 
 def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
@@ -284,7 +284,7 @@ def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
     # custom elements by little else.
     value = _vertex_element((lambda X: 1 - 3 * X**2 + 2 * X**3, lambda X: 3 * X**2 - 2 * X**3), 0, 0)
     slope = _vertex_element((lambda X: X - 2 * X**2 + X**3, lambda X: -(X**2) + X**3), 1, -1)
-    return _space(mesh, _mixed([_element(mesh, "Lagrange", 1)] * linear + [value, slope] * planes))
+    return _space(mesh, _mixed_element([_element(mesh, "Lagrange", 1)] * linear + [value, slope] * planes))
 
 
 def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
@@ -298,7 +298,7 @@ def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
     return ufl.FiniteElement(family, cell, degree)
 
 
-def _mixed(elements: list[Any]) -> Any:
+def _mixed_element(elements: list[Any]) -> Any:
     return ufl.MixedElement(*elements) if _WRAPPED else basix.ufl.mixed_element(elements)
 
 
@@ -341,7 +341,7 @@ def function(space: Any, values: Array) -> Any:
 def compiled_form(form: Any) -> Any:
     """A bilinear form, to be assembled as often as the values of its constants change; collective."""
     domain = next(iter(form.subdomain_data())).ufl_cargo()
-    return _compiled(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
+    return _compile_once(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
 
 
 def assemble(form: Any) -> PETSc.Mat:
@@ -352,7 +352,7 @@ def assemble(form: Any) -> PETSc.Mat:
 
 
 def tabulation_space(space: Any) -> Any:
-    """The space on which `tabulated` may be asked for what is linear in functions of `space`: the same, or as good.
+    """The space on which `tabulate` may be asked for what is linear in functions of `space`: the same, or as good.
 
     In 0.5 an expression writes beyond its memory where components share their dofs' numbers, so there they don't.
     """
@@ -361,7 +361,7 @@ def tabulation_space(space: Any) -> Any:
     return _space(space.mesh, ufl.MixedElement(*space.ufl_element().sub_elements()))
 
 
-def tabulated(expression: Any, points: Array, space: Any) -> Array:
+def tabulate(expression: Any, points: Array, space: Any) -> Array:
     """Values (C, q, v, d) of a vector with v components that is linear in a trial function of `space`.
 
     At points (q, tdim) of the reference cell, in each of the C cells that this rank knows, for each of a cell's d dofs
@@ -369,7 +369,7 @@ def tabulated(expression: Any, points: Array, space: Any) -> Array:
     """
     mesh = space.mesh
     name = ffcx.naming.compute_signature([(expression, points)], "")
-    compiled = _compiled(mesh.comm, f"expression {name}", partial(dolfinx.fem.Expression, expression, points))
+    compiled = _compile_once(mesh.comm, f"expression {name}", partial(dolfinx.fem.Expression, expression, points))
     cells = np.arange(len(original_cells(mesh)), dtype=np.int32)
     values = compiled.eval(cells) if VERSION < (0, 7) else compiled.eval(mesh, cells)
     return np.asarray(values).reshape(len(cells), len(points), ufl.product(expression.ufl_shape), -1)
@@ -377,10 +377,10 @@ def tabulated(expression: Any, points: Array, space: Any) -> Array:
 
 def _space(mesh: Any, element: Any) -> Any:
     create = dolfinx.fem.FunctionSpace if VERSION < (0, 7) else dolfinx.fem.functionspace
-    return _compiled(mesh.comm, f"element {element!r}", partial(create, mesh, element))
+    return _compile_once(mesh.comm, f"element {element!r}", partial(create, mesh, element))
 
 
-def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any:
+def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any:
     """Call `create` with the code that it compiles stored in a folder of its own in dolfinx' cache; collective.
 
     FFCx marks what it has begun by a file that nobody takes away if its process is killed: from then on each run that

@@ -64,11 +64,11 @@ def times(A: PETSc.Mat, local: Array) -> Array:
     (rows, columns), result = A.getSizes(), np.empty((A.getLocalSize()[0], local.shape[1]), order="F")
     right, product = _view(np.asfortranarray(local), columns, A.comm), _view(result, rows, A.comm)
     A.matMult(right, product)
-    freed(right, product)
+    free_objects(right, product)
     return result
 
 
-def freed(*objects: Any) -> None:
+def free_objects(*objects: Any) -> None:
     """Give the memory of PETSc's objects back at once; collective.  What Python drops stays until `free_dropped`."""
     for item in objects:
         item.destroy()

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 from pmr.errors import InputError
 from pmr.errors.environment import available_memory
 from pmr.fem.compat import HAS_PETSC, MPI, PETSc
-from pmr.fem.distributed import freed, view
+from pmr.fem.distributed import free_objects, view
 
 Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ class _PetscFactor:
             right = view(np.asfortranarray(columns[:, k : k + BLOCK]), self._factor)
             answer = view(result[:, k : k + BLOCK], self._factor)
             self._factor.matSolve(right, answer)
-            freed(right, answer)
+            free_objects(right, answer)
         return result
 
     def destroy(self) -> None:
@@ -76,14 +76,14 @@ class Factor(_PetscFactor):
     def __init__(self, A: PETSc.Mat, name: str) -> None:
         A.setOption(PETSc.Mat.Option.SPD, True)
         free = free_memory(A.comm.tompi4py())
-        self._factor = factorised(A, min(free, ample(A)))
+        self._factor = factorise(A, min(free, ample(A)))
         if self._is_too_little() and free > ample(A):
             self._factor.destroy()
-            self._factor = factorised(A, free)
+            self._factor = factorise(A, free)
         if self._is_too_little():
             needed = self._factor.getMumpsInfog(16)
             self._factor.destroy()
-            self._factor = factorised(A, free, in_files=True)
+            self._factor = factorise(A, free, in_files=True)
             self._say(name, needed, free)
         code = self._factor.getMumpsInfog(1)
         if code < 0:
@@ -153,7 +153,7 @@ class SparseFactor:
         answer.getArray()[:] = self._factor.solve(right.getArray())
 
     def solve_columns(self, columns: Array) -> Array:
-        """As `Factor.solve_columns`."""
+        """Solve for the columns (n, k) of a matrix."""
         return np.asfortranarray(self._factor.solve(columns))
 
     def destroy(self) -> None:
@@ -173,7 +173,7 @@ def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
     """A factor for one right-hand side after another: CHOLMOD's on one rank, where PETSc has it."""
     if HAS_PETSC and A.comm.size == 1:
         with suppress(PETSc.Error):
-            freed(cholesky(A, "cholmod"))
+            free_objects(cholesky(A, "cholmod"))
             return SequentialFactor(A, name)
     return factor_of(A, name)
 
@@ -203,7 +203,7 @@ def refusal(name: str, code: int) -> InputError:
     return InputError("scene", "mesh", None, allowed)
 
 
-def factorised(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
+def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
     """The factor of A in at most `free` MB a rank; from its analysis MUMPS knows beforehand if that is too little.
 
     A itself is no longer held.

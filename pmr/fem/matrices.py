@@ -5,7 +5,7 @@ from __future__ import annotations
 import scipy.sparse as sp
 
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import freed, sparse
+from pmr.fem.distributed import free_objects, sparse
 
 
 def columns(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
@@ -26,7 +26,7 @@ def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
     rows: sp.csr_matrix = local_csr(A)
     rows.eliminate_zeros()
     result = sparse(rows, A, columns=A.getLocalSize()[1])
-    freed(A)
+    free_objects(A)
     return result
 
 

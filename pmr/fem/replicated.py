@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import freed, view
-from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, AnyFactor, ample, factor_of, factorised, free_memory, refusal
+from pmr.fem.distributed import free_objects, view
+from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, AnyFactor, ample, factor_of, factorise, free_memory, refusal
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -51,8 +51,8 @@ class ReplicatedFactor:
         copy.setOption(PETSc.Mat.Option.SPD, True)
         free = free_memory(comm)
         share = max(1, int(COPIES * free)) if free else 0
-        self._factor = factorised(copy, min(share, ample(copy)))
-        freed(copy)
+        self._factor = factorise(copy, min(share, ample(copy)))
+        free_objects(copy)
         codes = comm.allgather(self._factor.getMumpsInfog(1))
         if {TOO_LITTLE, *NO_MEMORY} & set(codes):
             needed = self._factor.getMumpsInfog(16)
@@ -72,7 +72,7 @@ class ReplicatedFactor:
             if mine.size:  # fewer columns than ranks leave some without
                 right, answer = view(mine, self._factor), view(mine, self._factor)
                 self._factor.matSolve(right, answer)
-                freed(right, answer)
+                free_objects(right, answer)
             self._exchange.rows(mine, columns[:, k : k + many])
         return columns
 

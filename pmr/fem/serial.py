@@ -168,9 +168,9 @@ class Mat:
         self.values = sp.csr_matrix(self.values + factor * X.values)
 
     def zeroRowsColumns(self, numbers: NDArray[Any], diag: float) -> None:
-        others, diagonal = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
-        others[numbers], diagonal[numbers] = 0.0, diag
-        self.values = sp.csr_matrix(sp.diags(others) @ self.values @ sp.diags(others) + sp.diags(diagonal))
+        remaining, diagonal = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
+        remaining[numbers], diagonal[numbers] = 0.0, diag
+        self.values = sp.csr_matrix(sp.diags(remaining) @ self.values @ sp.diags(remaining) + sp.diags(diagonal))
 
     def norm(self, kind: Any) -> float:
         return float(np.abs(self.values).sum(axis=1).max())

@@ -136,7 +136,7 @@ class Running:
                 most[k, i], most_at[k, i] = self._most[high], self._most_at[high]
         for unit in set(units.values()):
             of_unit = np.array([units[name] == unit for name in names])
-            largest = max(np.abs(one[of_unit]).max(initial=0.0) for one in (least, most))
+            largest = max(np.abs(extremes[of_unit]).max(initial=0.0) for extremes in (least, most))
             for values in (least, most):
                 values[of_unit[:, None] & (np.abs(values) <= ROUND_OFF * largest)] = 0.0
         nothing = (least == 0.0) & (most == 0.0)

@@ -104,4 +104,4 @@ class Fields:
     def load(cls, file: Path) -> Fields:
         """Read what `save` wrote."""
         data = npz.read(file, MOST_EXPANSION, ROOM)
-        return records.record(cls, records.renamed(data, {"region.": "grid.regions."}))  # as version 0.1 wrote them
+        return records.record(cls, records.rename_keys(data, {"region.": "grid.regions."}))  # as version 0.1 wrote them

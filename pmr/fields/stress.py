@@ -58,9 +58,9 @@ class StressRows:
 
     def of(self, q: Array) -> Array:
         """Stresses (S, P, c) in Pa of coordinates (S, n)."""
-        return self.shaped((self.rows @ q.T).T)
+        return self.split_by_point((self.rows @ q.T).T)
 
-    def shaped(self, stresses: Array) -> Array:
+    def split_by_point(self, stresses: Array) -> Array:
         """Stresses (S, P c) in the order of the rows as (S, P, c)."""
         return np.asarray(stresses).reshape(len(stresses), len(self.points), len(self.components))
 

@@ -14,13 +14,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pmr.files.whole import locked
+from pmr.files.whole import hold_lock
 
 Made = TypeVar("Made")
 
 
 def stored(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
-    """What `make` returns, given `folder` if it is whole, or an empty folder that then takes its place; collective.
+    """Result of `make`, given `folder` if it is whole, or a new folder that then replaces it; collective.
 
     The folder lies on a disk that all ranks of `comm` see; what rank 0 says counts, which asks `is_whole` whether it
     holds what it should.  `make` loads from a folder that is whole and fills an empty one; it fails on all ranks or on
@@ -29,40 +29,40 @@ def stored(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path]
     Raises OSError on rank 0 if there is no folder to write to.
     """
     first = comm.rank == 0
-    found = comm.bcast(is_whole(folder) if first else None)
-    if found:
+    complete = comm.bcast(is_whole(folder) if first else None)
+    if complete:
         try:
             return make(folder)
         except Exception:
             if first:
                 _discard(folder)
-    return _made(folder, is_whole, make, comm)
+    return _make_locked(folder, is_whole, make, comm)
 
 
-def _made(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
+def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
     if comm.rank > 0:
-        made = make(comm.bcast(None))
+        result = make(comm.bcast(None))
         comm.barrier()
-        return made
+        return result
     folder.parent.mkdir(parents=True, exist_ok=True)
     lock = folder.with_name(f"{folder.name}.lock")
     lock.touch()
-    with locked(lock) as alone:  # without locks two processes do the same work, each in a folder of its own
+    with hold_lock(lock) as alone:  # without locks two processes do the same work, each in a folder of its own
         if is_whole(folder):  # another process has made it while this one waited for the lock
-            made = make(comm.bcast(folder))
+            result = make(comm.bcast(folder))
             comm.barrier()
-            return made
+            return result
         if alone:
-            for left in folder.parent.glob(f"{folder.name}.*.part"):
-                _discard(left)
+            for partial in folder.parent.glob(f"{folder.name}.*.part"):
+                _discard(partial)
         part = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", suffix=".part", dir=folder.parent))
         try:
-            made = make(comm.bcast(part))
+            result = make(comm.bcast(part))
             comm.barrier()  # the other ranks load from it, too
             _publish(part, folder, is_whole)
         finally:
             _discard(part)
-        return made
+        return result
 
 
 def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None:

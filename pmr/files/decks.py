@@ -65,7 +65,7 @@ class Elements:
 
 @dataclass
 class Deck:
-    """What a deck holds; sets are by their names in small letters, with members that exist."""
+    """Content of a deck; sets are by their names in small letters, with members that exist."""
 
     source: str
     nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # by number, in the file's order, m
@@ -124,8 +124,8 @@ def _cards(deck: Deck, text: str) -> Iterator[Card]:
 
 
 def _card(number: int, head: str, data: Sequence[Line]) -> Card:
-    keyword, *rest = (part.strip() for part in head[1:].split(","))
-    options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in rest)}
+    keyword, *parts = (part.strip() for part in head[1:].split(","))
+    options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in parts)}
     return Card(number, " ".join(keyword.upper().split()), options, tuple(data))
 
 
@@ -139,7 +139,7 @@ class _Parts:
         if card.keyword != "INSTANCE":
             return
         part = card.options.get("PART", card.options.get("NAME", "")).lower()
-        if any(one.strip("0.+-") for line in card.lines for one in line.fields):
+        if any(field.strip("0.+-") for line in card.lines for field in line.fields):
             raise deck.refusal(
                 card.lines[0].number,
                 "the translation or rotation of an instance is not read; nodes in their places are allowed",
@@ -159,7 +159,7 @@ def _read_nodes(deck: Deck, card: Card) -> None:
     _refuse_options(deck, card, {"NSET", "SYSTEM"})
     numbers = list[int]()
     for line in card.lines:
-        number, *place = (one for one in line.fields)
+        number, *place = (field for field in line.fields)
         while place and not place[-1]:
             place.pop()
         if len(place) > 3 and any(place[3:]):
@@ -170,13 +170,13 @@ def _read_nodes(deck: Deck, card: Card) -> None:
                 line.number, f"node {node} is there a second time; one part is allowed, each number once"
             )
         try:
-            x, y, z = (float(one or "0") for one in [*place, "0", "0", "0"][:3])
+            x, y, z = (float(field or "0") for field in [*place, "0", "0", "0"][:3])
         except ValueError:
             raise deck.refusal(line.number, f"coordinates of node {node} that are numbers are allowed") from None
         deck.nodes[node] = (x, y, z)
         numbers.append(node)
     if "NSET" in card.options:
-        _named(deck, deck.node_sets, card, "NSET").update(numbers)
+        _set_by_name(deck, deck.node_sets, card, "NSET").update(numbers)
 
 
 def _read_elements(deck: Deck, card: Card) -> None:
@@ -185,7 +185,7 @@ def _read_elements(deck: Deck, card: Card) -> None:
     count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), 0
     for line in card.lines:
         begun = begun if parts else line.number
-        parts.extend(_whole(deck, line, one, "a whole number") for one in line.fields if one)
+        parts.extend(_whole(deck, line, field, "a whole number") for field in line.fields if field)
         if len(parts) < 1 + count if count else not line.fields[-1]:
             continue  # it goes on in the next line
         if parts[0] in deck.element_numbers:
@@ -203,7 +203,7 @@ def _read_elements(deck: Deck, card: Card) -> None:
         raise deck.refusal(begun, f"element {parts[0]} of type {block.type} has too few nodes")
     deck.elements.append(block)
     if "ELSET" in card.options:
-        _named(deck, deck.element_sets, card, "ELSET").update(block.numbers)
+        _set_by_name(deck, deck.element_sets, card, "ELSET").update(block.numbers)
 
 
 def _read_set(deck: Deck, card: Card) -> None:
@@ -214,13 +214,13 @@ def _read_set(deck: Deck, card: Card) -> None:
     existing = deck.nodes.keys() if of_nodes else deck.element_numbers
     if card.keyword not in card.options:
         raise deck.refusal(card.number, f"*{card.keyword} with {card.keyword}=NAME is allowed")
-    members = _named(deck, sets, card, card.keyword)
+    members = _set_by_name(deck, sets, card, card.keyword)
     if of_nodes and "ELSET" in card.options:
         members.update(_nodes_of(deck, card))
     for line in card.lines:
-        fields = [one for one in line.fields if one]
+        fields = [field for field in line.fields if field]
         if "GENERATE" in card.options:
-            numbers = [_whole(deck, line, one, "first, last and step") for one in fields]
+            numbers = [_whole(deck, line, field, "first, last and step") for field in fields]
             if len(numbers) not in (2, 3) or numbers[2:] == [0]:
                 raise deck.refusal(line.number, "first, last and step as whole numbers are allowed")
             first, last, step = [*numbers, 1][:3]
@@ -246,9 +246,9 @@ def _nodes_of(deck: Deck, card: Card) -> set[int]:
     return {
         node
         for block in deck.elements
-        for n, own in zip(block.numbers, block.nodes, strict=True)
+        for n, members in zip(block.numbers, block.nodes, strict=True)
         if n in inside
-        for node in own
+        for node in members
     }
 
 
@@ -259,7 +259,7 @@ def _ensure(deck: Deck, line: Line, card: Card, existing: Set[int], numbers: lis
         raise deck.refusal(line.number, f"{what} {missing} of set {card.options[card.keyword]} is not in the file")
 
 
-def _named(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) -> set[int]:
+def _set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) -> set[int]:
     name = card.options[option]
     deck.spelled.setdefault(name.lower(), name)
     return sets.setdefault(name.lower(), set())
@@ -272,13 +272,13 @@ def _whole(deck: Deck, line: Line, text: str, what: str) -> int:
 
 
 def _is_number(text: str) -> bool:
-    """Whether it is a whole number that nodes and elements may have."""
+    """True for a whole number that nodes and elements may have."""
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
-def _refuse_options(deck: Deck, card: Card, known: set[str]) -> None:
+def _refuse_options(deck: Deck, card: Card, allowed: set[str]) -> None:
     for name in card.options:
-        if name and name not in known:
+        if name and name not in allowed:
             raise deck.refusal(card.number, f"the option {name} of *{card.keyword} is not read")
 
 

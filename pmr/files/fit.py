@@ -52,7 +52,7 @@ _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
     """The matrix or map that does not fit and the reason, in words; None where all fit."""
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[tuple[str, str]]], ...] = (
-        _vanishing,
+        _vanishing_entries,
         _indefinite,
         _unknown_motions,
         _parts,
@@ -68,7 +68,7 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
     return next((reason for check in checks for reason in check(M, body)), None)
 
 
-def _vanishing(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Diagonal entries that are nothing beside the others, by logarithms: their squares may be no numbers any more."""
     for name, A, what in (("M", M, "mass"), ("K", body.K, "stiffness")):
         diagonal = A.diagonal()
@@ -103,7 +103,7 @@ def _least_eigenvalue(A: sp.csr_matrix) -> float:
     scale = 1.0 / np.sqrt(A.diagonal())
     v = np.random.default_rng(3).standard_normal(A.shape[0])
     v, before, beta = v / np.linalg.norm(v), np.zeros(A.shape[0]), 0.0
-    diagonal, beside = list[float](), list[float]()
+    diagonal, off_diagonal = list[float](), list[float]()
     for _ in range(min(STEPS, A.shape[0])):
         w = scale * (A @ (scale * v)) - beta * before
         diagonal.append(float(w @ v))
@@ -111,20 +111,20 @@ def _least_eigenvalue(A: sp.csr_matrix) -> float:
         beta = float(np.linalg.norm(w))
         if not beta > 1e-10:
             break
-        beside.append(beta)
+        off_diagonal.append(beta)
         before, v = v, w / beta
-    return float(scipy.linalg.eigh_tridiagonal(diagonal, beside[: len(diagonal) - 1], eigvals_only=True)[0])
+    return float(scipy.linalg.eigh_tridiagonal(diagonal, off_diagonal[: len(diagonal) - 1], eigvals_only=True)[0])
 
 
 def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     """Rigid motions that no coordinate takes part in, or only as others do."""
     R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
     R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
-    known = list[int]()
+    independent = list[int]()
     for k in range(6):
-        if np.linalg.matrix_rank(R[:, [*known, k]], tol=np.sqrt(1e-9)) > len(known):
-            known.append(k)
-    missing = ", ".join(DIRECTIONS[k] for k in range(6) if k not in known)
+        if np.linalg.matrix_rank(R[:, [*independent, k]], tol=np.sqrt(1e-9)) > len(independent):
+            independent.append(k)
+    missing = ", ".join(DIRECTIONS[k] for k in range(6) if k not in independent)
     if missing:
         yield (
             "direction",
@@ -138,13 +138,13 @@ def _parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
         (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
     )
     count, part = connected_components(links @ abs(body.K) @ links.T, directed=False)
-    moved = np.unique(body.node)
-    sizes = np.bincount(part[moved], minlength=count)
-    held = np.bincount(part[moved], body.grounded[moved], minlength=count)
+    nodes = np.unique(body.node)
+    sizes = np.bincount(part[nodes], minlength=count)
+    held = np.bincount(part[nodes], body.grounded[nodes], minlength=count)
     loose = np.flatnonzero((sizes > 0) & (held == 0))
     if len(loose) and np.sum(sizes > 0) > 1:
         smallest = loose[np.argmin(sizes[loose])]
-        first = int(moved[part[moved] == smallest][0])
+        first = int(nodes[part[nodes] == smallest][0])
         yield (
             "K",
             (
@@ -175,7 +175,7 @@ def _places(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     sums, sizes = body.sums_of_moments
     wrong = np.zeros(len(body.points), dtype=bool)
     wrong[body.node[np.abs(sums).max(axis=1) > ROUNDING_OF_POINTS[1] * sizes]] = True
-    wrong &= ~body.grounded & ~body.lacking.any(axis=1) & ~_beside(body, _without_rotations(body))
+    wrong &= ~body.grounded & ~body.lacking.any(axis=1) & ~_near_nodes(body, _without_rotations(body))
     if wrong.any():
         yield (
             affine_change(body)
@@ -194,7 +194,7 @@ def _axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
     if _is_dense(body):
         wrong = held if held.any() and _left_free(body) > 6 - len(body.held()) else np.zeros_like(held)
     else:
-        wrong = held & (~_supported(body) | turned_alone(body))
+        wrong = held & (~_supported_nodes(body) | turned_alone(body))
     if wrong.any():
         yield (
             by_direction(body)
@@ -254,7 +254,7 @@ def _mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
 
 
 def _centre(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
-    """Where all displacements are there, the centre of mass lies within the body."""
+    """Check that the centre of mass lies within the body, where all displacements are there."""
     if len(body.held()):
         return
     R = rigid_motions(body.points[body.node], body.direction)
@@ -332,12 +332,12 @@ def sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
     apart = (body.edges > 0.0) & (body.direction[row] < 3)
     inverse = np.divide(1.0, body.edges, out=np.zeros(len(row)), where=apart)
     nearest = body.on_pattern(inverse).max(axis=1).toarray().ravel()
-    known = nearest > 0.0
-    if not known.any():
+    connected = nearest > 0.0
+    if not connected.any():
         return 0.0, np.inf
     speeds = np.zeros(len(body.points))
-    local = 1.0 / nearest[known] * np.sqrt(body.K.diagonal()[known] / M.diagonal()[known])
-    np.maximum.at(speeds, body.node[known], local)
+    local = 1.0 / nearest[connected] * np.sqrt(body.K.diagonal()[connected] / M.diagonal()[connected])
+    np.maximum.at(speeds, body.node[connected], local)
     x = body.points - body.points.mean(axis=0)
     axis = int(np.ptp(x, axis=0).argmax())
     along = body.direction == axis
@@ -369,26 +369,26 @@ def _without_rotations(body: Resistance) -> Mask:
     """Nodes (N,) that move, but have no rotation about some axis where most others have one."""
     missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.lacking.any(axis=1)
     for k in range(3, 6):
-        known = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0
-        if 2 * np.sum(known) > len(known):
-            missing |= displaced & ~known
+        rotates = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0
+        if 2 * np.sum(rotates) > len(rotates):
+            missing |= displaced & ~rotates
     return missing
 
 
-def _supported(body: Resistance) -> Mask:
+def _supported_nodes(body: Resistance) -> Mask:
     """Nodes (N,) beside others that are held, as far as forces along the axes say that are.
 
     Under translations along all other axes a node has no forces, or those of a spring of its own.
     """
-    beside = np.stack([_beside(body, body.lacking[:, k]) for k in range(3)], axis=1)
-    springs = np.where(beside[:, :, None] | beside[:, None], 0.0, body.blocks)
+    lacks = np.stack([_near_nodes(body, body.lacking[:, k]) for k in range(3)], axis=1)
+    springs = np.where(lacks[:, :, None] | lacks[:, None], 0.0, body.blocks)
     size = np.abs(body.blocks).max(axis=(1, 2))
     skew = np.abs(springs - springs.transpose(0, 2, 1)).max(axis=(1, 2))
     least = np.linalg.eigvalsh((springs + springs.transpose(0, 2, 1)) / 2.0)[:, 0]
-    return np.asarray(beside.any(axis=1) & (skew <= 1e-6 * size) & (least >= -1e-6 * size))
+    return np.asarray(lacks.any(axis=1) & (skew <= 1e-6 * size) & (least >= -1e-6 * size))
 
 
-def _beside(body: Resistance, missing: Mask) -> Mask:
+def _near_nodes(body: Resistance, missing: Mask) -> Mask:
     """Nodes (N,) as near to one of these as to those that K couples them with, or a fifth farther."""
     if not missing.any():
         return np.zeros(len(missing), dtype=bool)

@@ -38,7 +38,7 @@ DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
 @dataclass(frozen=True)
 class ForeignFiles:
-    """Where another program left its model."""
+    """Files in which another program left its model."""
 
     #: ``.sti``; ``.mtx`` (Matrix Market, or Abaqus's own), ``.npz`` (SciPy), ``.rb`` or ``.hb`` (Harwell-Boeing); of
     #: Nastran ``.bdf`` or ``.pch`` (DMIG) and ``.op4``, with names that begin with K and M where there are several
@@ -53,16 +53,16 @@ class ForeignFiles:
 
 
 def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: Path | None) -> ForeignFiles:
-    """Where the others are if nobody says so: beside the stiffness, or in its own file where that holds them."""
+    """Files of mass, coordinates and nodes, by default beside the stiffness or in its own file."""
     suffix = stiffness.suffix.lower()
-    own = {".bdf": ("mass", "dofs", "nodes"), ".op4": ("mass",), ".pch": ("mass", "dofs"), ".mtx": ("dofs",)}
-    given = {"mass": mass, "dofs": dofs, "nodes": nodes}
-    beside = {"mass": ".mas", "dofs": ".dof", "nodes": ".inp"}
-    found = {
-        key: file or (stiffness if key in own.get(suffix, ()) else stiffness.with_suffix(beside[key]))
-        for key, file in given.items()
+    combined = {".bdf": ("mass", "dofs", "nodes"), ".op4": ("mass",), ".pch": ("mass", "dofs"), ".mtx": ("dofs",)}
+    paths = {"mass": mass, "dofs": dofs, "nodes": nodes}
+    suffixes = {"mass": ".mas", "dofs": ".dof", "nodes": ".inp"}
+    resolved = {
+        key: file or (stiffness if key in combined.get(suffix, ()) else stiffness.with_suffix(suffixes[key]))
+        for key, file in paths.items()
     }
-    return ForeignFiles(stiffness, **found)
+    return ForeignFiles(stiffness, **resolved)
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,10 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
 
     Raises InputError if a file is missing, of another kind, or does not say what it should, or they do not fit.
     """
-    K, M = _guarded(files.stiffness, _MATRICES | _nastran("K")), _guarded(files.mass, _MATRICES | _nastran("M"))
-    pairs, nodes = _guarded(files.dofs, _DOFS), _guarded(files.nodes, _NODES)
+    K, M = _read_with(files.stiffness, _MATRICES | _nastran("K")), _read_with(files.mass, _MATRICES | _nastran("M"))
+    pairs, nodes = _read_with(files.dofs, _DOFS), _read_with(files.nodes, _NODES)
     for file in (files.stiffness, files.mass):  # those whose entries name their coordinates
-        if _is_labelled(file) and not np.array_equal(_guarded(file, _DOFS), pairs):
+        if _is_labelled(file) and not np.array_equal(_read_with(file, _DOFS), pairs):
             raise InputError(str(file), "", None, f"the nodes and directions of {files.dofs.name} are allowed")
     if len(pairs) != K.shape[0]:
         allowed = f"a line for each of the {K.shape[0]} rows of {files.stiffness.name} is allowed"
@@ -123,8 +123,8 @@ def _check_constraints(source: str, nodes: _Nodes, pairs: Indices) -> None:
             raise InputError(source, f"line {line}", None, allowed)
 
 
-def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
-    """What the reader for a file's suffix makes of it."""
+def _read_with(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
+    """Result of the reader for a file's suffix; an InputError if it can't read the file."""
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise InputError(str(path), "", None, f"files that end in {', '.join(readers)} are allowed")
@@ -213,15 +213,15 @@ def _nodes_csv(path: Path) -> _Nodes:
 
 def _inp(path: Path) -> _Nodes:
     deck = read_deck(path)
-    sets = {name: [*own] for name, own in deck.node_sets.items()}
+    sets = {name: [*members] for name, members in deck.node_sets.items()}
     return replace(_nodes(list(deck.nodes), [*deck.nodes.values()], sets), constraints=deck.constraints)
 
 
 def _nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:
     if not numbers:
         raise UnreadableError("nodes are allowed: this file has none")
-    found = {name: np.unique(np.array(members, dtype=np.int64)) for name, members in groups.items() if members}
-    return _Nodes(np.array(numbers, dtype=np.int64), np.array(points), found)
+    sets_of_nodes = {name: np.unique(np.array(members, dtype=np.int64)) for name, members in groups.items() if members}
+    return _Nodes(np.array(numbers, dtype=np.int64), np.array(points), sets_of_nodes)
 
 
 def _refuse_unknown(source: str, key: str, numbers: Indices, place: dict[int, int], nodes: Path) -> None:
@@ -239,7 +239,7 @@ def _is_market(path: Path) -> bool:
 
 
 def _market(path: Path) -> sp.csr_matrix:
-    """Of Matrix Market, or as Abaqus writes it."""
+    """Read a matrix of Matrix Market, or as Abaqus writes it."""
     if not _is_market(path):
         entries = labelled.read_entries(path)
         return _symmetric(entries.matrix(entries.pairs))
@@ -251,13 +251,13 @@ def _market(path: Path) -> sp.csr_matrix:
 
 def _of_bulk(path: Path) -> _Nodes:
     bulk = labelled.read_bulk(path)
-    return _nodes(bulk.numbers.tolist(), bulk.points.tolist(), {n: own.tolist() for n, own in bulk.groups.items()})
+    return _nodes(bulk.numbers.tolist(), bulk.points.tolist(), {n: nodes.tolist() for n, nodes in bulk.groups.items()})
 
 
 def _nastran(letter: str) -> dict[str, Callable[[Path], object]]:
     """Readers of the matrix whose name begins with a letter."""
-    entries = {s: lambda path: labelled.named(labelled.read_bulk(path).matrices, letter) for s in _DMIG}
-    return {**entries, ".op4": lambda path: _symmetric(labelled.named(labelled.read_output4(path), letter))}
+    entries = {s: lambda path: labelled.only_matrix(labelled.read_bulk(path).matrices, letter) for s in _DMIG}
+    return {**entries, ".op4": lambda path: _symmetric(labelled.only_matrix(labelled.read_output4(path), letter))}
 
 
 _DMIG = (".bdf", ".pch")

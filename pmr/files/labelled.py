@@ -44,8 +44,8 @@ class Entries:
         number = {(int(node), int(direction)): k for k, (node, direction) in enumerate(pairs)}
         rows, columns = ([number[int(n), int(d)] for n, d in part] for part in (self.rows, self.columns))
         A = sp.coo_matrix((self.values, (rows, columns)), shape=(len(pairs), len(pairs))).tocsr()
-        there = sp.csr_matrix((np.ones(A.nnz), A.indices, A.indptr), shape=A.shape)
-        return sp.csr_matrix(A + A.T - A.T.multiply(there))
+        pattern = sp.csr_matrix((np.ones(A.nnz), A.indices, A.indptr), shape=A.shape)
+        return sp.csr_matrix(A + A.T - A.T.multiply(pattern))
 
 
 class UnreadableError(ValueError):
@@ -62,9 +62,9 @@ def read_entries(path: Path) -> Entries:
     Raises UnreadableError at others.
     """
     form = "node, direction, node, direction and entry"
-    found = table(path, (int, int, int, int, float), form, delimiter=",", comment="*")
-    labels = found[:, :4].astype(np.int64)
-    return Entries(labels[:, :2], labels[:, 2:], found[:, 4])
+    columns = table(path, (int, int, int, int, float), form, delimiter=",", comment="*")
+    labels = columns[:, :4].astype(np.int64)
+    return Entries(labels[:, :2], labels[:, 2:], columns[:, 4])
 
 
 def table(
@@ -78,10 +78,10 @@ def table(
     if not content.endswith(b"\n"):
         raise UnreadableError("a last line that ends is allowed: this file is cut off")
     try:
-        found = np.loadtxt(path, delimiter=delimiter, comments=comment, skiprows=head, ndmin=2)
-        whole = [k for k, kind in enumerate(kinds) if kind is int]
-        if found.shape[1] == len(kinds) and np.all(found[:, whole] == np.trunc(found[:, whole])) and found.size:
-            return found
+        data = np.loadtxt(path, delimiter=delimiter, comments=comment, skiprows=head, ndmin=2)
+        ints = [k for k, kind in enumerate(kinds) if kind is int]
+        if data.shape[1] == len(kinds) and np.all(data[:, ints] == np.trunc(data[:, ints])) and data.size:
+            return data
     except (ValueError, UserWarning):
         pass
     for number, line in enumerate(content.decode("utf-8", "replace").splitlines()[head:], head + 1):
@@ -104,7 +104,7 @@ def _is_row(parts: Sequence[str], kinds: Sequence[type]) -> bool:
 
 @dataclass(frozen=True)
 class Bulk:
-    """What a bulk data file holds."""
+    """Content of a bulk data file."""
 
     matrices: dict[str, sp.csr_matrix]  #: Real DMIG matrices by name, square or symmetric
     pairs: Indices  #: (n, 2) array: grid point and component (1 to 6) of each row, ascending
@@ -119,7 +119,7 @@ CARDS = frozenset(("GRID", "DMIG", "INCLUDE", "ENDDATA"))
 
 
 def read_bulk(path: Path) -> Bulk:
-    """What a bulk data file holds.
+    """Read the matrices, grid points and sets of a bulk data file.
 
     Raises InputError if pyNastran is missing, UnreadableError if the file is not read.
     """
@@ -133,23 +133,23 @@ def read_bulk(path: Path) -> Bulk:
         raise UnreadableError("bulk data of GRID, SET1 and DMIG entries are allowed") from None
     entries = dict[str, Entries]()
     for name, card in deck.dmig.items():
-        line = next((k for k, one in enumerate(text, 1) if one.upper().startswith("DMIG") and name in one.upper()), 0)
+        line = next((k for k, row in enumerate(text, 1) if row.upper().startswith("DMIG") and name in row.upper()), 0)
         if card.is_complex:
             raise UnreadableError(f"real entries are allowed: those of {name} have imaginary parts", line)
         if card.matrix_form in (SQUARE, SYMMETRIC):
             values = np.asarray(card.Real, float)
             entries[name] = Entries(np.asarray(card.GCi, np.int64), np.asarray(card.GCj, np.int64), values)
-    pairs = np.unique(np.vstack([np.empty((0, 2), np.int64), *(one.pairs for one in entries.values())]), axis=0)
+    pairs = np.unique(np.vstack([np.empty((0, 2), np.int64), *(matrix.pairs for matrix in entries.values())]), axis=0)
     grids = sorted(deck.nodes)
     for grid in grids:
         for what, axes in (("places", deck.nodes[grid].Cp()), ("displacements", deck.nodes[grid].Cd())):
             if axes != 0:
-                found = re.compile(rf"GRID\*?[\s,]+{grid}\b", re.IGNORECASE)
-                line = next((k for k, one in enumerate(text, 1) if found.match(one)), 0)
+                pattern = re.compile(rf"GRID\*?[\s,]+{grid}\b", re.IGNORECASE)
+                line = next((k for k, row in enumerate(text, 1) if pattern.match(row)), 0)
                 allowed = f"{what} along the basic axes are allowed: grid point {grid} has them in system {axes}"
                 raise UnreadableError(allowed, line)
     return Bulk(
-        {name: one.matrix(pairs) for name, one in entries.items()},
+        {name: matrix.matrix(pairs) for name, matrix in entries.items()},
         pairs,
         np.array(grids, dtype=np.int64),
         np.array([deck.nodes[grid].xyz for grid in grids], dtype=float).reshape(-1, 3),
@@ -204,21 +204,21 @@ def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
     read = needed("pyNastran.op4.op4").read_op4
     try:
         with redirect_stdout(StringIO()):  # it prints what it can't read
-            return {name.strip(): sp.csr_matrix(one.data) for name, one in read(str(path), debug=None).items()}
+            return {name.strip(): sp.csr_matrix(matrix.data) for name, matrix in read(str(path), debug=None).items()}
     except Exception:  # of files that are cut off, or of another form
         raise UnreadableError(
             "OUTPUT4 in binary form, or as text with short integers and exponents E, is allowed"
         ) from None
 
 
-def named(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
+def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
     """The only matrix, or the only one whose name begins with a letter.
 
     Raises UnreadableError if none or several do.
     """
-    found = [one for name, one in matrices.items() if len(matrices) == 1 or name.upper().startswith(letter)]
-    if len(found) != 1:
+    candidates = [matrix for name, matrix in matrices.items() if len(matrices) == 1 or name.upper().startswith(letter)]
+    if len(candidates) != 1:
         raise UnreadableError(
             f"one square matrix whose name begins with {letter} is allowed, not {', '.join(matrices) or 'none'}"
         )
-    return found[0]
+    return candidates[0]

@@ -111,17 +111,17 @@ class GivenMatrices:
         if not isfile(path):
             raise InputError(str(path), "", None, f"{no_file(path)}; pmr matrices writes one")
         try:
-            found = npz.read(path)
-            header = npz.without_header(found)
+            stored = npz.read(path)
+            header = npz.without_header(stored)
             if header.get("format") != FORMAT or int(header["version"]) > FORMAT_VERSION:
                 raise InputError(str(path), "", None, f"{FORMAT} of version {FORMAT_VERSION} or less is allowed")
-            n = len(found["node"])
-            M, K = (sp.csr_matrix(tuple(found[f"{name}.{part}"] for part in _PARTS), (n, n)) for name in ("M", "K"))
+            n = len(stored["node"])
+            M, K = (sp.csr_matrix(tuple(stored[f"{name}.{part}"] for part in _PARTS), (n, n)) for name in ("M", "K"))
             for A in (M, K):
                 A.check_format()
-            groups = {str(name): whole_numbers(found[f"groups.{k}"]) for k, name in enumerate(header["groups"])}
-            points = found["points"].astype(float)
-            node, direction = (whole_numbers(found[name]) for name in ("node", "direction"))
+            groups = {str(name): whole_numbers(stored[f"groups.{k}"]) for k, name in enumerate(header["groups"])}
+            points = stored["points"].astype(float)
+            node, direction = (whole_numbers(stored[name]) for name in ("node", "direction"))
         except InputError:
             raise
         except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError):
@@ -195,12 +195,12 @@ def from_matrices(
 
 
 def whole_numbers(values: ArrayLike) -> Indices:
-    """The same as integers; raises ValueError if one is none, or truth values are given."""
+    """Convert to integers; raises ValueError if a value is no whole number, or is a truth value."""
     values = np.asarray(values)
-    found = values.astype(np.int64)
-    if values.dtype.kind not in "iuf" or values.ndim != 1 or not np.array_equal(found, values):
+    integers = values.astype(np.int64)
+    if values.dtype.kind not in "iuf" or values.ndim != 1 or not np.array_equal(integers, values):
         raise ValueError("a list of whole numbers is allowed")
-    return found
+    return integers
 
 
 def _members(values: NDArray[Any], count: int) -> Indices:
@@ -213,14 +213,14 @@ def _members(values: NDArray[Any], count: int) -> Indices:
 
 
 def _real(A: Any) -> sp.csr_matrix:
-    found = sp.csr_matrix(A)
-    if found.dtype.kind not in "iuf":
-        raise ValueError(f"real numbers are allowed, not {found.dtype}")
-    return found.astype(float)
+    matrix = sp.csr_matrix(A)
+    if matrix.dtype.kind not in "iuf":
+        raise ValueError(f"real numbers are allowed, not {matrix.dtype}")
+    return matrix.astype(float)
 
 
 def _numbers(key: str, values: Any, read: Callable[[Any], Any]) -> Any:
-    """What is read of values; an InputError of the key if they are not what they should be."""
+    """Read values of a key; an InputError of the key if they are not what they should be."""
     try:
         with np.errstate(invalid="ignore"):  # of casts, which are checked
             return read(values)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.files import jsonfile
-from pmr.files.whole import replaced
+from pmr.files.whole import replacement
 
 HEADER = "header"
 OLD_HEADER = "header.json"  # text instead of an array, in results of tasks of version 1
@@ -57,7 +57,7 @@ def read(
     try:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
             members = {
-                _name(info): info for info in _checked(archive, os.fstat(stream.fileno()).st_size, expansion, room)
+                _name(info): info for info in _members(archive, os.fstat(stream.fileno()).st_size, expansion, room)
             }
             return {name: _array(archive, info) for name, info in members.items() if only is None or name in only}
     except DamagedError:
@@ -76,7 +76,7 @@ def write(
     """
     if header is not None:
         arrays = {HEADER: np.array(jsonfile.text(header)), **arrays}
-    with replaced(file) as part, zipfile.ZipFile(part, "w") as archive:
+    with replacement(file) as part, zipfile.ZipFile(part, "w") as archive:
         for name, values in arrays.items():
             info = zipfile.ZipInfo(f"{name}.npy")  # of a time that is always the same
             if compressed and _shrinks(np.asanyarray(values)):
@@ -100,7 +100,7 @@ def without_header(arrays: dict[str, NDArray[Any]]) -> Any:
         raise DamagedError(f"no header: {error}") from None
 
 
-def _checked(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -> Sequence[zipfile.ZipInfo]:
+def _members(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -> Sequence[zipfile.ZipInfo]:
     """Members of an archive in a file of `size` bytes, whose sizes can be true."""
     members = archive.infolist()
     if len(members) > MOST_MEMBERS or len({info.filename for info in members}) < len(members):
@@ -142,11 +142,11 @@ def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     (length,) = struct.unpack(lengths[version], stream.read(size))
     if length > LONGEST_HEADER:
         raise DamagedError(f"a header of {length:,} bytes")
-    return _described(stream.read(length))
+    return _parse_header(stream.read(length))
 
 
 @lru_cache(maxsize=1024)  # many arrays are alike
-def _described(header: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+def _parse_header(header: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     values = ast.literal_eval(header.decode("latin1").strip())
     if not isinstance(values, dict) or set(values) != {"descr", "fortran_order", "shape"}:
         raise DamagedError(f"{values!r:.60} is no header of an array")

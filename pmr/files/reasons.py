@@ -29,13 +29,13 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
     K leaves u = Q (w x P x) free, with turned or reordered directions Q and stretched places P.  With E = Q P all these
     motions u = A x have E^T A skew, which E follows from.
     """
-    x, moved = body.points - body.points.mean(axis=0), body.direction < 3
+    x, translations = body.points - body.points.mean(axis=0), body.direction < 3
     fields = np.zeros((len(body.node), 12))
     for a in range(3):
         on = body.direction == a
         fields[on, 3 * a : 3 * a + 3] = x[body.node[on]]
         fields[body.direction == a + 3, 9 + a] = 1.0
-    fields = fields if not moved.all() else fields[:, :9]
+    fields = fields if not translations.all() else fields[:, :9]
     sizes = body.sums_of_moments[1]
     rows = ~body.grounded[body.node] & (sizes > 0.0)
     triangle = np.linalg.qr((body.K @ fields)[rows] / sizes[rows, None], mode="r")
@@ -47,7 +47,7 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
         return None
     free = Vt[-3:] / scale
     A, turns = free[:, :9].reshape(3, 3, 3), free[:, 9:]
-    if not moved.all():
+    if not translations.all():
         crossed = np.cross(turns[:, None], np.eye(3)[None]).transpose(0, 2, 1)
         unit = float(np.sum(crossed * A) / np.sum(crossed**2))
         if np.abs(A - unit * crossed).max() < ALIKE * np.abs(A).max():
@@ -66,15 +66,15 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
     volume = np.linalg.det(E)
     if sigma[-1] > 1e-3 * sigma[0] or abs(volume) < 1e-9:
         return None
-    return _described(E / np.cbrt(volume))
+    return _describe_axes(E / np.cbrt(volume))
 
 
-def _described(E: Array) -> tuple[str, str]:
+def _describe_axes(E: Array) -> tuple[str, str]:
     largest = np.abs(E).argmax(axis=1)
-    rest = E.copy()
-    rest[np.arange(3), largest] = 0.0
+    smaller = E.copy()
+    smaller[np.arange(3), largest] = 0.0
     factors = E[np.arange(3), largest]
-    if np.abs(rest).max() < ALIKE * np.abs(E).max() and len(set(largest)) == 3:
+    if np.abs(smaller).max() < ALIKE * np.abs(E).max() and len(set(largest)) == 3:
         stretch = np.abs(factors) / np.median(np.abs(factors))
         if stretch.max() / stretch.min() > 1.0 + ALIKE:
             odd = int(np.abs(np.log(stretch)).argmax())
@@ -104,7 +104,7 @@ def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
     """Single nodes whose places are not those that K has: these follow from how the nodes around move with the rest."""
     length = float(np.ptp(body.points, axis=0).max())
     levers = np.cross(np.eye(3)[None], (body.points - body.points.mean(axis=0))[:, None]).transpose(0, 2, 1)
-    nodes, U = _followed(body, wrong, 3, levers, 1e-4 * length)
+    nodes, U = _rigid_followers(body, wrong, 3, levers, 1e-4 * length)
     if not len(nodes) or np.abs(U + U.transpose(0, 2, 1)).max() > 1e-3 * length or 2 * len(nodes) > len(body.points):
         return None
     x = np.stack([U[:, 1, 2] - U[:, 2, 1], U[:, 2, 0] - U[:, 0, 2], U[:, 0, 1] - U[:, 1, 0]], axis=1) / 2.0
@@ -129,7 +129,7 @@ def moved_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
 
 def turned_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
     """Nodes whose coordinates are along axes of their own: under translations of the rest they move along these."""
-    nodes, Q = _followed(body, wrong, 0, np.tile(np.eye(3), (len(wrong), 1, 1)), ALIKE)
+    nodes, Q = _rigid_followers(body, wrong, 0, np.tile(np.eye(3), (len(wrong), 1, 1)), ALIKE)
     if not len(nodes) or np.abs(Q @ Q.transpose(0, 2, 1) - np.eye(3)).max() > 1e-3:
         return None
     trace = np.trace(Q[0]) * np.sign(np.linalg.det(Q[0]))
@@ -152,14 +152,14 @@ def turned_alone(body: Resistance) -> Mask:
     pulled = body.K @ T
     for node in np.flatnonzero(body.grounded & ~body.lacking.any(axis=1)):
         at = order[ends[node - 1] if node else 0 : ends[node]]
-        own = body.K[at][:, at].toarray()
-        U = (T[at] - np.linalg.lstsq(own, pulled[at], rcond=1e-12)[0])[body.direction[at] < 3]
+        node_stiffness = body.K[at][:, at].toarray()
+        U = (T[at] - np.linalg.lstsq(node_stiffness, pulled[at], rcond=1e-12)[0])[body.direction[at] < 3]
         stays = np.eye(3)[body.direction[at][body.direction[at] < 3]]
         turned[node] = np.abs(U @ U.T - np.eye(3)).max() < 1e-6 and np.abs(U - stays).max() > ALIKE
     return turned
 
 
-def _followed(body: Resistance, wrong: Mask, first: int, expected: Array, least: float) -> tuple[Indices, Array]:
+def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array, least: float) -> tuple[Indices, Array]:
     """Nodes (g,) that don't follow three rigid motions of the rest as `expected` (N, 3, 3), and how they do, (g, 3, 3).
 
     The nodes around those that are wrong are among them at first, where they may be on springs, too.
@@ -167,16 +167,16 @@ def _followed(body: Resistance, wrong: Mask, first: int, expected: Array, least:
     displaced = ~body.lacking.any(axis=1)
     motions = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)[:, first : first + 3]
     for _ in range(2):
-        at, rest = np.flatnonzero(wrong[body.node]), np.flatnonzero(~wrong[body.node])
+        at, other_rows = np.flatnonzero(wrong[body.node]), np.flatnonzero(~wrong[body.node])
         if not 0 < len(at) <= DENSE or np.sum(~wrong) < 3:
             return np.empty(0, np.int64), np.empty((0, 3, 3))
         try:
             factor = scipy.linalg.cho_factor(body.K[at][:, at].toarray())
         except np.linalg.LinAlgError:
             return np.empty(0, np.int64), np.empty((0, 3, 3))
-        U, moved = expected.copy(), body.direction[at] < 3
-        followed = scipy.linalg.cho_solve(factor, -(body.K[at][:, rest] @ motions[rest]))
-        U[body.node[at][moved], body.direction[at][moved]] = followed[moved]
+        U, translations = expected.copy(), body.direction[at] < 3
+        followed = scipy.linalg.cho_solve(factor, -(body.K[at][:, other_rows] @ motions[other_rows]))
+        U[body.node[at][translations], body.direction[at][translations]] = followed[translations]
         wrong = wrong & displaced & (np.abs(U - expected).max(axis=(1, 2)) > least)
     nodes = np.flatnonzero(wrong)
     return nodes, U[nodes]

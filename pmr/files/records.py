@@ -36,23 +36,23 @@ T = TypeVar("T")
 
 def arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
     """All that a dataclass holds, by name behind `prefix`; raises TypeError if a table holds what JSON doesn't know."""
-    found: dict[str, NDArray[Any]] = {}
+    by_name: dict[str, NDArray[Any]] = {}
     cls: Any = type(record)
     for name, hint in _types(cls).items():
         value, key = getattr(record, name), prefix + name
         if value is None:
             continue
         if is_dataclass(hint):
-            found |= arrays(value, f"{key}.")
+            by_name |= arrays(value, f"{key}.")
         elif hint is PPoly:
-            found |= {f"{key}.breaks": value.x, f"{key}.coefficients": value.c}
+            by_name |= {f"{key}.breaks": value.x, f"{key}.coefficients": value.c}
         elif get_origin(hint) is dict:
-            found[key] = np.array(jsonfile.text(value))
+            by_name[key] = np.array(jsonfile.text(value))
         elif get_origin(hint) is Mapping:
-            found |= {f"{key}.{part}": np.asarray(array) for part, array in value.items()}
+            by_name |= {f"{key}.{part}": np.asarray(array) for part, array in value.items()}
         else:
-            found[key] = np.array(value, dtype=np.str_) if get_origin(hint) is tuple else np.asarray(value)
-    return found
+            by_name[key] = np.array(value, dtype=np.str_) if get_origin(hint) is tuple else np.asarray(value)
+    return by_name
 
 
 def record(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str = "") -> T:
@@ -63,35 +63,35 @@ def record(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str 
     values: dict[str, Any] = {}
     for field in fields(cls):  # type: ignore[arg-type]
         key, hint = prefix + field.name, _types(cls)[field.name]
-        found = {name: array for name, array in data.items() if name == key or name.startswith(f"{key}.")}
-        if found or get_origin(hint) is Mapping:
-            values[field.name] = _value(hint, {name[len(key) :].lstrip("."): array for name, array in found.items()})
+        of_field = {name: array for name, array in data.items() if name == key or name.startswith(f"{key}.")}
+        if of_field or get_origin(hint) is Mapping:
+            values[field.name] = _value(hint, {name[len(key) :].lstrip("."): array for name, array in of_field.items()})
         elif field.default is MISSING and field.default_factory is MISSING:
             raise KeyError(key)
     return cls(**values)
 
 
-def renamed(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> dict[str, NDArray[Any]]:
+def rename_keys(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> dict[str, NDArray[Any]]:
     """`data` with other beginnings of names, as an earlier version of a file wrote them: the first that fits."""
-    found = {}
+    arrays_by_name = {}
     for name, array in data.items():
         old = next((old for old in names if name.startswith(old)), "")
-        found[names.get(old, "") + name.removeprefix(old)] = array
-    return found
+        arrays_by_name[names.get(old, "") + name.removeprefix(old)] = array
+    return arrays_by_name
 
 
-def _value(hint: Any, found: Mapping[str, NDArray[Any]]) -> Any:
+def _value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
     """A field's value from its arrays, named by what follows the field's own name."""
     hint = _spelled_out(hint)
     origin, arguments = get_origin(hint), get_args(hint)
     nested: bool = is_dataclass(hint)
     if nested:
-        return record(hint, found)
+        return record(hint, parts)
     if hint is PPoly:
-        return PPoly(np.asarray(found["coefficients"], dtype=float), np.asarray(found["breaks"], dtype=float))
+        return PPoly(np.asarray(parts["coefficients"], dtype=float), np.asarray(parts["breaks"], dtype=float))
     if origin is Mapping:
-        return {name: _value(arguments[1], {"": array}) for name, array in found.items()}
-    array = found[""]
+        return {name: _value(arguments[1], {"": array}) for name, array in parts.items()}
+    array = parts[""]
     if origin is np.ndarray:
         return np.asarray(array, dtype=get_args(arguments[1])[0])
     if origin is None:
@@ -115,9 +115,9 @@ def _spelled_out(hint: Any) -> Any:
 def _types(cls: Any) -> dict[str, Any]:
     """Types of a dataclass's fields, without None."""
     hints = get_type_hints(cls)
-    return {field.name: _something(hints[field.name]) for field in fields(cls)}
+    return {field.name: _without_none(hints[field.name]) for field in fields(cls)}
 
 
-def _something(hint: Any) -> Any:
-    others = [part for part in get_args(hint) if part is not NoneType]
-    return others[0] if NoneType in get_args(hint) else hint
+def _without_none(hint: Any) -> Any:
+    types = [part for part in get_args(hint) if part is not NoneType]
+    return types[0] if NoneType in get_args(hint) else hint

@@ -36,9 +36,9 @@ def rigid_motions(at: Array, component: Indices) -> Array:
 
     Each is that of a place `at` (n, 3) m along or about the `component` (n,), as `DIRECTIONS` counts them.
     """
-    motions, moved = np.zeros((len(at), 6)), component < 3
+    motions, translations = np.zeros((len(at), 6)), component < 3
     motions[np.arange(len(at)), component] = 1.0
-    motions[moved, 3:] = np.cross(at[moved], np.eye(3)[component[moved]])
+    motions[translations, 3:] = np.cross(at[translations], np.eye(3)[component[translations]])
     return motions
 
 
@@ -95,7 +95,7 @@ class Resistance:
     def _translations(self) -> tuple[Array, Array]:
         """F with its rounding, and what rounding each row may have (n,)."""
         T = self.motions[:, :3]
-        return _cleaned(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, 0.25)
+        return _remove_rounding(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, 0.25)
 
     @cached_property
     def grounded(self) -> NDArray[np.bool_]:
@@ -108,15 +108,15 @@ class Resistance:
     def lacking(self) -> NDArray[np.bool_]:
         """Nodes and axes (N, 3) without a displacement among the coordinates: a support, or no part of the body."""
         lacking = np.ones((len(self.points), 3), dtype=bool)
-        moved = self.direction < 3
-        lacking[self.node[moved], self.direction[moved]] = False
+        translations = self.direction < 3
+        lacking[self.node[translations], self.direction[translations]] = False
         return lacking
 
     @cached_property
     def blocks(self) -> Array:
         """Forces (N, 3, 3) on each node under translations; zero along axes that it has no coordinate for."""
-        blocks, moved = np.zeros((len(self.points), 3, 3)), self.direction < 3
-        blocks[self.node[moved], self.direction[moved]] = self.forces[moved]
+        blocks, translations = np.zeros((len(self.points), 3, 3)), self.direction < 3
+        blocks[self.node[translations], self.direction[translations]] = self.forces[translations]
         return blocks
 
     @cached_property
@@ -126,21 +126,21 @@ class Resistance:
         Forces are then a symmetric matrix S times the point's displacement: F = S, and G = S (w x d) with the point's
         place d beside the node.
         """
-        moved = self.direction < 3
+        translations = self.direction < 3
         S, G = self.blocks, np.zeros((len(self.points), 3, 3))
-        at = self.node[moved], self.direction[moved]
+        at = self.node[translations], self.direction[translations]
         sums, sizes = self.sums_of_moments
-        G[at] = sums[moved]
+        G[at] = sums[translations]
         allowed, noise = np.zeros((2, len(self.points), 3))
-        allowed[at], noise[at] = ROUNDING_OF_POINTS[1] * sizes[moved], self._translations[1][moved]
+        allowed[at], noise[at] = ROUNDING_OF_POINTS[1] * sizes[translations], self._translations[1][translations]
         most = 1e-6 * np.abs(S).max(axis=(1, 2)) + 2.0 * noise.max(axis=1)
         skew = np.abs(S - S.transpose(0, 2, 1)).max(axis=(1, 2)) > most
         at_node = (np.abs(G).max(axis=2) <= allowed).all(axis=1)
         levers = np.einsum("nab,bcd->nacd", S, np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1))
         d = np.einsum("ndm,nm->nd", np.linalg.pinv(levers.reshape(-1, 9, 3), rcond=1e-6), G.reshape(-1, 9))
-        rest = np.abs(G - np.einsum("nacd,nd->nac", levers, d)).max(axis=2)
+        residuals = np.abs(G - np.einsum("nacd,nd->nac", levers, d)).max(axis=2)
         near = np.linalg.norm(d, axis=1) <= np.ptp(self.points, axis=0).max()
-        return np.asarray(self.grounded & ~skew & (at_node | (near & (rest <= allowed).all(axis=1))))
+        return np.asarray(self.grounded & ~skew & (at_node | (near & (residuals <= allowed).all(axis=1))))
 
     @cached_property
     def sums_of_moments(self) -> tuple[Array, Array]:
@@ -155,9 +155,9 @@ class Resistance:
     def _rotations(self) -> tuple[Array, Array]:
         """G with its rounding as `_translations`; beside supports, which move their neighbours' rows, as it is."""
         sums, sizes = self.sums_of_moments
-        beside = (self.grounded & ~self.sprung)[self.node]
-        cleaned, noise = _cleaned(sums, sizes, ROUNDING_OF_POINTS, 0.75, ~beside)
-        return np.where(beside[:, None], sums, cleaned), noise
+        near_supports = (self.grounded & ~self.sprung)[self.node]
+        cleaned, noise = _remove_rounding(sums, sizes, ROUNDING_OF_POINTS, 0.75, ~near_supports)
+        return np.where(near_supports[:, None], sums, cleaned), noise
 
     @cached_property
     def motions(self) -> Array:
@@ -209,7 +209,7 @@ class Resistance:
         return np.asarray(np.cross(np.eye(3)[None], x[:, None]).transpose(0, 2, 1))
 
 
-def _cleaned(
+def _remove_rounding(
     sums: Array, sizes: Array, limits: tuple[float, float], part: float, free: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array]:
     """Sums (n, 3) without those that are rounding, and the rounding (n,) of sums over entries of these `sizes` (n,).

@@ -2,7 +2,7 @@
 
 The new ones are written into a folder inside the target.  When they are complete it gets another name, in one step:
 from then on they count.  Then they move to where the old ones stand, one after the other, which takes less than a
-millisecond; who is killed meanwhile leaves the rest to whoever opens the folder next (`finished`).  So the target may
+millisecond; who is killed meanwhile leaves the rest to who opens the folder next (`finish_swap`).  So the target may
 be the current directory, a symbolic link or the root of a disk, and what else lies in it is not touched.
 """
 
@@ -18,7 +18,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from pmr.errors import InputError
-from pmr.files.whole import ensure_ordinary, flushed, locked, said_in_a_line
+from pmr.files.whole import ensure_ordinary, flush_file, hold_lock, report_full_disk
 
 _NEW, _COMPLETE, _LIST = ".pmr-new-", ".pmr-complete", ".moves.json"
 
@@ -33,19 +33,19 @@ def fresh(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
     Raises NotWrittenError if there is no room: the old files are still there, of the new ones nothing is; ValueError if
     a file was written whose name is not among `ours`.
     """
-    with said_in_a_line(folder):
+    with report_full_disk(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        finished(folder)
+        finish_swap(folder)
         new = Path(tempfile.mkdtemp(prefix=_NEW, dir=folder))
     try:
-        with locked(new), said_in_a_line(folder):
+        with hold_lock(new), report_full_disk(folder):
             yield new
             names = _names(new, folder, ours)
-            gone = [name for name in _matching(folder, ours) if name not in names]
+            gone = [name for name in _matching_names(folder, ours) if name not in names]
             (new / _LIST).write_text(json.dumps({"names": names, "gone": gone}))
             for name in (*names, _LIST):
-                flushed(new / name)
-            with locked(folder):
+                flush_file(new / name)
+            with hold_lock(folder):
                 _finish(folder)
                 new.rename(folder / _COMPLETE)
                 _finish(folder)
@@ -53,21 +53,21 @@ def fresh(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
         shutil.rmtree(new, ignore_errors=True)
 
 
-def finished(folder: Path) -> None:
+def finish_swap(folder: Path) -> None:
     """Finish what a process that was killed had begun in a folder, and remove what it had not completed."""
-    left = [path for path in folder.glob(f"{_NEW}*") if path.is_dir()]
-    if left or (folder / _COMPLETE).exists():
-        with said_in_a_line(folder), locked(folder):
+    new_folders = [path for path in folder.glob(f"{_NEW}*") if path.is_dir()]
+    if new_folders or (folder / _COMPLETE).exists():
+        with report_full_disk(folder), hold_lock(folder):
             _finish(folder)
-            for new in left:
-                with suppress(FileNotFoundError), locked(new, wait=False) as free:
+            for new in new_folders:
+                with suppress(FileNotFoundError), hold_lock(new, wait=False) as free:
                     if free:
                         shutil.rmtree(new, ignore_errors=True)
 
 
-def removed(folder: Path, ours: Sequence[str]) -> None:
+def remove_files(folder: Path, ours: Sequence[str]) -> None:
     """Remove files by their names or patterns."""
-    for name in _matching(folder, ours):
+    for name in _matching_names(folder, ours):
         (folder / name).unlink(missing_ok=True)
 
 
@@ -87,7 +87,7 @@ def _finish(folder: Path) -> None:
 
 
 def _moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
-    """What is to be moved and to be removed: files of the folder, whoever wrote the list.
+    """Files of the folder that are to be moved, and to be removed, whoever wrote the list.
 
     Raises InputError if it names anything outside of the folder: then no file is touched.
     """
@@ -113,6 +113,6 @@ def _names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:
     return names
 
 
-def _matching(folder: Path, ours: Sequence[str]) -> list[str]:
-    found = [path.relative_to(folder).as_posix() for pattern in ours for path in folder.glob(pattern)]
-    return [name for name in found if not (folder / name).is_dir()]
+def _matching_names(folder: Path, ours: Sequence[str]) -> list[str]:
+    paths = [path.relative_to(folder).as_posix() for pattern in ours for path in folder.glob(pattern)]
+    return [name for name in paths if not (folder / name).is_dir()]

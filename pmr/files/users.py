@@ -11,7 +11,7 @@ MOST_KEPT = 100
 
 
 def users_folder() -> Path | None:
-    """Where what is measured once per structure is cached for a user: ``$PMR_CACHE``, or ``pmr`` in ``~/.cache``.
+    """Cache folder of a user for measurements of structures: ``$PMR_CACHE``, or ``pmr`` in ``~/.cache``.
 
     Of files beyond `MOST_KEPT` the oldest are removed.  None where there can be no such folder.
     """

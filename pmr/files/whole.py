@@ -36,7 +36,7 @@ def ensure_ordinary(path: Path) -> None:
 
 
 @contextmanager
-def replaced(path: Path) -> Iterator[Path]:
+def replacement(path: Path) -> Iterator[Path]:
     """A name to write to, which takes the place of `path` in one step when the block ends without an error.
 
     Raises NotWrittenError as `ensure_ordinary`, or if there is no room; nothing of the new file is left.
@@ -44,9 +44,9 @@ def replaced(path: Path) -> Iterator[Path]:
     ensure_ordinary(path)
     part = path.with_name(f"{path.name}.{os.getpid()}{PART}")
     try:
-        with said_in_a_line(path):
+        with report_full_disk(path):
             yield part
-            flushed(part)
+            flush_file(part)
             os.replace(part, path)
     finally:
         with suppress(OSError):  # not there, or on a disk that can't be written to
@@ -54,27 +54,27 @@ def replaced(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def said_in_a_line(path: Path) -> Iterator[None]:
-    """Where the block finds no room on the disk, raise NotWrittenError of `path` in place of the system's error."""
+def report_full_disk(path: Path) -> Iterator[None]:
+    """Raise NotWrittenError of `path` in place of the system's error where the block finds no room on the disk."""
     try:
         yield
     except OSError as error:
         reason = error.reason if isinstance(error, NotWrittenError) else str(error.strerror)
         if not reason or (not isinstance(error, NotWrittenError) and error.errno not in _NO_ROOM):
             raise
-        said = NotWrittenError(f"{path} could not be written: {reason}")
-        said.reason = reason
-        raise said from None
+        failure = NotWrittenError(f"{path} could not be written: {reason}")
+        failure.reason = reason
+        raise failure from None
 
 
-def flushed(path: Path) -> None:
+def flush_file(path: Path) -> None:
     """Have a file's content on the disk before its name says that it is there."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
 @contextmanager
-def locked(path: Path, wait: bool = True) -> Iterator[bool]:
+def hold_lock(path: Path, wait: bool = True) -> Iterator[bool]:
     """Hold the lock of a file or folder that is there.
 
     False where the file system has none, and, with `wait` false, where another process holds it.

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, compiled_form, function, original_cells
-from pmr.fem.distributed import free_dropped, freed, sparse
+from pmr.fem.distributed import free_dropped, free_objects, sparse
 from pmr.fem.matrices import local_csr
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
@@ -45,7 +45,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
     first, last = share(model.size, comm)
     sizes = (int(last - first), model.size)
     matrices = []
-    for A in (model.given.M, padded(model.given.K, model.given.M)):
+    for A in (model.given.M, pad_pattern(model.given.K, model.given.M)):
         share_of_rank = A[first:last].sorted_indices()
         parts = (
             share_of_rank.indptr.astype(PETSc.IntType),
@@ -57,7 +57,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
     return Operators(*matrices)
 
 
-def padded(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
+def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
     """A with zeros wherever the other one has entries: damping and shifts add M and K, which takes one pattern."""
     A, other = A.tocoo(), other.tocoo()
     entries = np.concatenate([A.data, np.zeros(other.nnz)])
@@ -85,20 +85,20 @@ class Assembler:
 
     def matrix(self, form: Any, zeros: bool = True) -> PETSc.Mat:
         """Assemble a form in UFL on the model's coordinates, with or without the zeros of its pattern; collective."""
-        return self.assembled(compiled_form(form), zeros)
+        return self.assemble_form(compiled_form(form), zeros)
 
-    def assembled(self, form: Any, zeros: bool = True) -> PETSc.Mat:
+    def assemble_form(self, form: Any, zeros: bool = True) -> PETSc.Mat:
         """Assemble a form that is compiled, as `matrix` does."""
         rows = _rows(assemble(form))
         if not zeros:
             rows.matrix.eliminate_zeros()
-        matrix, T = reordered(rows, self._order, self.comm), self.model.transformation
+        matrix, T = reorder_rows(rows, self._order, self.comm), self.model.transformation
         if T is None:
             return matrix
         (first, last), columns = matrix.getOwnershipRange(), share(T.shape[1], self.comm)
         P = sparse(T.tocsr()[first:last], matrix, columns=int(columns[1] - columns[0]))
-        matrix = projected(matrix, P)
-        freed(P)
+        matrix = project_matrix(matrix, P)
+        free_objects(P)
         return matrix
 
     def function(self, q: Array) -> Any:
@@ -144,18 +144,18 @@ class Rows:
 def _rows(A: PETSc.Mat) -> Rows:
     """This rank's; A is freed."""
     rows = Rows(np.arange(*A.getOwnershipRange()), local_csr(A))
-    freed(A)
+    free_objects(A)
     return rows
 
 
-def reordered(rows: Rows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
+def reorder_rows(rows: Rows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
     """A matrix with rows and columns in the model's order, in consecutive shares of about equal size; collective.
 
     `createSubMatrix` takes three times as long on two ranks as on one.
     """
     number = np.empty(len(order), PETSc.IntType)
     number[order] = np.arange(len(order), dtype=number.dtype)
-    share_of_rank = _exchanged(Rows(number[rows.numbers], rows.matrix), comm).matrix
+    share_of_rank = _exchange_rows(Rows(number[rows.numbers], rows.matrix), comm).matrix
     share_of_rank.indices[:] = number[share_of_rank.indices]
     share_of_rank.has_sorted_indices = False
     share_of_rank.sort_indices()
@@ -167,7 +167,7 @@ def reordered(rows: Rows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
     return result
 
 
-def _exchanged(rows: Rows, comm: MPI.Comm) -> Rows:
+def _exchange_rows(rows: Rows, comm: MPI.Comm) -> Rows:
     """The rows of this rank's share, of those that all ranks know, ascending; collective."""
     ends = np.arange(1, comm.size + 1) * rows.matrix.shape[1] // comm.size
     owner = np.searchsorted(ends, rows.numbers, side="right")
@@ -181,11 +181,11 @@ def _exchanged(rows: Rows, comm: MPI.Comm) -> Rows:
     return rows.taken(owned[np.argsort(rows.numbers[owned])])
 
 
-def projected(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     """P^T A P; A is freed."""
     product = A.PtAP(P)
     result = product.copy()  # a product keeps its factors for ever
-    freed(product, A)
+    free_objects(product, A)
     return result
 
 

@@ -19,7 +19,7 @@ from pmr.fullmodel.structure import Structure
 from pmr.fullmodel.system import FullSystem
 from pmr.fullmodel.wanted import wanted_matrices
 from pmr.scene import Scene
-from pmr.scene.choice import model_of, undecided
+from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.members import members
 from pmr.scene.names import ALONE, SLIDER
 from pmr.system.from_scene import contacts_of
@@ -60,7 +60,7 @@ def build_and_warn(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
 
 def log_warnings(built: Iterable[Built], comm: MPI.Comm) -> None:
     """Warnings of structures, each once, in the log of the first rank."""
-    messages = dict.fromkeys(said for model in built for said in warnings(model.structure))
+    messages = dict.fromkeys(message for model in built for message in warnings(model.structure))
     for message in messages if comm.rank == 0 else ():
         logger.warning("%s", message)
 
@@ -82,7 +82,7 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
     Raises an `InputError` if a mesh can't be had or does not fit what stands on it, something is free to move, or
     measurements have yet to decide a model.
     """
-    for member in filter(undecided, members(scene)):
+    for member in filter(is_undecided, members(scene)):
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
         raise InputError("scene", scene.key_of(member.number, "body.model"), "auto", allowed)
     by_content, bodies = dict[tuple[str, str], Built](), dict[str, Built]()
@@ -120,7 +120,7 @@ def _without_limit(built: Mapping[str, Built], free: free_motions.Free) -> str:
 
 def _free(scene: Scene, built: Mapping[str, Built]) -> free_motions.Free:
     models = models_of(built)
-    system = FullSystem(models, contacts_of(scene, models)).supported()
+    system = FullSystem(models, contacts_of(scene, models)).with_supports()
     return free_motions.words(system, {name: body.structure.model for name, body in built.items()}, _way(scene))
 
 

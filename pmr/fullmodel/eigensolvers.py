@@ -13,13 +13,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import HAS_PETSC, PETSc
-from pmr.fem.distributed import freed, inner, subtract, times
+from pmr.fem.distributed import free_objects, inner, subtract, times
 from pmr.fem.factor import cholesky, factor_of
 from pmr.fem.matrices import gather
 from pmr.fullmodel.block_lanczos import BLOCK, largest
 from pmr.fullmodel.elimination import eliminate
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.modes import Modes, check_count, clustered, finished, lowest_of, solved
+from pmr.fullmodel.modes import Modes, are_clustered, check_count, finish_modes, lowest_of, solve_modes
 
 Array = NDArray[np.float64]
 DENSE_UP_TO = 1500  # coordinates; above, sparse factors are the automatic choice
@@ -61,14 +61,14 @@ class DenseEigenSolver:
         phi, omega2, cut = np.empty((model.size, count)), np.empty(count), False
         if self._M is not None and self._K is not None:
             springs = (C[soft].T @ sp.diags(1.0 / compliance[soft]) @ C[soft]).toarray() if len(soft) else 0.0
-            M, K = elimination.projected(self._M), elimination.projected(self._K + springs)
+            M, K = elimination.project_dense(self._M), elimination.project_dense(self._K + springs)
             mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
             all_omega2 = 1.0 / mu[::-1] - self._sigma
             omega2, phi = all_omega2[:count], elimination.matrix() @ z[:, ::-1][:, :count]
-            cut = len(all_omega2) > count and clustered(all_omega2[count - 1], all_omega2[count])
+            cut = len(all_omega2) > count and are_clustered(all_omega2[count - 1], all_omega2[count])
         omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
         first, last = model.M.getOwnershipRange()
-        return finished(model, s, omega2, np.ascontiguousarray(phi[first:last]), cut)
+        return finish_modes(model, s, omega2, np.ascontiguousarray(phi[first:last]), cut)
 
 
 class SlepcEigenSolver:
@@ -94,7 +94,7 @@ class SlepcEigenSolver:
         for _ in range(pairs):
             below = (
                 omega2[count - 1] * (1.0 - 1e-5) - self._sigma * 1e-5
-                if len(omega2) == count or clustered(omega2[count - 1], omega2[count])
+                if len(omega2) == count or are_clustered(omega2[count - 1], omega2[count])
                 else (omega2[count - 1] + omega2[count]) / 2.0
             )
             missing = _inertia(M, K, below) - int(np.sum(omega2 < below))
@@ -104,10 +104,10 @@ class SlepcEigenSolver:
             omega2, z = np.concatenate([omega2, more_omega2]), z + more
             order = np.argsort(omega2, kind="stable")[:pairs]
             omega2, z = omega2[order], [z[i] for i in order]
-        cut = len(omega2) > count and clustered(omega2[count - 1], omega2[count])
+        cut = len(omega2) > count and are_clustered(omega2[count - 1], omega2[count])
         phi = times(T, np.column_stack([vector.getArray() for vector in z[:count]]))
-        freed(T, M, K, *z)
-        return finished(model, s, omega2[:count], phi, cut)
+        free_objects(T, M, K, *z)
+        return finish_modes(model, s, omega2[:count], phi, cut)
 
     def _solve(
         self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]
@@ -116,10 +116,10 @@ class SlepcEigenSolver:
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")
         pc.setFactorSolverType("mumps")
-        freed(pc)  # a name that outlives the solver would keep the factor
+        free_objects(pc)  # a name that outlives the solver would keep the factor
         if deflation:
             eps.setDeflationSpace(deflation)
-        return solved(eps, count)
+        return solve_modes(eps, count)
 
 
 class OneFactorEigenSolver:
@@ -138,7 +138,7 @@ class OneFactorEigenSolver:
         F = model.K.copy()
         F.axpy(self._sigma, model.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         self._factor = factor_of(F, "K + sigma M")
-        freed(F)
+        free_objects(F)
 
     def lowest(self, s: float, count: int) -> Modes:
         model, factor, C = self._model, self._factor, self._model.rows.at(s)
@@ -158,10 +158,10 @@ class OneFactorEigenSolver:
 
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (model.size, BLOCK))[model.share]
         pairs = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
-        found = largest(apply, model.M, apply(np.asfortranarray(loads)), pairs, dimension)
-        omega2 = 1.0 / found.theta - self._sigma
-        cut = len(omega2) > count and clustered(omega2[count - 1], omega2[count])
-        return finished(model, s, omega2[:count], np.asfortranarray(found.vectors[:, :count]), cut)
+        spectrum = largest(apply, model.M, apply(np.asfortranarray(loads)), pairs, dimension)
+        omega2 = 1.0 / spectrum.theta - self._sigma
+        cut = len(omega2) > count and are_clustered(omega2[count - 1], omega2[count])
+        return finish_modes(model, s, omega2[:count], np.asfortranarray(spectrum.vectors[:, :count]), cut)
 
 
 EigenSolver = DenseEigenSolver | SlepcEigenSolver | OneFactorEigenSolver
@@ -187,5 +187,5 @@ def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
     factor.setMumpsIcntl(24, 1)  # null pivots are looked for: MUMPS counts no inertia without
     pc.setUp()
     negative = int(factor.getInertia()[0])
-    freed(factor, pc, shifted)
+    free_objects(factor, pc, shifted)
     return negative

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import freed, sparse
+from pmr.fem.distributed import free_objects, sparse
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -53,7 +53,7 @@ class Elimination:
         entries = np.concatenate([np.ones(len(free)), -self.factors[at, other]])
         return sp.csr_matrix((entries, (rows, columns)), shape=(self.size, len(free)))
 
-    def projected(self, A: Array) -> Array:
+    def project_dense(self, A: Array) -> Array:
         """T^T A T of a dense matrix (n, n)."""
         free, F, p = self.free, self.factors, self.pivots
         at = np.searchsorted(free, self.others)
@@ -66,14 +66,14 @@ class Elimination:
     def condensed(self, K: PETSc.Mat) -> PETSc.Mat:
         """T^T K T (n, n) with the pivots left in as coordinates of their own, as stiff as the stiffest one; collective.
 
-        So vectors keep their size: `restricted` and `extended` apply T^T and T in place.
+        So vectors keep their size: `restrict` and `extended` apply T^T and T in place.
         """
         first, last = K.getOwnershipRange()
         result = K.copy()
         if np.any(self.factors):
             change = sparse(self._change(K)[first:last], K, columns=last - first)
             result.axpy(1.0, change, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-            freed(change)
+            free_objects(change)
         mine = self.pivots[(self.pivots >= first) & (self.pivots < last)]
         result.zeroRowsColumns(mine.astype(PETSc.IntType), diag=float(K.getDiagonal().max()[1]))
         return result
@@ -114,7 +114,7 @@ class Condensed:
         self._pivots, self._others = elimination.pivots[self._own] - first, elimination.others[near] - first
         self._factors, self._coupled = elimination.factors[:, near], bool(np.any(elimination.factors))
 
-    def restricted(self, g: Array) -> None:
+    def restrict(self, g: Array) -> None:
         """G (n_local, k) becomes T^T g, nothing at the pivots."""
         if self._coupled:
             at_pivots = np.zeros((self._count, g.shape[1]))

@@ -105,13 +105,13 @@ def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way:
 def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> Free:
     """Describe the free motions of a system; collective."""
     by_position = [
-        {name: described(motions) for name, motions in at.items()} for at in freedoms(system, structural, way)
+        {name: describe_motions(motions) for name, motions in at.items()} for at in freedoms(system, structural, way)
     ]
     counts = [sum(map(len, at.values())) for at in by_position]
     most, last = int(np.argmax(counts)), list(system.bodies)[-1]
     if not counts[most]:
         return Free()
-    said = "; ".join(
+    sentence = "; ".join(
         f"{'the body' if name == ALONE else name if name == last else f'{name} with what it carries'} free to "
         + ", ".join(motions)
         for name, motions in by_position[most].items()
@@ -122,7 +122,7 @@ def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Wa
     who = "it" if names == [ALONE] else " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     further = counts[most] - len(names)
     more = f", and in {further} more way{'s' if further > 1 else ''}" if further else ""
-    return Free(said if always else f"{said} {way.said[most]}", f"{who} can {first}{more}")
+    return Free(sentence if always else f"{sentence} {way.said[most]}", f"{who} can {first}{more}")
 
 
 def _contacts(system: FullSystem, bodies: Mapping[str, Body], way: Way, shifts: Mapping[str, Array]) -> Array:
@@ -176,14 +176,14 @@ def _null_space(C: Array) -> Array:
     return np.asarray(Vt[int(np.sum(sigma > FREE * sigma.max(initial=0.0))) :].T)
 
 
-def described(motions: Array) -> list[str]:
+def describe_motions(motions: Array) -> list[str]:
     """Free motions (6, f) in words: translations first, then turns about axes."""
     theta = motions[3:]
     _, sigma, Vt = np.linalg.svd(theta, full_matrices=True)
     turns = int(np.sum(sigma > FREE * np.abs(motions).max(initial=0.0)))
-    shifts = _reduced(Vt[turns:] @ motions[:3].T)
+    shifts = _reduce_rows(Vt[turns:] @ motions[:3].T)
     phrases = [f"move along {_direction(shift)}" for shift in shifts]
-    for motion in _reduced(Vt[:turns] @ np.vstack([theta, motions[:3]]).T):
+    for motion in _reduce_rows(Vt[:turns] @ np.vstack([theta, motions[:3]]).T):
         about, linear = motion[:3], motion[3:]
         if len(shifts):
             linear = linear - shifts.T @ np.linalg.lstsq(shifts.T, linear, rcond=None)[0]
@@ -191,7 +191,7 @@ def described(motions: Array) -> list[str]:
     return phrases
 
 
-def _reduced(A: Array) -> Array:
+def _reduce_rows(A: Array) -> Array:
     """The span of rows (f, d) with as many zeros as possible: reduced by Gauss and Jordan."""
     row = 0
     for column in range(A.shape[1]):

@@ -28,13 +28,13 @@ from pmr.models.matrices import Matrices
 from pmr.scene.box import Box
 from pmr.scene.built import OwnModel, PadRing
 from pmr.scene.choice import (
-    acting,
     directions,
     felt_faces,
     has_giving_walls,
     has_tail,
     inertia_fields,
     is_accelerated,
+    loads_of,
     model_of,
     transverse,
 )
@@ -63,7 +63,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     """
     if model_of(member) not in WITHOUT_FORMS:
         check_fenicsx(model_of(member))
-    model, pads = _MODELS.get(model_of(member), _meshed)(member, comm), _pads(member)
+    model, pads = _MODELS.get(model_of(member), _mesh_model)(member, comm), _pads(member)
     if has_giving_walls(member):
         pads = replace(pads, walls=walls_of(member, (*pads.fixed, *pads.moving), comm))
     across, observe, supports = transverse(member), member.part.observe, _supports(member)
@@ -87,7 +87,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
             Clamp(str(support.on), support.held) for support in member.part.supports if support.points == "all"
         ),
         masses=member.part.masses,
-        loads=(*(Action(load.name, load.on, load.direction) for load in acting(member)), *weight, *driven, *inertia),
+        loads=(*(Action(load.name, load.on, load.direction) for load in loads_of(member)), *weight, *driven, *inertia),
         outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
         damping=member.damping,
         pads=replace(pads, supports=supports),
@@ -182,7 +182,7 @@ def _beam_body(member: Member) -> Beam3DBody:
     )
 
 
-def _meshed(member: Member, comm: MPI.Comm) -> StructuralModel:
+def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
     """A shell or solid: its module, named as the scene names the model, says of which cells it is, and makes it."""
     kind = _kind(model_of(member))
 
@@ -203,7 +203,7 @@ def _kind(name: str) -> Any:
         return import_module(f"pmr.models.{name}")
     kind = plugins.one_of("pmr.models", name, models_of_pmr)
     if not (hasattr(kind, "KINDS") and callable(getattr(kind, "of", None))):
-        raise plugins.refused("pmr.models", name)
+        raise plugins.plugin_error("pmr.models", name)
     return kind
 
 
@@ -229,11 +229,11 @@ def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callabl
 def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
     if member.part.mesh.file is not None:
         return read_mesh(member.part.mesh.file, kinds)
-    from pmr.models.shell import drawn
+    from pmr.models.shell import draw_box
 
     box, mesh = _box(member), member.part.mesh
     try:
-        boom = drawn(box, mesh.size, mesh.along or 0.0, mesh.tail_layer)
+        boom = draw_box(box, mesh.size, mesh.along or 0.0, mesh.tail_layer)
         with TemporaryDirectory() as folder:
             file = Path(folder, "boom.msh")
             write(boom, file)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import freed
+from pmr.fem.distributed import free_objects
 from pmr.models import StructuralModel, is_assembled
 from pmr.scene.structures import PointMass
 
@@ -43,7 +43,7 @@ def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Ma
     """Masses of a model with mass matrix M, without supports; None of matrices that were given.  Collective."""
     if not is_assembled(model):
         return None
-    directions, G = model.directions, _between(model.rigid_motions(), M)
+    directions, G = model.directions, _gram_matrix(model.rigid_motions(), M)
     mass_of_model = max(float(G[k, k]) for k, direction in enumerate(directions) if direction in "xyz")
     moments = np.zeros(3)
     for axis, options in enumerate(MOMENTS):
@@ -59,7 +59,7 @@ def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Ma
     return Masses(mass_of_model, carried, centre)
 
 
-def _between(R: Array, M: PETSc.Mat) -> Array:
+def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
     """R^T M R (k, k) of motions R (n, k) that every rank has."""
     x, f = M.createVecRight(), M.createVecLeft()
     mine, columns = R[slice(*M.getOwnershipRange())], []
@@ -67,7 +67,7 @@ def _between(R: Array, M: PETSc.Mat) -> Array:
         x.getArray()[:] = motion
         M.mult(x, f)
         columns.append(mine.T @ f.getArray())
-    freed(x, f)
+    free_objects(x, f)
     product = np.column_stack(columns)
     M.comm.tompi4py().Allreduce(MPI.IN_PLACE, product)
     return product

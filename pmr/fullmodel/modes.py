@@ -58,7 +58,7 @@ def lowest_of(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS
     return eps
 
 
-def solved(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
+def solve_modes(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
     """Solve; omega^2 (count,) in ascending order, and the modes.
 
     Raises a `ConvergenceError` if fewer converge.
@@ -89,12 +89,12 @@ def check_count(count: int, dimension: int) -> None:
         raise TooManyModesError(count, dimension)
 
 
-def clustered(a: float, b: float) -> bool:
+def are_clustered(a: float, b: float) -> bool:
     """Whether omega^2 of two modes differ by round-off alone."""
     return abs(b - a) <= CLUSTER * max(abs(a), abs(b))
 
 
-def finished(model: FullModel, s: float, omega2: Array, phi: Array, cut: bool) -> Modes:
+def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: bool) -> Modes:
     """Make the modes M-orthonormal, fix signs, measure residuals."""
     if cut:
         logger.warning(

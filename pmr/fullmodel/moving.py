@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc, compiled_form, constant
-from pmr.fem.distributed import freed, times
+from pmr.fem.distributed import free_objects, times
 from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.eigensolvers import DENSE_UP_TO
 from pmr.fullmodel.elimination import Elimination
@@ -49,7 +49,7 @@ class Moving:
         """A_S without the masses; collective."""
         tensor, form = self._of_tensor
         tensor.value = S
-        return self._assembler.assembled(form, zeros=False)
+        return self._assembler.assemble_form(form, zeros=False)
 
     @cached_property
     def _of_tensor(self) -> tuple[Any, Any]:
@@ -63,7 +63,7 @@ class Moving:
         S, motion = field_of(name, self._model)
         A = self.inertia(S)
         forces = times(A, motion[slice(*A.getOwnershipRange()), None])
-        freed(A)
+        free_objects(A)
         return np.concatenate(self._comm.allgather(forces[:, 0]))
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:
@@ -98,7 +98,7 @@ class Moving:
         elimination = Elimination(model.size, clamped, np.empty(0, np.int64), np.zeros((len(clamped), 0)))
         K = self._assembler.matrix(model.forms(self._assembler.space).stiffness)
         solver = solver_of(K, elimination, model.size <= DENSE_UP_TO)
-        freed(K)
+        free_objects(K)
         return solver
 
     def drop(self) -> None:

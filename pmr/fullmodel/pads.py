@@ -32,7 +32,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import bump, rebased, value_or_zero
+from pmr.constraints.polynomials import bump, refine_table, value_or_zero
 from pmr.constraints.rows import Row, fixed_row
 from pmr.constraints.straight import Straight
 from pmr.errors import InputError
@@ -169,12 +169,12 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
     Raises an `InputError` if a face does not exist or a pad leaves it somewhere on its travel.
     """
     staying = [
-        *(pads.walls.dented(fixed_pad(pad, model, T, pads.travel), pad.at) for pad in pads.fixed),
+        *(pads.walls.pad_row(fixed_pad(pad, model, T, pads.travel), pad.at) for pad in pads.fixed),
         *(_support(support, model, T, pads) for support in pads.supports),
     ]
     moving = [
         *(_point(slider, model, T) for slider in pads.sliders),
-        *(pads.walls.dented(moving_pad(pad, model, T, pad.travel or pads.travel), pad.at) for pad in pads.moving),
+        *(pads.walls.pad_row(moving_pad(pad, model, T, pad.travel or pads.travel), pad.at) for pad in pads.moving),
         *(_end(end, model, T, pads) for end in pads.ends),
         *(row for straight in pads.straight for row in straight.rows(_point(Slider(), model, T))),
     ]
@@ -196,7 +196,7 @@ def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple
     places = low + pad.at + step * np.arange(1 - reach, count + reach)
     U = sp.csr_matrix(_stations(pad, model, places) @ T)
     # The bump's pieces on the lattice, first the last one: stations ahead of the pad are farther left on it.
-    pieces = rebased(bump(3, STATIONS * step), step * np.arange(-reach, reach + 1)).c[:, ::-1] / STATIONS
+    pieces = refine_table(bump(3, STATIONS * step), step * np.arange(-reach, reach + 1)).c[:, ::-1] / STATIONS
     touched = np.arange(count)[:, None] + np.arange(2 * reach)
     coefficients = np.repeat(pieces[:, None, :], count, axis=1)
     return Row(pad.name, breaks, U, touched, coefficients, 1.0 / pad.stiffness, pad.free_way)
@@ -269,7 +269,7 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     )
     if off.any():
         raise _off(pad, f"around {places[off][0]:.4g} m", strip.extent)
-    weights = _corrected(weights, offsets, ends, moments)
+    weights = _correct_weights(weights, offsets, ends, moments)
     means = sp.csr_matrix((weights, near, ends), (len(places), len(strip.along)))
     return sp.csr_matrix(means @ strip.normal)
 
@@ -318,7 +318,7 @@ def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
     return sums
 
 
-def _corrected(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:
+def _correct_weights(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:
     """Weights (q,), changed by a parabola in the offsets (2, q) in Delta, with the moments of what they stand for.
 
     Those of each station add up to one, their centroid is zero and their spread along the axis that of the hat, 1 / 6.

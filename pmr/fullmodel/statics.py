@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.constraints.rows import Row, Rows
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import freed
+from pmr.fem.distributed import free_objects
 from pmr.fem.factor import NotDefiniteError
 from pmr.fem.matrices import gather
 from pmr.fem.replicated import factor_for_columns
@@ -100,10 +100,10 @@ class _Mumps:
         except NotDefiniteError:
             raise SingularError() from None
         finally:
-            freed(K)
+            free_objects(K)
 
     def solve(self, g: Array) -> Array:
-        self._condensed.restricted(g)
+        self._condensed.restrict(g)
         x = self._factor.solve_columns(g)
         self._condensed.extended(x)
         return x

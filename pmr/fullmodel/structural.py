@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Rows
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import freed, sparse
+from pmr.fem.distributed import free_objects, sparse
 from pmr.fem.matrices import columns
-from pmr.fullmodel.assembly import Operators, operators_of, padded, projected, rayleigh, share
+from pmr.fullmodel.assembly import Operators, operators_of, pad_pattern, project_matrix, rayleigh, share
 from pmr.fullmodel.masses import masses_of
 from pmr.fullmodel.model import FullModel, RigidMotions
 from pmr.fullmodel.moving import Moving
@@ -44,8 +44,8 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     moving, masses = Moving(model, structure.masses, comm), masses_of(model, structure.masses, base.M)
     loads = [sp.csr_matrix((0, size)), *(coupling.load(load, base.M, moving) for load in structure.loads)]
     operators = Operators(
-        _reduced(base.M, coupling.T, attached),
-        _reduced(base.K, coupling.T, padded(springs, attached)),
+        _constrain_matrix(base.M, coupling.T, attached),
+        _constrain_matrix(base.K, coupling.T, pad_pattern(springs, attached)),
     )
     of_pads = [isinstance(output, PadForce) for output in structure.outputs]
     places = coupling.rows([output for output in structure.outputs if not isinstance(output, PadForce)])
@@ -68,12 +68,12 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         node_stations=model.node_stations,
         mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
         ports={port.name: coupling.rows([port]) for port in structure.ports},
-        matrices=_added(structure.matrices, coupling, moving),
+        matrices=_added_matrices(structure.matrices, coupling, moving),
         masses=masses,
     )
 
 
-def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str, PETSc.Mat]:
+def _added_matrices(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str, PETSc.Mat]:
     """Matrices of a moving frame and of axial forces, by name; those that vanish are left out.  Collective.
 
     Walls that give way under pads have no part in it: their dents are small, and so is what they weigh.
@@ -85,11 +85,11 @@ def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str
             of_model, attached = moving.inertia(tensors[name]), coupling.attached(tensors[name])
         else:
             of_model, attached = moving.geometric_stiffness(name), nothing
-        matrix = _reduced(of_model, coupling.T, attached)
+        matrix = _constrain_matrix(of_model, coupling.T, attached)
         if matrix.norm(PETSc.NormType.NORM_INFINITY) > 0.0:
             matrices[name] = matrix
         else:
-            freed(matrix)
+            free_objects(matrix)
     moving.drop()
     return matrices
 
@@ -113,7 +113,7 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, res
     return RigidMotions(of_rank, held, whole=not len(coupling.clamped) and not len(resisted))
 
 
-def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
+def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
     """T^T A T + added, distributed in consecutive shares; entries of `added` have a place even if zero.
 
     A is freed.  Where nothing is coupled there is no product: T only leaves coordinates out, or none.
@@ -122,8 +122,8 @@ def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
     low, high = share(T.shape[1], A.comm.tompi4py())
     if not _leaves_out(T):
         P = sparse(T[first:last], A, columns=int(high - low))
-        result = projected(A, P)
-        freed(P)
+        result = project_matrix(A, P)
+        free_objects(P)
     elif T.shape[0] > T.shape[1]:
         result = _without_rest(A, np.flatnonzero(np.diff(T.indptr))[low:high])
     else:
@@ -131,7 +131,7 @@ def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
     if added.nnz:
         more = sparse(added[low:high], result, columns=int(high - low))
         result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        freed(more)
+        free_objects(more)
     return result
 
 
@@ -139,7 +139,7 @@ def _without_rest(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
     """Rows and columns of A that any rank owns afterwards; A is freed."""
     chosen = PETSc.IS().createGeneral(numbers.astype(PETSc.IntType), comm=A.comm)
     result = A.createSubMatrix(chosen, chosen)
-    freed(A, chosen)
+    free_objects(A, chosen)
     return result
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import freed
+from pmr.fem.distributed import free_objects
 from pmr.fullmodel.moving import Moving, field_of
 from pmr.fullmodel.pads import Pads
 from pmr.fullmodel.probes import Gauge
@@ -181,7 +181,7 @@ class Coupling:
             if action.direction not in model_directions:
                 allowed = f"{', '.join(model_directions)} are allowed"
                 raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
-        places = dict.fromkeys(one.on for one in actions if one.direction in ALONG)
+        places = dict.fromkeys(action.on for action in actions if action.direction in ALONG)
         number = {place: k for k, place in enumerate(places)}
         displacements = self.model.displacement(*number) if number else None
         motion, count, row_of = cache(self.model.motion), sum(name in ALONG for name in model_directions), {}
@@ -212,7 +212,7 @@ class Coupling:
         first, last = M.getOwnershipRange()
         x.getArray()[:] = (self.model.rigid_motions() @ acceleration)[first:last]
         M.mult(x, f)
-        freed(x)
+        free_objects(x)
         column = self.T.T @ np.concatenate(M.comm.tompi4py().allgather(f.getArray()))
         for mass, G in zip(self.masses, self.motions, strict=True):
             column += G.T @ (_inertia(mass, self.model.directions, np.eye(3)) @ acceleration)

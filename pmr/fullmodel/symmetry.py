@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import freed, sparse, times
+from pmr.fem.distributed import free_objects, sparse, times
 from pmr.mesh.nodes import Nodes
 from pmr.models import StructuralModel
 
@@ -46,7 +46,7 @@ def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PET
     on_free = [sp.csr_matrix(T_transposed @ P @ T) for P in _images(nodes)]
     mirrors = [P for P in on_free if P.nnz == len(P.indptr) - 1]
     for A in (M, K):
-        mirrors = _unchanging(mirrors, A)
+        mirrors = _commuting_images(mirrors, A)
     return tuple(mirrors)
 
 
@@ -71,7 +71,7 @@ def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
             yield sp.csr_matrix((sign[nodes.component], columns, ends), (nodes.size, nodes.size))
 
 
-def _unchanging(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:
+def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:
     """Images P for which A P x = P A x; collective."""
     if not mirrors:
         return []
@@ -154,4 +154,4 @@ class Orbits:
 
     def drop(self) -> None:
         """Give the images' memory back."""
-        freed(*self._mirrors)
+        free_objects(*self._mirrors)

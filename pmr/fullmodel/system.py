@@ -17,7 +17,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.scene.names import ALONE, input_of
 from pmr.system.body import FullBody
 from pmr.system.contacts import Contact, Place
-from pmr.system.system import Joined, System, grounded
+from pmr.system.system import Joined, System, ground_contacts
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class FullSystem(Joined[FullModel]):
     @classmethod
     def of(cls, model: FullModel) -> FullSystem:
         """A body alone, as `System.of` has it."""
-        return cls({ALONE: model}, grounded(model))
+        return cls({ALONE: model}, ground_contacts(model))
 
     @property
     def models(self) -> tuple[FullModel, ...]:
@@ -79,7 +79,7 @@ class FullSystem(Joined[FullModel]):
         parts = [self.comm.gather(local[:, at]) for at in self.local]
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
 
-    def supported(self) -> FullSystem:
+    def with_supports(self) -> FullSystem:
         """Return the system with supports that hold one coordinate as contacts with the ground, after all others."""
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [

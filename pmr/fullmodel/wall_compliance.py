@@ -23,7 +23,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import freed
+from pmr.fem.distributed import free_objects
 from pmr.fem.matrices import gather
 from pmr.fem.replicated import factor_for_columns
 from pmr.fullmodel.pads import Pad, Pads, restrain
@@ -92,7 +92,7 @@ def wall_compliance(
     line = Beam3DBody(length=box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS)
     sigma = (HELD * beam_of(line, body.profile).reference_frequency) ** 2
     shell, beam = _Pressed(_shell(body), body, sigma), _Pressed(beam_of(line, body.profile), body, sigma)
-    fixed = [one.rows(standing, ends) for one in (shell, beam)]
+    fixed = [model.rows(standing, ends) for model in (shell, beam)]
     C = shell.answers(fixed[0], fixed[0]) - beam.answers(fixed[1], fixed[1])
     sliding = []
     for ring in rings:
@@ -129,7 +129,7 @@ class _Pressed:
         if self._R.size:
             F.axpy(sigma, full.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         self._factor = factor_for_columns(F, "stiffness")
-        freed(F)
+        free_objects(F)
 
     def rows(self, pads: Sequence[Pad], ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
         """Measures of pads and ends, (k, n)."""
@@ -152,7 +152,7 @@ class _Pressed:
     def destroy(self) -> None:
         """Give the memory of its matrices back."""
         self._factor.destroy()
-        freed(self._full.K, self._full.M, self._full.inputs, self._full.outputs)
+        free_objects(self._full.K, self._full.M, self._full.inputs, self._full.outputs)
 
 
 def places_along(span: float, layer: float) -> Array:

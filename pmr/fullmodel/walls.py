@@ -102,15 +102,15 @@ class Walls:
         masses = np.concatenate([self.standing.masses, *(sliding.masses for sliding in self.sliding)])
         return self._behind(masses * np.concatenate(sizes) * (self.unit if self.count else 0.0), size)
 
-    def dented(self, row: Row, at: float) -> Row:
+    def pad_row(self, row: Row, at: float) -> Row:
         """The row of a pad whose wall gives way, if one does: that centred at `at`, of a moving one at s + `at` m."""
         behind, m = row.carriers.shape[1] - self.count, len(self.standing.masses)
         if row.name in self.standing.pads:
             carriers = np.zeros((1, self.count))
-            carriers[0, :m] = self._standing[self.standing.pads.index(row.name)]
-            return _dented(row, np.ones((len(row.breaks), 1)), carriers, behind)
+            carriers[0, :m] = self._standing_root[self.standing.pads.index(row.name)]
+            return _add_dents(row, np.ones((len(row.breaks), 1)), carriers, behind)
         first = m
-        for sliding, (A, shared, S) in zip(self.sliding, self._sliding, strict=True):
+        for sliding, (A, shared, S) in zip(self.sliding, self._sliding_factors, strict=True):
             k = len(sliding.pads)
             if row.name in sliding.pads:
                 i = sliding.pads.index(row.name)
@@ -118,7 +118,7 @@ class Walls:
                 parts = [PchipInterpolator(sliding.u, part[:, i])(u) for part in (A, S)]
                 carriers = np.zeros((len(shared) + k, self.count))
                 carriers[: len(shared), :m], carriers[len(shared) :, first : first + k] = shared, np.eye(k)
-                return _dented(row, np.hstack(parts), carriers, behind)
+                return _add_dents(row, np.hstack(parts), carriers, behind)
             first += k
         return row
 
@@ -131,19 +131,19 @@ class Walls:
             return motion
         rows, which = np.array(pairs).T
         more = sp.lil_matrix(motion.shape)
-        more[rows, behind : behind + self._standing.shape[1]] = self._standing[which]
+        more[rows, behind : behind + self._standing_root.shape[1]] = self._standing_root[which]
         return sp.csr_matrix(motion + more.tocsr())
 
     @cached_property
-    def _standing(self) -> Array:
+    def _standing_root(self) -> Array:
         """S_f (m, m): that of quantities scaled to one another, as pads in m and angles in rad are not of one size."""
         d = np.sqrt(np.diagonal(self.standing.compliance))
         return np.asarray(np.sqrt(self.unit) * d[:, None] * _root(self.standing.compliance / np.outer(d, d)))
 
     @cached_property
-    def _sliding(self) -> list[tuple[Array, Array, Array]]:
+    def _sliding_factors(self) -> list[tuple[Array, Array, Array]]:
         """Factors A = A' V (p, k, r), V (r, m) of what slides together, and S_m (p, k, k)."""
-        inverse, factors = np.linalg.pinv(self._standing, rcond=SAME**0.5).T, []
+        inverse, factors = np.linalg.pinv(self._standing_root, rcond=SAME**0.5).T, []
         for sliding in self.sliding:
             A = self.unit * sliding.beside @ inverse
             V = np.linalg.svd(A.reshape(A.shape[0] * A.shape[1], -1) if A.size else A[0], full_matrices=False)[2]
@@ -178,7 +178,7 @@ def _root(C: Array) -> Array:
     return np.asarray((vectors * roots[..., None, :]) @ np.swapaxes(vectors, -1, -2))
 
 
-def _dented(row: Row, dents: Array, carriers: Array, behind: int) -> Row:
+def _add_dents(row: Row, dents: Array, carriers: Array, behind: int) -> Row:
     """Add `dents` (breaks, k) of k carriers at a row's breaks, on the coordinates `behind` all others."""
     k = len(carriers)
     if row.moves:

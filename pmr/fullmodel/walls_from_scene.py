@@ -30,7 +30,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     Raises an `InputError` if a pad leaves its face, or the box can't be drawn with these cells.
     """
     from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance  # needs FEniCSx
-    from pmr.models.shell import drawn
+    from pmr.models.shell import draw_box
 
     part = member.part
     box, mesh, body = part.body.box, part.mesh, part.body
@@ -38,7 +38,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     staying, sliding = _by_their_way(member, pads)
     masses = tuple(mass for mass in part.masses if mass.coupling == "rigid")
     plates = PlateBody(
-        drawn(box, mesh.size, mesh.along or 0.0),
+        draw_box(box, mesh.size, mesh.along or 0.0),
         box,
         body.material,
         body.shear_correction,
@@ -47,7 +47,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
         box.plate if box.frames else 0.0,
     )
     moves = directions(member)
-    ends = tuple((end, d) for end in ENDS if end in _carrying(part) for d in AT_AN_END if d in moves)
+    ends = tuple((end, d) for end in ENDS if end in _loaded_ends(part) for d in AT_AN_END if d in moves)
     rings = tuple(Ring(tuple(sliding_pads), span) for span, sliding_pads in sliding)
     C, compliances = comm.bcast(on_first(comm, lambda: wall_compliance(plates, tuple(staying), ends, rings)))
     rho = body.material.density
@@ -100,7 +100,7 @@ def _end(box: Box, direction: str) -> float:
     return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm
 
 
-def _carrying(part: Part) -> set[str | float]:
+def _loaded_ends(part: Part) -> set[str | float]:
     """Ends that carry something and whose points nothing rigid holds, which would keep them in shape."""
     clamped = {support.on for support in part.supports if support.points == "all"}
     held_in_shape = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}

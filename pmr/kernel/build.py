@@ -18,7 +18,7 @@ BEGIN, END = "/* ---- from here on cffi reads this file: declarations only ---- 
 
 
 def declarations(header: str) -> str:
-    """What cffi reads of the interface."""
+    """Declarations of the interface that cffi reads."""
     return header.partition(BEGIN)[2].partition(END)[0]
 
 

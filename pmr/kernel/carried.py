@@ -94,7 +94,7 @@ class Carried:
         return ffi.new("pmr_carried_record *", {name: _pointer(getattr(self, name)[first:]) for name in names})
 
     def needed(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
-        """What has to hold the machine (6,) at t = 0 for it to move as (3, 6) and the boom's modes as z, v, a."""
+        """Forces (6,) that hold the machine at t = 0 where it moves as (3, 6) and the boom's modes as z, v, a."""
         forces, arrays = np.zeros(6), [np.ascontiguousarray(array, float) for array in (motion, z, v, a)]
         lib.pmr_carried_needed(self._carried, *map(_pointer, arrays), _pointer(forces))
         return forces

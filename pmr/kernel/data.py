@@ -24,7 +24,7 @@ from pmr.kernel.further import (
 )
 from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
 from pmr.scene.pivot import CYLINDER
-from pmr.system.rings import Combined, combined
+from pmr.system.rings import Combined, combine_rings
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -72,9 +72,9 @@ def system_data(
         "names_further": lines(further),
     }
     units = [unit for of in supports for unit in of.units]
-    others = [(name, "N" if name == CYLINDER else "m", name != CYLINDER) for name in further[len(reactions) :]]
+    further_outputs = [(name, "N" if name == CYLINDER else "m", name != CYLINDER) for name in further[len(reactions) :]]
     modes_of = {name: part.modes for name, part in zip(forms, rows.parts, strict=True)}
-    listed = (*((name, unit, False) for name, unit in zip(reactions, units, strict=True)), *others)
+    listed = (*((name, unit, False) for name, unit in zip(reactions, units, strict=True)), *further_outputs)
     return SystemData(arrays, used, modes_of, rows, listed)
 
 
@@ -102,12 +102,12 @@ class Outputs:
 
     def split(self, array: Array) -> tuple[Array, Array]:
         """Columns (., outputs) and (., reactions), each filled up by a register more than they need."""
-        both = (array[:, numbers] for numbers in (self.outputs, self.reactions))
-        first, second = (np.pad(_fill_rows(one, one.shape[1]), ((0, 0), (0, LANES))) for one in both)
+        parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
+        first, second = (np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts)
         return first, second
 
     def before(self, part: Part) -> tuple[int, int]:
-        """Where the outputs and reactions of a body begin."""
+        """First output and first reaction of a body."""
         first, second = (np.searchsorted(numbers, part.outputs.start) for numbers in (self.outputs, self.reactions))
         return int(first), int(second)
 
@@ -124,7 +124,7 @@ def in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supp
         bodies[name] = with_reactions(system, name, form, modal, supports[number]) if supports else modal
     motions = {name: form.X for name, form in forms.items()}
     terms = tuple(term.on(motions) for term in system.terms)
-    return combined(System(bodies, system.contacts, terms=terms))
+    return combine_rings(System(bodies, system.contacts, terms=terms))
 
 
 def _sizes(
@@ -133,7 +133,7 @@ def _sizes(
     """The number of everything, in the order in which `read_arrays` of src/system.c takes it."""
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
-    whole = len(rows.blocks) == len(rows.parts) == 1 and np.array_equal(rows.blocks[0].numbers, order) and m and inputs
+    single = len(rows.blocks) == len(rows.parts) == 1 and np.array_equal(rows.blocks[0].numbers, order) and m and inputs
     sizes = [
         rows.parts[-1].modes.stop,
         len(rows.F),
@@ -146,7 +146,7 @@ def _sizes(
         pads,
         0 if rows.friction is None else len(rows.friction.joints),
         len(rows.paths) + inputs + len(modal.terms),
-        int(bool(whole) and not modal.compliance.paths and rows.friction is None),
+        int(bool(single) and not modal.compliance.paths and rows.friction is None),
         int(not all(_is_diagonal(part.body.D) for part in rows.parts)),
         len(modal.compliance.paths),
         motions,
@@ -195,7 +195,7 @@ def _bodies(rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
 
 
 def _contacts(system: System, rows: Arrangement, split: Outputs) -> dict[str, NDArray[Any] | str]:
-    """What of the rows stays, which of them push, and ropes that get longer."""
+    """Constant arrays of the contacts: their rows, which of them push, and ropes that get longer."""
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
     slopes = np.pad(system.compliance.slopes, ((0, 0), (0, moments), (0, moments)))

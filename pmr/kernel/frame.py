@@ -35,15 +35,15 @@ class Frame(Protocol):
 
     @property
     def factors(self) -> NDArray[np.float64]:
-        """Of all products, (p,)."""
+        """Factors (p,) of all products."""
 
     @property
     def numbers(self) -> NDArray[np.int64]:
-        """Of the quantities in each product, (p, 3)."""
+        """Numbers (p, 3) of the quantities in each product."""
 
     @property
     def first(self) -> NDArray[np.int64]:
-        """Where the products of each input and term begin, (i + K + 1,)."""
+        """First product of each input and term, (i + K + 1,)."""
 
 
 def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> dict[str, NDArray[Any] | str]:

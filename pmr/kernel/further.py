@@ -21,7 +21,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import columns, common_breaks, rebased, same_degree, total, transposed
+from pmr.constraints.polynomials import columns, common_breaks, refine_table, same_degree, total, transpose
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.model import ReducedModel
@@ -66,12 +66,12 @@ class Supports:
     inputs: Array  # (h, i)
 
 
-def supports_of(system: System, name: str, form: Modal, wanted: bool = True) -> Supports:
+def supports_of(system: System, name: str, form: Modal, output: bool = True) -> Supports:
     """Reactions of a body's rigid supports in its modes; none where they are not wanted."""
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
     carried = reactions is not None and reactions.carried is not None and body.carriers is not None
-    if not wanted or not isinstance(body, ReducedModel) or reactions is None or not (system.on_one_path or carried):
+    if not output or not isinstance(body, ReducedModel) or reactions is None or not (system.on_one_path or carried):
         nothing = np.zeros((0, r))
         return Supports((), (), np.zeros((0, body.size)), nothing, nothing, np.zeros((0, len(body.input_names))))
     n = body.size
@@ -95,22 +95,24 @@ def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, 
     assert reactions is not None  # of a body that has supports
     outputs, (_, i, o) = np.vstack([modal.outputs, supports.of_modes]), _sizes(modal)
     if system.on_one_path:
-        pressed = columns(total(reactions.rows, transposed(body.rows_on(supports.inertia.T)), -1.0), list(form.rows))
+        pressed = columns(total(reactions.rows, transpose(body.rows_on(supports.inertia.T)), -1.0), list(form.rows))
         flexibility = modal.flexibility or _no_flexibility(modal)
         breaks = common_breaks([flexibility.outputs, pressed], modal.domain)
-        c = same_degree(rebased(flexibility.outputs, breaks).c, rebased(pressed, breaks).c)
+        c = same_degree(refine_table(flexibility.outputs, breaks).c, refine_table(pressed, breaks).c)
         direct = np.vstack([flexibility.direct, supports.inputs])
         with_pressed = replace(flexibility, outputs=PPoly(np.concatenate(c, axis=2), breaks), direct=direct)
         return replace(modal, outputs=outputs, flexibility=with_pressed)
     carriers = modal.carriers
     assert carriers is not None and body.carriers is not None and reactions.carried is not None
     K = len(carriers.values)
-    left = carriers.flexibility or CarrierFlexibility(
+    residual = carriers.flexibility or CarrierFlexibility(
         *(np.zeros(shape) for shape in ((K, K), (K, i), (o, K), (o, i), (i, i)))
     )
     carried = reactions.carried - body.carriers.values @ supports.inertia.T
-    left = replace(left, outputs=np.vstack([left.outputs, carried.T]), direct=np.vstack([left.direct, supports.inputs]))
-    return replace(modal, outputs=outputs, carriers=replace(carriers, flexibility=left))
+    residual = replace(
+        residual, outputs=np.vstack([residual.outputs, carried.T]), direct=np.vstack([residual.direct, supports.inputs])
+    )
+    return replace(modal, outputs=outputs, carriers=replace(carriers, flexibility=residual))
 
 
 def _sizes(body: ReducedModel) -> tuple[int, int, int]:
@@ -128,7 +130,7 @@ def _no_flexibility(body: ReducedModel) -> Flexibility:
 def support_arrays(
     system: System, supports: Sequence[Supports], forms: Sequence[Modal], modes: Sequence[slice], width: int
 ) -> Arrays:
-    """What rates of modes and terms add to reactions; `modes` are where bodies' modes stand, filled up."""
+    """Arrays by which rates and terms add to reactions; `modes` are the padded columns of each body."""
     r = modes[-1].stop
     rates, first = np.zeros((r, width)), np.cumsum([0, *(len(of.names) for of in supports)])
     for of, place, at in zip(supports, modes, first, strict=False):
@@ -170,7 +172,7 @@ class Cylinder:
 
 
 def luffing_cylinder(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Cylinder | None:
-    """None without a cylinder by its hinges, or where a force between boom and ground has no number."""
+    """Luffing cylinder; None without hinges, or where a force between boom and ground has no number."""
     if scene.frame is None or scene.frame.cylinder is None:
         return None
     # without extensions, then with 1 m of each path by itself
@@ -209,9 +211,9 @@ def frame_output_arrays(
         place = np.array(scene.frame.place) + [scene.sections[-1].length, 0.0, 0.0]
         arrays |= {"tip_numbers": np.array([*tip, len(scene.sections) - 1]), "tip_place": place}
         names += [f"tip in space {axis}" for axis in "XYZ"]
-        known = {force_of(name): outputs + len(reactions) + k for k, name in enumerate(system.contact_names)}
-        known |= {name: k for k, name in enumerate([*system.output_names, *reactions])}
-        cylinder = luffing_cylinder(scene, paths, known, outputs)
+        numbers = {force_of(name): outputs + len(reactions) + k for k, name in enumerate(system.contact_names)}
+        numbers |= {name: k for k, name in enumerate([*system.output_names, *reactions])}
+        cylinder = luffing_cylinder(scene, paths, numbers, outputs)
         if cylinder is not None:
             sources = len(cylinder.sources)
             arrays |= {

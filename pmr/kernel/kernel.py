@@ -36,7 +36,7 @@ def checksum(content: bytes | bytearray) -> int:
 
 
 class Failure(IntEnum):
-    """What the kernel's functions return."""
+    """Error codes of the kernel's functions."""
 
     REFUSED = lib.PMR_REFUSED
     DEPENDENT = lib.PMR_DEPENDENT
@@ -168,7 +168,7 @@ class Record:
         self.steps = steps
 
     def __getitem__(self, name: str) -> Array:
-        """What was recorded by that name, (T, .)."""
+        """Recorded array (T, .) of that name."""
         return self.arrays[name]
 
     def at(self, first: int) -> Any:
@@ -381,13 +381,13 @@ class State:
         }
         out = ffi.new("pmr_values *", {name: _pointer(array) for name, array in values.items()})
         width = 3 * kernel.motions or kernel.drivers
-        given = self._check_array("drivers", np.ravel(at), width)
+        drivers = self._check_array("drivers", np.ravel(at), width)
         if seed is None:
-            failed = lib.pmr_evaluate(self._state, _pointer(given), 0, out)
+            failed = lib.pmr_evaluate(self._state, _pointer(drivers), 0, out)
         else:
             sizes_of_seed = (width, kernel.modes, kernel.modes)
             along = [self._check_array("seed", np.ravel(x), n) for x, n in zip(seed, sizes_of_seed, strict=True)]
-            failed = lib.pmr_evaluate_along(self._state, _pointer(given), *map(_pointer, along), 0, out)
+            failed = lib.pmr_evaluate_along(self._state, _pointer(drivers), *map(_pointer, along), 0, out)
         self._raise_unless_done(failed, "an evaluation")
         return values
 
@@ -402,7 +402,7 @@ class State:
         return Jacobian(**arrays)
 
     def save(self) -> bytes:
-        """Its bytes."""
+        """Bytes of the state."""
         content = ffi.new("char[]", lib.pmr_state_bytes(self._state))
         lib.pmr_state_save(self._state, content)
         return bytes(ffi.buffer(content))
@@ -417,7 +417,7 @@ class State:
 
     @property
     def pointer(self) -> Any:
-        """Its address, for calls of the kernel's functions."""
+        """Address of the state, for calls of the kernel's functions."""
         return self._state
 
     def raise_unless_done(self, failed: int, where: str) -> None:

@@ -146,9 +146,9 @@ class JointCylinder(NamedTuple):
 
 
 def slide_pads(
-    stiffness: Array, coefficients: Array, forces: Array, old: Array, moved: float, cylinder: JointCylinder
+    stiffness: Array, coefficients: Array, forces: Array, old: Array, displacement: float, cylinder: JointCylinder
 ) -> Array:
-    """Friction (n,) N at the end of a step of a joint's pads, whose path has moved by `moved` m.
+    """Friction (n,) N at the end of a step of a joint's pads, whose path has moved by `displacement` m.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def slide_pads(
     arrays = [np.ascontiguousarray(array, float) for array in (stiffness, coefficients, forces, old)]
     limits, new = np.zeros((2, len(old)))
     joint = ffi.new("pmr_cylinder *", cylinder._asdict())
-    lib.pmr_friction(len(old), *map(_doubles, arrays), moved, joint, *map(_doubles, (limits, new)))
+    lib.pmr_friction(len(old), *map(_doubles, arrays), displacement, joint, *map(_doubles, (limits, new)))
     return new
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import columns, common_breaks, rebased, same_degree, select_rows
+from pmr.constraints.polynomials import columns, common_breaks, refine_table, same_degree, select_rows
 from pmr.constraints.products import RowPolynomials
 from pmr.constraints.rows import Row
 from pmr.reduced.carriers import CarrierFlexibility
@@ -51,7 +51,7 @@ class Part:
 
     @property
     def flexibility(self) -> CarrierFlexibility:
-        """What its modes leave out between its carriers; zeros of a body without residual flexibility."""
+        """Residual flexibility between the carriers of the body; zeros where it has none."""
         carriers = self.body.carriers
         assert carriers is not None  # as `System` checks
         K, i, o = len(carriers.values), len(self.body.input_names), len(self.body.outputs)
@@ -60,7 +60,7 @@ class Part:
 
     @property
     def values(self) -> Array:
-        """What its modes measure on its carriers, filled up, (K, modes)."""
+        """Values (K, modes) of the modes on the body's carriers, filled up to whole registers."""
         assert self.body.carriers is not None
         values = self.body.carriers.values
         return np.pad(values, ((0, 0), (0, round_up(values.shape[1]) - values.shape[1])))
@@ -68,7 +68,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Block:
-    """What travels along one path on one body: tables on common breaks, with values of q sides."""
+    """Tables of the rows along one path on one body, on common breaks, with values of q sides."""
 
     part: Part
     path: int
@@ -149,11 +149,11 @@ def _block_of_tables(system: System, part: Part) -> Block:
     m, i, o = len(rows), len(body.input_names), len(body.outputs)
     G, H, X = (_zeros(breaks, shape) for shape in ((m, m), (m, i), (m, o)))
     if flexibility is not None:
-        G = rebased(columns(select_rows(flexibility.rows, rows), rows), breaks)
-        H = rebased(select_rows(flexibility.inputs, rows), breaks)
-        of_outputs = rebased(columns(flexibility.outputs, rows), breaks)
+        G = refine_table(columns(select_rows(flexibility.rows, rows), rows), breaks)
+        H = refine_table(select_rows(flexibility.inputs, rows), breaks)
+        of_outputs = refine_table(columns(flexibility.outputs, rows), breaks)
         X = PPoly(of_outputs.c.swapaxes(2, 3), breaks)
-    C = rebased(select_rows(body.rows, rows), breaks)
+    C = refine_table(select_rows(body.rows, rows), breaks)
     C = PPoly(np.pad(C.c, ((0, 0), (0, 0), (0, 0), (0, round_up(body.size) - body.size))), breaks)
     nothing = np.zeros(0, np.int64)
     return Block(part, 0, np.arange(m), nothing, C, G, _zeros(breaks, (m, 0)), H, X)
@@ -181,7 +181,7 @@ def _block_on_path(
         np.array([side.contact for side in sides], np.int64),
         stays,
         rows=C.times(part.values),
-        between=C.squared(R),
+        between=C.quadratic_form(R),
         staying=C.times(R @ weights.T),
         inputs=C.times(part.flexibility.inputs),
         outputs=C.times(part.flexibility.outputs.T),

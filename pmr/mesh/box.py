@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.mesh.drawing import Drawing, Entity
 from pmr.mesh.sides import TAPERED, Part, Side, ends_of, out
-from pmr.mesh.taper import tapered
+from pmr.mesh.taper import taper_points
 
 Array = NDArray[np.float64]
 #: The source of errors in a box's dimensions; where they stand is known to who asks for it.
@@ -120,7 +120,7 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
             if end in boom.frames:
                 groups.setdefault("frames", []).extend(_frame(drawing, boom, curves, end))
         groups["tip"] = [(1, curve) for curve in curves]
-        drawing.write(groups, file, lambda points: tapered(points, boom.sides, boom.parts, boom.frame_depth))
+        drawing.write(groups, file, lambda points: taper_points(points, boom.sides, boom.parts, boom.frame_depth))
 
 
 def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:

@@ -120,7 +120,7 @@ class Drawing:
         return box[:3], box[3:]
 
     def write(
-        self, groups: Mapping[str, Sequence[Entity]], file: Path, moved: Callable[[Array], Array] = np.asarray
+        self, groups: Mapping[str, Sequence[Entity]], file: Path, move: Callable[[Array], Array] = np.asarray
     ) -> None:
         """Mesh, move the points (N, 3) m and write, with `groups` as physical groups.
 
@@ -134,7 +134,7 @@ class Drawing:
         tags, coordinates, _ = self._model.mesh.getNodes()
         number = np.zeros(int(tags.max()) + 1, np.int64)
         number[tags.astype(np.int64)] = np.arange(len(tags))
-        points = moved(coordinates.reshape(-1, 3))
+        points = move(coordinates.reshape(-1, 3))
         cells, physical, field_data = [], [], {}
         for tag, (name, members) in enumerate(groups.items(), 1):
             field_data[name] = np.array([tag, members[0][0]])
@@ -145,7 +145,7 @@ class Drawing:
                     kind, vertices = ELEMENTS[int(element)]
                     block = number[nodes.astype(np.int64)].reshape(-1, vertices)
                     if kind == "quad" and top == 2:
-                        points, block = crossed(points, block)
+                        points, block = split_quads(points, block)
                         kind = "triangle"
                     cells.append((kind, block))
                     physical.append(np.full(len(block), tag))
@@ -160,7 +160,7 @@ class Drawing:
             raise
 
 
-def crossed(points: Array, quads: Indices) -> tuple[Array, Indices]:
+def split_quads(points: Array, quads: Indices) -> tuple[Array, Indices]:
     """Each quadrilateral as four triangles around its centre; the centres are added to the points."""
     centre = len(points) + np.arange(len(quads))
     triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]

@@ -39,7 +39,7 @@ def unsound(cell: str, points: Array, cells: Indices) -> str:
         shown = ", ".join(map(str, sizes[:4])) + (", ..." if parts > 4 else "")
         where = "edges" if cell == "triangle" else "faces"
         return f"the cells form {parts} parts that share no {where} (of {shown} cells); one connected body is allowed"
-    folded = _folded(corners, cells, facet_codes) if cell == "triangle" else 0
+    folded = _count_folds(corners, cells, facet_codes) if cell == "triangle" else 0
     return f"{folded} pairs of neighbouring triangles lie folded on each other" if folded else ""
 
 
@@ -69,7 +69,7 @@ def _parts(facet_codes: Indices) -> tuple[int, list[int]]:
     return int(parts), sorted(np.bincount(label).tolist(), reverse=True)
 
 
-def _folded(corners: Array, cells: Indices, edge_codes: Indices) -> int:
+def _count_folds(corners: Array, cells: Indices, edge_codes: Indices) -> int:
     """Pairs of triangles on one edge whose third corners lie on the same side of it."""
     opposite = np.tile(np.arange(3), len(cells))  # edge i of the reference triangle lies opposite vertex i
     triangle = np.repeat(np.arange(len(cells)), 3)

@@ -26,7 +26,7 @@ SLACK = 1e-6
 THIN = 1e-6
 
 
-def tapered(points: Array, sides: Sequence[Side], parts: Sequence[Part], depth: float) -> Array:
+def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[Part], depth: float) -> Array:
     """Points (N, 3) m that were drawn with these sides, and frames that deep, where the parts have them."""
     tapered_points, unplaced, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
     for place in (_in_side, _in_triangle):
@@ -38,7 +38,7 @@ def tapered(points: Array, sides: Sequence[Side], parts: Sequence[Part], depth: 
                 rows = np.flatnonzero(placed & (points[:, 0] >= part.start) & (points[:, 0] <= part.end))
                 if part.tapers and len(rows):
                     share = (points[rows, 0] - part.start)[:, None] / (part.end - part.start)
-                    at = _at if place is _in_side else _at_in_triangle
+                    at = _side_points if place is _in_side else _at_in_triangle
                     first, last = (
                         at(first_share[rows], second_share[rows], each, k, depth) for each in (part.first, part.last)
                     )
@@ -51,7 +51,7 @@ Places = tuple[Array, Array, NDArray[np.bool_]]
 
 def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
     """Share along a side and depth inside, and whether both are within it."""
-    xi, eta = _within(p, sides, k, depth)
+    xi, eta = _side_shares(p, sides, k, depth)
     return xi, eta, (np.abs(xi - 0.5) <= 0.5 + SLACK) & (np.abs(eta - 0.5) <= 0.5 + SLACK)
 
 
@@ -65,7 +65,7 @@ def _at_in_triangle(first_share: Array, second_share: Array, sides: Sequence[Sid
     return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
 
 
-def _within(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Array, Array]:
+def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Array, Array]:
     """Share along a side, and depth inside, of points (N, 2) m; of those outside of it not within 0 and 1."""
     side = sides[k]
     scale = depth or THIN * side.length
@@ -81,7 +81,7 @@ def _within(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Arra
     return (p - start) @ along / np.maximum((end - start) @ along, SLACK * side.length), eta
 
 
-def _at(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
     """Places (N, 2) m of shares along a side and depths inside."""
     side = sides[k]
     if side.centre is not None:

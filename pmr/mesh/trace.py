@@ -70,9 +70,9 @@ class Trace:
 
     def at(self, axis: int, place: float) -> Trace:
         """Return this trace for a place on an axis, m, where the points' centroid is beside it."""
-        beside = np.eye(3)[axis] * (place - self.centroid[axis])
-        close = np.abs(beside).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
-        return self if close else replace(self, beside=tuple(beside.tolist()))
+        offset = np.eye(3)[axis] * (place - self.centroid[axis])
+        close = np.abs(offset).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
+        return self if close else replace(self, beside=tuple(offset.tolist()))
 
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
         """Displacement of a point that follows the group (by default its centroid), and rotation: rows (6, n).
@@ -165,7 +165,7 @@ def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequenc
     for dim, parts in enumerate(topology):
         carried = len(nodes.components.get(dim, ()))
         if carried:
-            coordinates.append((_of(mesh, nodes, name, parts)[..., None] + np.arange(carried)).ravel())
+            coordinates.append((_part_coordinates(mesh, nodes, name, parts)[..., None] + np.arange(carried)).ravel())
     on = np.unique(np.concatenate(coordinates))
     return on[np.isin(nodes.component[on], components)]
 
@@ -178,11 +178,15 @@ def _group(mesh: NamedMesh, name: str) -> Group:
 def _nodes_of(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
     """First coordinates (e, k) of the displacement nodes on each entity, ordered as its Lagrange functions."""
     topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
-    tables = [_of(mesh, nodes, name, parts) for dim, parts in enumerate(topology) if 0 in nodes.components.get(dim, ())]
+    tables = [
+        _part_coordinates(mesh, nodes, name, parts)
+        for dim, parts in enumerate(topology)
+        if 0 in nodes.components.get(dim, ())
+    ]
     return np.concatenate(tables, axis=1)
 
 
-def _of(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list[int]]) -> Indices:
+def _part_coordinates(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list[int]]) -> Indices:
     """First coordinates (e, p) of the nodes on the given parts (vertices) of each of a group's entities."""
     entities = mesh.groups[name].entities
     vertices = entities[:, parts]

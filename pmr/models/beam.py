@@ -148,7 +148,7 @@ class Beam(ABC):
         return self._motions_of(np.array([at]), np.array([self.centroid(at) if about is None else about]))
 
     def _motions_of(self, at: Array, points: Array) -> sp.csr_matrix:
-        """Of points (k, 3) m that move with the sections at distances (k,) m along the axis, (k d, n)."""
+        """Motions (k d, n) of points (k, 3) m that move with the sections at distances (k,) m along the axis."""
         rows, arms = self.motions(at), points - at[:, None] * np.eye(3)[0]
         if arms.any():
             numbers = [DIRECTIONS.index(direction) for direction in self.directions]
@@ -244,7 +244,7 @@ class Beam(ABC):
         x, mass_here, end = ufl.SpatialCoordinate(mesh)[0], cellwise(mesh, mass), cellwise(mesh, ends)
         beyond = self._beyond(mass * h * (a + b * middle))
         a, b = constant(mesh, a), constant(mesh, b)
-        pulled = self._pulled(mesh, state, 0)[0] - cellwise(mesh, beyond)
+        pulled = self._sums_beyond(mesh, state, 0)[0] - cellwise(mesh, beyond)
         return pulled - mass_here * (a * (end - x) + b * (end**2 - x**2) / 2.0)
 
     def moment(self, mesh: Any, state: UnitState, component: int) -> Any:
@@ -254,7 +254,7 @@ class Beam(ABC):
         """
         mass, ends, middle, h = self._elements_of_mass()
         x, a = ufl.SpatialCoordinate(mesh)[0], constant(mesh, float(state.acceleration[component]))
-        force, arm = self._pulled(mesh, state, component)
+        force, arm = self._sums_beyond(mesh, state, component)
         beyond, first = (cellwise(mesh, self._beyond(mass * h * by)) for by in (np.ones_like(h), middle))
         within = cellwise(mesh, mass) * (cellwise(mesh, ends) - x) ** 2 / 2.0
         return arm - force * x - a * (within + first - beyond * x)
@@ -269,7 +269,7 @@ class Beam(ABC):
         """Sums over the elements beyond each."""
         return np.append(np.cumsum(values[:0:-1])[::-1], 0.0)
 
-    def _pulled(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
+    def _sums_beyond(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
         """Sums of forces and of forces times their places beyond each element."""
         middle = self.node_stations[self.grid.cells].mean(axis=1)
         sums = np.zeros((2, len(middle)))

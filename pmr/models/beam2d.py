@@ -219,7 +219,7 @@ class Beam2D(Beam):
 
 def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
     """The beam of a box in the vertical plane, on these nodes; on its own ones, about as many, where it varies."""
-    if not box.varying:
+    if not box.variations:
         return Beam2D(body, nodes)
     stations = stations_of(box.breaks, body.elements)
     return Beam2D(body, stations, sections_of(body, stations, box))

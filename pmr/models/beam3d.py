@@ -95,11 +95,11 @@ class Beam3D(Beam):
 
     @property
     def masses(self) -> Array:
-        added = 0.0 if self._added is None else self._added.area
+        added = 0.0 if self._element_rings is None else self._element_rings.area
         return self.body.material.density * (self.sections.area[self.number] + added)
 
     @cached_property
-    def _added(self) -> RingMasses | None:
+    def _element_rings(self) -> RingMasses | None:
         """Masses of rings within each element; None without rings."""
         return None if self.rings is None else self.rings.at(self.node_stations[self.grid.cells].mean(axis=1))
 
@@ -155,7 +155,7 @@ class Beam3D(Beam):
 
     def _of_rings(self, mesh: Any, S: Any, by: Sequence[Motion], of: Sequence[Motion]) -> Any:
         """Inertia of plates within the section about their own centroid, from what moves the section's."""
-        added, sections, rho = self._added, self.sections, self.body.material.density
+        added, sections, rho = self._element_rings, self.sections, self.body.material.density
         if added is None:
             return 0
         R = sections.principal[self.number]
@@ -163,13 +163,13 @@ class Beam3D(Beam):
         arms = cellwise(mesh, y), cellwise(mesh, z)
         second = rho * np.einsum("eij,ejk,elk->eil", R, added.about_centroid, R)
 
-        def moved(motion: Sequence[Motion]) -> Motion:
+        def centroid_motion(motion: Sequence[Motion]) -> Motion:
             centre, *turns = motion
             for arm, turn in zip(arms, turns, strict=True):
                 centre = tuple(c if t is None else c + arm * t for c, t in zip(centre, turn, strict=True))
             return centre
 
-        total = cellwise(mesh, rho * added.area) * bilinear(S, moved(by), moved(of))
+        total = cellwise(mesh, rho * added.area) * bilinear(S, centroid_motion(by), centroid_motion(of))
         for j in (0, 1):
             for k in (0, 1):
                 total += cellwise(mesh, second[:, j, k]) * bilinear(S, by[1 + j], of[1 + k])
@@ -285,7 +285,7 @@ class Beam3D(Beam):
 def beam_of(body: Beam3DBody, box: Box) -> Beam3D:
     """The beam of a box, with its sections along it and the mass of its frames."""
     beam = Beam3D(body)
-    if box.varying:
+    if box.variations:
         stations = stations_of(box.breaks, body.elements)
         beam = Beam3D(body, stations, sections_of(body, stations, box))
     return replace(beam, rings=ring_masses(box, beam.node_stations)) if box.frames else beam

@@ -59,10 +59,10 @@ class Bending:
         In q elements of lengths h (m) with these sections.
         """
         scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
-        value, slope = _at(HERMITE, X) * scale, _at(FIRST, X) * scale / h
+        value, slope = _evaluate(HERMITE, X) * scale, _evaluate(FIRST, X) * scale / h
         if self.shear_stiffness is None:
             return value, slope
-        third = _at(THIRD, X) * scale / h**3
+        third = _evaluate(THIRD, X) * scale / h**3
         gamma = -(h**2) / 12.0 / (1.0 + (self.shear_stiffness / (12.0 * self.stiffness))[number] * h**2) * third
         return value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)
 
@@ -86,7 +86,7 @@ class Bending:
         return integrand if of.shear is None else integrand + EI * of.shear * by.third
 
 
-def _at(polynomials: Array, X: Array) -> Array:
+def _evaluate(polynomials: Array, X: Array) -> Array:
     """Values (p, q) of polynomials (p, d), highest power first, at X (q,)."""
     values = np.zeros((len(polynomials), len(X)))
     for c in polynomials.T:

@@ -34,7 +34,7 @@ def of_corners(profile: BoxProfile, section: BeamSection) -> Corners:
     """
     I = np.array([[section.second_moment_z, section.product_of_inertia],
                   [section.product_of_inertia, section.second_moment_y]])  # fmt: skip
-    stresses_of_corners, enclosed = np.zeros((len(profile.corners), 2, len(FORCES))), MidLine(profile).enclosed
+    stresses_of_corners, enclosed = np.zeros((len(profile.corners), 2, len(FORCES))), MidLine(profile).enclosed_area
     for stresses, corner in zip(stresses_of_corners, profile.corners, strict=True):
         of_z, of_y = np.linalg.solve(I, np.subtract(corner.at, section.centroid))
         stresses[0, [0, 4, 5]] = 1.0 / section.area, of_y, -of_z

@@ -66,7 +66,7 @@ class MidLine:
     @cached_property
     def points(self) -> Array:
         """Gauss' points (k, q, 2) m."""
-        return np.array([along(side, POINTS) for side in self.sides])
+        return np.array([points_along(side, POINTS) for side in self.sides])
 
     @cached_property
     def lever(self) -> Array:
@@ -74,7 +74,7 @@ class MidLine:
         return np.einsum("kqi,kqi->kq", self.points, np.array([normals(side, POINTS) for side in self.sides]))
 
     @property
-    def enclosed(self) -> float:
+    def enclosed_area(self) -> float:
         """Area of the cell, m^2."""
         return float(np.einsum("k,kq,q", self.lengths, self.lever, WEIGHTS)) / 2.0
 
@@ -85,7 +85,7 @@ class MidLine:
 
     @property
     def torsion_constant(self) -> float:
-        return float(4.0 * self.enclosed**2 / (self.lengths / self.thickness).sum())
+        return float(4.0 * self.enclosed_area**2 / (self.lengths / self.thickness).sum())
 
     @cached_property
     def centroid(self) -> Array:
@@ -163,7 +163,7 @@ def _angles(side: Side, x: Array) -> tuple[Array, float]:
     return start + side.angle * x, start
 
 
-def along(side: Side, x: Array) -> Array:
+def points_along(side: Side, x: Array) -> Array:
     """Places (q, 2) m at shares x of a side."""
     if side.centre is None:
         return np.asarray(side.start + x[:, None] * np.subtract(side.end, side.start))

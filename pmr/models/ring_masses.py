@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.mesh.sides import ends_of
-from pmr.models.profile_section import POINTS, WEIGHTS, along, normals
+from pmr.models.profile_section import POINTS, WEIGHTS, normals, points_along
 from pmr.scene.box import Box
 from pmr.scene.plates import Side
 
@@ -71,9 +71,9 @@ def ring_masses(box: Box, stations: Array) -> RingMasses:
     area, first, second = np.zeros(len(h)), np.zeros((len(h), 2)), np.zeros((len(h), 2, 2))
     for x in box.frames:
         sides = box.profile_at(x).sides
-        plate = within(sides)
+        plate = enclosed_figure(sides)
         if box.frame_depth != "full":
-            plate = plate.less(within(inset(sides, box.frame_depth)))
+            plate = plate.less(enclosed_figure(inset(sides, box.frame_depth)))
         k = int(np.clip(np.searchsorted(middles, x), 1, len(h) - 1)) if len(h) > 1 else 0
         share = np.clip((middles[k] - x) / (middles[k] - middles[k - 1]), 0.0, 1.0) if k else 0.0
         for e, share_of_element in ((k - 1, share), (k, 1.0 - share)):
@@ -93,11 +93,11 @@ def inset(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
     return tuple(inner_sides)
 
 
-def within(sides: tuple[Side, ...]) -> Plane:
+def enclosed_figure(sides: tuple[Side, ...]) -> Plane:
     """Area and moments of the figure that a profile encloses."""
     area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
     for side in sides:
-        p = along(side, POINTS)
+        p = points_along(side, POINTS)
         weights = WEIGHTS * side.length * np.sum(p * normals(side, POINTS), axis=1)
         area += float(weights.sum()) / 2.0
         first += weights @ p / 3.0

@@ -140,7 +140,7 @@ def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> Se
     parts = [
         stretch.part(a, b)
         for stretch in (stretch_of_all if box is None else box.stretches)
-        for a, b in pairwise([stretch.start, *_between(stretch, stations), stretch.end])
+        for a, b in pairwise([stretch.start, *_inner_nodes(stretch, stations), stretch.end])
     ]
     ends = np.array([0.0, *(part.end for part in parts)])
     return SectionsAlong(ends, tuple(mean_section(part, poisson) for part in parts), tuple(parts), poisson)
@@ -157,7 +157,7 @@ def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
     return BeamSection(**{key: tuple(value.tolist()) if value.ndim else float(value) for key, value in mean.items()})
 
 
-def _between(stretch: Stretch, stations: Array) -> list[float]:
+def _inner_nodes(stretch: Stretch, stations: Array) -> list[float]:
     """Nodes within a stretch that changes from place to place."""
     inside = (stations > stretch.start) & (stations < stretch.end) & (stretch.first is not stretch.last)
     return [float(at) for at in stations[inside]]

@@ -227,7 +227,7 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
         thickness = region.thickness or regions.get(name, plate).thickness
         regions[name] = Plate(material=region.material or body.material, thickness=thickness)
     shell = Shell(ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction), mesh)
-    if body.box is None or not body.box.varying:
+    if body.box is None or not body.box.variations:
         return shell
     walls = walls_along(body.box, mesh)
     for name, region in body.regions.items():
@@ -236,10 +236,10 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
     return replace(shell, walls=walls)
 
 
-def drawn(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
+def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
     """A box as it is drawn, with cells of these sizes."""
     depth = np.inf if box.frame_depth == "full" else box.frame_depth
-    if not box.varying:
+    if not box.variations:
         return BoxBoom(box.sides, box.length, size, along, tail_layer, box.frames, depth)
     stretches = box.stretches
     parts = tuple(Part(stretch.start, stretch.end, stretch.first.sides, stretch.last.sides) for stretch in stretches)
@@ -253,7 +253,7 @@ def drawn(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBo
 
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
     """Thickness in the middle of each cell of a box as it is `drawn`, (C,) m."""
-    boom = drawn(box, box.length, 0.0)
+    boom = draw_box(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
     thickness = np.full(len(middle), box.plate)
     for k, side in enumerate(boom.sides):

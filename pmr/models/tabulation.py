@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.fem.compat import MPI, cell_dofs, original_cells, tabulated, tabulation_space, unrolled_cell_dofs
+from pmr.fem.compat import MPI, cell_dofs, original_cells, tabulate, tabulation_space, unrolled_cell_dofs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -42,7 +42,7 @@ def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> Ce
     for ours, theirs in zip(model.element_coordinates(cells), cell_dofs(space), strict=True):
         number[theirs] = ours
     order = np.argsort(cells)
-    return CellValues(tabulated(quantity(space), points, space)[order], number[dofs][order])
+    return CellValues(tabulate(quantity(space), points, space)[order], number[dofs][order])
 
 
 def as_rows(entries: Array, coordinates: Indices, size: int) -> sp.csr_matrix:

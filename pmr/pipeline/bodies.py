@@ -23,15 +23,15 @@ from pmr.compare.estimated import (
 from pmr.compare.judged import parts_of_motion
 from pmr.compare.responses import Simulations, quantities, simulate
 from pmr.compare.ringing import rigid_contacts
-from pmr.compare.second_order import decided
-from pmr.compare.summary import Part, compared, impacts
+from pmr.compare.second_order import decide_second_order
+from pmr.compare.summary import Part, comparison_part, impacts
 from pmr.compare.utilisation import masses, utilisation
-from pmr.compare.way import Visited, frequencies, visited
+from pmr.compare.way import Visited, frequencies, places_on_way
 from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
-from pmr.reduction.bodies import as_asked, cached_body, joined, reduce_bodies, reduce_with
+from pmr.reduction.bodies import as_asked, cached_body, join_bodies, reduce_bodies, reduce_with
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
 from pmr.reduction.recover.from_scene import Looked, Recovered, beside_full, of_reduced, recovered_steps
@@ -78,7 +78,7 @@ class Precomputed:
 
     snapshots: Snapshots
     references: Mapping[str, Response]  # ``full`` and ``ancf``, as the scene is compared with them
-    frequencies: Array  # (S, f) Hz at the places of `pmr.compare.way.visited`
+    frequencies: Array  # (S, f) Hz at the places of `pmr.compare.way.places_on_way`
 
 
 class Bodies:
@@ -95,11 +95,11 @@ class Bodies:
         self.built, self.clock, self.caches, self.shared = built, clock, caches, shared
         self._comm = next(iter(built.values())).model.comm
         if shared is None:
-            self.bodies = reduce_bodies(order.prepared(scene), built, caches, clock)
+            self.bodies = reduce_bodies(order.prepare_scene(scene), built, caches, clock)
         else:
             self.bodies = {ALONE: reduce_with(scene, built[ALONE].model, shared.snapshots, clock)}
         models = {name: body.model for name, body in self.bodies.items()}
-        scene = self._comm.bcast(on_first(self._comm, lambda: decided(scene, models)))
+        scene = self._comm.bcast(on_first(self._comm, lambda: decide_second_order(scene, models)))
         self.choice = self._chosen(scene)
         self.scene = scene if self.choice is None else self.choice.scene  # with the step that was chosen
         if self.choice is not None:
@@ -107,7 +107,7 @@ class Bodies:
             self.bodies = {name: replace(body, modal=chosen[name]) for name, body in self.bodies.items()}
         self.bodies = as_asked(self.scene, self.bodies)
         #: as it was written, but for the step that was chosen: `scene` has the machine's motion as that of a frame
-        self.asked, self.system = self.scene, joined(self.scene, self.bodies)
+        self.asked, self.system = self.scene, join_bodies(self.scene, self.bodies)
         if self.scene.frame is not None and self.scene.frame.machine is not None:
             with clock.stage("machine"):
                 self.scene, self.system = self._comm.bcast(
@@ -120,7 +120,7 @@ class Bodies:
     def frequencies(self) -> Frequencies:
         """The lowest natural frequencies on the way: of the reduced system, and of the full one where it is wanted."""
         with_full = ALONE in self.built or "full" in self.scene.compare.against
-        at = visited(self.scene, self.excitation, self.full.whole.size if with_full else 0)
+        at = places_on_way(self.scene, self.excitation, self.full.whole.size if with_full else 0)
         of_reduced_system = on_first(self._comm, lambda: frequencies(self.scene, self.system, self.excitation, at))
         natural = of_reduced_system or Frequencies(at.along, at.s, {})
         if not with_full:
@@ -141,11 +141,11 @@ class Bodies:
             references = References(self.shared.references, {}, {})
         simulated = None if simulations is None else SimulatedSystem.of(self.system, self.excitation, simulations)
         error = on_first(self._comm, lambda: None if simulated is None else self._error(simulated))
-        looked = self._looked(simulations)
-        simulations = on_first(self._comm, lambda: simulations and simulations.timed())
+        looked = self._look_at_bodies(simulations)
+        simulations = on_first(self._comm, lambda: simulations and simulations.with_least_seconds())
         return Motions(simulations, simulated, error, looked, references)
 
-    def _looked(self, simulations: Simulations | None) -> Mapping[str, Looked]:
+    def _look_at_bodies(self, simulations: Simulations | None) -> Mapping[str, Looked]:
         if self.scene.recovery is None:
             return {}
         with self.clock.stage("recover"):
@@ -175,7 +175,7 @@ class Bodies:
             name: {"full": self.built[name].model.size, "reduced": body.size} for name, body in system.reduced.items()
         }
         simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
-        beside_full = compared(
+        beside_full = comparison_part(
             responses, quantities(scene, responses["reduced"]), simulators, rigid_contacts(self.full.whole)
         )
         blows = impacts(system, self.excitation, responses)
@@ -207,14 +207,14 @@ class Bodies:
 
     def _chosen(self, scene: Scene) -> order.Choice | None:
         """Models and a step to the scene's tolerance or within its budget, the same on every rank; None without one."""
-        if scene.ordered is None:
+        if scene.goal is None:
             return None
         models = {name: body.modal for name, body in self.bodies.items()}
         why: str | None = "the scene leaves it out"
         with self.clock.stage("search"):
             search = on_first(self._comm, lambda: order.Search(scene, models))
             trial = self._comm.bcast(None if search is None else search.trial)
-        if scene.ordered.mesh:
+        if scene.goal.mesh:
             with self.clock.stage("other mesh"):
                 try:
                     other = order.on_other_mesh(scene, trial)

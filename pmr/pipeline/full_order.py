@@ -15,9 +15,9 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.compare import cable
-from pmr.compare.booms import bearing
+from pmr.compare.booms import output_contacts
 from pmr.compare.evaluation import Motion, response_of, with_friction
-from pmr.compare.responses import Simulated, full_simulator, repeated
+from pmr.compare.responses import Simulated, full_simulator, simulate_by
 from pmr.compare.ringing import rigid_contacts
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError, on_first
@@ -44,7 +44,7 @@ from pmr.system.from_scene import contacts_of
 from pmr.system.oscillations import oscillations
 from pmr.system.states import BodyStates, rubbed_on
 from pmr.system.system import System
-from pmr.system.terms import added
+from pmr.system.terms import add_terms
 
 Array = NDArray[np.float64]
 
@@ -75,8 +75,8 @@ class FullOrder:
     @classmethod
     def of(cls, scene: Scene, models: Mapping[str, FullModel]) -> FullOrder:
         """Full order of models by their bodies' names."""
-        whole = FullSystem(models, contacts_of(scene, models))
-        return cls(scene, whole, full_simulator(scene, whole.size))
+        full_system = FullSystem(models, contacts_of(scene, models))
+        return cls(scene, full_system, full_simulator(scene, full_system.size))
 
     @cached_property
     def gathered(self) -> System | None:
@@ -139,7 +139,7 @@ class FullOrder:
             raise SimulationError(reason)
         return response
 
-    def _driven(self, stepping: TimeStepping | None) -> Excitation:
+    def _excitation_on(self, stepping: TimeStepping | None) -> Excitation:
         excitation = Excitation.of(self.scene)
         return excitation.with_stepping(stepping or excitation.stepping)
 
@@ -151,18 +151,18 @@ class FullOrder:
         stepping: TimeStepping | None,
     ) -> tuple[Response | None, dict[str, BodyStates]]:
         """The response, and this rank's rows of the states at the steps."""
-        system, comm, excitation = self.whole, self.whole.comm, self._driven(stepping)
+        system, comm, excitation = self.whole, self.whole.comm, self._excitation_on(stepping)
         rigid, x = system.compliance.rigid, places(system, excitation)
         refuse(self.simulator, needs_of(system, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
             response: Response | None
             if self.simulator == "petsc":
-                response, states = self._distributed(excitation, steps, done, checkpoint)
+                response, states = self._simulate_distributed(excitation, steps, done, checkpoint)
             else:
 
                 def make() -> Simulated:
                     assert self.gathered is not None  # as on rank 0
-                    return repeated(self.scene, self.gathered, excitation, self.simulator, steps, done)
+                    return simulate_by(self.scene, self.gathered, excitation, self.simulator, steps, done)
 
                 _ = self.gathered  # collective
                 simulated = on_first(comm, make)
@@ -175,7 +175,7 @@ class FullOrder:
             raise SimulationError(reason)
         return response, states
 
-    def _distributed(
+    def _simulate_distributed(
         self, excitation: Excitation, steps: Sequence[int], done: Progress, checkpoint: Checkpoint | None
     ) -> tuple[Response, dict[str, BodyStates]]:
         system = self._with_terms()
@@ -228,7 +228,7 @@ def _states(system: FullSystem, history: History, steps: list[int], x: Array, f:
 
 def _reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
     """Rigid supports whose forces are no outputs yet, and these forces (T, h), by body."""
-    system, bearing_contacts = full_system.supported(), set(bearing(full_system))
+    system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     rows = {
         (contact.inner.body, contact.inner.row): k
         for k, contact in enumerate(system.contacts)
@@ -252,7 +252,7 @@ def _sparse(full_system: FullSystem, places_of: Array, count: int, c: Array) -> 
 
     Terms have amplitudes c (S, k); of what acts on rates the gyroscopic part counts, on the lowest modes without it.
     """
-    system = full_system.supported()
+    system = full_system.with_supports()
     gathered = {id(model): model.gather() for model in dict((id(model), model) for model in system.models).values()}
     if system.comm.rank > 0:
         return None
@@ -268,7 +268,7 @@ def _sparse(full_system: FullSystem, places_of: Array, count: int, c: Array) -> 
     supports = np.array([side.place.at for side in system.sides[places_of.shape[1] :]])
     lowest = []
     for at, amplitudes in zip(places_of, c, strict=True):
-        K, V = added(K0, terms, "stiffness", amplitudes), added(0.0 * M, terms, "damping", amplitudes)
+        K, V = add_terms(K0, terms, "stiffness", amplitudes), add_terms(0.0 * M, terms, "damping", amplitudes)
         x = np.concatenate([at, supports])
         C, F = scale * contact_rows(system, x), sp.csr_matrix(-(scale**2) * system.gives(x))
         A = sp.bmat([[(K + K.T) / 2.0, C.T], [C, F]], format="csc")

@@ -21,7 +21,7 @@ from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
-from pmr.scene.richer import alike, beside, candidates
+from pmr.scene.richer import candidates, comparable_scene, model_comparison
 from pmr.system.system import System
 
 SystemOf = Callable[[Scene], System]
@@ -42,7 +42,7 @@ class Decided:
     said: Mapping[str, Any] | None = None  # ``chosen_model`` of summary.json
 
 
-def decided(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, system_of: SystemOf) -> Decided:
+def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, system_of: SystemOf) -> Decided:
     """The smallest models that are off by the scene's `compare.model_tolerance` at most, beside a shell; collective.
 
     Where none can be compared with a shell the smallest ones are taken, and the reason is said.
@@ -57,14 +57,14 @@ def decided(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None, syst
         return _chosen(options, comm, cached, system_of)
 
 
-def measured(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Mapping[str, Any]:
+def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Mapping[str, Any]:
     """``budget.model`` of summary.json; what keeps it from being known stands there as ``reason``; collective."""
     if scene.frame is not None and scene.frame.machine is not None:
         return {"beside": None, "reason": ON_MACHINE}
     called = "richer model"
     try:
-        of_scene, other, called = beside(scene)
-        return _part(of_scene, _moved(other, comm, cache, system_of), called, comm, cache, system_of)
+        of_scene, other, called = model_comparison(scene)
+        return _part(of_scene, _motion_on_first(other, comm, cache, system_of), called, comm, cache, system_of)
     except UNNEEDED as error:
         return _unknown(error, called)
 
@@ -82,7 +82,7 @@ def mesh_measured(
     def beside_own(make: Callable[[], Scene], called: str) -> dict[str, Any]:
         try:
             motion = on_first(comm, lambda: Motion.of(scene, system, response))
-            other_motion = _moved(make(), comm, cache, system_of)
+            other_motion = _motion_on_first(make(), comm, cache, system_of)
         except UNNEEDED as error:
             return _unknown(error, called)
         part = (
@@ -93,7 +93,7 @@ def mesh_measured(
         errors: dict[str, Any] = comm.bcast(part)
         return errors
 
-    return mesh.unasked(scene, beside_own)
+    return mesh.mesh_budget(scene, beside_own)
 
 
 def _unknown(error: Exception, called: str) -> dict[str, Any]:
@@ -108,41 +108,41 @@ def _chosen(options: list[Scene], comm: MPI.Comm, cache: Cache | None, system_of
     *beams, shell = options
     tried = list[dict[str, Any]]()
 
-    def said(scene: Scene, **more: Any) -> dict[str, Any]:
-        return _named(scene) | {"tolerance": scene.compare.model_tolerance, "tried": tried} | more
+    def chosen_figures(scene: Scene, **more: Any) -> dict[str, Any]:
+        return _chosen_model(scene) | {"tolerance": scene.compare.model_tolerance, "tried": tried} | more
 
     try:
-        best = _moved(alike(shell), comm, cache, system_of)
+        best = _motion_on_first(comparable_scene(shell), comm, cache, system_of)
         for beam in beams:
-            part = _part(alike(beam), best, "shell", comm, cache, system_of)
-            tried.append(_named(beam) | {"error": model_part.error(part)})
+            part = _part(comparable_scene(beam), best, "shell", comm, cache, system_of)
+            tried.append(_chosen_model(beam) | {"error": model_part.error(part)})
             if comm.rank == 0:
                 _log.info("%(name)s, walls %(walls)s: off by %(error).2g of what a shell says", tried[-1])
             if tried[-1]["error"] <= beam.compare.model_tolerance:
-                return Decided(beam, part, said(beam))
+                return Decided(beam, part, chosen_figures(beam))
     except UNKNOWN as error:
-        return Decided(beams[0], {"beside": None, "reason": str(error)}, said(beams[0], reason=str(error)))
+        return Decided(beams[0], {"beside": None, "reason": str(error)}, chosen_figures(beams[0], reason=str(error)))
     check(shell)  # which may not have what only a beam can
-    return Decided(shell, None, said(shell))
+    return Decided(shell, None, chosen_figures(shell))
 
 
 def _part(
     scene: Scene, other: Motion | None, called: str, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf
 ) -> dict[str, Any]:
     """On every rank, of motions that rank 0 has."""
-    motion = _moved(scene, comm, cache, system_of)
+    motion = _motion_on_first(scene, comm, cache, system_of)
     part = None if motion is None or other is None else model_part.model_part(scene, motion, other, called)
     errors: dict[str, Any] = comm.bcast(part)
     return errors
 
 
-def _moved(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:
+def _motion_on_first(scene: Scene, comm: MPI.Comm, cache: Cache | None, system_of: SystemOf) -> Motion | None:
     """On rank 0; None on the others."""
     system = system_of(scene) if cache is None else cache.system_of(scene, lambda: system_of(scene))
     return on_first(comm, lambda: Motion.of(scene, system))
 
 
-def _named(scene: Scene) -> dict[str, Any]:
+def _chosen_model(scene: Scene) -> dict[str, Any]:
     """The model that was chosen wherever none was known: that of the outermost body."""
     last = members(scene)[-1]
     return {"name": model_of(last), "walls": last.part.body.walls}

@@ -11,8 +11,8 @@ from pmr.compare import covered, far_off, memory
 from pmr.compare.accuracy import mesh, order
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
-from pmr.compare.second_order import decided as with_order
-from pmr.compare.summary import Part, combined, grave, origin, reliability, simulated, theory
+from pmr.compare.second_order import decide_second_order as with_order
+from pmr.compare.summary import Part, combine_parts, grave, origin, reliability, simulation_part, theory
 from pmr.compare.way import in_frequency
 from pmr.errors import InputError, environment, on_first
 from pmr.errors.environment import Clock
@@ -24,7 +24,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions, Precomputed
-from pmr.pipeline.model_part import Decided, decided, measured, mesh_measured
+from pmr.pipeline.model_part import Decided, decide_models, measure_model, mesh_measured
 from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
 from pmr.reduction.from_scene import with_array_basis
@@ -109,7 +109,7 @@ def _run(
     shared: Precomputed | None,
 ) -> Outcome | None:
     check_installed(scene)
-    chosen = _decided(scene, comm, clock, cache)
+    chosen = _decide_models(scene, comm, clock, cache)
     scene = chosen.scene
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
@@ -130,7 +130,7 @@ def _run(
     if keep is not None:
         on_first(comm, lambda: outcome and keep(outcome))
     budget = {} if chosen.part is None else {"model": chosen.part}
-    budget |= _measured(bodies, motions, budget, measures)
+    budget |= _measure(bodies, motions, budget, measures)
     if outcome is not None and budget:
         complete_budget: dict[str, Any] = budget | outcome.result.summary.get("budget", {})
         if isinstance(complete_budget.get("mesh"), Mapping):
@@ -149,7 +149,7 @@ def _outcome(
     recovered: Mapping[str, Recovered],
     free_motions: Sequence[str],
 ) -> Outcome:
-    """What a run says on rank 0, but for its model's own error."""
+    """Outcome of a run with its errors, warnings and models."""
     assert motions.reduced is not None  # as on rank 0
     system, excitation = bodies.system, bodies.excitation
     scene, built, clock, (size, outputs) = bodies.scene, bodies.built, bodies.clock, _sizes(bodies.built)
@@ -158,7 +158,7 @@ def _outcome(
     first = [
         origin(bodies.asked, fenicsx_versions()),
         Part({"coordinates": {"full": size, "reduced": sum(body.size for body in system.bodies.values())}}),
-        simulated(motions.seconds, motions.reduced.agreement, stages),
+        simulation_part(motions.seconds, motions.reduced.agreement, stages),
     ]
     last = [
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
@@ -174,7 +174,7 @@ def _outcome(
     ]
     judged, tip_error = bodies.judge(motions, frequencies, recovered)
     parts = [*first, *judged, *last]
-    summary = combined(parts)
+    summary = combine_parts(parts)
     result = RunResult(
         bodies.asked,
         summary,
@@ -187,12 +187,12 @@ def _outcome(
         by_frequency,
         tip_error,
     )
-    made_from = bodies.asked.recorded | {"versions": result.summary["versions"]}
+    made_from = bodies.asked.provenance | {"versions": result.summary["versions"]}
     recorded = replace(system, provenance=made_from) if system.terms or ALONE not in built else system
     return Outcome(result, recorded, len(grave(parts)))
 
 
-def _measured(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:
+def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective."""
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.asked
 
@@ -206,8 +206,8 @@ def _measured(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measu
     cache = next(iter(bodies.caches.values()), None) if measures is None else cache_in(measures, model)
     with clock.stage("mesh and model"):
         if is_wanted or "model" not in budget:
-            parts["model"] = measured(scene, comm, cache, system_of)
-        if measures is not None and scene.ordered is None:
+            parts["model"] = measure_model(scene, comm, cache, system_of)
+        if measures is not None and scene.goal is None:
             response = None if motions.reduced is None else motions.reduced.first.response
             parts |= mesh_measured(scene, bodies.system, response, comm, cache, system_of)
     return parts
@@ -285,12 +285,12 @@ def reduce(
         choose the time step, too, so only `run` can follow them.
     """
     clock = clock or Clock()
-    if scene.ordered is not None:
+    if scene.goal is not None:
         allowed = "none is allowed where the reduced model alone is made: pmr.run(scene) chooses model and step"
         raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
     try:
         scene = scene if basis is None else with_array_basis(scene)
-        return _reduced(_decided(scene, comm, clock, None).scene, comm, clock, basis)
+        return _reduced(_decide_models(scene, comm, clock, None).scene, comm, clock, basis)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
@@ -305,5 +305,5 @@ def _reduced(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: 
     return Reduction(comm.bcast(on_first(comm, lambda: with_order(scene, models))), built, bodies)
 
 
-def _decided(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> Decided:
-    return decided(scene, comm, clock, cache, lambda option: _reduced(option, comm).system)
+def _decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> Decided:
+    return decide_models(scene, comm, clock, cache, lambda option: _reduced(option, comm).system)

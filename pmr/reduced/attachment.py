@@ -29,13 +29,13 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import stacked
+from pmr.constraints.polynomials import stack_tables
 from pmr.reduced.carriers import Answers, CarrierFlexibility
 from pmr.reduced.flexibility import EnrichmentModes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import symmetric
-from pmr.reduced.truncation import extended, with_tables
+from pmr.reduced.truncation import extend, with_tables
 
 Array = NDArray[np.float64]
 
@@ -57,11 +57,11 @@ def with_cylinder_modes(model: ReducedModel, count: int = CYLINDER) -> ReducedMo
     answers = carriers.answers
     if not answers.inertia.any():
         return _rigid_along(model, answers)
-    turned, stiffness = _turned(answers.stiffness[:count, :count], answers.inertia[:count, :count])
+    turned, stiffness = _diagonalise(answers.stiffness[:count, :count], answers.inertia[:count, :count])
     measured = np.vstack([answers.rows[:, :count], answers.inputs[:, :count]]) @ turned
-    with_modes = _extended(model, stiffness, measured, answers.outputs[:, :count] @ turned)
+    with_modes = _append_vectors(model, stiffness, measured, answers.outputs[:, :count] @ turned)
     assert with_modes.carriers is not None
-    reactions = None if model.reactions is None else _carried(model, model.reactions, answers, turned)
+    reactions = None if model.reactions is None else _extend_reactions(model, model.reactions, answers, turned)
     on_modes = replace(with_modes.carriers, answers=replace(answers, turned=turned))
     loads = np.zeros((len(answers.rows) + len(answers.inputs), turned.shape[1]))
     return _in_a_frame(replace(with_modes, carriers=on_modes, reactions=reactions), model, loads, turned)
@@ -110,7 +110,7 @@ def _in_a_frame(extended_model: ReducedModel, model: ReducedModel, loads: Array,
     )
 
 
-def _carried(model: ReducedModel, reactions: Reactions, answers: Answers, turned: Array) -> Reactions:
+def _extend_reactions(model: ReducedModel, reactions: Reactions, answers: Answers, turned: Array) -> Reactions:
     """Reactions of the model with combinations of the answers as its last coordinates."""
     assert model.carriers is not None
     r, count, of_all = model.size, len(turned), answers.supports
@@ -151,10 +151,10 @@ def with_attachment_modes(
         K = np.block([[K, G.T @ x[:, :n]], [x[:, :n].T @ G, answers.stiffness[:n, :n]]])
         M = np.block([[M, G.T @ x[:, 1 : n + 1]], [x[:, 1 : n + 1].T @ G, answers.inertia[:n, :n]]])
         measured, outputs = np.hstack([measured, x[:, :n]]), np.hstack([outputs, answers.outputs[:, :n]])
-    turned, stiffness = _turned(K, M)
+    turned, stiffness = _diagonalise(K, M)
     if not len(stiffness):
         return model if answers is None else _rigid_along(model, answers)
-    with_modes, g = _extended(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
+    with_modes, g = _append_vectors(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
     if at_rest and model.reactions is not None:  # where forces do not depend on which inertia supports bear
         reactions, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
         inertia, damping, stiff = (
@@ -167,7 +167,7 @@ def with_attachment_modes(
     return _in_a_frame(with_modes, model, G @ turned[:g], turned[g:])
 
 
-def _turned(K: Array, M: Array) -> tuple[Array, Array]:
+def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
     """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,).
 
     Directions without stiffness or inertia are round-off, of a model that has nearly all modes of its mesh.
@@ -186,7 +186,7 @@ def _turned(K: Array, M: Array) -> tuple[Array, Array]:
     return X, stiffness[stiff]
 
 
-def _extended(model: ReducedModel, stiffness: Array, measured: Array, outputs: Array) -> ReducedModel:
+def _append_vectors(model: ReducedModel, stiffness: Array, measured: Array, outputs: Array) -> ReducedModel:
     """Add M-orthonormal vectors that measure so much on carriers and inputs (K + i, a) and outputs (o, a)."""
     carriers = model.carriers
     assert carriers is not None
@@ -198,10 +198,10 @@ def _extended(model: ReducedModel, stiffness: Array, measured: Array, outputs: A
         damping=np.zeros_like(stiffness) if model.rayleigh is None else model.rayleigh.modal(stiffness),
         B=measured[K:].T,
         outputs=outputs,
-        rows=stacked(rows, model.domain),
+        rows=stack_tables(rows, model.domain),
     )
     on_modes = replace(carriers, enrichment=measured[:K], inertia=None, answers=None)
-    with_modes = extended(
+    with_modes = extend(
         replace(model, enrichment=modes, carriers=on_modes, reactions=None)
     )  # which know nothing of them
     return with_modes if carriers.answers is None else _rigid_along(with_modes, carriers.answers)

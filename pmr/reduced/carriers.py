@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import transposed
+from pmr.constraints.polynomials import transpose
 from pmr.constraints.products import RowPolynomials
 from pmr.constraints.rows import Row
 from pmr.reduced.flexibility import EnrichmentModes, Flexibility
@@ -44,11 +44,11 @@ class CarrierFlexibility:
 
     def tables(self, C: RowPolynomials) -> Flexibility:
         """Tables over the path of rows on these carriers, all of them at the same path coordinate."""
-        outputs = transposed(C.times(self.outputs.T))
-        return Flexibility(C.squared(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
+        outputs = transpose(C.times(self.outputs.T))
+        return Flexibility(C.quadratic_form(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
 
     def joined(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
-        """With that of modes which measure U (K, c) on the carriers, `share` (c,) of phi phi^T each."""
+        """Add the flexibility of modes that measure U (K, c), `share` (c,) of phi phi^T each."""
         scaled = share[:, None] * modes.B
         return CarrierFlexibility(
             rows=self.rows + symmetric(U * share @ U.T),
@@ -87,7 +87,7 @@ class Answers:
         return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
 
     def joined(self, U: Array, modes: EnrichmentModes, sign: float) -> Answers:
-        """With the modes among what is left out, or without them where `sign` is -1; arguments as for `shares`."""
+        """Add the modes to what is left out, or remove them where `sign` is -1; arguments as for `shares`."""
         shares = self.shares(U, modes)
         return replace(
             self,
@@ -159,7 +159,7 @@ class CarriedRows:
         )
 
     def truncated(self, r: int, modes: EnrichmentModes) -> CarriedRows:
-        """On the first r coordinates; the others, the `modes`, join the flexibility and the enrichment modes."""
+        """Return the rows on the first r coordinates; the other `modes` join flexibility and enrichment modes."""
         values, beyond = self.values[:, :r], self.values[:, r:]
         return replace(self._joined(beyond, modes, 1.0), values=values, enrichment=np.hstack([beyond, self.enrichment]))
 

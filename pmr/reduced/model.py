@@ -24,7 +24,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import applied, applied_change, columns, contributions, evaluate, select_rows, times
+from pmr.constraints.polynomials import (
+    applied_change,
+    apply_table,
+    columns,
+    contributions,
+    evaluate,
+    select_rows,
+    times,
+)
 from pmr.errors import InputError
 from pmr.errors.text import no_file
 from pmr.files import jsonfile, npz, records
@@ -34,7 +42,7 @@ from pmr.reduced.damping import Rayleigh
 from pmr.reduced.flexibility import EnrichmentModes, Flexibility
 from pmr.reduced.moving import CONSTANT, LINEAR
 from pmr.reduced.reactions import Reactions
-from pmr.reduced.soundness import asymmetry, misfit, misnamed, misshapen
+from pmr.reduced.soundness import asymmetry, describe_names, misfit, misshapen
 
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
@@ -219,7 +227,7 @@ class ReducedModel:
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""
-        return applied(self.rows, s, q, derivative)
+        return apply_table(self.rows, s, q, derivative)
 
     def row_change(self, s: Array, q: Array) -> Array:
         """(C(s_{t+1}) - C(s_t)) q_t, (T - 1, m), for s (T,) and q (T - 1, r)."""
@@ -304,7 +312,7 @@ class ReducedModel:
             if data.get("flexibility.inertia.kept", False):
                 allowed = "a model without residual inertia is allowed: more coordinates do its work"
                 raise InputError(str(path), "flexibility.inertia", None, allowed)
-            model = records.record(cls, stored.filled(data))
+            model = records.record(cls, stored.unpack(data))
             wrong = model.contradiction()
         except READING as error:
             if isinstance(error, InputError):
@@ -323,7 +331,7 @@ class ReducedModel:
             )
             return f"{counts} are given for {o} outputs"
         for names in ("output_names", "output_units", "output_kinds", "left_out"):
-            if wrong := misnamed(names, tuple(name.replace("^", "") for name in getattr(self, names))):
+            if wrong := describe_names(names, tuple(name.replace("^", "") for name in getattr(self, names))):
                 return wrong
         if wrong := misfit(self, {}) or asymmetry({"M": self.M, "D": self.D, "K": self.K}):
             return wrong
@@ -356,7 +364,7 @@ class ReducedModel:
 
 def _of_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
     """Arrays by the names of today; names, provenance and Rayleigh's factors stood in the header."""
-    arrays = records.renamed(data, _OLD_NAMES)
+    arrays = records.rename_keys(data, _OLD_NAMES)
     for name in _NAMES:
         names = header.get(name, ())
         if not isinstance(names, list | tuple) or not all(isinstance(each, str) for each in names):

@@ -20,7 +20,7 @@ import numpy as np
 
 from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended
+from pmr.reduced.truncation import extend
 
 #: Modes of each body: its first bending either way (docs/moving_frame.md has what more of them give).
 QUASI_STATIC = 2
@@ -35,5 +35,5 @@ def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC) -> R
     """Make up to `count` of a model's first enrichment modes coordinates without inertia, behind its own."""
     if model.enrichment is None or model.flexibility is None:
         return model
-    with_modes = extended(model, min(count, model.enrichment.count))
+    with_modes = extend(model, min(count, model.enrichment.count))
     return replace(with_modes, quasi_static=np.arange(model.size, with_modes.size))

@@ -29,7 +29,7 @@ def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
         value = getattr(part, name)
         if value is None:
             continue
-        if wrong := misnamed(name, value):
+        if wrong := describe_names(name, value):
             return prefix + wrong
         values, has = (value.c, value.c.shape[2:]) if isinstance(value, PPoly) else (value, np.shape(value))
         if len(has) != len(axes):
@@ -55,7 +55,7 @@ def misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int
     return None
 
 
-def misnamed(field: str, names: Any) -> str | None:
+def describe_names(field: str, names: Any) -> str | None:
     """Describe a field's names of which one is none (`pmr.errors.text.is_name`)."""
     wrong = [name for name in names if not is_name(name, LONGEST)] if isinstance(names, tuple) else []
     return f"{field} holds {wrong[0]!r:.60}, which is no name" if wrong else None

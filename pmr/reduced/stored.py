@@ -54,7 +54,7 @@ def arrays(model: Carried, prefix: str = "") -> dict[str, NDArray[Any]]:
     return compact
 
 
-def filled(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
+def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
     """Arrays behind `prefix` as `pmr.files.records.record` takes them, from those of a file.
 
     Raises the errors of `pmr.files.records.record`, and a ValueError where tables are missing and carriers are not

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import columns, product, side_by_side, times, total, transposed
+from pmr.constraints.polynomials import columns, product, side_by_side, times, total, transpose
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.flexibility import EnrichmentModes, Flexibility
 from pmr.reduced.model import ReducedModel
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 MODAL = 1e-6
 
 
-def truncated(model: ReducedModel, r: int) -> ReducedModel:
+def truncate(model: ReducedModel, r: int) -> ReducedModel:
     """The model with its first r modes; the flexibility of the others joins the tables, and they its enrichment modes.
 
     A ValueError is raised where the coordinates are no eigenmodes in ascending order, there is no residual flexibility
@@ -51,15 +51,15 @@ def truncated(model: ReducedModel, r: int) -> ReducedModel:
     return with_tables(
         replace(
             replace(model, flexibility=None, carriers=None).leading(r),
-            flexibility=_joined(model, modes, 1.0),
-            enrichment=modes if model.enrichment is None else _chained(modes, model.enrichment),
+            flexibility=_join_tables(model, modes, 1.0),
+            enrichment=modes if model.enrichment is None else _chain_modes(modes, model.enrichment),
             carriers=None if model.carriers is None else model.carriers.truncated(r, modes),
         )
     )
 
 
-def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
-    """The model with its first `count` enrichment modes (all by default) as coordinates: what `truncated` undoes.
+def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
+    """The model with its first `count` enrichment modes (all by default) as coordinates: what `truncate` undoes.
 
     A ValueError is raised where the model has fewer enrichment modes.
     """
@@ -78,7 +78,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
         rows=side_by_side(model.rows, back.rows),
         matrices={name: _with(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
         ports={name: _port(model, name, count) for name in model.ports},
-        flexibility=_joined(model, back, -1.0),
+        flexibility=_join_tables(model, back, -1.0),
         enrichment=_part(model.enrichment, slice(count, None)) if count < available else None,
         carriers=None if model.carriers is None else model.carriers.extended(back),
     )
@@ -123,7 +123,7 @@ def _round_off(A: Array) -> float:
     return 1e-9 * float(np.abs(A).max(initial=0.0))
 
 
-def _joined(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Flexibility:
+def _join_tables(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Flexibility:
     """Tables of the residual flexibility with the modes' part added, or taken out where `sign` is -1.
 
     As they are where `with_tables` makes them anew.
@@ -137,7 +137,7 @@ def _joined(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Flexibi
     return Flexibility(
         rows=total(tables.rows, product(rows, rows, share)),
         inputs=total(tables.inputs, times(rows, scaled)),
-        outputs=total(tables.outputs, transposed(times(rows, (share * modes.outputs).T))),
+        outputs=total(tables.outputs, transpose(times(rows, (share * modes.outputs).T))),
         direct=tables.direct + modes.outputs @ scaled,
         energy=tables.energy + modes.B.T @ scaled,
     )
@@ -162,7 +162,7 @@ def _block(A: Array, diagonal: Array) -> Array:
     return result
 
 
-def _chained(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes:
+def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes:
     return EnrichmentModes(
         stiffness=np.concatenate([first.stiffness, second.stiffness]),
         damping=np.concatenate([first.damping, second.damping]),

@@ -105,9 +105,9 @@ class Reduction:
     @cached_property
     def system(self) -> System:
         """System that `pmr.simulate(scene, ...)` takes, and a file holds."""
-        joined_system = joined(self.scene, self.bodies)
+        joined_system = join_bodies(self.scene, self.bodies)
         return (
-            joined_system if ALONE in joined_system.bodies else replace(joined_system, provenance=self.scene.recorded)
+            joined_system if ALONE in joined_system.bodies else replace(joined_system, provenance=self.scene.provenance)
         )
 
 
@@ -116,7 +116,7 @@ def as_asked(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, Reduc
     return {name: replace(body, stressed=any(frame_terms(scene))) for name, body in bodies.items()}
 
 
-def joined(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
+def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
     """The system of a scene's bodies as they are simulated; it knows them on their modes alone too."""
     bodies = as_asked(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
@@ -152,7 +152,7 @@ def reduce_bodies(
                     by_model[key] = _section(scene, member, built[name].model, caches.get(name))
                 except InputError as error:
                     raise error.called(scene.key_of(member.number, error.key)) from None
-            reduced_bodies[name] = _named(scene, member, by_model[key])
+            reduced_bodies[name] = _name_section(scene, member, by_model[key])
     return reduced_bodies
 
 
@@ -223,7 +223,7 @@ def _stiff(model: ReducedModel) -> ReducedModel:
     return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None, answers=None))
 
 
-def _named(scene: Scene, member: Member, body: ReducedBody) -> ReducedBody:
+def _name_section(scene: Scene, member: Member, body: ReducedBody) -> ReducedBody:
     """Return a body as one of the sections of the scene."""
     rows = tuple(row for row in body.modal.row_names if row in member.joint_rows)
     section, about = SectionOf(member.part.name, scene.title, rows), provenance(scene, body.basis, member.number)

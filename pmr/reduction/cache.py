@@ -51,7 +51,7 @@ class Cache:
         file = self._file("reduction", content)
         arrays = self._read(file)
         if arrays is not None:
-            stored_body = self._loaded(file, arrays)
+            stored_body = self._load_body(file, arrays)
             if stored_body is not None:
                 return stored_body
         body = make()
@@ -116,7 +116,7 @@ class Cache:
         text = repr((self.content, sorted(content.items())))
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
 
-    def _loaded(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
+    def _load_body(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
         model = self._loaded_by(ReducedModel.load, file)
         if model is None:
             return None
@@ -131,7 +131,7 @@ class Cache:
         loaded = None
         if self.model.comm.rank == 0:
             try:
-                loaded = load(_beside(file))
+                loaded = load(_model_file(file))
             except InputError as error:
                 _log.warning("%s is made again: %s", file, error)
         everywhere: Kept | None = self.model.comm.bcast(loaded)
@@ -157,7 +157,7 @@ class Cache:
             return
         try:
             if model is not None:
-                model.save(_beside(file))  # first: what is looked for is the other one
+                model.save(_model_file(file))  # first: what is looked for is the other one
             npz.write(file, dict(arrays), {"format": FORMAT})
         except NotWrittenError as error:
             _log.warning("not kept: %s", error)
@@ -181,6 +181,6 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
     return Cache(folder, model, content_of(model))
 
 
-def _beside(file: Path) -> Path:
+def _model_file(file: Path) -> Path:
     """File of the reduced model or system."""
     return file.with_name(f"{file.stem}-reduced.npz")

@@ -16,7 +16,7 @@ from pmr.reduction.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduction.galerkin import reduced_model, with_held_coordinates
 from pmr.reduction.given import Vectors, given_basis, given_vectors, offered_vectors, vectors_of
 from pmr.reduction.reduced_body import ReducedBody
-from pmr.reduction.residual.model import check_independence, flexible_model, released, section_model
+from pmr.reduction.residual.model import check_independence, flexible_model, released_rows, section_model
 from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
 from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
@@ -50,7 +50,7 @@ def take_snapshots(
         return given_vectors(model, scene.reduction.file)
     if scene.reduction.given:
         return offered_vectors(model, scene.reduction)
-    if not scene.reduction.pooled:
+    if not scene.reduction.uses_pod:
         choice = scene.reduction
         more, stressed = enrichment_of(scene, choice, model), may_be_stressed(scene)
         return free_modes(model, choice.coordinates, choice.solver, more, body, stressed)
@@ -65,7 +65,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     choice = scene.reduction
     if choice.given:
         return given_basis(model, snapshots, choice, None if choice.basis == ARRAY else choice.coordinates)
-    if not choice.pooled:
+    if not choice.uses_pod:
         return modal_basis(snapshots)
     if choice.flexibility:
         return with_rigid_modes(model, snapshots, rigid_modes(model), choice.coordinates, choice.product, choice.solver)
@@ -74,7 +74,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 
 def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
     """Provenance of the reduced model of one of a scene's bodies."""
-    member, recorded = member_at(scene, number), scene.recorded
+    member, recorded = member_at(scene, number), scene.provenance
     if member.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe the model
         recorded = recorded | {"scene": {key: value for key, value in recorded["scene"].items() if key != "reduction"}}
     if member.jointed:  # as a body alone is described, with the pads of its joints
@@ -104,7 +104,7 @@ def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, 
             "singular_values": basis.sigma.tolist(),
             "largest_residual": None if np.isnan(largest) else largest,
             "rows_left_out": list(body.modal.left_out),
-            "carriers": released(models[ALONE]).shared.carriers.shape[0],
+            "carriers": released_rows(models[ALONE]).shared.carriers.shape[0],
         }
     }
 
@@ -133,7 +133,7 @@ def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
     Where many are asked for, a quarter of all modes of a coarse mesh is left at least: attachment modes need the
     flexibility.  Rigid sliders and pads need some of it, too (`pmr.reduction.snapshots.free_modes`).
     """
-    if choice.estimable and scene.ordered is not None:
+    if choice.estimable and scene.goal is not None:
         searched = SEARCHED_MODES if ALONE in scene.bodies else SEARCHED_OF_SECTIONS
         return max(ENRICHMENT_MODES, min(searched, 3 * model.size // 4 - choice.coordinates))
     if choice.estimable:
@@ -164,7 +164,7 @@ def description(choice: Reduction, basis: Basis) -> str:
         rigid = "rigid-body modes and " if choice.flexibility else ""
         of = {"file": "from a file", ARRAY: "given as an array"}.get(choice.basis, f"of {choice.basis}")
         kind = f"{rigid}vectors {of}, orthonormal in the {basis.product} product"
-    elif not choice.pooled:
+    elif not choice.uses_pod:
         kind = "eigenmodes on the fixed supports with the sliders released, M-orthonormal"
     else:
         rigid = "rigid-body modes of the body without its sliders and " if choice.flexibility else ""

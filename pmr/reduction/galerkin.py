@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.dependence import of_rows
-from pmr.constraints.polynomials import stacked
+from pmr.constraints.polynomials import stack_tables
 from pmr.errors import InputError
 from pmr.fem.distributed import inner, times
 from pmr.fem.matrices import local_csr
@@ -69,7 +69,7 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
         K=K,
         B=np.asarray(comm.allreduce(V.T @ local_csr(model.inputs))),
         outputs=np.asarray(comm.allreduce((V.T @ local_csr(model.outputs)).T)),
-        rows=stacked(projected, model.rows.domain),
+        rows=stack_tables(projected, model.rows.domain),
         input_names=model.input_names,
         row_names=model.rows.names,
         output_positions=model.output_positions,

@@ -74,7 +74,7 @@ def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
     """
     make = plugins.one_of("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
     if not callable(make):
-        raise plugins.refused("pmr.bases", choice.basis)
+        raise plugins.plugin_error("pmr.bases", choice.basis)
     first, last = model.M.getOwnershipRange()
     V, failed = np.empty((0, 0)), ""
     try:
@@ -86,7 +86,7 @@ def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
     fits = V.ndim == 2 and V.shape[0] == last - first and V.shape[1] > 0 and bool(np.isfinite(V).all())
     if not all(model.comm.allgather(fits)):
         allowed = f"finite vectors (n, k) of real numbers with {last - first} rows here are allowed"
-        raise plugins.refused("pmr.bases", choice.basis, failed or allowed)
+        raise plugins.plugin_error("pmr.bases", choice.basis, failed or allowed)
     return _snapshots(model, V, f"vectors of {choice.basis}")
 
 
@@ -118,7 +118,7 @@ def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: i
         for _ in range(2):  # once leaves round-off of what was taken away
             if size_after <= DEPENDENT * size_before:
                 break
-            v = v - Q @ inner(Q, _weighed(model, v, in_mass), model.comm)[:, 0]
+            v = v - Q @ inner(Q, _weigh(model, v, in_mass), model.comm)[:, 0]
             size_after = _size(model, v, in_mass)
         if size_after > DEPENDENT * size_before:
             Q = np.column_stack([Q, v / size_after])
@@ -128,9 +128,9 @@ def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: i
     return Basis(tall(np.ascontiguousarray(Q), model.M), np.ones(Q.shape[1]), choice.product)
 
 
-def _weighed(model: FullModel, v: Array, in_mass: bool) -> Array:
+def _weigh(model: FullModel, v: Array, in_mass: bool) -> Array:
     return times(model.M, v[:, None]) if in_mass else v[:, None]
 
 
 def _size(model: FullModel, v: Array, in_mass: bool) -> float:
-    return float(np.sqrt(inner(v[:, None], _weighed(model, v, in_mass), model.comm).item()))
+    return float(np.sqrt(inner(v[:, None], _weigh(model, v, in_mass), model.comm).item()))

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import stacked
+from pmr.constraints.polynomials import stack_tables
 from pmr.constraints.rows import Rows
 from pmr.fem.distributed import inner, subtract, times
 from pmr.fem.matrices import local_csr
@@ -60,7 +60,7 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
     for row in model.rows.rows:
         tables[row.name].c[:] = 0.0 if row.fixed else model.comm.allreduce(tables[row.name].c)
     nothing = PPoly(np.zeros((1, 1, len(held))), np.array(model.rows.domain))
-    rows = stacked([tables.get(name, nothing) for name in reduced.row_names] or [nothing], model.rows.domain)
+    rows = stack_tables([tables.get(name, nothing) for name in reduced.row_names] or [nothing], model.rows.domain)
     c = rows.c if reduced.row_names else rows.c[:, :, :0]
     inertia = inner(motions, times(model.M, V), model.comm)
     if model.rayleigh is None:
@@ -79,8 +79,8 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
             stiffness=np.zeros_like(inertia),
             inputs=np.asarray(model.comm.allreduce(motions.T @ local_csr(model.inputs))),
             rows=PPoly(np.ascontiguousarray(c.swapaxes(2, 3)), rows.x),
-            carried=None if reduced.carriers is None else _carried(model, motions),
-            matrices=_worked(reduced, model, V, motions),
+            carried=None if reduced.carriers is None else _carrier_motions(model, motions),
+            matrices=_work_on_motions(reduced, model, V, motions),
             ports={
                 name: model.comm.allreduce(np.asarray(row[:, model.share] @ motions)[0])
                 for name, row in model.ports.items()
@@ -89,14 +89,14 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
     )
 
 
-def _worked(reduced: ReducedModel, model: FullModel, V: Array, motions: Array) -> dict[str, Array]:
+def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions: Array) -> dict[str, Array]:
     """Work (h, .) of the model's matrices on the motions: on V, and on all that the carriers' matrices are on."""
     if reduced.carriers is not None and reduced.carriers.supports:
         return dict(reduced.carriers.supports)
     return {name: inner(motions, times(A, V), model.comm) for name, A in model.matrices.items()}
 
 
-def _carried(model: FullModel, motions: Array) -> Array:
+def _carrier_motions(model: FullModel, motions: Array) -> Array:
     """U Phi (K, h) on the carriers of the rows that are no rigid supports."""
     U = Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size).shared.carriers
     return np.asarray(model.comm.allreduce(U[:, model.share] @ motions))

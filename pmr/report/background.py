@@ -82,9 +82,9 @@ def _load() -> None:
 
 
 def _draw(result: RunResult) -> None:
-    from pmr.report.document import drawn
+    from pmr.report.document import draw_figures
 
-    _drawings.append((result, drawn(result, len(_drawings) + 1)))
+    _drawings.append((result, draw_figures(result, len(_drawings) + 1)))
 
 
 def _write(folder: Path, summaries: Sequence[dict[str, Any]]) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.report.decimation import onto
 from pmr.report.numbers import NOTHING
-from pmr.report.subject import alone
+from pmr.report.subject import is_alone
 from pmr.results import Response, RunResult
 from pmr.results.convention import outputs_of
 from pmr.results.tables import FORCE_OF
@@ -68,7 +68,7 @@ def tips(result: RunResult) -> Mapping[str, Quantity]:
     """The displacement of the tip, or that of the last section, (T,) m, along each direction across the axis."""
     last = list(result.scene.bodies)[-1]
 
-    def along(direction: str) -> Quantity:
+    def of_axis(direction: str) -> Quantity:
         def displacement(response: Response) -> Array:
             outputs = outputs_of(result.scene, response)
             of = ("tip", last, direction)
@@ -79,7 +79,7 @@ def tips(result: RunResult) -> Mapping[str, Quantity]:
 
     outputs = outputs_of(result.scene, result.responses["reduced"])
     return {
-        output.direction: along(output.direction) for output in outputs if (output.kind, output.body) == ("tip", last)
+        output.direction: of_axis(output.direction) for output in outputs if (output.kind, output.body) == ("tip", last)
     }
 
 
@@ -133,7 +133,7 @@ def lines(result: RunResult, response: Response, direction: str = "z") -> list[L
 
 def _tails(result: RunResult, steps: int) -> Array:
     """Place of each body's tail along the boom, (T, bodies) m; of a body alone 0."""
-    if alone(result):
+    if is_alone(result):
         return np.zeros((steps, 1))
     extensions = result.paths.values
     if len(extensions) != steps:
@@ -153,11 +153,11 @@ def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
     first, count = response.displacement.shape[1], response.slider_force.shape[1]
     outputs = outputs_of(result.scene, response)[first : first + count]
     chosen = [(k, output.name) for k, output in enumerate(outputs) if output.kind == kind]
-    rings = sorted(result.scene.pads, key=lambda ring: bool(ring.moving)) if alone(result) and kind == "pad" else []
+    rings = sorted(result.scene.pads, key=lambda ring: bool(ring.moving)) if is_alone(result) and kind == "pad" else []
     if not rings:
         several = len(chosen) > 1
         short = {name: name.removeprefix(FORCE_OF) for _, name in chosen}
-        if alone(result) and kind == "pad":  # points that slide
+        if is_alone(result) and kind == "pad":  # points that slide
             short = {}
         called = [short.get(name, f"slider {k + 1}" if several else "") for k, name in chosen]
         unnamed_group = [Force(k, short, name) for (k, name), short in zip(chosen, called, strict=True)]
@@ -176,7 +176,7 @@ def rings(result: RunResult) -> Iterator[Ring]:
     response = result.responses["reduced"]
     bodies, tails = list(result.scene.bodies.items()), _tails(result, len(response.t))
     for number, (body, of) in enumerate(bodies):
-        places = [(_by_face(ring), _along(result, ring, tails[:, number])) for ring in of.pads]
+        places = [(_by_face(ring), _ring_places(result, ring, tails[:, number])) for ring in of.pads]
         if (joint := of.joint) is not None:
             mouth = tails[:, number - 1] + bodies[number - 1][1].length
             at_ends = [("tail", ring, tails[:, number] + ring.at) for ring in joint.tail]
@@ -201,6 +201,6 @@ def _points(called: str) -> dict[str, list[str]]:
     return {"bottom": [f"{FORCE_OF}{called} below"], "top": [f"{FORCE_OF}{called} above"]}
 
 
-def _along(result: RunResult, ring: PadRing, tail: Array) -> Array:
+def _ring_places(result: RunResult, ring: PadRing, tail: Array) -> Array:
     """Place of a ring on the ground along the axis, (T,) m."""
     return ring.at + (result.along if ring.moving else np.zeros_like(tail))

@@ -42,7 +42,7 @@ def extremes(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     return np.unique([0, *low, *high, count - 1])
 
 
-def ceiling(values: ArrayLike, bins: int) -> NDArray[np.intp]:
+def upper_envelope(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     """Indices of the largest sample in each of `bins` intervals: the upper envelope of a noisy signal."""
     values = np.asarray(values, dtype=float)
     count = len(values)
@@ -71,7 +71,7 @@ def _pieces(count: int, bins: int) -> list[tuple[int, int]]:
     return list(zip(edges[:-1], edges[1:], strict=True))
 
 
-def packed(values: NDArray[np.float64]) -> dict[str, Any]:
+def pack(values: NDArray[np.float64]) -> dict[str, Any]:
     """Little-endian 16-bit integers in base64, and the value of one count."""
     largest = float(np.abs(values).max(initial=0.0)) or 1.0
     counts = np.round(values / largest * _FULL_SCALE).astype("<i2")

@@ -14,7 +14,7 @@ from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report import paper
 from pmr.report.blocks import REPORT_FILES, Chapter, Figures, ReportFiles
-from pmr.report.figures.vector import FONT, embedded, words
+from pmr.report.figures.vector import FONT, font_face_rule, words
 from pmr.report.sections import chapter, figures_of
 from pmr.results import RunResult
 
@@ -27,7 +27,7 @@ def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[F
     """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
 
     The page holds its figures, fonts, styles and scripts; it asks for nothing from outside.  The same results
-    give the same page, byte by byte.  What `drawn` made of each of them needn't be drawn again.
+    give the same page, byte by byte.  What `draw_figures` made of each of them needn't be drawn again.
 
     Raises
     ------
@@ -39,15 +39,15 @@ def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[F
     for result in results:
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
-    figures = figures or [drawn(result, number) for number, result in enumerate(results, start=1)]
+    figures = figures or [draw_figures(result, number) for number, result in enumerate(results, start=1)]
     pairs = zip(results, figures, strict=True)
     chapters = [
         chapter(result, _anchor(number), drawn_figures) for number, (result, drawn_figures) in enumerate(pairs, start=1)
     ]
-    return write(page(chapters, dated(KIND, [result.summary for result in results])), folder)
+    return write(page(chapters, with_date(KIND, [result.summary for result in results])), folder)
 
 
-def drawn(result: RunResult, number: int) -> Figures:
+def draw_figures(result: RunResult, number: int) -> Figures:
     """Draw the figures of the result with a number in its report, from 1 on: they take longest."""
     return figures_of(result, _anchor(number))
 
@@ -65,7 +65,7 @@ def write(text: str, folder: Path) -> ReportFiles:
     return ReportFiles.within(folder)
 
 
-def dated(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:
+def with_date(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:
     """A kind of report with the dates of what it is about, from the first to the last."""
     dates = sorted({str(summary["date"]) for summary in summaries if summary.get("date")})
     return f"{kind} · {' to '.join(dict.fromkeys([dates[0], dates[-1]]))}" if dates else kind
@@ -91,7 +91,7 @@ def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) 
         .render(
             title=title,
             chapters=chapters,
-            font=embedded(FONT, "".join(sorted(set(text)))),
+            font=font_face_rule(FONT, "".join(sorted(set(text)))),
             players=sorted({block.player.kind for block in blocks if block.player}),
             **more,
         )

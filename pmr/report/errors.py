@@ -7,7 +7,7 @@ from dataclasses import replace
 from decimal import Decimal
 from typing import Any
 
-from pmr.report.marks import SAME, WITHIN, ErrorTable, Row, apart, mark_for, signed_deviation
+from pmr.report.marks import SAME, WITHIN, ErrorTable, Row, deviating_rows, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, TINY, length, percent, quantity, significant
 from pmr.report.subject import forces_called, places_called
 from pmr.results import RunResult
@@ -21,7 +21,7 @@ PLACES = ("tip", "beam", "pad_force", "cylinder_force", "support_force")
 def error_table(result: RunResult) -> ErrorTable:
     """The error table of a run, with notes on it."""
     error_rows, published = rows(result), result.scene.published
-    if not compared(result):
+    if not is_compared(result):
         return ErrorTable("Over all times and places.", error_rows, reasons(result, error_rows))
     places = [place for pair in result.summary.get("errors", {}).values() for place in pair]
     forces = f" and {forces_called(result)}" if "pad_force" in places else ""
@@ -33,14 +33,14 @@ def error_table(result: RunResult) -> ErrorTable:
     )
 
 
-def compared(result: RunResult) -> bool:
+def is_compared(result: RunResult) -> bool:
     """Whether there is anything that the run was, or should have been, compared with."""
     return bool(result.summary.get("errors") or result.summary.get("no_reference"))
 
 
 def rows(result: RunResult) -> list[Row]:
     """Lines of the error table: normalised errors and their estimates, then the largest displacement and stress."""
-    errors = (*_errors(result), *_missing(result), *_of_sections(result), *_estimated(result))
+    errors = (*_errors(result), *_missing_rows(result), *_of_sections(result), *_estimate_rows(result))
     return [*errors, *_lengths(result), *_stresses(result)]
 
 
@@ -53,7 +53,7 @@ def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
         if row.mark is SAME
     ]
     notes = [str(note) for note in result.summary.get("notes", ())]
-    if not notes and len(apart(table)) > len(explanations):
+    if not notes and len(deviating_rows(table)) > len(explanations):
         notes = [f"No reason {'for the other figures ' if explanations else ''}is recorded with this result."]
     return [*explanations, *notes]
 
@@ -75,7 +75,7 @@ def _errors(result: RunResult) -> Iterator[Row]:
             other = printed.get(pair, {}).get(place)
             row = Row(comparison, called, _percent(error))
             if other is not None:
-                row = _compared(comparison, called, error, other, decimals)
+                row = _comparison_row(comparison, called, error, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
             if place.startswith(REACTION_OF) and error == absolute == 0.0:
                 continue  # nothing acts along this support
@@ -87,7 +87,7 @@ def _errors(result: RunResult) -> Iterator[Row]:
             yield replace(row, absolute=norm)
 
 
-def _missing(result: RunResult) -> Iterator[Row]:
+def _missing_rows(result: RunResult) -> Iterator[Row]:
     """References that were asked for and can't be trusted, errors that are theirs; why, the run's warnings say."""
     for name in result.summary.get("not_judged", {}):
         yield Row("reduced against full", places_called(result).get(name, name), "not judged")
@@ -102,7 +102,7 @@ def _of_sections(result: RunResult) -> Iterator[Row]:
             yield Row("reduced against full", section["name"], _percent(section["errors"]["reduced_vs_full"]["beam"]))
 
 
-def _estimated(result: RunResult) -> Iterator[Row]:
+def _estimate_rows(result: RunResult) -> Iterator[Row]:
     """Estimated errors, and the allowed one."""
     estimates, names = result.summary.get("estimate", {}), places_called(result)
     for place in PLACES:
@@ -138,7 +138,7 @@ def _stresses(result: RunResult) -> Iterator[Row]:
         yield Row("largest von Mises stress", "reduced to full", apart)
 
 
-def _compared(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:
+def _comparison_row(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:
     """An error beside the published one, which is printed in per cent with so many decimals."""
     printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(error, other)
     rounded = abs(error - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)

@@ -10,9 +10,9 @@ import numpy as np
 from pmr.report import machine, sentences, trust
 from pmr.report.blocks import Table
 from pmr.report.columns import is_round_off, tips
-from pmr.report.machine import between
+from pmr.report.machine import extent
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
-from pmr.report.subject import across, alone, drive_of, moving, rings_of
+from pmr.report.subject import direction_words, drive_of, is_alone, moving_part, rings_of
 from pmr.report.subject import length as reach_of
 from pmr.results import RunResult
 from pmr.results.tables import FORCE_OF
@@ -44,13 +44,13 @@ def tables(result: RunResult) -> tuple[Table, ...]:
     """The three tables; each row has its figure, and where and when."""
     all_tables = (
         Table("What was asked", tuple(machine.rows(result))),
-        Table("What it carries", tuple(carried(result))),
+        Table("What it carries", tuple(capacity_rows(result))),
         trust.table(result),
     )
     return tuple(table for table in all_tables if table.rows)
 
 
-def carried(result: RunResult) -> Rows:
+def capacity_rows(result: RunResult) -> Rows:
     """Rows of what the structure carries: whether it holds, how far it gives, how it vibrates, forces of each kind."""
     summary = result.summary
     yield from _stress(result)
@@ -65,13 +65,13 @@ def carried(result: RunResult) -> Rows:
             f"{significant(fatigue_or_buckling[0]['damage'])}, {fatigue_or_buckling[0]['name']}{life}",
         )
     if (fatigue_or_buckling := summary.get("buckling", {})).get("factor") is not None:
-        when = f"at {_rounded(fatigue_or_buckling['t'])}{SPACE}s{_raised(result, fatigue_or_buckling['t'])}"
+        when = f"at {_round(fatigue_or_buckling['t'])}{SPACE}s{_raised_text(result, fatigue_or_buckling['t'])}"
         yield "buckling factor", f"{significant(fatigue_or_buckling['factor'])}, {when}"
     yield from _deflection(result)
     yield from _lowest(result)
-    yield from _luffing(result)
+    yield from _luffing_rows(result)
     yield from _forces(result)
-    yield from _moved(result)
+    yield from _machine_rows(result)
 
 
 def _stress(result: RunResult) -> Rows:
@@ -95,7 +95,7 @@ def _stressed_at(result: RunResult, peak: Mapping[str, Any]) -> str:
     """Place and time of a largest stress."""
     of = sentences.part_of(peak)
     of = f"{of}, " if of else ""
-    return f"{of}{_rounded(peak['position'][0])}{SPACE}m from the tail, at {_rounded(peak['t'])}{SPACE}s" + _raised(
+    return f"{of}{_round(peak['position'][0])}{SPACE}m from the tail, at {_round(peak['t'])}{SPACE}s" + _raised_text(
         result, peak["t"]
     )
 
@@ -103,26 +103,26 @@ def _stressed_at(result: RunResult, peak: Mapping[str, Any]) -> str:
 def _forces(result: RunResult) -> Rows:
     """The largest of each kind, pads, cylinders and supports apart, and the largest moment of a support."""
     summary = result.summary
-    below = [one for one in summary.get("reactions", ()) if _of_machine(result, one)]
-    ground = {one["name"].removeprefix(MACHINE): one for one in below}
-    supports = [one for one in summary.get("reactions", ()) if not _at_pivot(result, one) and one not in below]
-    held = {_directed(result, one["name"]): one for one in supports if one["name"] not in _raising(result)}
+    below = [row for row in summary.get("reactions", ()) if _of_machine(result, row)]
+    ground = {row["name"].removeprefix(MACHINE): row for row in below}
+    supports = [row for row in summary.get("reactions", ()) if not _at_pivot(result, row) and row not in below]
+    held = {_full_name(result, row["name"]): row for row in supports if row["name"] not in _luffing_names(result)}
     drives = {
-        drive: [one for one in summary.get("ropes", ()) if drive_of(one) == drive] for drive in ("rope", "cylinder")
+        drive: [row for row in summary.get("ropes", ()) if drive_of(row) == drive] for drive in ("rope", "cylinder")
     }
-    pivot = {one["name"].removeprefix("pivot "): one for one in summary.get("reactions", ()) if _at_pivot(result, one)}
+    pivot = {row["name"].removeprefix("pivot "): row for row in summary.get("reactions", ()) if _at_pivot(result, row)}
     listed = {
-        "cylinder": {f"cylinder of {one['name']}, which pulls the ropes": one["force"] for one in drives["cylinder"]},
-        "rope": {f"rope of {one['name']}, all strands": one["force"] for one in drives["rope"]},
-        "support": {name: one for name, one in held.items() if one["unit"] == "N"},
-        "moment": {name: one for name, one in held.items() if one["unit"] == "N m"},
+        "cylinder": {f"cylinder of {row['name']}, which pulls the ropes": row["force"] for row in drives["cylinder"]},
+        "rope": {f"rope of {row['name']}, all strands": row["force"] for row in drives["rope"]},
+        "support": {name: row for name, row in held.items() if row["unit"] == "N"},
+        "moment": {name: row for name, row in held.items() if row["unit"] == "N m"},
         "force on the machine": {f"along {axis}": pivot[axis] for axis in "xyz" if axis in pivot},
         "moment on the machine": {f"about {axis}": pivot[f"r{axis}"] for axis in "xyz" if f"r{axis}" in pivot},
         "force on the ground": {f"along {axis}": ground[axis] for axis in "xyz" if axis in ground},
         "moment on the ground": {f"about {axis}": ground[f"r{axis}"] for axis in "xyz" if f"r{axis}" in ground},
     }
     for kind, called in CALLED.items():
-        if kind == "support" and _raising(result):
+        if kind == "support" and _luffing_names(result):
             called = "largest force of another support"
         if of_kind := listed.get(kind):
             name, reaction = max(of_kind.items(), key=lambda named: max(named[1]["max"], -named[1]["min"]))
@@ -147,7 +147,7 @@ def _of_machine(result: RunResult, reaction: Mapping[str, Any]) -> bool:
     return frame is not None and frame.machine is not None and str(reaction["name"]).startswith(MACHINE)
 
 
-def _raising(result: RunResult) -> set[str]:
+def _luffing_names(result: RunResult) -> set[str]:
     """Names of supports that stand for the cylinder which raises the boom, whose force along itself has a row."""
     frame = result.scene.frame
     if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
@@ -156,7 +156,7 @@ def _raising(result: RunResult) -> set[str]:
     return {named(body, name) for name in supports_at_lug(result.scene)}
 
 
-def _directed(result: RunResult, name: str) -> str:
+def _full_name(result: RunResult, name: str) -> str:
     """The name of a support's force, with its direction where the name has none."""
     for body, part in result.scene.bodies.items():
         for support in part.supports:
@@ -172,7 +172,7 @@ def _largest(result: RunResult, kind: str, called: str) -> Rows:
     if response.force_peaks is not None:
         forces = response.force_peaks
     outputs = response.outputs[first : first + forces.shape[1]]
-    elsewhere = {*_raising(result), *(cylinder_of(output["name"]) for output in result.summary.get("ropes", ()))}
+    elsewhere = {*_luffing_names(result), *(cylinder_of(output["name"]) for output in result.summary.get("ropes", ()))}
     columns = [k for k, output in enumerate(outputs) if output.kind == kind and _force_of(output.name) not in elsewhere]
     if not columns or not np.isfinite(forces[:, columns]).all():
         return
@@ -189,13 +189,13 @@ def _force_of(name: str) -> str:
     return name.replace(FORCE_OF, "", 1)
 
 
-def _luffing(result: RunResult) -> Rows:
+def _luffing_rows(result: RunResult) -> Rows:
     """Largest force of the luffing cylinder along itself, and its stroke."""
     if (cylinder := result.summary.get("luffing_cylinder")) is not None:
         force, length = cylinder["force"], cylinder["length"]
         end = "max" if force["max"] >= -force["min"] else "min"
         when = _moment(result, force[f"t_{end}"], force[f"s_{end}"])
-        stroke = between(length["min"], length["max"], f"{SPACE}m long")
+        stroke = extent(length["min"], length["max"], f"{SPACE}m long")
         way = "pushes" if end == "max" else "pulls"
         yield "largest force of the luffing cylinder", f"{quantity(abs(force[end]), 'N')}, it {way}, {when}; {stroke}"
 
@@ -205,12 +205,12 @@ def _deflection(result: RunResult) -> Rows:
     sizes = {direction: what(response) for direction, what in tips(result).items() if not is_round_off(result, what)}
     for direction, values in sizes.items():
         step = int(np.argmax(np.abs(values)))
-        called = f"largest deflection of the tip, {across(result, direction)}"
+        called = f"largest deflection of the tip, {direction_words(result, direction)}"
         way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(values[step] > 0.0)]
         yield called, f"{length(abs(float(values[step])))} {way}, {_when(result, step)}"
 
 
-def _moved(result: RunResult) -> Rows:
+def _machine_rows(result: RunResult) -> Rows:
     """How far a machine that moves by itself does: displacements of the pivot, and angles."""
     frame = result.scene.frame
     if frame is None or frame.machine is None:
@@ -226,7 +226,7 @@ def _moved(result: RunResult) -> Rows:
         turns = key.startswith("r")
         unit = "°" if turns else f"{SPACE}m" if max(abs(motion["min"]), abs(motion["max"])) >= 1.0 else f"{SPACE}mm"
         size = degrees if turns else 1.0 if unit == f"{SPACE}m" else 1e3
-        parts.append(f"{key} {between(size * motion['min'], size * motion['max'], unit)}")
+        parts.append(f"{key} {extent(size * motion['min'], size * motion['max'], unit)}")
     if parts:
         yield "motion of the machine", ", ".join(parts)
 
@@ -237,9 +237,9 @@ def _lowest(result: RunResult) -> Rows:
         return
     k = int(np.nanargmin(frequencies[:, 0]))
     if frequencies[k, 0] <= ROUND_OFF * np.nanmax(frequencies):
-        yield "lowest natural frequency", f"0, at {_at(result, float(result.frequencies.along[k]))}"
+        yield "lowest natural frequency", f"0, at {_position_text(result, float(result.frequencies.along[k]))}"
     else:
-        where = _at(result, float(result.frequencies.along[k]))
+        where = _position_text(result, float(result.frequencies.along[k]))
         push = any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
         closed = ", every pad closed" if push else ""
         yield "lowest natural frequency", f"{significant(float(frequencies[k, 0]))}{SPACE}Hz, at {where}{closed}"
@@ -251,10 +251,10 @@ def _when(result: RunResult, step: int) -> str:
 
 
 def _moment(result: RunResult, t: float, along: float) -> str:
-    return f"at {_rounded(t)}{SPACE}s, {_at(result, along)}{_raised(result, t)}"
+    return f"at {_round(t)}{SPACE}s, {_position_text(result, along)}{_raised_text(result, t)}"
 
 
-def _raised(result: RunResult, t: float) -> str:
+def _raised_text(result: RunResult, t: float) -> str:
     """How far a boom in a frame is raised then, and turned where it is at all."""
     frame = result.scene.frame
     if frame is None:
@@ -265,14 +265,14 @@ def _raised(result: RunResult, t: float) -> str:
     return "".join(f", {angle_text}" for angle_text in angles)
 
 
-def _at(result: RunResult, along: float) -> str:
+def _position_text(result: RunResult, along: float) -> str:
     """How far a boom reaches, or a section is out of its mouth; of a beam where its sliders are."""
-    if not alone(result):
-        return f"reach {_rounded(along)}{SPACE}m"
-    if moving(result) == "mouth":
-        return f"{_rounded(reach_of(result) - along)}{SPACE}m out"
-    return f"s = {_rounded(along)}{SPACE}m"
+    if not is_alone(result):
+        return f"reach {_round(along)}{SPACE}m"
+    if moving_part(result) == "mouth":
+        return f"{_round(reach_of(result) - along)}{SPACE}m out"
+    return f"s = {_round(along)}{SPACE}m"
 
 
-def _rounded(value: float) -> str:
+def _round(value: float) -> str:
     return plain(round(value, 2))

@@ -11,7 +11,7 @@ from pmr.report.blocks import Block, Drawing, Grid, drawing
 from pmr.report.columns import Force, forces
 from pmr.report.figures import forces as figures
 from pmr.report.numbers import NOTHING, SPACE, Unit, plain, quantity, significant, unit_for
-from pmr.report.subject import alone, drive_of, forces_called, rings_of
+from pmr.report.subject import drive_of, forces_called, is_alone, rings_of
 from pmr.results import RunResult
 from pmr.results.extremes import Extremes
 from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
@@ -30,7 +30,7 @@ AT_PIVOT = f"{REACTION_OF}{PIVOT}"
 
 def contact(result: RunResult, prefix: str) -> Block | None:
     """Forces of pads or sliders, group by group."""
-    return _block(result, prefix, "pad", "pad forces" if not alone(result) else forces_called(result))
+    return _block(result, prefix, "pad", "pad forces" if not is_alone(result) else forces_called(result))
 
 
 def cylinders(result: RunResult, prefix: str) -> Block | None:
@@ -85,11 +85,11 @@ def pivot(result: RunResult, prefix: str) -> Block | None:
                 caption += " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
             row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot, caption, result, some))
     caption = "Least and largest {} on the machine, when they occur, and " + place_called(result) + " then."
-    grids = (*_rigid(result, at_pivot=True, caption=caption), *_luffing(result))
+    grids = (*_rigid(result, at_pivot=True, caption=caption), *_luffing_grids(result))
     return Block(heading="Forces on the machine", rows=(tuple(row),), grids=grids) if row else None
 
 
-def _luffing(result: RunResult) -> Iterator[Grid]:
+def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     """Force, length, speed and power of the cylinder that raises the boom."""
     if (cylinder := result.summary.get("luffing_cylinder")) is None:
         return
@@ -116,7 +116,7 @@ def _block(result: RunResult, prefix: str, kind: str, called: str) -> Block | No
     if not groups:
         return None
     grid = extremes(result, kind, [force for group in bearing.values() for force in group])
-    idle = [_called(force) for name, group in groups.items() for force in group if force not in bearing[name]]
+    idle = [_force_name(force) for name, group in groups.items() for force in group if force not in bearing[name]]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
     return Block(heading=called.capitalize(), text=text, rows=tuple(drawn), grids=(grid,) if grid.rows else ())
 
@@ -130,13 +130,13 @@ def bears(result: RunResult, force: Force) -> bool:
     return False
 
 
-def _called(force: Force) -> str:
+def _force_name(force: Force) -> str:
     return force.called.removeprefix(FORCE_OF) or force.name
 
 
 def place_called(result: RunResult) -> str:
     """Word for the place of extremes in tables."""
-    return "the path coordinate s" if alone(result) else "the reach"
+    return "the path coordinate s" if is_alone(result) else "the reach"
 
 
 def _caption(result: RunResult, kind: str, group: str) -> str:
@@ -148,7 +148,7 @@ def _caption(result: RunResult, kind: str, group: str) -> str:
         return f"Cylinder forces over time. {note}"
     if kind == "support":
         return "Forces of supports that give way, positive along the axes."
-    if not alone(result):
+    if not is_alone(result):
         return f"Pad forces over time. Positive where a pad pushes the sections apart.{within}"
     if not result.scene.pads:
         return "Slider force: the multiplier λ of the constraint. The slider pushes with −λ on the body."
@@ -159,7 +159,7 @@ def extremes(result: RunResult, kind: str, chosen: list[Force]) -> Grid:
     """Smallest and largest of a kind's forces, and of friction the largest where it is known."""
     response, t = result.responses["reduced"], result.responses["reduced"].t
     path = result.along_at(t)
-    by_name = {_called(force): Extremes.of(force.of(response), t, path) for force in chosen if force.called}
+    by_name = {_force_name(force): Extremes.of(force.of(response), t, path) for force in chosen if force.called}
     friction = {
         cylinder["name"]: cylinder["friction"]
         for cylinder in result.summary.get("cylinders", ())
@@ -189,7 +189,7 @@ def _rigid(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
             by_unit.setdefault(of.unit, {})[of.support.removeprefix(PIVOT)] = extreme
     for base, of_unit in by_unit.items():
         largest = max(map(size, of_unit.values()))
-        bearing = {name: one for name, one in of_unit.items() if size(one) > ROUND_OFF * largest}
+        bearing = {name: extreme for name, extreme in of_unit.items() if size(extreme) > ROUND_OFF * largest}
         if bearing:  # nothing acts along a support that only keeps a direction
             yield _grid(bearing, base, largest, caption.format("moments" if base == "N m" else "forces"))
 

@@ -11,8 +11,8 @@ from pmr.report import space
 from pmr.report.columns import lines
 from pmr.report.decimation import spread
 from pmr.report.numbers import MINUS, SPACE, plain, quantity, significant
-from pmr.report.parameters import by_face, doubled, framed, stiff, tapered
-from pmr.report.subject import Acting, is_raised, length, loads_as_asked, moving, rings_of, spoken
+from pmr.report.parameters import by_face, doubler_words, frame_words, stiff, taper_words
+from pmr.report.subject import Acting, is_raised, length, loads_as_asked, moving_part, rings_of, spoken
 from pmr.results import RunResult
 from pmr.scene.built import Support
 from pmr.scene.choice import model_of
@@ -30,9 +30,9 @@ def rows(result: RunResult) -> Rows:
     """Rows about the machine, its motion and its loads."""
     yield from _bodies(result)
     yield from _masses(result)
-    yield from _held(result)
+    yield from _pad_rows(result)
     for load in loads_as_asked(result):
-        yield named(load.body, load.name), _acting(load)
+        yield named(load.body, load.name), _load_text(load)
     scene = result.scene
     yield "weight of the boom", _weight(result)
     if scene.frame is not None:
@@ -40,14 +40,14 @@ def rows(result: RunResult) -> Rows:
         for name, angle in zip(("luffing", "slewing"), scene.frame.angles, strict=True):
             low, high = np.rad2deg(angle.bounds(0.0, scene.time.end))
             if low or high:
-                yield name, between(low, high, "°")
+                yield name, extent(low, high, "°")
     elif scene.gravity is not None:
         yield "raised by", f"{plain(round(scene.gravity.raised, 1))}°" if is_raised(result) else "0°, it lies level"
     if result.reach is not None:
-        yield "reach along the boom", between(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
-    elif moving(result) == "mouth":
+        yield "reach along the boom", extent(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
+    elif moving_part(result) == "mouth":
         low, high = scene.path_bounds
-        yield "out of its mouth", between(length(result) - high, length(result) - low, f"{SPACE}m")
+        yield "out of its mouth", extent(length(result) - high, length(result) - low, f"{SPACE}m")
     yield from _tip(result)
     yield "time", f"{plain(scene.time.end)}{SPACE}s"
 
@@ -57,11 +57,11 @@ def _tip(result: RunResult) -> Rows:
     response = result.responses["reduced"]
     if lines(result, response) and (result.scene.frame is not None or is_raised(result)):
         out, up = space.axes(result, spread(len(response.t), PLACES))[-1].side[:, -1].T
-        far, high = (between(float(coordinate.min()), float(coordinate.max()), f"{SPACE}m") for coordinate in (out, up))
+        far, high = (extent(float(coordinate.min()), float(coordinate.max()), f"{SPACE}m") for coordinate in (out, up))
         yield "tip from the pivot", f"{far} out, {high} up"
 
 
-def _acting(load: Acting) -> str:
+def _load_text(load: Acting) -> str:
     """How large a load is at most, where, and along which axis, against which where it acts against it alone."""
     where, _, axis = load.where.rpartition(" along ")
     if load.values.min(initial=0.0) < 0.0 and load.values.max(initial=0.0) <= 0.0:
@@ -96,7 +96,7 @@ def _below(frame: Frame, end: float) -> Rows:
     if frame.base is not None:
         called = "ground" if frame.machine is not None else "machine"
         ranges = {key: signal.bounds(0.0, end) for key, signal in frame.base.motions.items()}
-        parts = [f"{key} {between(*bounds, _unit(key, frame.unit))}" for key, bounds in ranges.items()]
+        parts = [f"{key} {extent(*bounds, _unit(key, frame.unit))}" for key, bounds in ranges.items()]
         parts += [f"accelerated along {key}" for key, signal in frame.base.accelerations.items() if signal is not None]
         yield f"motion of the {called}", ", ".join(parts)
 
@@ -111,7 +111,7 @@ def _unit(key: str, angles: str) -> str:
     return "°" if angles == "degrees" else f"{SPACE}rad"
 
 
-def between(low: float, high: float, unit: str) -> str:
+def extent(low: float, high: float, unit: str) -> str:
     """From a value to another one; one value where they don't differ as printed."""
     low, high = (round(float(end), 2) for end in (low, high))
     return f"{plain(low)} to {plain(high)}{unit}" if high > low else f"{plain(low)}{unit}"
@@ -144,10 +144,10 @@ def _size(part: OneBody) -> str:
         for name, cut_length in (("radius", box.radius), ("chamfer", box.chamfer))
         if cut_length
     )
-    more = "".join(f", doubler {doubled(doubler)}" for doubler in box.doublers)
-    more += f", frames {framed(box)}" if box.frames else ""
+    more = "".join(f", doubler {doubler_words(doubler)}" for doubler in box.doublers)
+    more += f", frames {frame_words(box)}" if box.frames else ""
     tapers = (("tail", box.tail_taper), ("tip", box.tip_taper))
-    more += "".join(f", tapers to its {end} {tapered(taper)}" for end, taper in tapers if taper is not None)
+    more += "".join(f", tapers to its {end} {taper_words(taper)}" for end, taper in tapers if taper is not None)
     return f"box of {plain(box.length)}{SPACE}m, {sides}{cut}, wall {by_face(box.wall)}{SPACE}mm{more}"
 
 
@@ -161,7 +161,7 @@ def _masses(result: RunResult) -> Rows:
         yield "total mass", _kg(sum(mass_of_body["mass"] + mass_of_body["attached"] for mass_of_body in masses)) + of
 
 
-def _held(result: RunResult) -> Rows:
+def _pad_rows(result: RunResult) -> Rows:
     """Pads between sections, those that are alike in one row, and what holds the base."""
     alike = dict[tuple[int, str], list[str]]()
     for name, part in result.scene.bodies.items():

@@ -72,7 +72,7 @@ class ErrorTable:
     @property
     def apart(self) -> bool:
         """Whether any figure differs from the published one by more than 5 %."""
-        return bool(apart(self.rows))
+        return bool(deviating_rows(self.rows))
 
 
 def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
@@ -95,7 +95,7 @@ def verdicts(table: Sequence[Row]) -> dict[str, int]:
     return {mark.text: marks.count(mark) for mark in RANKED if mark in marks}
 
 
-def apart(table: Sequence[Row]) -> list[Row]:
+def deviating_rows(table: Sequence[Row]) -> list[Row]:
     """Rows that differ from the published figure by more than 5 %."""
     return [row for row in table if row.mark not in (None, WITHIN)]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pmr.report.blocks import KeyNumber
 from pmr.report.numbers import percent
-from pmr.report.subject import alone, along, chosen_by, spoken
+from pmr.report.subject import chosen_by, is_alone, scope, spoken
 from pmr.results import RunResult
 
 #: What the models are called with which others are compared.
@@ -26,7 +26,7 @@ ALSO = {"frequency": "in the lowest frequencies"}
 def model(result: RunResult) -> str:
     """In two or three sentences; that it is not known in one, with the key that tells it."""
     model_part, chosen = result.summary.get("budget", {}).get("model"), result.summary.get("chosen_model")
-    why = "" if chosen is None or alone(result) else f"Sections are {_chosen(chosen)}. "
+    why = "" if chosen is None or is_alone(result) else f"Sections are {_chosen(chosen)}. "
     if model_part is None:
         richest = "" if chosen is None else " for a shell, the richest one there is"
         return (
@@ -36,7 +36,7 @@ def model(result: RunResult) -> str:
         reason = model_part["reason"]
         unknown = reason if reason.startswith("not ") else f"not known: {reason}"
         return f"{why}How far the structural model itself is off is {unknown}."
-    shares = {"beam": along(result), **OF}
+    shares = {"beam": scope(result), **OF}
     off = [f"{percent(model_part[kind])} {of}" for kind, of in shares.items() if model_part.get(kind) is not None]
     errors_text = f"the model is off by {', '.join(off)} over the run; " if off else ""
     most = (
@@ -59,5 +59,5 @@ def key_number(result: RunResult) -> Iterator[KeyNumber]:
     if model_part is None or model_part["beside"] is None or model_part.get("beam") is None:
         return
     frequencies = percent(model_part["frequency"] or 0.0)
-    more = f"{along(result)}; lowest frequencies {frequencies}; beside {CALLED[model_part['beside']]}"
+    more = f"{scope(result)}; lowest frequencies {frequencies}; beside {CALLED[model_part['beside']]}"
     yield KeyNumber(percent(model_part["beam"]), "the model's own error", more)

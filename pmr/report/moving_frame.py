@@ -37,7 +37,7 @@ def frame(result: RunResult) -> str:
 
 
 def energy(result: RunResult) -> str:
-    """Where the energy of a boom in space comes from; empty without a frame."""
+    """Sentence on the sources of energy of a boom in space; empty without a frame."""
     energies = result.summary.get("energy")
     if energies is None:
         return ""

@@ -68,7 +68,7 @@ def plain(value: float) -> str:
     return text.replace("-", MINUS)
 
 
-def signed(value: float) -> str:
+def with_sign(value: float) -> str:
     """`value` with its sign before it, apart."""
     return f"{MINUS if value < 0.0 else '+'} {plain(abs(value))}"
 

@@ -46,7 +46,7 @@ def _on_paper(text: str) -> str:
     that a PDF takes.
     """
 
-    def placed(match: re.Match[str]) -> str:
+    def embed_figure(match: re.Match[str]) -> str:
         style, drawn = match.groups()
         if style is not None:
             return re.sub(r"\bsvg(?= \{)", "embed", style)
@@ -54,4 +54,4 @@ def _on_paper(text: str) -> str:
         return f'<embed type="image/svg+xml" src="data:image/svg+xml;base64,{b64encode(image.encode()).decode()}">'
 
     text = re.sub(rf"{SCREEN}.*?{END_OF_SCREEN}|<script\b.*?</script>", "", text, flags=re.DOTALL)
-    return re.sub(r"(<style\b.*?</style>)|<svg\b(.*?</svg>)", placed, text, flags=re.DOTALL)
+    return re.sub(r"(<style\b.*?</style>)|<svg\b(.*?</svg>)", embed_figure, text, flags=re.DOTALL)

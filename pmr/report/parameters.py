@@ -7,8 +7,8 @@ from pathlib import PurePath
 from typing import Any
 
 from pmr.report.blocks import Table
-from pmr.report.numbers import SPACE, plain, signed
-from pmr.report.subject import alone, loads_as_asked, moving, spoken
+from pmr.report.numbers import SPACE, plain, with_sign
+from pmr.report.subject import is_alone, loads_as_asked, moving_part, spoken
 from pmr.results import RunResult
 from pmr.scene import Body, Reduction
 from pmr.scene.box import Box, Doubler, Taper
@@ -31,25 +31,25 @@ def bodies(result: RunResult) -> list[Table]:
         name: tuple(_structure(of, choose(member_at(scene, number)).model))
         for number, (name, of) in enumerate(scene.bodies.items())
     }
-    if alone(result):
+    if is_alone(result):
         return [Table("Body and mesh", (*tables_of_bodies[ALONE], *damping))]
     return [*(Table(name, rows) for name, rows in tables_of_bodies.items()), Table("All sections", damping)]
 
 
 def motion(result: RunResult) -> Table:
     """Table of paths and loads."""
-    if not alone(result):
-        return Table("Joints and loads", (*_joints(result), *_pads(result), *_acting(result)))
+    if not is_alone(result):
+        return Table("Joints and loads", (*_joints(result), *_pads(result), *_load_rows(result)))
     return Table(
         f"{'Pads' if result.scene.pads else 'Slider'} and loads",
-        (*_slider(result), *_pads(result), *_acting(result)),
+        (*_slider(result), *_pads(result), *_load_rows(result)),
     )
 
 
 def method(result: RunResult) -> Table:
     """Time stepping and reduction."""
-    rows = [*_stepping(result.scene)]
-    released = "sliders released" if alone(result) else "joints released"
+    rows = [*_time_rows(result.scene)]
+    released = "sliders released" if is_alone(result) else "joints released"
     for name, of in result.scene.bodies.items():
         rows += [(named(name, key), value) for key, value in _reduction(of.reduction, released)]
     if "ancf" in result.scene.compare.against:
@@ -57,14 +57,14 @@ def method(result: RunResult) -> Table:
     return Table("Time stepping and reduction", tuple(rows))
 
 
-def described(signal: SignalBase, unit: str) -> str:
+def describe_signal(signal: SignalBase, unit: str) -> str:
     """A signal in words: its kind and its parameters with units."""
     data = signal.model_dump(exclude={"kind"})
     kind = str(getattr(signal, "kind", "signal")).replace("_", " ")
     if kind == "constant":
         return f"constant, {_with_unit(data['amount'], unit)}"
     if "terms" in data:
-        return "; plus ".join(described(term, unit) for term in getattr(signal, "terms", ()))
+        return "; plus ".join(describe_signal(term, unit) for term in getattr(signal, "terms", ()))
     parts = [
         f"{name} {_with_unit(value, _SIGNAL_UNITS.get(name, unit))}"
         for name, value in data.items()
@@ -114,12 +114,12 @@ def _section(body: Body) -> Rows:
             if cut_length:
                 yield cut, f"{by_face(cut_length)}{SPACE}mm"
         for doubler in box.doublers:
-            yield "doubler", doubled(doubler)
+            yield "doubler", doubler_words(doubler)
         if box.frames:
-            yield "frames", framed(box)
+            yield "frames", frame_words(box)
         for name, taper in (("tail taper", box.tail_taper), ("tip taper", box.tip_taper)):
             if taper is not None:
-                yield name, tapered(taper)
+                yield name, taper_words(taper)
     elif body.thickness is not None:
         yield "thickness", f"{plain(1e3 * body.thickness)}{SPACE}mm"
     yield "Young's modulus", f"{plain(1e-9 * material.young)}{SPACE}GPa"
@@ -127,21 +127,21 @@ def _section(body: Body) -> Rows:
     yield "density", f"{plain(material.density)}{SPACE}kg/m³"
 
 
-def doubled(doubler: Doubler) -> str:
+def doubler_words(doubler: Doubler) -> str:
     """How thick, where, and on which faces."""
     faces = "all around" if doubler.faces is None else f"on {', '.join(doubler.faces)}"
     thick, (start, end) = plain(1e3 * doubler.thickness), (plain(at) for at in (doubler.start, doubler.end))
     return f"{thick}{SPACE}mm from {start} to {end}{SPACE}m, {faces}"
 
 
-def framed(box: Box) -> str:
+def frame_words(box: Box) -> str:
     """How many, how thick and deep, and where."""
     deep = "closed" if box.frame_depth == "full" else f"{by_face(box.frame_depth)}{SPACE}mm deep"
     places = ", ".join(map(plain, box.frames))
     return f"{len(box.frames)}, {plain(1e3 * box.plate)}{SPACE}mm thick, {deep}, at {places}{SPACE}m"
 
 
-def tapered(taper: Taper) -> str:
+def taper_words(taper: Taper) -> str:
     """Over which length, and what it is at the end."""
     dimensions = taper.model_dump(exclude={"length"}, exclude_none=True)
     ends = ", ".join(f"{name} {by_face(size)}{SPACE}mm" for name, size in dimensions.items())
@@ -160,15 +160,15 @@ def _damping(scene: Any) -> Rows:
     if rayleigh.mass or rayleigh.stiffness:
         yield (
             "Rayleigh damping",
-            f"{plain(_rounded(rayleigh.mass))}{SPACE}1/s · M + {plain(_rounded(rayleigh.stiffness))}{SPACE}s · K",
+            f"{plain(_round(rayleigh.mass))}{SPACE}1/s · M + {plain(_round(rayleigh.stiffness))}{SPACE}s · K",
         )
 
 
 def _slider(result: RunResult) -> Rows:
     scene = result.scene
-    yield f"{moving(result)} path s", described(scene.slider.path, "m")
+    yield f"{moving_part(result)} path s", describe_signal(scene.slider.path, "m")
     if any(scene.points):
-        yield "sliders at", ", ".join(f"s {signed(offset)}{SPACE}m" for offset in scene.points)
+        yield "sliders at", ", ".join(f"s {with_sign(offset)}{SPACE}m" for offset in scene.points)
 
 
 def _joints(result: RunResult) -> Rows:
@@ -177,12 +177,12 @@ def _joints(result: RunResult) -> Rows:
         if (joint := of.joint) is None:
             continue
         if joint.follows is not None:
-            plus = f" {signed(joint.offset)}{SPACE}m" if joint.offset else ""
+            plus = f" {with_sign(joint.offset)}{SPACE}m" if joint.offset else ""
             yield f"extension of {name}", f"{plain(joint.ratio)} times that of {joint.follows}{plus}"
         else:
             for kind, path in (("extension", joint.extension), ("overlap", joint.overlap)):
                 if path is not None:
-                    yield f"{kind} of {name}", described(path, "m")
+                    yield f"{kind} of {name}", describe_signal(path, "m")
         for end, rings in (("tail", joint.tail), ("mouth", joint.mouth)):
             for ring in rings:
                 faces = ", ".join(f"{len(at)} {face}" for face, at in ring.faces.items()) if ring.faces else "a point"
@@ -202,24 +202,24 @@ def stiff(stiffness: str | float) -> str:
 def _pads(result: RunResult) -> Rows:
     for body, of in result.scene.bodies.items():
         for ring in of.pads:
-            where = (f"s {signed(ring.at)}" if ring.at else "s") if ring.moving else plain(ring.at)
+            where = (f"s {with_sign(ring.at)}" if ring.at else "s") if ring.moving else plain(ring.at)
             faces = ", ".join(f"{len(places)} {face}" for face, places in ring.faces.items())
             size = f"{plain(ring.length)} × {plain(ring.width)}{SPACE}m"
             called = named(body, f"pads at the {ring.name}")
             yield called, f"at {where}{SPACE}m, {faces}; {size}, {stiff(ring.stiffness)}"
 
 
-def _acting(result: RunResult) -> Rows:
+def _load_rows(result: RunResult) -> Rows:
     for load in loads_as_asked(result):
         unit = load.unit.replace(" ", SPACE)
-        yield named(load.body, f"load {load.name}"), f"{described(load.signal, unit)}; {load.where}"
+        yield named(load.body, f"load {load.name}"), f"{describe_signal(load.signal, unit)}; {load.where}"
     if (gravity := result.scene.gravity) is not None:
         along = ", ".join(plain(round(c, 3) + 0.0) for c in gravity.direction)
         raised = f", raised by {plain(round(gravity.raised, 2))}°" if abs(gravity.raised) >= 0.01 else ""
         yield "gravity", f"{plain(gravity.acceleration)}{SPACE}m/s² along ({along}){raised}"
 
 
-def _stepping(scene: Any) -> Rows:
+def _time_rows(scene: Any) -> Rows:
     time = scene.time
     yield "simulated time", f"{plain(time.end)}{SPACE}s"
     yield "step", f"{plain(1e3 * time.step)}{SPACE}ms, {plain(time.steps)} steps"
@@ -229,7 +229,7 @@ def _stepping(scene: Any) -> Rows:
 def _reduction(reduction: Reduction, released: str) -> Rows:
     if reduction.file is not None:
         yield "basis", f"{reduction.coordinates} vectors of {PurePath(reduction.file).name}"
-    elif not reduction.pooled:
+    elif not reduction.uses_pod:
         yield "basis", f"{reduction.coordinates} eigenmodes on the fixed supports, {released}"
     else:
         positions = reduction.positions
@@ -244,7 +244,7 @@ def _reduction(reduction: Reduction, released: str) -> Rows:
         yield "residual flexibility", "added, quasi-static"
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     """To what is read, where the value was computed from a damping ratio."""
     return float(f"{value:.4g}")
 

@@ -31,6 +31,6 @@ def rows(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
         caption += "way of this run, which begins at the larger dot."
         captions = (("reach", caption), ("angle", "The same over the angle of luffing."))
         drawing_rows.append(
-            tuple(drawing(f"{prefix}-buckling-{x}", space.buckling, said, result, x) for x, said in captions)
+            tuple(drawing(f"{prefix}-buckling-{x}", space.buckling, caption, result, x) for x, caption in captions)
         )
     return tuple(drawing_rows)

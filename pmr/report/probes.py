@@ -32,7 +32,7 @@ def probes(result: RunResult, prefix: str) -> Block | None:
     probes_by_name = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     response = result.responses["reduced"]
     extremes_by_name = probe_extremes(response, result.along_at(response.t))
-    extremes_by_name = {name: one for name, one in extremes_by_name.items() if name in probes_by_name}
+    extremes_by_name = {name: peak for name, peak in extremes_by_name.items() if name in probes_by_name}
     if not extremes_by_name:
         return None
     largest = dict[str, float]()
@@ -40,7 +40,7 @@ def probes(result: RunResult, prefix: str) -> Block | None:
         unit = probes_by_name[name]["unit"]
         largest[unit] = max(largest.get(unit, 0.0), size(extreme))
     units = {unit: _unit(unit, size) for unit, size in largest.items()}
-    named = [n for n, one in extremes_by_name.items() if size(one) > NOTHING * largest[probes_by_name[n]["unit"]]]
+    named = [n for n, peak in extremes_by_name.items() if size(peak) > NOTHING * largest[probes_by_name[n]["unit"]]]
     rows = []
     for name in named:
         unit = units[probes_by_name[name]["unit"]]
@@ -48,12 +48,12 @@ def probes(result: RunResult, prefix: str) -> Block | None:
     extremes = Grid(_places(result, probes_by_name.values()), ("", "least", "largest"), tuple(rows))
     drawn = _foremost(named, extremes_by_name)
     counted = [
-        _counted(result, name, units[probes_by_name[name]["unit"]])
+        _rainflow_grid(result, name, units[probes_by_name[name]["unit"]])
         for name in drawn
         if probes_by_name[name]["unit"] != "mm"
     ]
     figures = tuple(
-        (_drawn(result, f"{prefix}-probe-{k}", name, probes_by_name[name]["unit"]),) for k, name in enumerate(drawn)
+        (_history(result, f"{prefix}-probe-{k}", name, probes_by_name[name]["unit"]),) for k, name in enumerate(drawn)
     )
     text = "All load cycles stand in tables/cycles.csv." if counted else ""
     return Block("Probes", figures, text=text, grids=(extremes, *counted, *_damage(result)))
@@ -81,7 +81,7 @@ def _foremost(names: Iterable[str], extremes_by_name: Mapping[str, Extremes]) ->
     return [max(group, key=lambda name: size(extremes_by_name[name])) for group in groups.values()][:MOST_DRAWN]
 
 
-def _drawn(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
+def _history(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
     size, base = {"mm": (1e-3, "m"), "1": (1e6, STRAIN.name)}.get(unit, (1.0, unit))
 
     def values(response: Response) -> Array:
@@ -108,7 +108,7 @@ def _places(result: RunResult, probes_of_run: Iterable[Mapping[str, Any]]) -> st
     return f"Least and largest values, when they occur, and {place_called(result)} then: {'; '.join(texts.values())}."
 
 
-def _counted(result: RunResult, name: str, unit: Unit) -> Grid:
+def _rainflow_grid(result: RunResult, name: str, unit: Unit) -> Grid:
     """Rainflow counts in classes of the range."""
     response = result.responses["reduced"]
     load_cycles = cycles(response.t, response.other(name))

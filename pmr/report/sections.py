@@ -21,7 +21,7 @@ from pmr.report import (
 )
 from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, drawing
 from pmr.report.columns import differ, is_round_off, lines, not_drawn, tips, unseen
-from pmr.report.errors import compared, error_table
+from pmr.report.errors import error_table, is_compared
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import budget, captions, histories, inputs, shapes, sketch, spectra
 from pmr.report.figures.canvas import ramp
@@ -30,7 +30,7 @@ from pmr.report.motion import line, player
 from pmr.report.motion.album import Album, album
 from pmr.report.motion.instants import top
 from pmr.report.numbers import SPACE, plain, significant
-from pmr.report.subject import across, alone, loads, moving
+from pmr.report.subject import direction_words, is_alone, loads, moving_part
 from pmr.results import RunResult
 from pmr.scene.names import named
 
@@ -51,7 +51,7 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
     return Chapter(
         anchor=anchor,
         title=result.scene.title,
-        opening=sentences.opening(result),
+        opening=sentences.opening_sentences(result),
         sketch=figures.sketch,
         first=first_page.tables(result),
         key_numbers=list(sentences.key_numbers(result)),
@@ -64,7 +64,7 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
 def errors(result: RunResult, prefix: str) -> Block | None:
     """Errors against what the run was compared with, beside published ones, or the largest values alone."""
     table = error_table(result)
-    return Block(heading="Errors" if compared(result) else "Largest values", errors=table) if table.rows else None
+    return Block(heading="Errors" if is_compared(result) else "Largest values", errors=table) if table.rows else None
 
 
 def accuracy(result: RunResult, prefix: str) -> Block | None:
@@ -83,14 +83,14 @@ def accuracy(result: RunResult, prefix: str) -> Block | None:
 
 def inputs_over_time(result: RunResult, prefix: str) -> Block:
     """Paths along the body, or extensions of sections, and loads, over time."""
-    caption = f"{moving(result).capitalize()} position along the body over time."
-    if not alone(result):
+    caption = f"{moving_part(result).capitalize()} position along the body over time."
+    if not is_alone(result):
         caption = "Extension of each section over time."
     row = [drawing(f"{prefix}-position", inputs.position, caption, result)]
     if loads(result):
         row.append(drawing(f"{prefix}-loads", inputs.loads, f"Loads over time.{_weight(result)}", result))
-    heading = f"{moving(result).capitalize()} and loads"
-    if not alone(result):
+    heading = f"{moving_part(result).capitalize()} and loads"
+    if not is_alone(result):
         heading = "Extensions and loads" if loads(result) else "Extensions"
     if changing := subject.changing_angles(result):
         caption = f"{' and '.join(changing).capitalize()} over time."
@@ -107,17 +107,17 @@ def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Blo
             return None
         if result.scene.frame is not None:
             data, rows = line.in_space(result), position.rows(result, prefix)
-            return Block(heading="Motion", player=Player("space", data, line.said(data)), rows=rows)
+            return Block(heading="Motion", player=Player("space", data, line.scale_words(data)), rows=rows)
         data = line.motion(result)
         strip = drawing(f"{prefix}-snapshots", shapes.snapshots, captions.snapshots(result), result)
-        return Block(heading="Motion", player=Player("line", data, line.said(data)), without_scripts=(strip,))
+        return Block(heading="Motion", player=Player("line", data, line.scale_words(data)), without_scripts=(strip,))
     data, picture_album = player.player(result), pictures()
     absent = f"There are no pictures: {picture_album.absent}." if picture_album.absent else ""
     scale: tuple[tuple[Drawing, ...], ...] = ()
     if fields[0].von_mises and (data or picture_album.pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
         scale = ((drawing(f"{prefix}-ramp", ramp, caption, top(result) / 1e6),),)
-    shown = Player("body", data, player.said(data)) if data else None
+    shown = Player("body", data, player.drawing_sentence(data)) if data else None
     return Block(heading="Motion", text=absent, player=shown, pictures=picture_album.pictures, rows=scale)
 
 
@@ -131,10 +131,10 @@ def tip(result: RunResult, prefix: str) -> Block:
         if is_round_off(result, what):
             still.append(direction)
             continue
-        anchor, called, label = f"{prefix}-tip-{direction}", across(result, direction), f"Tip {direction}"
+        anchor, called, label = f"{prefix}-tip-{direction}", direction_words(result, direction), f"Tip {direction}"
         if 0.0 < (apart := differ(result, what)) <= unseen(result) * largest:
             caption = captions.tip_alone(result, called, what, apart)
-            rows.append((drawing(anchor, histories.alone, caption, result, what, label, "m"),))
+            rows.append((drawing(anchor, histories.single_history, caption, result, what, label, "m"),))
         else:
             caption = captions.tip(result, called, what)
             rows.append((drawing(anchor, histories.history, caption, result, what, label, "m", what),))
@@ -177,8 +177,8 @@ def basis(result: RunResult, prefix: str) -> Block | None:
         if body.shapes is not None and set(tips(result)) == {"z"}:
             anchor, caption = "-".join(filter(None, (prefix, "basis", name))), captions.basis(body.shapes)
             rows.append((drawing(anchor, shapes.basis, named(name, caption), result, body.shapes),))
-    row, grids, of = [], tuple(_published(result)), result.body.shapes
-    if alone(result) and of is not None and result.scene.reduction.pooled:  # others have singular values of 1, all
+    row, grids, of = [], tuple(_published_frequency(result)), result.body.shapes
+    if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # others have singular values of 1, all
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
         row.append(drawing(f"{prefix}-singular-values", spectra.singular_values, caption, result, of))
     if "reduced" in result.frequencies.models:
@@ -190,11 +190,11 @@ def basis(result: RunResult, prefix: str) -> Block | None:
             caption += " The boom is at rest at its steepest angle; axial forces are included."
         row.append(drawing(f"{prefix}-map", spectra.frequency_map, caption, result))
     rows += [tuple(row)] if row else []
-    heading = "Basis and eigenfrequencies" if alone(result) else "Natural frequencies"
+    heading = "Basis and eigenfrequencies" if is_alone(result) else "Natural frequencies"
     return Block(heading=heading, rows=tuple(rows), grids=grids) if rows or grids else None
 
 
-def _published(result: RunResult) -> Iterator[Grid]:
+def _published_frequency(result: RunResult) -> Iterator[Grid]:
     """The first natural frequency where it is published, beside that of each model."""
     rows, models = [], list[str]()
     for first in result.summary.get("published_frequencies", ()):
@@ -217,7 +217,7 @@ def response(result: RunResult, prefix: str) -> Block | None:
         if not np.any(frequency_response.gain[:, :, k]):
             continue
         condition = "with the sliders at rest, each curve at one s in m"
-        if not alone(result):
+        if not is_alone(result):
             condition = "with everything at rest, each curve at one reach in m"
         caption = f"Response of {frequency_response.outputs[k]} to {name} {condition}."
         drawings.append(drawing(f"{prefix}-response-{k}", spectra.gain, caption, frequency_response, k))

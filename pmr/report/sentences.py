@@ -9,7 +9,7 @@ from pmr.report import model_error, moving_frame
 from pmr.report.blocks import KeyNumber, Point
 from pmr.report.marks import Row, verdicts
 from pmr.report.numbers import MINUS, SPACE, TINY, length, percent, plain, quantity, significant, times_the_true_error
-from pmr.report.subject import along, forces_called, moving, offsets, reduced_size, represented
+from pmr.report.subject import forces_called, moving_part, offsets, reduced_size, scope, structural_model
 from pmr.report.subject import length as reach
 from pmr.results import RunResult
 
@@ -32,12 +32,12 @@ def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
         "Mesh": [mesh(result)],
         "Time step": [step(result)],
         "Speed": list(speed(result)),
-        "Published": [published(table)],
+        "Published": [comparison_sentence(table)],
     }
     return [Point(topic, text) for topic, texts in texts_by_topic.items() if (text := " ".join(filter(None, texts)))]
 
 
-def opening(result: RunResult) -> str:
+def opening_sentences(result: RunResult) -> str:
     """Describe the structure in a sentence or two."""
     if result.reach is not None:
         names = list(result.scene.bodies)
@@ -47,8 +47,8 @@ def opening(result: RunResult) -> str:
         return f"{bend} It reaches {out} from the tail of the base."
     low, high = result.scene.path_bounds
     low, high, end = (round(x, 3) for x in (low, high, reach(result)))
-    model = represented(result)
-    if moving(result) == "mouth":
+    model = structural_model(result)
+    if moving_part(result) == "mouth":
         out = (
             f"{plain(end - high)}{SPACE}m to {plain(end - low)}{SPACE}m"
             if high > low
@@ -74,7 +74,7 @@ def estimate(result: RunResult) -> str:
         return ""
     if estimates["beam"] is None:
         return f"The error can't be estimated without the full model: {estimates['reason']}."
-    kinds = {"tip": "at the tip", "beam": along(result), "pad_force": f"in the {forces_called(result)}"}
+    kinds = {"tip": "at the tip", "beam": scope(result), "pad_force": f"in the {forces_called(result)}"}
     kinds["cylinder_force"] = "in the cylinder forces"
     errors = {kind: estimates[kind] for kind in kinds if estimates.get(kind) is not None}
     worth = [kind for kind, error in errors.items() if error >= TINY or kind in ("tip", "beam")]
@@ -88,7 +88,7 @@ def estimate(result: RunResult) -> str:
         else "it includes a margin of a quarter"
     )
     ratio = times_the_true_error(estimates["beam"], true)
-    beside_true = f"; {along(result)} it is {ratio}" if ratio else f"; {of}"
+    beside_true = f"; {scope(result)} it is {ratio}" if ratio else f"; {of}"
     return f"{sentence}{beside_true}.{_not_covered(estimates.get('not_covered'))}"
 
 
@@ -113,7 +113,7 @@ def mesh(result: RunResult) -> str:
 
 def _parts(result: RunResult, part: Mapping[str, Any]) -> str:
     """Errors of displacements, forces and frequencies in a part of the budget, in words."""
-    places = {"tip": "at the tip", "beam": along(result)} | model_error.OF | model_error.ALSO
+    places = {"tip": "at the tip", "beam": scope(result)} | model_error.OF | model_error.ALSO
     errors = {kind: part[kind] for kind in places if part.get(kind) is not None}
     worth = [kind for kind, error in errors.items() if error >= TINY or kind in ("tip", "beam")]
     *first, last = (f"{percent(errors[kind])} {places[kind]}" for kind in worth)
@@ -157,7 +157,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     if "reduced" in peak:
         full = f"full model {quantity(peak['full'], 'Pa')}" if "full" in peak else ""
         yield KeyNumber(quantity(peak["reduced"], "Pa"), "largest von Mises stress", full)
-    yield from _speed(result)
+    yield from _speed_ratio(result)
 
 
 def _errors(result: RunResult) -> Iterator[KeyNumber]:
@@ -167,9 +167,9 @@ def _errors(result: RunResult) -> Iterator[KeyNumber]:
     without = "" if estimated is None else f"estimated without the full model {percent(estimated)}"
     if "beam" in errors:
         tip = f"at the tip {percent(errors['tip'])}" if "tip" in errors else ""
-        yield KeyNumber(percent(errors["beam"]), f"RMS error {along(result)}", "; ".join(filter(None, (tip, without))))
+        yield KeyNumber(percent(errors["beam"]), f"RMS error {scope(result)}", "; ".join(filter(None, (tip, without))))
     elif estimated is not None:
-        yield KeyNumber(percent(estimated), f"estimated error {along(result)}", "without the full model")
+        yield KeyNumber(percent(estimated), f"estimated error {scope(result)}", "without the full model")
     if "pad_force" in errors:
         yield KeyNumber(
             percent(errors["pad_force"]), f"RMS error of the {forces_called(result)}", _apart_from_blows(result)
@@ -178,7 +178,7 @@ def _errors(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
 
 
-def _speed(result: RunResult) -> Iterator[KeyNumber]:
+def _speed_ratio(result: RunResult) -> Iterator[KeyNumber]:
     """How much faster than the full model by the same simulator; by another one the times, which are no ratio."""
     simulators_by_model, reduced = result.summary.get("simulators", {}), result.responses["reduced"].seconds
     ratio, full = speed_ratio(result), result.responses.get("full")
@@ -191,7 +191,7 @@ def _speed(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(quantity(reduced, "s", 2), "one simulation", "; ".join(filter(None, (what, slower))))
 
 
-def published(table: Sequence[Row]) -> str:
+def comparison_sentence(table: Sequence[Row]) -> str:
     """How many figures are better, the same or worse than published ones; empty where none are published."""
     counts = verdicts(table)
     counted = ", ".join(f"{number} {text}" for text, number in counts.items())
@@ -215,7 +215,7 @@ def accuracy(result: RunResult) -> Iterator[str]:
     errors = result.summary.get("errors", {})
     if against := _tip_and_beam(errors.get("reduced_vs_full")):
         tip, beam = against
-        error = f"a normalised RMS error of {tip} at the tip and {beam} {along(result)}"
+        error = f"a normalised RMS error of {tip} at the tip and {beam} {scope(result)}"
         yield f"It follows the full model with {error}."
     if (force := errors.get("reduced_vs_full", {}).get("pad_force")) is not None:
         yield f"The error of the {forces_called(result)} is {percent(force)}."

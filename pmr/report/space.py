@@ -67,7 +67,7 @@ def moments(result: RunResult) -> NDArray[np.intp]:
     A boom at a constant angle stands at one moment alone, for shorter ones would lie on top of it. The moment of the
     largest stress is among them, in place of the one next to it.
     """
-    t, out, worst = result.responses["reduced"].t, _out(result), stressed(result)
+    t, out, worst = result.responses["reduced"].t, _out(result), largest_stress(result)
     turned = turns(result, t)
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(turned[:, :, 0] * out[:, None], axis=0), axis=1)))
     if way[-1] <= 1e-9 * length(result):
@@ -91,7 +91,7 @@ class Stressed:
     value: float  # Pa
 
 
-def stressed(result: RunResult) -> Stressed | None:
+def largest_stress(result: RunResult) -> Stressed | None:
     """The largest von Mises stress of the reduced model, where stresses were asked for."""
     peak = result.summary.get("stress_peak", {}).get("reduced")
     if peak is None:

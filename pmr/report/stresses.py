@@ -21,7 +21,7 @@ def stress(result: RunResult, prefix: str) -> Block | None:
     for number, (name, body) in enumerate(result.bodies.items()):
         if "reduced" not in body.peak_stress:
             continue
-        below = captions.beside(result, figures.stresses(result, body), "below, the difference")
+        below = captions.difference_clause(result, figures.stresses(result, body), "below, the difference")
         peak = parts.get(name, result.summary).get("stress_peak", {}).get("reduced")
         dot = f" The dot is the largest of all, {sentences.where(peak)}." if peak else ""
         caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"

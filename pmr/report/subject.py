@@ -55,7 +55,7 @@ class Acting:
         return "N m" if self.direction == "turn" else "N"
 
 
-def across(result: RunResult, direction: str) -> str:
+def direction_words(result: RunResult, direction: str) -> str:
     """Words for a direction across the axis: z is upwards unless the boom is raised."""
     raised = result.scene.frame is not None or is_raised(result)
     return "in the plane of luffing, z" if direction == "z" and raised else _ACROSS[direction]
@@ -105,7 +105,7 @@ def chosen_by(measured: Mapping[str, Any]) -> str:
     return f"as measured: beside a shell {', '.join(tried)} off, where {of} is allowed"
 
 
-def represented(result: RunResult) -> Model:
+def structural_model(result: RunResult) -> Model:
     """Structural model of a body alone."""
     scene = result.scene
     if (measured := result.summary.get("chosen_model")) is not None:
@@ -116,41 +116,41 @@ def represented(result: RunResult) -> Model:
     return Model(spoken(chosen.model), f"since {'; '.join(chosen.reasons)}")
 
 
-def alone(result: RunResult) -> bool:
+def is_alone(result: RunResult) -> bool:
     """Is it a body alone, not a boom of sections?"""
     return ALONE in result.scene.bodies
 
 
-def moving(result: RunResult) -> str:
+def moving_part(result: RunResult) -> str:
     """Word for the part that moves along the body."""
-    if not alone(result):
+    if not is_alone(result):
         return "boom"
     return "slider" if result.scene.points else "mouth"
 
 
 def forces_called(result: RunResult) -> str:
     """Forces between a body and what holds it, in words."""
-    sliders = len(result.scene.points) if alone(result) else 0
+    sliders = len(result.scene.points) if is_alone(result) else 0
     return "pad forces" if not sliders else "slider force" if sliders == 1 else "slider forces"
 
 
 def places_called(result: RunResult) -> Mapping[str, str]:
     """Words for the kinds of errors."""
-    if alone(result):
+    if is_alone(result):
         return {"pad_force": forces_called(result)}
     kinds = {"pad_force": "pads", "cylinder_force": "cylinders", "support_force": "supports that give way"}
     between = {f"{kind}_between_kinks": f"{of} between kinks" for kind, of in kinds.items()}
     return {"beam": "all sections"} | kinds | between
 
 
-def along(result: RunResult) -> str:
+def scope(result: RunResult) -> str:
     """All that errors of displacements are of, in words."""
-    return "along the beam" if alone(result) else "along all sections"
+    return "along the beam" if is_alone(result) else "along all sections"
 
 
 def offsets(result: RunResult) -> tuple[float, ...]:
     """Distances in m ahead of s at which something moves along a body alone."""
-    if not alone(result):
+    if not is_alone(result):
         return ()
     return result.scene.points or tuple(dict.fromkeys(ring.at for ring in result.scene.pads if ring.moving))
 
@@ -170,7 +170,7 @@ def loads(result: RunResult) -> list[Acting]:
     acting, names = list[Acting](), result.loads.names
     for member, (body, of) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         end = length(result) if body == ALONE else of.length
-        inputs = [(load, *one) for load in of.loads for one in parts_of(member, load).items()]
+        inputs = [(load, *component) for load in of.loads for component in parts_of(member, load).items()]
         for number, (part, called, direction) in enumerate(inputs):
             kind = {"x": "along", "y": "aside", "z": "up"}.get(direction, "turn")
             where = f"on {part.on}" if isinstance(part.on, str) else f"at {plain(part.on)}{SPACE}m"
@@ -199,7 +199,7 @@ def loads_as_asked(result: RunResult) -> list[Acting]:
     return list(by_load.values())
 
 
-def held(result: RunResult) -> list[str]:
+def axial_supports(result: RunResult) -> list[str]:
     """Names of what holds a body alone along its axis."""
     return [support.name for support in result.scene.supports if support.held == ("x",)]
 
@@ -227,9 +227,9 @@ def fixtures(result: RunResult) -> list[Fixture]:
     body, of = next(iter(result.scene.bodies.items()))
     end = length(result) if body == ALONE else of.length
     supports = [
-        Fixture(end if support.on == "tip" else 0.0, support.shown)
+        Fixture(end if support.on == "tip" else 0.0, support.symbol)
         if isinstance(support.on, str)
-        else Fixture(support.on, support.shown)
+        else Fixture(support.on, support.symbol)
         for support in of.supports
         if {"y", "z"} & set(support.held)
     ]

@@ -9,7 +9,7 @@ from typing import Any
 from pmr.report.blocks import Table
 from pmr.report.model_error import CALLED as MODELS
 from pmr.report.numbers import SPACE, percent, plain
-from pmr.report.subject import along
+from pmr.report.subject import scope
 from pmr.results import RunResult
 from pmr.results.reduction_error import reduction_error
 from pmr.scene.choice import model_of
@@ -49,9 +49,9 @@ def table(result: RunResult) -> Table:
     }
     texts = {
         "model": _model(model),
-        "mesh": _listed(shares["mesh"]) or budget.get("mesh_reason") or NO_MESH,
-        "time step": _listed(shares["time step"]) or f"not known{_reason(step)}",
-        "reduction": f"{source}: {_listed(shares['reduction'])}" if reduced else NOT_COMPARED,
+        "mesh": _list_errors(shares["mesh"]) or budget.get("mesh_reason") or NO_MESH,
+        "time step": _list_errors(shares["time step"]) or f"not known{_reason(step)}",
+        "reduction": f"{source}: {_list_errors(shares['reduction'])}" if reduced else NOT_COMPARED,
     }
     largest = {name: most for name, of in shares.items() if (most := max(of.values(), default=0.0))}
     decades = max(ceil(log10(max(largest.values(), default=1.0) / LEAST) - 1e-9), 5)
@@ -61,13 +61,13 @@ def table(result: RunResult) -> Table:
         "not in the mesh's bar": budget.get("mesh_not_covered") or (),
         "not in the time step's bar": step.get("not_covered") or (),
         "not in the reduction's bar": estimate.get("not_covered") or (),
-        "not looked at": _between(result),
+        "not looked at": _times_between(result),
     }
     rows = (*texts.items(), *((name, "; ".join(dict.fromkeys(parts))) for name, parts in missing.items() if parts))
     bars = {name: min(max(log10(share / LEAST) / decades, 0.01), 1.0) for name, share in largest.items()}
     top = f"{plain(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
     note = f"How far off figures are, from small on the left to large: {plain(100.0 * LEAST)}{SPACE}% to {top}, ten "
-    note += f"times as much from mark to mark. Displacements are those {along(result)}; stresses may be further off."
+    note += f"times as much from mark to mark. Displacements are those {scope(result)}; stresses may be further off."
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
 
 
@@ -75,7 +75,7 @@ def _model(model_part: Mapping[str, Any]) -> str:
     if model_part.get("beside") is None:
         reason = model_part.get("reason") or "compare.richer measures it"
         return reason if reason.startswith("not ") else f"not known: {reason}"
-    return f"beside {MODELS[model_part['beside']]}: {_listed(_off(model_part))}"
+    return f"beside {MODELS[model_part['beside']]}: {_list_errors(_off(model_part))}"
 
 
 def _off(part: Mapping[str, Any]) -> dict[str, float]:
@@ -84,7 +84,7 @@ def _off(part: Mapping[str, Any]) -> dict[str, float]:
     return dict(sorted(errors.items(), key=lambda item: -item[1]))
 
 
-def _listed(off: Mapping[str, float]) -> str:
+def _list_errors(off: Mapping[str, float]) -> str:
     """List errors that are worth a bar in words; empty where none is known."""
     parts = [f"{called} {percent(error)}" for called, error in off.items() if error >= LEAST]
     return ", ".join(parts) or (f"less than {percent(LEAST, 1)}" if off else "")
@@ -96,7 +96,7 @@ def _stressed_beams(result: RunResult) -> bool:
     return has_stresses and any(model_of(member).startswith("beam") for member in members(result.scene))
 
 
-def _between(result: RunResult) -> list[str]:
+def _times_between(result: RunResult) -> list[str]:
     recovery = result.scene.recovery
     if recovery is None or "reduced" not in result.summary.get("max_von_mises", {}):
         return []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pmr.errors import InputError
 from pmr.errors.environment import needed
-from pmr.files.swap import finished
+from pmr.files.swap import finish_swap
 from pmr.results.run import RunResult
 from pmr.results.tables import tables
 
@@ -29,7 +29,7 @@ def load(folder: str | Path) -> dict[str, DataFrame]:
         If there are no results in the folder, or pandas is not installed.
     """
     folder, pandas = Path(folder), needed("pandas")
-    finished(folder)
+    finish_swap(folder)
     if not (folder / "summary.json").is_file():
         raise InputError(str(folder), "", None, "a folder that `pmr run` or `pmr study` wrote results to is allowed")
     if (folder / "runs.csv").is_file():

@@ -149,15 +149,15 @@ def support_names(columns: Columns, number: int) -> tuple[str, ...]:
 
 def _cylinders(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Forces of what moves sections along the boom; of a section on ropes, or that others follow, with these."""
-    return _driven([row for name, row in columns.drives.items() if looks_at(cylinder_of(name))])
+    return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_of(name))])
 
 
 def _ropes(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Forces of ropes, and of cylinders that move sections on ropes, by the names of the sections."""
-    return _driven([columns.drives[name] for name in columns.ropes if looks_at(name)])
+    return _drive_measure([columns.drives[name] for name in columns.ropes if looks_at(name)])
 
 
-def _driven(rows: Sequence[Array]) -> Measure | None:
+def _drive_measure(rows: Sequence[Array]) -> Measure | None:
     if not rows:
         return None
     shares = np.array(rows).T
@@ -183,7 +183,7 @@ def _stress(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None
     return lambda values: np.max([mises(values[:, k], names).max(axis=1) for names, k in at_probes], axis=0)
 
 
-def _luffing(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Force of the luffing cylinder along itself."""
     return _largest([k for k in columns.at_pivot().values() if columns.names[k] == CYLINDER])
 
@@ -198,7 +198,7 @@ QUANTITIES = {
         Quantity("cylinder", "force of a cylinder that moves sections", "N", _cylinders),
         Quantity("rope", "force of a rope, or of the cylinder that moves sections on ropes", "N", _ropes),
         Quantity("support", "force of a support", "N", _supports),
-        Quantity("luffing", "force of the luffing cylinder", "N", _luffing),
+        Quantity("luffing", "force of the luffing cylinder", "N", _luffing_measure),
         Quantity("deflection", "deflection of the tip", "m", _deflection),
     )
 }

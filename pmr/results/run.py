@@ -18,11 +18,11 @@ from pmr.fields.envelope import Envelope
 from pmr.fields.pose import Pose
 from pmr.fields.series import Fields
 from pmr.files import jsonfile, npz, records
-from pmr.files.swap import finished
+from pmr.files.swap import finish_swap
 from pmr.results.parts import BodyResult, Frequencies, FrequencyResponse, Loads, Paths, Shapes
 from pmr.results.response import Response
 from pmr.scene import Scene
-from pmr.scene.former import stored
+from pmr.scene.former import stored_scene
 from pmr.scene.names import ALONE, SLIDER
 
 Array = NDArray[np.float64]
@@ -149,11 +149,11 @@ class RunResult:
         for simulator, response in self.responses.items():
             arrays |= records.arrays(response, f"{simulator}.")
         for name, body in self.bodies.items():
-            arrays |= {f"{_of(name)}peak_stress.{model}": stress for model, stress in body.peak_stress.items()}
+            arrays |= {f"{_prefix(name)}peak_stress.{model}": stress for model, stress in body.peak_stress.items()}
             for model, envelope in body.envelopes.items():
-                arrays |= records.arrays(envelope, f"{_of(name)}envelope.{model}.")
+                arrays |= records.arrays(envelope, f"{_prefix(name)}envelope.{model}.")
             if body.shapes is not None:
-                arrays |= records.arrays(body.shapes, f"{_of(name)}basis.")
+                arrays |= records.arrays(body.shapes, f"{_prefix(name)}basis.")
             if body.fields is not None:
                 body.fields.save(folder / _fields_file(name))
         if self.tip_error is not None:
@@ -169,9 +169,9 @@ class RunResult:
     @classmethod
     def load(cls, folder: Path) -> RunResult:
         """Read what `save` wrote, or an earlier version."""
-        finished(folder)
+        finish_swap(folder)
         file = folder / "scene.json"
-        scene = stored(json.loads(file.read_text(encoding="utf-8")), str(file))
+        scene = stored_scene(json.loads(file.read_text(encoding="utf-8")), str(file))
         data = npz.read(folder / "trajectories.npz")
         columns = json.loads(str(data["columns"])) if "columns" in data else {}
         simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})
@@ -196,7 +196,7 @@ def _with_units(names: Iterable[str], units: Iterable[str]) -> list[str]:
     return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
 
 
-def _of(body: str) -> str:
+def _prefix(body: str) -> str:
     """Beginning of the names of arrays of a body."""
     return "" if body == ALONE else f"bodies.{body}."
 
@@ -230,12 +230,12 @@ def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArra
             | ({} if frequencies.t is None else {"frequencies.t": frequencies.t})
         )
     arrays = records.arrays(frequencies, "frequencies.")
-    return records.renamed(arrays, {new: old for old, new in _RENAMED.items()})
+    return records.rename_keys(arrays, {new: old for old, new in _RENAMED.items()})
 
 
 def _frequencies(data: Data) -> Frequencies:
     if "frequencies.s" not in data:
-        return records.record(Frequencies, records.renamed(data, _RENAMED), "frequencies.")
+        return records.record(Frequencies, records.rename_keys(data, _RENAMED), "frequencies.")
     s = data["frequencies.s"]
     in_hertz = {name: data[f"frequencies.{name}"] / TURN for name in _MODELS}
     models = {name: values for name, values in in_hertz.items() if values.shape[1]}
@@ -243,7 +243,7 @@ def _frequencies(data: Data) -> Frequencies:
 
 
 def _body(folder: Path, data: Data, name: str) -> BodyResult:
-    of, file = _of(name), folder / _fields_file(name)
+    of, file = _prefix(name), folder / _fields_file(name)
     stress, along = f"{of}peak_stress.", f"{of}envelope."
     models = sorted({key.removeprefix(along).split(".")[0] for key in data if key.startswith(along)})
     return BodyResult(

@@ -262,14 +262,14 @@ class Reduction(Section):
         return {"coordinates": 6} | data if data["flexibility"] is True else data
 
     @property
-    def pooled(self) -> bool:
+    def uses_pod(self) -> bool:
         """Whether the basis is the POD of eigenmodes at several positions."""
         return self.basis in ("eigenmodes", "paper")
 
     @property
     def given(self) -> bool:
-        """Whether its vectors come from outside: from a file, or from a function of an installed package."""
-        return self.basis != "free_modes" and not self.pooled
+        """Tell whether the vectors come from a file or from a function of an installed package."""
+        return self.basis != "free_modes" and not self.uses_pod
 
     @property
     def extendable(self) -> bool:

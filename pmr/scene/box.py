@@ -62,7 +62,7 @@ class Stretch:
 
     def at(self, x: float) -> BoxProfile:
         """Profile at a place."""
-        return between(self.first, self.last, (x - self.start) / (self.end - self.start))
+        return interpolate_profile(self.first, self.last, (x - self.start) / (self.end - self.start))
 
     def part(self, start: float, end: float) -> Stretch:
         """Part of this stretch from one place to another one."""
@@ -77,7 +77,7 @@ class Stretch:
         return first != last
 
 
-def between(first: BoxProfile, last: BoxProfile, share: float) -> BoxProfile:
+def interpolate_profile(first: BoxProfile, last: BoxProfile, share: float) -> BoxProfile:
     """The profile at a share of the way from one to another one with the same faces."""
     if first is last or share == 0.0:
         return first
@@ -128,7 +128,7 @@ class Box(BoxProfile):
         for a, b in pairwise(self.breaks):
             if b - a < (1.0 - SLACK) * APART * self.length:
                 allowed = f"one place, or places {APART * self.length:g} m apart, a thousandth of the length, are"
-                raise of_key(self.varying[0], None, f"{allowed} allowed: something ends at {a:.6g} and at {b:.6g} m")
+                raise of_key(self.variations[0], None, f"{allowed} allowed: something ends at {a:.6g} and at {b:.6g} m")
             self._stretch(a, b)
         return self
 
@@ -138,7 +138,7 @@ class Box(BoxProfile):
         return self.frame_thickness or max(self.walls.values())
 
     @property
-    def varying(self) -> tuple[str, ...]:
+    def variations(self) -> tuple[str, ...]:
         """Keys by which its section is not the same all along."""
         return tuple(key for key in ("doublers", "tail_taper", "tip_taper") if getattr(self, key))
 
@@ -163,7 +163,7 @@ class Box(BoxProfile):
         """From where to where along x its faces are parallel to the axis, m."""
         low, high = self.straight
         tapering = [stretch for stretch in self.stretches if stretch.tapers]
-        behind, before = any(stretch.start < low for stretch in tapering), any(one.end > high for one in tapering)
+        behind, before = any(stretch.start < low for stretch in tapering), any(part.end > high for part in tapering)
         return low if behind else 0.0, high if before else self.length
 
     @property
@@ -217,9 +217,9 @@ class Box(BoxProfile):
         """Profile without doublers."""
         low, high = self.straight
         if self.tail_taper is not None and x < low:
-            return between(self, self._end(self.tail_taper), 1.0 - x / low)
+            return interpolate_profile(self, self._end(self.tail_taper), 1.0 - x / low)
         if self.tip_taper is not None and x > high:
-            return between(self, self._end(self.tip_taper), (x - high) / (self.length - high))
+            return interpolate_profile(self, self._end(self.tip_taper), (x - high) / (self.length - high))
         return self
 
     def _stretch(self, start: float, end: float) -> Stretch:
@@ -229,15 +229,15 @@ class Box(BoxProfile):
         first, last = self._shape(start), self._shape(end)
         same = first is last
         if doublers:
-            first = self._thickened(first, doublers)
-            last = first if same else self._thickened(last, doublers)
+            first = self._thicken(first, doublers)
+            last = first if same else self._thicken(last, doublers)
         return Stretch(start, end, first, last)
 
-    def _thickened(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
+    def _thicken(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
         names: dict[WallName, None] = dict.fromkeys((*self._plates, *HALVES))  # corners take those of halves
         walls: dict[WallName, float] = {
             name: profile.thickness(name)
-            + sum(one.thickness for one in doublers.values() if one.faces is None or name in one.faces)
+            + sum(doubler.thickness for doubler in doublers.values() if doubler.faces is None or name in doubler.faces)
             for name in names
         }
         dimensions = {key: getattr(profile, key) for key in BoxProfile.model_fields} | {"wall": walls}

@@ -171,7 +171,7 @@ class Support(Section):
         return SUPPORTED[self.kind] if self.directions is None else self.directions
 
     @property
-    def shown(self) -> str:
+    def symbol(self) -> str:
         """How it is drawn: as a clamp where it holds a rotation across the axis, else as a point."""
         return "clamped" if {"ry", "rz"} & set(self.held) else "pinned" if "x" in self.held else "roller"
 
@@ -330,7 +330,7 @@ class Gravity(Section):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _inclined(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+    def _resolve_inclination(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         if not (isinstance(data, dict) and "inclination" in data):
             return handler(data)
         other_keys, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]

@@ -22,7 +22,7 @@ def check(scene: Scene) -> None:
     """Refuse a scene whose sections contradict each other, of the key ``"scene"``: its reader names the file."""
     check_sizes(scene)  # first: what others compute with is then finite
     check_time(scene)
-    _ordered(scene)
+    _check_outputs(scene)
     if len(scene.sections) > 1:
         check_joints(scene)
     else:
@@ -79,11 +79,11 @@ def _reduction(scene: Scene) -> None:
     if choice.ports and (choice.basis != "free_modes" or not choice.flexibility):
         allowed = "free modes with flexibility are allowed to have ports"
         raise refusal("reduction.ports", list(choice.ports), allowed)
-    if choice.ports and scene.ordered is not None:
+    if choice.ports and scene.goal is not None:
         raise refusal(
             "reduction.ports", list(choice.ports), "a number of coordinates is allowed with them, no tolerance"
         )
-    if choice.pooled:
+    if choice.uses_pod:
         _pool(scene)
     if not choice.flexibility and choice.coordinates < fewest_rows(member_at(scene)):
         points = len(scene.points)
@@ -163,9 +163,9 @@ def _simulators(scene: Scene) -> None:
         refuse(name, reduced)
 
 
-def _ordered(scene: Scene) -> None:
+def _check_outputs(scene: Scene) -> None:
     """Check that accuracy or budget alone is given, and each kind of output once."""
-    ordered, key = scene.ordered, "accuracy" if scene.accuracy is not None else "budget"
+    ordered, key = scene.goal, "accuracy" if scene.accuracy is not None else "budget"
     if scene.accuracy is not None and scene.budget is not None:
         raise refusal("budget", None, "accuracy or budget is allowed, not both")
     if ordered is not None and len(set(ordered.outputs)) < len(ordered.outputs):
@@ -174,7 +174,7 @@ def _ordered(scene: Scene) -> None:
 
 def _accuracy(scene: Scene) -> None:
     choice, key = scene.reduction, "accuracy" if scene.accuracy is not None else "budget"
-    if scene.ordered is None:
+    if scene.goal is None:
         return
     if choice.basis != "free_modes" or not (choice.flexibility and choice.estimate):
         allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"

@@ -37,12 +37,12 @@ def choose(member: Member) -> Choice:
         return Choice("beam2d", ("its stiffnesses are those of a planar beam",))
     if shell := [*_stresses(member), *_walls(member)]:
         return Choice("shell", tuple(shell))
-    if space := [*_lateral(member), *_beside(member)]:
+    if space := [*_lateral(member), *_other_models(member)]:
         return Choice("beam3d", tuple(space))
     return Choice("beam2d", ("all loads and masses lie in the vertical plane",))
 
 
-def undecided(member: Member) -> bool:
+def is_undecided(member: Member) -> bool:
     """Whether measurements are to decide the model: ``auto``, of a box of which a beam can carry what is asked."""
     body = member.part.body
     return body.model == "auto" and body.box is not None and model_of(member) != "shell"
@@ -90,7 +90,7 @@ def parts_of(member: Member, load: Load) -> dict[str, Direction]:
     return {f"{load.name} {axis}": axis for axis in turned if axis in directions(member)}
 
 
-def acting(member: Member) -> tuple[Load, ...]:
+def loads_of(member: Member) -> tuple[Load, ...]:
     """Loads by their inputs, each along an axis of the body."""
     return tuple(
         load.model_copy(update={"name": name, "direction": direction, "axes": "body"})
@@ -154,7 +154,7 @@ def _has_rotary_inertia(member: Member) -> bool:
 
 
 def is_planar(member: Member) -> bool:
-    """Whether it is a planar beam."""
+    """Tell whether a section is a planar beam."""
     return model_of(member) == "beam2d"
 
 
@@ -203,7 +203,7 @@ def _walls(member: Member) -> list[str]:
     return [near] * (highest > QUASI_STATIC * of_walls) + ["the box has frames"] * bool(box.frames)
 
 
-def _beside(member: Member) -> list[str]:
+def _other_models(member: Member) -> list[str]:
     """Sections that are no planar beams: all sections are such beams, or none is."""
     models = {section.part.name: choose(section).model for section in member.others}
     return [f"section {name} is no planar beam" for name, model in models.items() if model != "beam2d"]

@@ -12,7 +12,7 @@ from pmr.scene.former import GONE, MOVED
 from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.scene.unused import check_unused
-from pmr.scene.workflows import found
+from pmr.scene.workflows import resolve_path
 
 #: Published figures are those of one scene, not of the ones that extend it.
 DIALECT = Dialect(
@@ -79,12 +79,12 @@ def beam_scene(path: str | Path) -> Scene:
 
 
 def _file(path: str | Path) -> TomlFile:
-    return TomlFile.read(found(Path(path), "scene.toml"), DIALECT)
+    return TomlFile.read(resolve_path(Path(path), "scene.toml"), DIALECT)
 
 
 def _scene(file: TomlFile) -> Scene:
     """Scene of either dialect: a body at the top, or sections."""
-    scene = file.validated(Scene) if "sections" in file.data else Scene.of(file.validated(BodyFile))
+    scene = file.validate(Scene) if "sections" in file.data else Scene.of(file.validate(BodyFile))
     try:
         check(scene)
         check_unused(file, scene)

@@ -39,7 +39,7 @@ GONE = dict.fromkeys(
 )
 
 
-def stored(data: Mapping[str, Any], source: str, context: Mapping[str, str] | None = None) -> Scene:
+def stored_scene(data: Mapping[str, Any], source: str, context: Mapping[str, str] | None = None) -> Scene:
     """The scene of saved results or of a saved model, of this version or an earlier one; `source` is where it stands.
 
     Raises

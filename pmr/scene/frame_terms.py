@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from pmr.scene.choice import acting, directions, has_tail, is_axial, transverse
+from pmr.scene.choice import directions, has_tail, is_axial, loads_of, transverse
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.names import cylinder_of, named
 from pmr.scene.scene import Scene
@@ -63,7 +63,7 @@ def _all(scene: Scene) -> Iterator[FrameTerm]:
             for beyond in range(number, len(scene.sections)):
                 for field in _fields(scene):
                     yield _of_cylinder(scene, number, beyond, field)
-                for load in _along(member_at(scene, beyond)):
+                for load in _axial_inputs(member_at(scene, beyond)):
                     yield replace(_of_cylinder(scene, number, beyond, load), of="cylinder load")
 
 
@@ -86,14 +86,14 @@ def _of_section(scene: Scene, member: Member) -> Iterator[FrameTerm]:
             yield FrameTerm(named(body, f"carried {pair}"), (body,), f"carried {pair}", "carried", pair)
     for field, matrix in _fields(scene).items():
         yield FrameTerm(named(body, matrix), (body,), matrix, "field", field, member.number)
-    for load in acting(member):
+    for load in loads_of(member):
         if load.direction == "x" and load.on == "tip":
             yield FrameTerm(named(body, f"axial {load.name}"), (body,), "axial tip", "load", load.name, member.number)
 
 
-def _along(member: Member) -> Iterator[str]:
+def _axial_inputs(member: Member) -> Iterator[str]:
     """Names of the inputs that act along a section."""
-    return (load.name for load in acting(member) if load.direction == "x")
+    return (load.name for load in loads_of(member) if load.direction == "x")
 
 
 def _of_cylinder(scene: Scene, number: int, beyond: int, field: str) -> FrameTerm:

@@ -27,7 +27,7 @@ def check_joints(scene: Scene) -> None:
     for number in range(len(scene.sections)):
         _reduction(scene, number)
         if number:
-            _driven(scene, number)
+            _check_drive(scene, number)
     for number in range(1, len(scene.sections)):
         check_fit(scene, number)
         _slides(scene, number)
@@ -45,7 +45,7 @@ def check_joints(scene: Scene) -> None:
         raise refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
     _rigid_overlaps_and_friction(scene)
     _simulators(scene)
-    _ordered(scene)
+    _check_nested(scene)
     _frequency_response(scene)
 
 
@@ -76,7 +76,7 @@ def _reduction(scene: Scene, number: int) -> None:
         raise refusal(f"sections[{number}].observe", None, allowed)
 
 
-def _driven(scene: Scene, number: int) -> None:
+def _check_drive(scene: Scene, number: int) -> None:
     """The extension is known, and without jumps."""
     joint, key = scene.joint(number), f"sections[{number}].joint"
     chain = [scene.names[number]]
@@ -281,9 +281,9 @@ def _frequency_response(scene: Scene) -> None:
             raise refusal(key, True, "true is allowed with pads that hold both ways: some only push")
 
 
-def _ordered(scene: Scene) -> None:
+def _check_nested(scene: Scene) -> None:
     for number, part in enumerate(scene.sections):
-        if scene.ordered is not None and not part.reduction.estimable:
+        if scene.goal is not None and not part.reduction.estimable:
             allowed = "flexibility and estimate = true are allowed: such models hold all smaller ones"
             raise refusal(f"sections[{number}].reduction", None, allowed)
 

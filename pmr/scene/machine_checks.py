@@ -23,7 +23,7 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
         raise refusal("frame.base.acceleration", None, allowed)
     if frame.second_order == "auto":
         raise refusal("frame.second_order", "auto", "true or false is allowed beside frame.machine")
-    if scene.ordered is not None:
+    if scene.goal is not None:
         key = "accuracy" if scene.accuracy is not None else "budget"
         raise refusal(key, None, "none is allowed beside frame.machine, whose motion depends on model and step")
     for member in members(scene):

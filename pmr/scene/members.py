@@ -103,7 +103,7 @@ class Member:
 def member_at(scene: Scene, number: int = 0) -> Member:
     """A body of a scene."""
     if len(scene.sections) == 1:
-        return _alone(scene)
+        return _only_member(scene)
     member = _section(scene, number)
     if member.part.body.model != "auto":
         return member
@@ -115,7 +115,7 @@ def members(scene: Scene) -> tuple[Member, ...]:
     return tuple(member_at(scene, number) for number in range(len(scene.sections)))
 
 
-def _alone(scene: Scene) -> Member:
+def _only_member(scene: Scene) -> Member:
     points, about = scene.points, (scene.gravity, scene.frame, scene.damping, scene.recovery)
     names = tuple(_slider_name(points, at) for at in points)
     return Member(scene.alone, 0, scene.pads, points, names, scene.path_bounds, scene.travel, *about)
@@ -167,7 +167,7 @@ def _section(scene: Scene, number: int) -> Member:
         jointed=True,
         stretches=stretches,
         ways=ways,
-        straight=_stiffened(scene, number),
+        straight=_straight_rows(scene, number),
     )
 
 
@@ -200,7 +200,7 @@ def footprint(scene: Scene, ring: JointPads) -> str:
     return f"pads {patterns.index(_pattern(ring)) + 1}"
 
 
-def _stiffened(scene: Scene, number: int) -> dict[tuple[str, str], float]:
+def _straight_rows(scene: Scene, number: int) -> dict[tuple[str, str], float]:
     """Rows that keep a section straight in its rigid overlaps: their names, and the end of each that stays, m."""
     ends = {}
     if number and (joint := scene.joint(number)).rigid_overlap:

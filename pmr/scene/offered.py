@@ -17,6 +17,6 @@ def or_offered(group: str) -> WrapValidator:
     """For ``Annotated[Literal[...], or_offered(group), AS_WORD]``: names of a group's entry points are allowed, too."""
 
     def check(data: Any, check_literal: Callable[[Any], Any]) -> Any:
-        return data if isinstance(data, str) and data in plugins.named(group) else check_literal(data)
+        return data if isinstance(data, str) and data in plugins.plugin_names(group) else check_literal(data)
 
     return WrapValidator(check)

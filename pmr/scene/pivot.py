@@ -35,7 +35,7 @@ class Pressed:
 
 def pressed_on_ground(scene: Scene, along: Mapping[str, Array]) -> list[Pressed]:
     """Everything that stands between bodies and the ground, where the scene's paths, by their names, are (T,) m."""
-    return [pressed for member in members(scene) for pressed in _pressed(scene, member, along)]
+    return [pressed for member in members(scene) for pressed in _ground_contacts(scene, member, along)]
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
     return PinAndCylinder((x, z), _names(name, across.row_name("z")))
 
 
-def _pressed(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[Pressed]:
+def _ground_contacts(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[Pressed]:
     """Everything that stands between a body and the ground."""
     body, moves = scene.names[member.number], directions(member)
     count = len(next(iter(along.values())))
@@ -119,7 +119,7 @@ def _pressed(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterat
 
 
 def _names(body: str, what: str) -> tuple[str, ...]:
-    """What a force between a body and the ground may be called, from a body, a contact or a row that always holds."""
+    """Names that a force between a body and the ground may have, from a body, a contact or a permanent row."""
     return (
         named(body, force_of(what)),
         force_of(f"{body} {what}"),

@@ -68,16 +68,16 @@ class BoxProfile(Section):
         ends = [np.array(p) for p in [(-b + y0, -h), (b - y0, -h), (b, -h + z0), (b, h - z1), (b - y1, h), *right]]
         alike, edges = self.thickness("bottom") == self.thickness("top"), list[Edge]()
         for face, start, end in zip(FACES, ends, [*ends[1:], ends[0]], strict=True):
-            half: Half = "top" if start[1] > -self.nothing else "bottom"
+            half: Half = "top" if start[1] > -self.negligible else "bottom"
             arc = CORNERS if alike else f"{half} {CORNERS}"
             edge = Edge(face, start, end, self.thickness(face), arc, self.radius_at(half), self.thickness(half))
-            edges += [edge] * (edge.length > self.nothing)
+            edges += [edge] * (edge.length > self.negligible)
         return edges
 
     @property
     def sides(self) -> tuple[Side, ...]:
         """Plates and arcs, around the profile."""
-        return sides_of(self.edges, self.nothing)
+        return sides_of(self.edges, self.negligible)
 
     @property
     def faces(self) -> dict[str, Side]:
@@ -96,8 +96,8 @@ class BoxProfile(Section):
         return each if len(set(each.values())) > 1 else {"": next(iter(each.values()))}
 
     @property
-    def nothing(self) -> float:
-        """Lengths that are less are none, m."""
+    def negligible(self) -> float:
+        """Length in m below which another length of the profile counts as zero."""
         return NOTHING * max(self.width, self.height)
 
     def thickness(self, face: str) -> float:
@@ -120,8 +120,8 @@ class BoxProfile(Section):
 
 def _check_chamfers(profile: BoxProfile) -> None:
     cuts = profile.cut("bottom"), profile.cut("top")
-    wide = any(bool(y) != bool(z) or y > profile.width / 2.0 + profile.nothing for y, z in cuts)
-    if wide or sum(z for _, z in cuts) > profile.height + profile.nothing:
+    wide = any(bool(y) != bool(z) or y > profile.width / 2.0 + profile.negligible for y, z in cuts)
+    if wide or sum(z for _, z in cuts) > profile.height + profile.negligible:
         allowed = (
             f"0 is allowed, or up to {profile.width / 2.0:g} m along y, half the width, and along z as much as leaves "
             f"bottom and top {profile.height:g} m together, the height"
@@ -143,7 +143,7 @@ def _check_walls(profile: BoxProfile) -> None:
     for k, edge in enumerate(edges):
         before, after = edges[k - 1], edges[(k + 1) % len(edges)]
         inside = edge.length - _mitre(edge, before, edge.turn(before)) - _mitre(edge, after, after.turn(edge))
-        if inside <= profile.nothing:
+        if inside <= profile.negligible:
             raise of_key("wall", profile.wall, f"thinner walls are allowed: {edge.face} has no room inside")
 
 
@@ -160,12 +160,12 @@ def _check_radii(profile: BoxProfile) -> None:
         for k, edge in enumerate(edges):
             tangents, straight = 0.0, edge.length
             for after, before in ((edge, edges[k - 1]), (edges[(k + 1) % len(edges)], edge)):
-                has_radius = not isinstance(profile.radius, dict) or (after.start[1] > -profile.nothing) == (
+                has_radius = not isinstance(profile.radius, dict) or (after.start[1] > -profile.negligible) == (
                     half == "top"
                 )
                 tangents += has_radius * np.tan(after.turn(before) / 2.0)
                 straight -= 0.0 if has_radius else after.trim(before)
             most = min(most, max(straight, 0.0) / tangents) if tangents else most
-        if r and not wall / 2.0 < r <= most + profile.nothing:
+        if r and not wall / 2.0 < r <= most + profile.negligible:
             allowed = f"0 is allowed, or more than {wall / 2.0:g} m, half the wall, and at most {most:g} m"
             raise of_key("radius", profile.radius, allowed)

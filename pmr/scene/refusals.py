@@ -81,7 +81,7 @@ def keys_of(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str
             yield from keys_of(value, place, dotted_name)
 
 
-def dotted(location: Location) -> str:
+def dotted_key(location: Location) -> str:
     """A key as it is written in messages, as ``loads[0].signal``."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(".")
 

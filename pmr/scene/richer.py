@@ -5,7 +5,7 @@ from __future__ import annotations
 from pmr.errors import InputError
 from pmr.scene.asked import Observe, Reduction, Simulation
 from pmr.scene.checks import check
-from pmr.scene.choice import model_of, undecided
+from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.members import members
 from pmr.scene.parts import Part
 from pmr.scene.scene import Scene
@@ -21,7 +21,7 @@ COARSE, MOST_RECTANGLES = 2.0, 2500
 FIXED, EACH = 1.0, 6e-3
 
 
-def beside(scene: Scene) -> tuple[Scene, Scene, str]:
+def model_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
     """The scene with its own models and with richer ones, reduced and observed alike; what the richer one is called.
 
     Where the scene asks for none these are shells that take little time.  Raises an `InputError` that says why there
@@ -30,7 +30,7 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
     if scene.compare.richer == "none":
         raise _none("none", "not measured: compare.richer = 'none' leaves it out")
     if scene.compare.richer == "auto":
-        return _unasked(scene)
+        return _default_comparison(scene)
     richer_model, models_of_scene = scene.compare.richer, [model_of(member) for member in members(scene)]
     ranks = [ORDER.index(model) for model in models_of_scene if model in ORDER]
     if len(ranks) < len(models_of_scene) or max(ranks) == len(ORDER) - 1:
@@ -47,15 +47,15 @@ def beside(scene: Scene) -> tuple[Scene, Scene, str]:
         raise _none(richer_model, "body.section gives stiffnesses that a shell of the box does not have")
     if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
         raise _none(richer_model, "walls that give way are to be compared with a shell")
-    return alike(scene), _with(scene, [richer] * len(models_of_scene)), richer
+    return comparable_scene(scene), _with(scene, [richer] * len(models_of_scene)), richer
 
 
-def _unasked(scene: Scene) -> tuple[Scene, Scene, str]:
+def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
     """Beside beams with rigid walls shells are coarse; beams whose walls give way have these from shells on the cells
     of the scene, and are compared with shells on the same ones: what such cells are off by is in both.
     """
     compare = scene.compare.model_copy(update={"richer": ORDER[-1]})
-    of_scene, shells, called = beside(scene.model_copy(update={"compare": compare}))
+    of_scene, shells, called = model_comparison(scene.model_copy(update={"compare": compare}))
     by = 1.0 if any(part.body.walls == "give" for part in scene.sections) else COARSE
     if sum(rectangles(part, by) for part in shells.sections) > MOST_RECTANGLES:
         minutes = (FIXED + EACH * sum(rectangles(part, 1.0) for part in shells.sections)) / 60.0
@@ -72,7 +72,7 @@ def _unasked(scene: Scene) -> tuple[Scene, Scene, str]:
 
 def rectangles(part: Part, by: float) -> float:
     """Number of cells of a shell, `by` times as long."""
-    assert part.body.box is not None  # as `beside` says
+    assert part.body.box is not None  # as `model_comparison` says
     around, along = by * part.mesh.size, by * (part.mesh.along or part.mesh.size)
     return sum(max(2.0, side.length / around) for side in part.body.box.sides) * part.length / along
 
@@ -83,7 +83,7 @@ def candidates(scene: Scene) -> list[Scene]:
     Planar beams, beams in space, each with walls that give way, and shells, as far as they can carry what is asked.
     All bodies whose model is ``auto`` get the same one.
     """
-    open_ = [member for member in members(scene) if undecided(member)]
+    open_ = [member for member in members(scene) if is_undecided(member)]
     if not open_:
         return []
     least = max(ORDER.index(model_of(member)) for member in open_)
@@ -91,22 +91,22 @@ def candidates(scene: Scene) -> list[Scene]:
     walls_of_scene = [walls for walls in ("rigid", "give") if any(member.part.body.walls == walls for member in open_)][
         -1
     ]
-    beam_scenes = [_decided(scene, model, walls) for walls, model in beams if walls_of_scene in ("rigid", walls)]
-    return [*filter(_sound, beam_scenes), _decided(scene, ORDER[-1], "rigid")]
+    beam_scenes = [_choose_models(scene, model, walls) for walls, model in beams if walls_of_scene in ("rigid", walls)]
+    return [*filter(_sound, beam_scenes), _choose_models(scene, ORDER[-1], "rigid")]
 
 
-def alike(scene: Scene) -> Scene:
+def comparable_scene(scene: Scene) -> Scene:
     """The scene with its models, but places and a reduction by which models can be compared."""
     return _with(scene, [model_of(member) for member in members(scene)])
 
 
-def _decided(scene: Scene, model: str, walls: str) -> Scene:
+def _choose_models(scene: Scene, model: str, walls: str) -> Scene:
     """Return the scene with this model and these walls wherever none is chosen."""
     parts = []
     for member in members(scene):
         part = member.part
         if part.body.model == "auto" and part.body.box is not None:
-            chosen = {"model": model, "walls": walls} if undecided(member) else {"model": model_of(member)}
+            chosen = {"model": model, "walls": walls} if is_undecided(member) else {"model": model_of(member)}
             part = part.model_copy(update={"body": part.body.model_copy(update=chosen)})
         parts.append(part)
     return scene.model_copy(update={"sections": tuple(parts)})
@@ -126,7 +126,7 @@ def _none(value: str, why: str) -> InputError:
 
 
 def _with(scene: Scene, models: list[str]) -> Scene:
-    """With these models, places that all of them have, and a reduction that no scene's own choice makes inexact.
+    """Return the scene with these models, places that all of them have, and an exact reduction.
 
     Nothing is asked of it but its motion, once.
     """

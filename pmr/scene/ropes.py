@@ -34,16 +34,16 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
     ropes = {name for k, name in enumerate(names, 1) if scene.joint(k).rope is not None}
     joined = [name for name in names if follows[name] is not None or name in {*follows.values(), *ropes}]
 
-    def of(name: str) -> dict[str, float]:
+    def shares_of(name: str) -> dict[str, float]:
         shares = {name: 1.0}
         for other in joined:
             if follows[other] == name:
                 ratio = scene.joint(scene.names.index(other)).ratio
-                for carried, share in of(other).items():
+                for carried, share in shares_of(other).items():
                     shares[carried] = shares.get(carried, 0.0) + ratio * share
         return shares
 
-    return {name: of(name) for name in joined}
+    return {name: shares_of(name) for name in joined}
 
 
 def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:

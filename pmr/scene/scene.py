@@ -65,7 +65,7 @@ class Scene(Listed):
         base = {key: value for key, value in common.items() if key != "joint"}  # which slides in nothing
         return content | {
             "sections": [
-                _extended(common if number else base, part) if isinstance(part, dict) else part
+                _lay_over(common if number else base, part) if isinstance(part, dict) else part
                 for number, part in enumerate(sections)
             ]
         }
@@ -123,7 +123,7 @@ class Scene(Listed):
         }
 
     @property
-    def recorded(self) -> dict[str, Any]:
+    def provenance(self) -> dict[str, Any]:
         """Record of the scene in a saved model: ``scene``, ``scene_hash``, ``files``.
 
         Files are named without their folders, and by the SHA-256 of what they hold.
@@ -158,17 +158,17 @@ class Scene(Listed):
 
     @property
     def bodies(self) -> Mapping[str, Part]:
-        """By their names, from the base out."""
+        """Bodies of the scene by their names, from the base out."""
         return dict(zip(self.names, self.sections, strict=True))
 
     @property
-    def ordered(self) -> asked.Accuracy | asked.Budget | None:
+    def goal(self) -> asked.Accuracy | asked.Budget | None:
         """Accuracy or budget that decides coordinates and step in place of the scene; None without."""
         return self.accuracy or self.budget
 
     @property
     def paths(self) -> dict[str, SignalBase]:
-        """Over time in m: extension of every section but the base, by its name, or the path of a body alone."""
+        """Extension in m over time of each section but the base, by its name, or the path of a body alone."""
         if len(self.sections) == 1:
             return {SLIDER: self.slider.path}
         return {self.names[k]: self.extension(k) for k in range(1, len(self.sections))}
@@ -217,7 +217,7 @@ def _at_the_top(content: dict[str, Any]) -> dict[str, Any]:
     return content
 
 
-def _extended(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
+def _lay_over(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
     """A section laid over what all have in common; of the ways to drive a joint it takes over none but its own.
 
     What does not follow has no rope.

@@ -34,10 +34,10 @@ def scenes() -> Schema:
     about = several["properties"]["section"]["description"]
     several["properties"]["section"] = {"allOf": [section], "description": about}
     several["properties"]["sections"]["items"] = {"allOf": [section, {"required": ["name"]}]}
-    return of([body, several], "Scene of pmr")
+    return union_schema([body, several], "Scene of pmr")
 
 
-def of(schemas: Sequence[Schema], title: str) -> Schema:
+def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
     """The schema of files that fit one of several pydantic models; parts of one name are the same in all of them."""
     parts: Schema = {}
     complete, extending = [], []

@@ -95,16 +95,16 @@ Count = Annotated[int, _Count, Quantity("1", 1, 1_000_000)]
 Component = Annotated[float, _Strict, Quantity("1", -1e300, 1e300)]
 
 
-def _named(text: str) -> str:
+def _check_name(text: str) -> str:
     if not is_name(text):
         raise ValueError(NAMED)
     return text
 
 
 #: What something is called, in files that other programs read too.
-Name = Annotated[str, AfterValidator(_named)]
+Name = Annotated[str, AfterValidator(_check_name)]
 #: The same where nothing need be said.
-NameOrNone = Annotated[str, AfterValidator(lambda text: _named(text) if text else text)]
+NameOrNone = Annotated[str, AfterValidator(lambda text: _check_name(text) if text else text)]
 #: Free text, for people: what steers a terminal is spelled out.
 Text = Annotated[str, AfterValidator(visible)]
 
@@ -137,16 +137,16 @@ ExistingFile = Annotated[Path, AfterValidator(_exists)]
 @cache
 def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
     """Unit and bounds of the numbers that a key of a section holds: one, several, or some by name."""
-    return next((part for part in _declared(section, key) if isinstance(part, Quantity)), None)
+    return next((part for part in _declarations(section, key) if isinstance(part, Quantity)), None)
 
 
 @cache
 def usual_of(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
     """Usual ranges of these numbers, all of which hold."""
-    return tuple(part for part in _declared(section, key) if isinstance(part, Usual))
+    return tuple(part for part in _declarations(section, key) if isinstance(part, Usual))
 
 
-def _declared(section: type[BaseModel], key: str) -> Iterator[Any]:
+def _declarations(section: type[BaseModel], key: str) -> Iterator[Any]:
     field = section.model_fields[key]
     yield from _annotations((*field.metadata, field.annotation))
 
@@ -159,24 +159,24 @@ def _annotations(parts: tuple[Any, ...]) -> Iterator[Any]:
 
 def check_sizes(part: Section) -> None:
     """Refuse any number, in a section or in those within it, that is out of its range."""
-    for key, value, quantity in _sized(part, ""):
+    for key, value, quantity in _quantities(part, ""):
         if not quantity.low <= value <= quantity.high:
             raise InputError(
                 "scene", key, value, f"a number from {quantity.low:g} to {quantity.high:g} is allowed (SI units)"
             )
 
 
-def _sized(part: Any, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
+def _quantities(part: Any, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
     """Key and value of every number in a section and in those within it, and what is known of it."""
     if isinstance(part, (int, float)) and quantity is not None:
         yield key, part, quantity
     elif isinstance(part, (tuple, list)):
         for i, entry in enumerate(part):
-            yield from _sized(entry, f"{key}[{i}]", quantity)
+            yield from _quantities(entry, f"{key}[{i}]", quantity)
     elif isinstance(part, dict):
         for name, entry in part.items():
-            yield from _sized(entry, f"{key}.{name}", quantity)
+            yield from _quantities(entry, f"{key}.{name}", quantity)
     elif isinstance(part, Section):
         for name in type(part).model_fields:
             entry_key = f"{key}.{name}" if key else name
-            yield from _sized(getattr(part, name), entry_key, quantity_of(type(part), name))
+            yield from _quantities(getattr(part, name), entry_key, quantity_of(type(part), name))

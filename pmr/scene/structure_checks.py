@@ -10,7 +10,7 @@ from typing import Any
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
 from pmr.scene.built import WEIGHT, Face, PadRing
-from pmr.scene.choice import acting, directions, inertia_fields, model_of
+from pmr.scene.choice import directions, inertia_fields, loads_of, model_of
 from pmr.scene.frame import INERTIA
 from pmr.scene.members import Member
 from pmr.scene.structures import ALLOWED_INERTIA, is_inertia
@@ -37,7 +37,7 @@ def check_structure(member: Member) -> None:
     fields = (INERTIA + field for field in inertia_fields(member))
     check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT, *fields))
     _along_the_ground(member)
-    check_names("loads", (load.name for load in acting(member)))
+    check_names("loads", (load.name for load in loads_of(member)))
     check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held))
     for i, ring in enumerate(member.pads):
         if ring.clearance and not ring.unilateral:
@@ -155,7 +155,7 @@ def _body(member: Member) -> None:
         raise refusal("mesh.elements", member.part.mesh.elements, f"at most {MOST_ELEMENTS} are allowed for beam3d")
     if member.part.mesh.grading != 1.0 and model != "beam2d":
         raise refusal("mesh.grading", member.part.mesh.grading, "1 is allowed: elements of beam2d alone can be graded")
-    if member.part.reduction.positions == "nodes" and member.part.reduction.pooled and model not in BEAMS:
+    if member.part.reduction.positions == "nodes" and member.part.reduction.uses_pod and model not in BEAMS:
         raise refusal("reduction.positions", "nodes", "'path' or a list of places in m is allowed: nodes are a beam's")
     if model == "beam2d":
         _planar(member)
@@ -163,12 +163,12 @@ def _body(member: Member) -> None:
 
 def _along_the_box(member: Member, box: Box) -> None:
     """Sections that vary along a box take a model that knows of it."""
-    model, key = model_of(member), "body.box." + " and ".join(box.varying)
-    if box.varying and model not in VARYING:
+    model, key = model_of(member), "body.box." + " and ".join(box.variations)
+    if box.variations and model not in VARYING:
         raise refusal("body.model", model, f"{', '.join(VARYING[:-1])} and {VARYING[-1]} are allowed with {key}")
-    if box.varying and member.part.body.section is not None:
+    if box.variations and member.part.body.section is not None:
         raise refusal("body.section", None, f"none is allowed with {key}, which says what the section is")
-    if box.varying and member.part.mesh.grading != 1.0:
+    if box.variations and member.part.mesh.grading != 1.0:
         raise refusal("mesh.grading", member.part.mesh.grading, f"1 is allowed with {key}, which says where nodes are")
     if box.frames and model == "beam2d":  # inherited ones too: their mass would be missing
         raise refusal("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
@@ -230,13 +230,13 @@ def _pads(member: Member) -> None:
     length, box = member.part.body.length, member.part.body.box
     for i, ring in enumerate(member.pads):
         if length is not None:
-            _along(member, length, ring, f"pads[{i}].at")
+            _check_along(member, length, ring, f"pads[{i}].at")
         for place in ring.places:
             if box is not None:
-                _across(box, ring, place, f"pads[{i}].faces.{place[1]}")
+                _check_across(box, ring, place, f"pads[{i}].faces.{place[1]}")
 
 
-def _along(member: Member, length: float, ring: PadRing, key: str) -> None:
+def _check_along(member: Member, length: float, ring: PadRing, key: str) -> None:
     low, high = member.travel if ring.moving else (0.0, 0.0)
     start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
     slack, box = SLACK * length, member.part.body.box
@@ -256,7 +256,7 @@ def _along(member: Member, length: float, ring: PadRing, key: str) -> None:
     raise refusal(key, ring.at, allowed)
 
 
-def _across(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:
+def _check_across(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:
     name, face, across = place
     faces = box.faces
     if face not in faces:

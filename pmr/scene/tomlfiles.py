@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 
 from pmr.errors import InputError
 from pmr.errors.text import hint, no_file
-from pmr.scene.refusals import Refusal, dotted, keys_of
+from pmr.scene.refusals import Refusal, dotted_key, keys_of
 from pmr.scene.workflows import workflow, workflows
 
 #: The file (or option) in which each key of the merged data was written.
@@ -79,7 +79,7 @@ class TomlFile:
         self._forget_alternatives(self.data, change.tables)
         _merge(self.data, deepcopy(dict(change.tables)), change.source, self.origins)
 
-    def validated(self, model: type[Model]) -> Model:
+    def validate(self, model: type[Model]) -> Model:
         """The data as a pydantic model.
 
         Raises InputError for the first key that has moved or gone, else the first value that is refused, unknown keys
@@ -96,7 +96,7 @@ class TomlFile:
         except ValidationError as error:
             refused = Refusal.of(error, model, self.data)
             raise InputError(
-                self.origin(refused.location), dotted(refused.location), refused.value, refused.allowed
+                self.origin(refused.location), dotted_key(refused.location), refused.value, refused.allowed
             ) from None
 
     def origin(self, key: str | Sequence[str | int]) -> str:
@@ -153,7 +153,7 @@ def override(text: str) -> Change:
     if not equals or not all(keys) or len(keys) > DEEPEST:
         raise InputError(OPTION, text, None, "section.key=value is allowed, e.g. reduction.coordinates=10")
     try:
-        nested: Any = _parsed(f"value = {value}")["value"]
+        nested: Any = _parse(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         nested = value.strip()
     except ValueError as error:
@@ -179,14 +179,14 @@ def tables(path: Path, what: str) -> dict[str, Any]:
     try:
         if path.stat().st_size > LARGEST:
             raise ValueError(f"a file of at most {LARGEST // 10**6} MB is allowed")
-        return _parsed(path.read_text(encoding="utf-8"))
+        return _parse(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(str(path), "", None, f"can't be read: {error.strerror}") from None
     except ValueError as error:
         raise InputError(str(path), "", None, f"not valid TOML: {error}") from None
 
 
-def _parsed(text: str) -> dict[str, Any]:
+def _parse(text: str) -> dict[str, Any]:
     """Parse TOML; a ValueError is raised for other texts, and for what is too deep or too long."""
     with suppress(RecursionError):
         if not _DEEP_KEY.search(text) and not _is_deep(data := tomllib.loads(text)):
@@ -226,14 +226,14 @@ def _merge(
             _merge(old, value, source, origins, location)
         elif isinstance(value, Mapping) and isinstance(old, list):
             for name, part in value.items():
-                number = _entry(old, name, (source, *_leaf(dotted([*location, name]), part)))
+                number = _entry(old, name, (source, *_leaf(dotted_key([*location, name]), part)))
                 if isinstance(part, Mapping):
                     _merge(old[number], part, source, origins, (*location, str(number)))
                 else:
                     old[number] = part  # what no entry can be, the model refuses
         else:
             base[key] = value
-            for overwritten in [known for known in origins if known[: len(location)] == location]:
+            for overwritten in [origin for origin in origins if origin[: len(location)] == location]:
                 del origins[overwritten]
             origins[location] = source
 

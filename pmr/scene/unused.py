@@ -92,7 +92,7 @@ def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
         yield from (Unused(f"mesh.{key}", "mesh.file", "the mesh is read from a file") for key in _CELLS)
     if member.part.body.profile is not None:
         yield Unused("body.material", "body.profile", "a profile holds stiffness and mass itself")
-    if not member.part.reduction.pooled:
+    if not member.part.reduction.uses_pod:
         why = f"basis = {member.part.reduction.basis!r} has no eigenmodes at several positions"
         yield from (Unused(key, "reduction.basis", why) for key in POOLED)
     if member.part.observe.stations is None:

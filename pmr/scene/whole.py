@@ -54,7 +54,7 @@ class Whole(Section):
     @model_validator(mode="before")
     @classmethod
     def _begun(cls, data: Any) -> Any:
-        """The start, and a weight that fits it: what begins in equilibrium has its weight from the start."""
+        """Fill in the start, and a weight that fits it: what begins in equilibrium has its weight from the start."""
         if not isinstance(data, Mapping):
             return data
         sections = data.get("sections", ())

@@ -25,7 +25,7 @@ def workflow(name: str) -> Path | None:
     return workflows().get(name.removesuffix(".toml"))
 
 
-def found(path: Path, within: str) -> Path:
+def resolve_path(path: Path, within: str) -> Path:
     """The file itself, the one called `within` in a folder, or a workflow by its name; else what was asked for.
 
     A folder of results that is called as a workflow doesn't hide it.

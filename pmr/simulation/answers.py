@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Answers:
-    """Of inputs f (i,): forces B f on the coordinates (n,), and displacements B^T q + E f (i,) of where they act."""
+    """Forces B f on coordinates (n,) by inputs f (i,), and displacements B^T q + E f (i,) where they act."""
 
     B: Array
     E: Array
@@ -27,7 +27,7 @@ class Answers:
 
 
 class Answering:
-    """Of a boom on its n coordinates, with contacts of which a mask (m,) has those that give way and hold both ways.
+    """Response of a boom on n coordinates to inputs, with contacts that give way and hold both ways.
 
     Rigid ones, and pads that only push, are left out.
     """
@@ -38,29 +38,29 @@ class Answering:
         self._known, self._moments = dict[bytes, Answers](), (b"", boom.boom.moments)
 
     def moments(self, at: Extended) -> Moments:
-        """With what contacts that give way answer to inertia."""
+        """Moments of the sections, with the response to inertia of contacts that give way."""
         key = at.value.tobytes() + at.rate.tobytes()
         if self._gives.any() and key != self._moments[0]:
-            known, of, B_curve = self.at(at.value), self._boom.moments, np.zeros_like(self._B)
+            answers, of, B_curve = self.at(at.value), self._boom.moments, np.zeros_like(self._B)
             if at.rate.any():
-                near, give = self._along.at(at.value), self._giving
+                near, give = self._along.at(at.value), self._giving_rows
                 rows, first, second = give(near.rows), *map(give, near.along(at.rate))
                 answer, bent = _answers(rows)
                 answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
                 B_curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
                 B_curve -= bent.T @ (second.H - second.F @ answer - 2.0 * first.F @ answer_rate)
-            self._moments = key, Moments(of(known.B), np.moveaxis(of(known.B_slope), 0, -1), of(B_curve))
+            self._moments = key, Moments(of(answers.B), np.moveaxis(of(answers.B_slope), 0, -1), of(B_curve))
         return self._moments[1]
 
     def at(self, s: Array) -> Answers:
-        """What inputs do where paths are at s (P,) m."""
+        """Response to inputs with the paths at s (P,) m."""
         key = s.tobytes()
         if key not in self._known:
             B, E = self._B, self._E
             B_slope, E_slope = np.zeros((len(s), *B.shape)), np.zeros((len(s), *E.shape))
             if self._gives.any():
                 near = self._along.at(s)
-                rows, slopes = self._giving(near.rows), self._giving(near.slopes)
+                rows, slopes = self._giving_rows(near.rows), self._giving_rows(near.slopes)
                 answer, bent = _answers(rows)
                 turned = slopes.H - slopes.F @ answer
                 B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
@@ -68,7 +68,7 @@ class Answering:
             self._known = dict(list(self._known.items())[-4:]) | {key: Answers(B, E, B_slope, E_slope)}
         return self._known[key]
 
-    def _giving(self, rows: ContactRows) -> ContactRows:
+    def _giving_rows(self, rows: ContactRows) -> ContactRows:
         gives = self._gives
         return ContactRows(rows.C[..., gives, :], rows.F[..., gives, :][..., gives], rows.H[..., gives, :], rows.X)
 

@@ -43,7 +43,7 @@ def steepest(scene: Scene) -> float:
     return float(angles[np.argmax(np.sin(angles))])
 
 
-def resting(
+def rest_scene(
     scene: Scene,
     extensions: Mapping[str, Array],
     luffing: Array | float,
@@ -58,18 +58,18 @@ def resting(
     assert scene.frame is not None  # of a scene that has angles
     changed = []
     for part in scene.sections:
-        own = tuple(load.model_copy(update={"signal": Constant(amount=loads[load.name])}) for load in part.loads)
+        steady = tuple(load.model_copy(update={"signal": Constant(amount=loads[load.name])}) for load in part.loads)
         joint = part.joint
         if joint is not None and part.name in extensions:
-            stays = _listed(extensions[part.name])
+            stays = _signal_of(extensions[part.name])
             joint = joint.model_copy(update={"extension": stays, "overlap": None, "follows": None})
         slider = part.slider
         if slider is not None and SLIDER in extensions:
-            slider = slider.model_copy(update={"path": _listed(extensions[SLIDER])})
-        changed.append(part.model_copy(update={"loads": own, "joint": joint, "slider": slider}))
-    still = {"luffing": _listed(luffing), "unit": "rad"}
+            slider = slider.model_copy(update={"path": _signal_of(extensions[SLIDER])})
+        changed.append(part.model_copy(update={"loads": steady, "joint": joint, "slider": slider}))
+    still = {"luffing": _signal_of(luffing), "unit": "rad"}
     still |= {"base": level_or_inclined(scene.frame.base, np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0)}
-    still |= {"slewing": _listed(slewing)} if scene.frame.slewing is not None else {}
+    still |= {"slewing": _signal_of(slewing)} if scene.frame.slewing is not None else {}
     frame = scene.frame.model_copy(update=still)
     gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
     return scene.model_copy(update={"sections": tuple(changed), "frame": frame, "gravity": gravity})
@@ -84,8 +84,8 @@ def level_or_inclined(base: BaseMotion | None, unit: float = 1.0) -> BaseMotion 
     return BaseMotion(**constant) if constant else None
 
 
-def accelerated(still: Scene, angle: str) -> Scene:
-    """A scene that `resting` made, at rest for the moment and turned by a unit of the acceleration of an angle."""
+def accelerate_angle(still: Scene, angle: str) -> Scene:
+    """Scene of `rest_scene` at a moment of rest, turned by a unit of the acceleration of an angle."""
     assert still.frame is not None
     turned = {angle: getattr(still.frame, angle).model_copy(update={"acceleration": 1.0})}
     return still.model_copy(update={"frame": still.frame.model_copy(update=turned)})
@@ -104,10 +104,10 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
         for part in scene.sections
         for load in part.loads
     }
-    found = resting(scene, extensions, luffing, 0.0, pressing)
-    numbers = np.arange(max(len(one) for one in extensions.values()), dtype=float)
-    return np.column_stack([one.value(numbers) for one in term_signals(found, frame_terms(scene)).values()])
+    still = rest_scene(scene, extensions, luffing, 0.0, pressing)
+    numbers = np.arange(max(len(values) for values in extensions.values()), dtype=float)
+    return np.column_stack([signal.value(numbers) for signal in term_signals(still, frame_terms(scene)).values()])
 
 
-def _listed(values: Array | float) -> SignalBase:
+def _signal_of(values: Array | float) -> SignalBase:
     return Constant(amount=float(values)) if np.ndim(values) == 0 else Listed(values=tuple(np.asarray(values).tolist()))

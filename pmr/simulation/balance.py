@@ -42,7 +42,7 @@ BLOCK = 4096
 
 
 def potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
-    """Of the loads, -q^T B f (T,) in J (Weyrer et al., equation for H(t))."""
+    """Potential energy of the loads, -q^T B f (T,) in J (Weyrer et al., equation for H(t))."""
     return -dot(_motion(body, trajectory, loads), loads)
 
 
@@ -88,26 +88,26 @@ def round_off(mobility: Array, loads: Array, step: float) -> float:
 
     `mobility` is B^T diag(M)^-1 B, (i, i) in 1/kg.
     """
-    given = np.einsum("ti,ij,tj->t", loads, mobility, loads).max(initial=0.0) * step**2 / 2.0
-    return ROUND_OFF * float(given)
+    energy = np.einsum("ti,ij,tj->t", loads, mobility, loads).max(initial=0.0) * step**2 / 2.0
+    return ROUND_OFF * float(energy)
 
 
-def refuse_growth(found: float, simulator: str, moving: list[str]) -> None:
+def refuse_growth(surplus: float, simulator: str, moving: list[str]) -> None:
     """Refuse with a GrowthError a motion of so much surplus; `moving` names the rigid rows that move."""
-    if found > GROWN:
-        line = f"{simulator}: the motion grows without bound, {described(found)}{remedy(moving)}"
+    if surplus > GROWN:
+        line = f"{simulator}: the motion grows without bound, {describe_surplus(surplus)}{remedy(moving)}"
         raise GrowthError(line, tuple(moving))
 
 
-def described(found: float) -> str:
+def describe_surplus(surplus: float) -> str:
     """A surplus in words."""
-    if found == np.inf:
+    if surplus == np.inf:
         return "its energy overflows"
-    return f"{100.0 * min(found, 1.0):.3g} % of its largest energy was put in by neither loads nor moving rows"
+    return f"{100.0 * min(surplus, 1.0):.3g} % of its largest energy was put in by neither loads nor moving rows"
 
 
 def remedy(moving: list[str]) -> str:
-    """What helps, in words; `moving` names the rigid rows that move."""
+    """Text that says what helps against growth; `moving` names the rigid rows that move."""
     if not moving:
         return "; a smaller step or a smaller time.rho_inf helps"
     return (
@@ -149,10 +149,10 @@ def half_form(A: Any, x: Array) -> Array:
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Of each row of two arrays (T, n)."""
+    """Scalar products (T,) of the rows of two arrays (T, n)."""
     return np.asarray(np.einsum("tn,tn->t", a, b))
 
 
 def mean(values: Array) -> Array:
-    """Of each step, from its ends."""
+    """Mean of the two ends of each step, (T - 1, ...), of values (T, ...)."""
     return np.asarray(values[1:] + values[:-1]) / 2.0

@@ -19,7 +19,7 @@ PLACES = 9
 
 @dataclass(frozen=True)
 class Bent:
-    """What measures displacements across the boom at some of the observed places of all sections."""
+    """Displacements across the boom at some of the observed places of all sections."""
 
     outputs: Array  # (b, n)
     direct: Array  # (b, i)
@@ -31,15 +31,15 @@ class Bent:
 
     @classmethod
     def of(cls, system: System, at: Stands) -> Bent:
-        """Of a system at places."""
+        """Choose outputs across the boom of a system at some places."""
         assembly = Assembly(system)
         number, x, section, direction, first = list[int](), list[float](), list[int](), list[str](), 0
         for k, body in enumerate(system.bodies.values()):
             kinds = kinds_of(body)
             for axis in dict.fromkeys(kind[-1] for kind in kinds if kind.split(" ")[0] in ("beam", "tip")):
-                known = [i for i, kind in enumerate(kinds) if kind in (f"beam {axis}", f"tip {axis}")]
-                some = np.unique(np.linspace(0, len(known) - 1, min(PLACES, len(known))).round().astype(int))
-                for i in (known[one] for one in some):
+                numbers = [i for i, kind in enumerate(kinds) if kind in (f"beam {axis}", f"tip {axis}")]
+                some = np.unique(np.linspace(0, len(numbers) - 1, min(PLACES, len(numbers))).round().astype(int))
+                for i in (numbers[place] for place in some):
                     number.append(first + i)
                     x.append(float(body.output_positions[i]))
                     section.append(k)
@@ -52,7 +52,7 @@ class Bent:
         )
 
     def measured(self, at: Postures) -> Postures:
-        """Where the boom stands, measured there and nowhere else."""
+        """Postures whose only outputs are the displacements across the boom."""
         none = {name: getattr(at, name)[..., :0, :] for name in ("machine_q", "machine_forces", "machine_loads")}
         return replace(
             at,

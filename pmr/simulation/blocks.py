@@ -36,7 +36,7 @@ Take = Callable[[Block], None]
 
 @dataclass(frozen=True)
 class Ended:
-    """What is known at the end of a simulation: the solver's wall time in s, and the `surplus` of a trajectory."""
+    """Figures at the end of a simulation: the solver's wall time in s, and the `surplus` of a trajectory."""
 
     seconds: float
     surplus: float
@@ -56,12 +56,12 @@ class Recorder:
         # Numbers in a row are taken as they stand, in a fifth of the time.
         some = block.at(slice(None) if high - low == block.count else self._steps[low:high] - block.first)
         if high - low == len(self._steps):
-            self._found = some.mapped(_own)
+            self._found = some.map_arrays(_own)
             return
         if self._found is None:
-            self._found = some.mapped(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
-        for kept, array in zip(self._found.arrays, some.arrays, strict=True):
-            kept[low:high] = array
+            self._found = some.map_arrays(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
+        for stored, array in zip(self._found.arrays, some.arrays, strict=True):
+            stored[low:high] = array
 
     def trajectory(self, ended: Ended) -> SystemTrajectory:
         """The recorded steps."""

@@ -11,7 +11,7 @@ from pmr.system.body import Observed, force_outputs, kinds_of, length_outputs, n
 
 @dataclass(frozen=True)
 class Called:
-    """What the columns of a response are called."""
+    """Names, units and kinds of the columns of a response."""
 
     moved: tuple[str, ...]  # of the outputs in m
     forces: tuple[str, ...]  # of those in N
@@ -22,14 +22,14 @@ class Called:
     kinds: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
 
 
-def called(body: Observed) -> Called:
+def column_names(body: Observed) -> Called:
     """Names of a body's outputs."""
     kinds, names, units = (np.array(of(body), dtype=object) for of in (kinds_of, names_of, units_of))
-    moved, forces, others = length_outputs(body), force_outputs(body), other_outputs(body)
+    lengths, forces, other = length_outputs(body), force_outputs(body), other_outputs(body)
     return Called(
-        moved=tuple(names[moved]),
+        moved=tuple(names[lengths]),
         forces=tuple(names[forces]),
-        others=tuple(names[others]),
-        other_units=tuple(units[others]),
-        kinds=(tuple(kinds[moved]), tuple(kinds[forces]), tuple(kinds[others])),
+        others=tuple(names[other]),
+        other_units=tuple(units[other]),
+        kinds=(tuple(kinds[lengths]), tuple(kinds[forces]), tuple(kinds[other])),
     )

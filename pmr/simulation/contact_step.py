@@ -49,7 +49,7 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 
 
 def frequency_at(system: System, x: Array) -> float:
-    """The same with the contacts' places at x (T, sides) m."""
+    """Circular frequency in rad/s of contacts that only push, with their places at x (T, sides) m."""
     pushing = np.flatnonzero(~np.isnan(system.clearance))
     if not len(pushing):
         return 0.0
@@ -75,7 +75,7 @@ def parts(omega: float, stepping: TimeStepping) -> int:
 
 
 def levels(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
-    """Of how many parts a step may be made where the tolerance decides: powers of two, up to what resolves `omega`.
+    """Numbers of parts of a step that the tolerance may choose: powers of two, up to what resolves `omega`.
 
     Or those that are asked for.
     """
@@ -86,13 +86,13 @@ def levels(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
     return tuple(2**k for k in range((parts(omega, stepping) - 1).bit_length() + 1))
 
 
-def as_made(stepping: TimeStepping, made: NDArray[np.int64] | None, omega: float) -> TimeStepping:
-    """The time grid of others that make each step in the parts it was `made` in (T,); None: what `omega` takes."""
+def as_made(stepping: TimeStepping, parts_of_steps: NDArray[np.int64] | None, omega: float) -> TimeStepping:
+    """Time grid whose steps have the parts (T,) of another simulation; None: the parts that `omega` takes."""
     if omega == 0.0 or stepping.parts:
         return stepping
-    if made is None:
+    if parts_of_steps is None:
         return replace(stepping, parts=parts(omega, stepping))
-    return replace(stepping, schedule=tuple(made[1:].tolist()))
+    return replace(stepping, schedule=tuple(parts_of_steps[1:].tolist()))
 
 
 def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
@@ -103,10 +103,10 @@ def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
     if omega == 0.0:
         return {}
     count = parts(omega, stepping)
-    found = {"omega": omega, "parts": count, "h_omega": stepping.step * omega / count}
+    entries = {"omega": omega, "parts": count, "h_omega": stepping.step * omega / count}
     if stepping.schedule:
-        found["mean_parts"] = float(np.mean(stepping.schedule))
-    return {"contact": found}
+        entries["mean_parts"] = float(np.mean(stepping.schedule))
+    return {"contact": entries}
 
 
 def warnings(omega: float, stepping: TimeStepping) -> list[str]:

@@ -55,10 +55,10 @@ class Excitation:
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
         loads, paths = dict[str, SignalBase](), scene.paths
         for name, member in zip(scene.names, members(scene), strict=True):
-            known = load_signals(scene, member) | member.weight | inertia_loads(scene, member)
+            signals = load_signals(scene, member) | member.weight | inertia_loads(scene, member)
             if is_accelerated(member):
-                known[EXTENSION] = Acceleration(paths=tuple(paths.values())[: member.number], step=stepping.step)
-            loads |= {input_of(name, one): signal for one, signal in known.items()}
+                signals[EXTENSION] = Acceleration(paths=tuple(paths.values())[: member.number], step=stepping.step)
+            loads |= {input_of(name, load): signal for load, signal in signals.items()}
         loads |= found_inputs(scene)
         terms = term_signals(scene)
         return cls(paths, loads, stepping, scene.simulation, scene.start, terms=terms)
@@ -73,7 +73,7 @@ class Excitation:
 
     @property
     def on_slider(self) -> Excitation:
-        """The same, whose only path is called as that of a body alone; an InputError as for `path`."""
+        """Excitation whose only path has the name of that of a body alone; an InputError as for `path`."""
         return self if tuple(self.paths) == (SLIDER,) else replace(self, paths={SLIDER: self.path})
 
     @cached_property
@@ -111,7 +111,9 @@ class Excitation:
     def forces(self, names: Sequence[str]) -> Array:
         """Loads (T, i) in N at the steps, one column an input, by a body's `names`; errors as for `in_order`."""
         chosen = in_order(self.loads, names)
-        return self.f if tuple(names) == tuple(self.loads) else self._columns([one.value(self.times) for one in chosen])
+        return (
+            self.f if tuple(names) == tuple(self.loads) else self._columns([load.value(self.times) for load in chosen])
+        )
 
     def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Amplitudes c (T, k) of terms at the steps or at other times t (T,) s, one column a term, by their `names`.
@@ -119,7 +121,7 @@ class Excitation:
         An InputError is raised where a term has no signal, or a signal no term.
         """
         at = self.times if t is None else t
-        values = [one.value(at) for one in in_order(self.terms, names, "term")]
+        values = [term.value(at) for term in in_order(self.terms, names, "term")]
         return np.column_stack([np.empty((len(at), 0)), *values])
 
     @property
@@ -130,11 +132,11 @@ class Excitation:
         return [*paths, *loads, *((f"term {name}", term) for name, term in self.terms.items())]
 
     def with_stepping(self, stepping: TimeStepping) -> Excitation:
-        """The same on another time grid."""
+        """Excitation on another time grid."""
         return self if stepping == self.stepping else replace(self, stepping=stepping)
 
     def on_grid(self, stepping: TimeStepping) -> Excitation:
-        """The same on another time grid, whose own steps a kink of an extension is spread over."""
+        """Excitation on another time grid, over whose own steps a kink of an extension is spread."""
         loads = {name: load.on_steps(stepping.step) for name, load in self.loads.items()}
         terms = {name: term.on_steps(stepping.step) for name, term in self.terms.items()}
         return replace(self, loads=loads, terms=terms, stepping=stepping)
@@ -144,13 +146,13 @@ class Excitation:
 
 
 def in_order(
-    given: Mapping[str, Load], names: Sequence[str], of: Literal["input", "term"] = "input"
+    loads: Mapping[str, Load], names: Sequence[str], of: Literal["input", "term"] = "input"
 ) -> tuple[Load, ...]:
     """Signals of inputs or terms with these names; an InputError if one has no signal, or a signal none of them."""
-    if set(given) != set(names):
-        allowed = f"{', '.join(given) or 'none'} given, one for each {of} is allowed: {', '.join(names) or 'none'}"
+    if set(loads) != set(names):
+        allowed = f"{', '.join(loads) or 'none'} given, one for each {of} is allowed: {', '.join(names) or 'none'}"
         raise InputError("scene", "loads" if of == "input" else "terms", None, allowed)
-    return tuple(given[name] for name in names)
+    return tuple(loads[name] for name in names)
 
 
 def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
@@ -186,7 +188,7 @@ def places(system: Joined[Body], excitation: Excitation) -> Array:
 
 
 def rates_of_places(system: Joined[Body], excitation: Excitation) -> Array:
-    """Their rates (sides,) in m/s at t = 0."""
+    """Rates (sides,) in m/s of the contacts' places at t = 0."""
     rates = {name: float(path.rate(0.0)) for name, path in excitation.paths.items()}
     on = [side.place for side in system.sides]
     return np.array([0.0 if place.path is None else place.rate * rates[place.path] for place in on])

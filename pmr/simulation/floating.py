@@ -40,7 +40,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class Motion:
-    """Of the boom's frame, in its axes: velocity (3,) rad/s; and where down is not, the acceleration of weight."""
+    """Angular velocity (3,) rad/s of the boom's frame in its axes, and acceleration of the weight upwards."""
 
     omega: Array
     weight: Array  # m/s^2, upwards
@@ -66,10 +66,10 @@ class Shortened:
     cylinder: int | None = None
 
     def factor(self, extended: Extended) -> tuple[float, float, float]:
-        """With its first and second rate."""
+        """Factor of the shortening with its first and second rate."""
         if self.cylinder is None:
             return 1.0, 0.0, 0.0
-        l, v, a = (getattr(extended, one)[self.cylinder] for one in ("value", "rate", "second"))
+        l, v, a = (getattr(extended, order)[self.cylinder] for order in ("value", "rate", "second"))
         return -1.0 / l, v / l**2, a / l**2 - 2.0 * v**2 / l**3
 
 
@@ -86,7 +86,7 @@ class Pressed:
 
 @dataclass(frozen=True)
 class Boom:
-    """What of a boom does not change."""
+    """Properties of a boom that do not change."""
 
     place: Array  # p (3,) m: the base's tail from the pivot
     sections: list[Carried]
@@ -102,28 +102,28 @@ class Boom:
 
     @cached_property
     def masses(self) -> Array:
-        """Of the S sections, (S,) kg."""
-        return np.array([one.mass for one in self.sections])
+        """Masses (S,) kg of the sections."""
+        return np.array([section.mass for section in self.sections])
 
     @cached_property
     def first(self) -> Array:
-        """Their first moments, (S, 3) kg m, each from its tail."""
-        return np.array([one.first for one in self.sections])
+        """First moments (S, 3) kg m of the sections, each from its tail."""
+        return np.array([section.first for section in self.sections])
 
     @cached_property
     def inertia(self) -> Array:
         """The sum of their inertia, (3, 3) kg m^2, each about its tail."""
-        return np.sum([one.inertia for one in self.sections], axis=0)
+        return np.sum([section.inertia for section in self.sections], axis=0)
 
     @cached_property
     def loads(self) -> Array:
         """(S, 6, i): forces and moments about their tails of all inputs."""
-        return np.array([one.loads for one in self.sections])
+        return np.array([section.loads for section in self.sections])
 
     @cached_property
     def mass(self) -> float:
-        """Of the whole, kg."""
-        return float(sum(one.mass for one in self.sections))
+        """Mass of the whole boom, kg."""
+        return float(sum(section.mass for section in self.sections))
 
 
 class State:
@@ -145,30 +145,30 @@ class State:
         self.mu_rate = beta.value @ rate + beta_rate @ q
         self.mu_second = 2.0 * beta_rate @ rate + beta.curve @ q  # but for what accelerations make
         self.lean = np.einsum("sljne,n->slje", beta.slope, q)  # d mu / d path, (S, 4, 3, P)
-        for one in of.shortened:
-            f, f1, f2 = one.factor(extended)
-            at, Gq = (one.section, one.over, 0), one.G @ q
+        for term in of.shortened:
+            f, f1, f2 = term.factor(extended)
+            at, Gq = (term.section, term.over, 0), term.G @ q
             self.J[at] += f * Gq
             self.mu[at] += f * (q @ Gq) / 2.0
             self.mu_rate[at] += f * (rate @ Gq) + f1 * (q @ Gq) / 2.0
             # f1 holds the extension's rate, whose own acceleration is an unknown
-            known = f2 - (
-                0.0 if one.cylinder is None else extended.second[one.cylinder] / extended.value[one.cylinder] ** 2
+            growth = f2 - (
+                0.0 if term.cylinder is None else extended.second[term.cylinder] / extended.value[term.cylinder] ** 2
             )
-            self.mu_second[at] += f * (rate @ one.G @ rate) + 2.0 * f1 * (rate @ Gq) + known * (q @ Gq) / 2.0
-            if one.cylinder is not None:
-                self.lean[*at, one.cylinder] += (q @ Gq) / 2.0 / extended.value[one.cylinder] ** 2
+            self.mu_second[at] += f * (rate @ term.G @ rate) + 2.0 * f1 * (rate @ Gq) + growth * (q @ Gq) / 2.0
+            if term.cylinder is not None:
+                self.lean[*at, term.cylinder] += (q @ Gq) / 2.0 / extended.value[term.cylinder] ** 2
         self.masses = masses = of.masses
         self.own = masses[:, None] * self.d + of.first + self.mu[:, 0]  # of each section about O
         self.s, self.s_rate = self.own.sum(axis=0), (masses * self.X_rate).sum() * e + self.mu_rate[:, 0].sum(axis=0)
         self.tq, self.tv = of.rotating @ q, of.rotating @ rate  # (3, n)
-        self.h = self._turned(self.X_rate, self.mu_rate) + self.tq @ rate
+        self.h = self._second_moments(self.X_rate, self.mu_rate) + self.tq @ rate
         self.inertia, self.inertia_rate = self._inertia()
 
-    def _turned(self, X: Array, mu: Array) -> Array:
+    def _second_moments(self, X: Array, mu: Array) -> Array:
         """Int rho rho x rho' (3,) of sections that move along by X (S,), with moments of u' (S, 4, 3)."""
         moments = np.outer(_E[0], X @ self.own).T + self.d.T @ mu[:, 0] + mu[:, 1:].sum(axis=0)
-        return _turning(moments)
+        return _skew_part(moments)
 
     def _inertia(self) -> tuple[Array, Array]:
         """Theta (3, 3) about O, and its rate in the boom's axes."""
@@ -188,46 +188,46 @@ class State:
         return np.append(linear, np.cross(self.s, v) + self.inertia @ self.omega + self.h)
 
     def mass(self) -> Array:
-        """Of (a, alpha, q'', s''), (6 + n + P) squared."""
+        """Mass matrix of (a, alpha, q'', s''), (6 + n + P) squared."""
         n, e, beyond, lean = self.of.size, _E[0], self.beyond, self.lean
-        found = np.zeros((6 + n + beyond.shape[1],) * 2)
-        found[:3, :3] = self.of.mass * np.eye(3)
-        found[:3, 3:6] = -crossing(self.s)
-        found[3:6, 3:6] = self.inertia
+        matrix = np.zeros((6 + n + beyond.shape[1],) * 2)
+        matrix[:3, :3] = self.of.mass * np.eye(3)
+        matrix[:3, 3:6] = -skew(self.s)
+        matrix[3:6, 3:6] = self.inertia
         J = self.J
-        found[:3, 6 : 6 + n] = J[:, 0].sum(axis=0)
-        found[3:6, 6 : 6 + n] = self._over(J) + self.tq
+        matrix[:3, 6 : 6 + n] = J[:, 0].sum(axis=0)
+        matrix[3:6, 6 : 6 + n] = self._moments_of(J) + self.tq
         # beside what it moves, a path changes what coordinates and leaning cylinders move
-        found[:3, 6 + n :] = np.outer(e, self.masses @ beyond) + lean[:, 0].sum(axis=0)
-        found[3:6, 6 + n :] = crossing(e).T @ self.own.T @ beyond
-        found[3:6, 6 + n :] += self._over(lean)
-        found[6 : 6 + n, 6 + n :] = np.einsum("sn,se->ne", J[:, 0, 0], beyond)
-        both = beyond.T @ lean[:, 0, 0]
-        found[6 + n :, 6 + n :] = beyond.T @ (self.masses[:, None] * beyond) + both + both.T
-        return np.asarray(np.triu(found) + np.triu(found, 1).T)
+        matrix[:3, 6 + n :] = np.outer(e, self.masses @ beyond) + lean[:, 0].sum(axis=0)
+        matrix[3:6, 6 + n :] = skew(e).T @ self.own.T @ beyond
+        matrix[3:6, 6 + n :] += self._moments_of(lean)
+        matrix[6 : 6 + n, 6 + n :] = np.einsum("sn,se->ne", J[:, 0, 0], beyond)
+        coupling = beyond.T @ lean[:, 0, 0]
+        matrix[6 + n :, 6 + n :] = beyond.T @ (self.masses[:, None] * beyond) + coupling + coupling.T
+        return np.asarray(np.triu(matrix) + np.triu(matrix, 1).T)
 
-    def _over(self, J: Array) -> Array:
+    def _moments_of(self, J: Array) -> Array:
         """Int rho rho x u (3, .) out of moments (S, 4, 3, .) of u."""
-        return _turning(np.tensordot(self.d, J[:, 0], (0, 0)) + J[:, 1:].sum(axis=0))
+        return _skew_part(np.tensordot(self.d, J[:, 0], (0, 0)) + J[:, 1:].sum(axis=0))
 
     def forces(self) -> Array:
         """At a = alpha = q'' = s'' = 0, with the weight, (6 + n + P,)."""
         omega, e, S = self.omega, _E[0], len(self.masses)
-        spin = crossing(omega)
+        spin = skew(omega)
         A = spin @ spin
         linear = self.of.mass * self.weight + A @ self.s + 2.0 * spin @ self.s_rate + self.mu_second[:, 0].sum(axis=0)
-        turned = crossing(self.s) @ self.weight + spin @ (self.inertia @ omega + self.h) + self.inertia_rate @ omega
-        turned += self._turned(np.zeros(S), self.mu_second)
+        turned = skew(self.s) @ self.weight + spin @ (self.inertia @ omega + self.h) + self.inertia_rate @ omega
+        turned += self._second_moments(np.zeros(S), self.mu_second)
         y = np.empty((S, 4, 3))  # acceleration of points at rest in the frame
         y[:, 0] = self.weight + self.d @ A.T + 2.0 * np.outer(self.X_rate, spin @ e)
         y[:, 1:] = A.T
-        own = np.einsum("slj,sljn->n", y, self.J) + 2.0 * omega @ self.tv
+        modal = np.einsum("slj,sljn->n", y, self.J) + 2.0 * omega @ self.tv
         squared = np.outer(omega, omega) - (omega @ omega) * np.eye(3)
-        own += np.einsum("jk,jkn->n", squared, (self.Nq + self.Nq.transpose(1, 0, 2)) / 2.0)
+        modal += np.einsum("jk,jkn->n", squared, (self.Nq + self.Nq.transpose(1, 0, 2)) / 2.0)
         each = self.masses[:, None] * y[:, 0] + self.of.first @ A.T
         each = each + self.mu_second[:, 0] + 2.0 * self.mu_rate[:, 0] @ spin.T + self.mu[:, 0] @ A.T
         path = self.beyond.T @ each[:, 0] + np.einsum("slj,slje->e", y, self.lean)
-        return np.concatenate([linear, turned, own, path])
+        return np.concatenate([linear, turned, modal, path])
 
 
 def _steiner(A: Array) -> Array:
@@ -238,16 +238,16 @@ def _steiner(A: Array) -> Array:
 @lru_cache(maxsize=8)
 def _beyond(sections: int, paths: int) -> Array:
     """1 for sections that an extension moves, all from its own on, (section, path)."""
-    found = np.hstack([np.tril(np.ones((sections, sections))), np.zeros((sections, paths - sections))])
-    found.flags.writeable = False
-    return found
+    matrix = np.hstack([np.tril(np.ones((sections, sections))), np.zeros((sections, paths - sections))])
+    matrix.flags.writeable = False
+    return matrix
 
 
-def _turning(A: Array) -> Array:
+def _skew_part(A: Array) -> Array:
     """Sum of r x u (3, .) out of first moments sum r_l u_j (3, 3, .)."""
     return np.array([A[1, 2] - A[2, 1], A[2, 0] - A[0, 2], A[0, 1] - A[1, 0]])
 
 
-def crossing(v: Array) -> Array:
+def skew(v: Array) -> Array:
     """The matrix whose product with r is v x r."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

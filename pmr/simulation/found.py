@@ -25,7 +25,7 @@ _QUINTIC = np.linalg.inv(_ENDS.astype(float))
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Of one direction at the steps, compared by identity."""
+    """Motion in one direction at the steps, compared by identity."""
 
     step: float  # s
     values: Array  # (3, T): m or rad, with rate and second rate
@@ -49,18 +49,18 @@ class Found(SignalBase):
         return self._at(t, 2)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Of the steps within."""
+        """Least and largest value of the steps within a span of time."""
         of: Samples = self.samples
         first, last = int(np.floor(start / of.step)), int(np.ceil(end / of.step))
         some = of.values[0, max(first, 0) : last + 1] * self.unit
         return float(some.min()), float(some.max())
 
     def _at(self, t: ArrayLike, order: int) -> Array:
-        """What was found at a step; between two the polynomial of degree 5 that has all of both."""
+        """Value or rate at times t; between two steps by the polynomial of degree 5 through both."""
         of: Samples = self.samples
         at, h = np.clip(np.asarray(t, float) / of.step, 0.0, of.values.shape[1] - 1.0), of.step
         k = np.rint(at).astype(int)
-        found = np.asarray(of.values[order][k])
+        values = np.asarray(of.values[order][k])
         between = np.abs(at - k) > SAME
         if between.any():
             k = np.minimum(np.floor(at).astype(int), of.values.shape[1] - 2)
@@ -69,12 +69,12 @@ class Found(SignalBase):
             c = np.moveaxis(np.tensordot(_QUINTIC, ends, 1), 0, -1)
             factor = np.array([np.prod(np.arange(p, p - order, -1)) for p in range(order, 6)])
             powers = (at - k)[..., None] ** np.arange(6 - order)
-            found = np.where(between, (c[..., order:] * factor * powers).sum(axis=-1) / h**order, found)
-        return np.asarray(found * self.unit)
+            values = np.where(between, (c[..., order:] * factor * powers).sum(axis=-1) / h**order, values)
+        return np.asarray(values * self.unit)
 
 
 class AtSteps(SignalBase):
-    """What an input was at the steps, straight lines in between."""
+    """Values of an input at the steps, joined by straight lines."""
 
     samples: SkipValidation[Any]
     name: str
@@ -90,7 +90,7 @@ class AtSteps(SignalBase):
         return np.asarray(np.diff(of.inputs[self.name])[k] / of.step)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Of all steps."""
+        """Least and largest value of all steps."""
         values = self.samples.inputs[self.name]
         return float(values.min()), float(values.max())
 
@@ -114,7 +114,7 @@ def moves_by_itself(scene: Scene) -> bool:
 
 @dataclass(frozen=True)
 class MachineMotion:
-    """Of a machine at T steps; directions x, y, z of the pivot in m, roll, pitch and yaw in rad."""
+    """Motion of a machine at T steps: x, y, z of the pivot in m, roll, pitch and yaw in rad."""
 
     step: float  # s
     values: Array  # (3, T, 6), with rates and second rates
@@ -123,17 +123,17 @@ class MachineMotion:
     momenta: Array  # (T, 6): linear and angular momentum of the whole about the ground's origin, along its axes
 
 
-def in_motion(scene: Scene, found: MachineMotion) -> Scene:
+def in_motion(scene: Scene, track: MachineMotion) -> Scene:
     """The scene with a frame whose base moves so, in place of a machine that moves by itself."""
     frame = scene.frame
     assert frame is not None  # of a scene with a machine
     angle = 1.0 if frame.unit == "rad" else 180.0 / np.pi
     signals: dict[str, Any] = {
-        one: Found(
-            samples=Samples(found.step, np.ascontiguousarray(found.values[:, :, k]), found.forces[:, k], found.inputs),
+        direction: Found(
+            samples=Samples(track.step, np.ascontiguousarray(track.values[:, :, k]), track.forces[:, k], track.inputs),
             unit=1.0 if k < 3 else angle,
         )
-        for k, one in enumerate(DIRECTIONS)
+        for k, direction in enumerate(DIRECTIONS)
     }
     base = BaseMotion.model_construct(**signals)
     return scene.model_copy(update={"frame": frame.model_copy(update={"base": base, "machine": None})})

@@ -33,7 +33,7 @@ from pmr.scene.section import Direction
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Floats, Strand
 from pmr.simulation.acceleration import Acceleration
-from pmr.simulation.products import Product, Products, Quantity, evaluated, of_field, of_rotation
+from pmr.simulation.products import Product, Products, Quantity, evaluate, of_field, of_rotation
 from pmr.simulation.turning import Turning
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ SAMPLES = 10_001
 
 
 @lru_cache(maxsize=2)
-def _turning(luffing: SignalBase, slewing: SignalBase, t: bytes, rocking: tuple[SignalBase, ...]) -> Turning:
+def _cached_turning(luffing: SignalBase, slewing: SignalBase, t: bytes, rocking: tuple[SignalBase, ...]) -> Turning:
     """`Turning.of` at times that are asked for again and again, for each field of each section."""
     return Turning.of(luffing, slewing, np.frombuffer(t), rocking)
 
@@ -55,7 +55,7 @@ class OfFrame(SignalBase):
     @property
     @abstractmethod
     def signals(self) -> tuple[SignalBase, ...]:
-        """What it follows from."""
+        """Signals that the amplitude follows from."""
 
     def rate(self, t: ArrayLike) -> Array:
         t, half = np.asarray(t, float), self.step / 2.0
@@ -85,20 +85,20 @@ class Amplitude(OfFrame):
     @property
     @abstractmethod
     def products(self) -> Products:
-        """What it is the sum of."""
+        """Products whose sum the amplitude is."""
 
     @abstractmethod
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        """Those that its products have, by themselves, at the times t (T,) s."""
+        """Quantities of the products, each by itself, at the times t (T,) s."""
 
     def value(self, t: ArrayLike) -> Array:
         at = np.asarray(t, float)
         times = at.ravel()
-        return evaluated(self.products, self.quantities(times), times).reshape(at.shape)
+        return evaluate(self.products, self.quantities(times), times).reshape(at.shape)
 
 
 class OfAngles(Amplitude):
-    """What follows from the frame's angles, those of its base among them."""
+    """Amplitude that follows from the frame's angles, those of its base included."""
 
     luffing: SignalBase
     slewing: SignalBase
@@ -110,7 +110,7 @@ class OfAngles(Amplitude):
 
     def turning(self, t: Array) -> Turning:
         """At the times t (T,) s."""
-        return _turning(self.luffing, self.slewing, t.tobytes(), self.rocking)
+        return _cached_turning(self.luffing, self.slewing, t.tobytes(), self.rocking)
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
         turning = self.turning(t)
@@ -121,11 +121,11 @@ class OfAngles(Amplitude):
             "gradient": turning.gradient,
         }
 
-        def found(one: Quantity) -> Array:
-            at: Any = (slice(None), *one[1:])
-            return np.asarray(of[str(one[0])][at])
+        def value_of(quantity: Quantity) -> Array:
+            at: Any = (slice(None), *quantity[1:])
+            return np.asarray(of[str(quantity[0])][at])
 
-        return found
+        return value_of
 
 
 class Shaken(OfFrame):
@@ -143,8 +143,8 @@ class Shaken(OfFrame):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
-        moved = (replace(strand, spread=-1.0) for strand in self.displacement.strands)
-        return (*moved, *self.given.strands)
+        displacements = (replace(strand, spread=-1.0) for strand in self.displacement.strands)
+        return (*displacements, *self.given.strands)
 
 
 class Motion(OfAngles):
@@ -168,20 +168,20 @@ class Motion(OfAngles):
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
         of_angles = super().quantities(t)
 
-        def found(one: Quantity) -> Array:
-            if one[0] == "gravity":
+        def value_of(quantity: Quantity) -> Array:
+            if quantity[0] == "gravity":
                 return np.asarray(self.gravity.value(t))
-            if one[0] == "shaken":
-                return np.asarray(self.base[int(one[1])].value(t))
-            return self._reach(t, int(one[2])) if one[0] == "reach" else of_angles(one)
+            if quantity[0] == "shaken":
+                return np.asarray(self.base[int(quantity[1])].value(t))
+            return self._reach(t, int(quantity[2])) if quantity[0] == "reach" else of_angles(quantity)
 
-        return found
+        return value_of
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Of angles and paths twice theirs; what shakes the base is turned with the frame."""
+        """Twice the highest frequency of angles and paths, or that of what shakes the base and turns."""
         of_angles = super().signals
         slow, shaken = (
-            max((one.highest_frequency(start, end) for one in signals), default=0.0)
+            max((signal.highest_frequency(start, end) for signal in signals), default=0.0)
             for signals in ((*of_angles, self.gravity, *self.paths), self.base)
         )
         return max(2.0 * slow, shaken + slow if shaken else 0.0)
@@ -193,7 +193,7 @@ class Motion(OfAngles):
 
 
 class Rotation(OfAngles):
-    """What the small motion of a body feels of the frame's rotation: twice a velocity, an acceleration, or A."""
+    """Effect of the frame's rotation on a body's small motion: twice a velocity, an acceleration, or A."""
 
     of: str  # `rotation`, `turning` or `carried`, as `pmr.scene.frame_terms` says
     component: str
@@ -204,7 +204,7 @@ class Rotation(OfAngles):
 
 
 class Pushed(Amplitude):
-    """What a cylinder pushes with, over its length: an acceleration or a load, times a factor, over it."""
+    """Force of a cylinder over its length: an acceleration or a load, times a factor, over the length."""
 
     factor: float
     of: SignalBase
@@ -221,11 +221,11 @@ class Pushed(Amplitude):
 
     @property
     def products(self) -> Products:
-        return tuple(one.times(self.factor, ("over", self.number)) for one in products_of(self.of, self.name))
+        return tuple(product.times(self.factor, ("over", self.number)) for product in products_of(self.of, self.name))
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        known = self.of.quantities(t) if isinstance(self.of, Amplitude) else lambda one: np.asarray(self.of.value(t))
-        return lambda one: np.asarray(1.0 / self.length.value(t)) if one[0] == "over" else known(one)
+        inner = self.of.quantities(t) if isinstance(self.of, Amplitude) else lambda _: np.asarray(self.of.value(t))
+        return lambda quantity: np.asarray(1.0 / self.length.value(t)) if quantity[0] == "over" else inner(quantity)
 
 
 class AlongGround(OfAngles):
@@ -247,25 +247,25 @@ class AlongGround(OfAngles):
 
     def quantities(self, t: Array) -> Callable[[Quantity], Array]:
         of_angles = super().quantities(t)
-        return lambda one: np.asarray(self.force.value(t)) if one[0] == "load" else of_angles(one)
+        return lambda quantity: np.asarray(self.force.value(t)) if quantity[0] == "load" else of_angles(quantity)
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """That of the force and of what turns it."""
+        """Sum of the highest frequencies of the force and of what turns it."""
         return sum(signal.highest_frequency(start, end) for signal in self.signals)
 
 
 def products_of(signal: SignalBase, name: str) -> Products:
-    """Of what drives an input or a term; the load of that name where it is a load as it is given."""
+    """Products of the signal of an input or a term; a load as it is given is the load of that name."""
     return signal.products if isinstance(signal, Amplitude) else (Product(1.0, (("load", name),)),)
 
 
 def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """What drives the inputs of a body's loads, by their names."""
-    found = dict[str, SignalBase]()
+    """Signals of a body's loads, by the names of their inputs."""
+    signals = dict[str, SignalBase]()
     for load in member.part.loads:
         for name, part in parts_of(member, load).items():
-            found[name] = load.signal if load.axes == "body" else _along_ground(scene, member, load, part)
-    return found
+            signals[name] = load.signal if load.axes == "body" else _along_ground(scene, member, load, part)
+    return signals
 
 
 def _along_ground(scene: Scene, member: Member, load: Load, part: Direction) -> AlongGround:
@@ -281,7 +281,7 @@ def _angles(frame: Frame) -> dict[str, Any]:
 
 
 def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
-    """Of the pivot along X, Y and Z of the ground, m/s^2; none where it stays."""
+    """Accelerations of the pivot along X, Y and Z of the ground, m/s^2; none where it stays."""
     base, none = scene.frame.base if scene.frame else None, Constant(amount=0.0)
     if base is None or not {"x", "y", "z"} & {*base.motions, *base.accelerations}:
         return ()
@@ -315,7 +315,7 @@ def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
 
 def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
-    """What the terms of `pmr.scene.frame_terms` are multiplied with, by their names: all of the scene's, or `which`."""
+    """Amplitudes of the terms of `pmr.scene.frame_terms` by name: all of the scene's, or `which`."""
     return {term.name: _signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
 
 

@@ -44,7 +44,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.members import member_at
 from pmr.scene.names import input_of
-from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State, crossing
+from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State, skew
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 
 
 def with_all_inertia(system: System) -> System:
-    """With modes that follow at once, in other simulations, as ordinary ones: a free base feels all that moves."""
+    """System whose modes without inertia are ordinary ones: a free base feels all that moves."""
     if all(len(body.quasi_static) == 0 for body in system.bodies.values()):
         return system
     bodies = {name: replace(body, quasi_static=np.zeros(0, np.int64)) for name, body in system.reduced.items()}
@@ -60,7 +60,7 @@ def with_all_inertia(system: System) -> System:
 
 
 class FreeBase:
-    """Of a boom on n coordinates, as `pmr.system.assembly.Assembly` counts them.
+    """Inertia of a boom on n coordinates, as `pmr.system.assembly.Assembly` counts them.
 
     An InputError is raised for planar sections, for a frame that does not slew, and where it is not known how supports
     hold the base.
@@ -72,7 +72,7 @@ class FreeBase:
             allowed = "a frame with a pivot that luffs and slews is allowed, for it makes all fields of inertia"
             raise InputError("scene", "frame", None, allowed)
         n = assembly.size
-        sections = [_carried(scene, k, system.reduced[name], assembly) for k, name in enumerate(scene.names)]
+        sections = [_rigid_section(scene, k, system.reduced[name], assembly) for k, name in enumerate(scene.names)]
         #: numbers of the inputs by which a frame accelerates the boom: by section, over 1, x, y, z, along x, y, z
         self.fields = {
             (k, " xyz".index(over or " "), "xyz".index(along)): column
@@ -82,73 +82,73 @@ class FreeBase:
         rotating, carried, shortened = np.zeros((3, n, n)), np.zeros((3, 3, n, n)), list[Shortened]()
         terms = {term.name: term for term in assembly.terms}
         self._scene, self._terms = scene, {term.name: term.stiffness for term in assembly.terms}
-        for one in frame_terms(scene):
-            term = terms[one.name]
-            if one.of == "rotation":
-                rotating["xyz".index(one.component)] += term.damping.toarray()
-            elif one.of == "carried":
-                j, k = ("xyz".index(axis) for axis in one.component)
+        for frame_term in frame_terms(scene):
+            term = terms[frame_term.name]
+            if frame_term.of == "rotation":
+                rotating["xyz".index(frame_term.component)] += term.damping.toarray()
+            elif frame_term.of == "carried":
+                j, k = ("xyz".index(axis) for axis in frame_term.component)
                 for at in {(j, k), (k, j)}:
                     carried[at] += term.stiffness.toarray()
-            elif one.of in ("field", "cylinder"):
-                section = scene.names.index(one.carried) if one.carried else one.number
-                cylinder = one.number if one.of == "cylinder" else None
-                shortened.append(Shortened(section, len(one.component) - 1, term.stiffness.toarray(), cylinder))
+            elif frame_term.of in ("field", "cylinder"):
+                section = scene.names.index(frame_term.carried) if frame_term.carried else frame_term.number
+                cylinder = frame_term.number if frame_term.of == "cylinder" else None
+                shortened.append(Shortened(section, len(frame_term.component) - 1, term.stiffness.toarray(), cylinder))
         self.size, self._count = n, len(sections)
         B = self.moments(assembly.B.toarray())
         #: names of paths that move no section: a slider's
         self.aside = tuple(name for name in system.paths if name not in scene.names)
-        own = Moments(B, np.zeros((*B.shape, len(sections) + len(self.aside))), 0.0 * B)
-        self.boom = Boom(np.array(scene.frame.place), sections, own, shortened, rotating, carried)
+        moments = Moments(B, np.zeros((*B.shape, len(sections) + len(self.aside))), 0.0 * B)
+        self.boom = Boom(np.array(scene.frame.place), sections, moments, shortened, rotating, carried)
 
     def moments(self, B: Array) -> Array:
         """Beta (..., S, 4, 3, n) out of what inputs do to coordinates (..., n, i): alone, or with contacts' answers."""
-        found = np.zeros((*B.shape[:-2], self._count, 4, 3, self.size))
+        moments = np.zeros((*B.shape[:-2], self._count, 4, 3, self.size))
         section, over, along = np.array(list(self.fields)).T
-        found[..., section, over, along, :] = np.swapaxes(B[..., list(self.fields.values())], -1, -2)
-        return found
+        moments[..., section, over, along, :] = np.swapaxes(B[..., list(self.fields.values())], -1, -2)
+        return moments
 
     def weight(self, upwards: Array, count: int) -> Array:
         """Loads (i,) of `count` inputs that the weight makes, whose acceleration is (3,) m/s^2 in the boom's axes."""
-        found = np.zeros(count)
+        loads = np.zeros(count)
         for (_, over, along), column in self.fields.items():
-            found[column] = 0.0 if over else -upwards[along]
-        return found
+            loads[column] = 0.0 if over else -upwards[along]
+        return loads
 
     def inertia(self, motion: Motion, driven: Array, extended: Extended, loads: Array) -> Array:
         """Loads (i,) with those of inertia, where the frame is accelerated by `driven` (6,): O, and about it."""
-        spin, e, found = crossing(motion.omega), np.eye(3)[0], loads.copy()
-        gradient, S = spin @ spin + crossing(driven[3:]), self._count
-        X, X_rate, X_second = (np.cumsum(one[:S]) for one in (extended.value, extended.rate, extended.second))
+        spin, e, changed = skew(motion.omega), np.eye(3)[0], loads.copy()
+        gradient, S = spin @ spin + skew(driven[3:]), self._count
+        X, X_rate, X_second = (np.cumsum(values[:S]) for values in (extended.value, extended.rate, extended.second))
         at = motion.weight + driven[:3] + (self.boom.place + np.outer(X, e)) @ gradient.T
         at = at + 2.0 * np.outer(X_rate, spin @ e) + np.outer(X_second, e)
         for (section, over, along), column in self.fields.items():
-            found[column] = -(gradient[along, over - 1] if over else at[section, along])
-        return found
+            changed[column] = -(gradient[along, over - 1] if over else at[section, along])
+        return changed
 
     def shortened_by(self, load: str) -> Iterator[tuple[int | None, Array]]:
         """G (n, n) in 1/m of q^T G q / 2, by which the place of a load along the boom gets nearer as the boom bends.
 
         A cylinder, by its number, has it over its length.
         """
-        for one in frame_terms(self._scene):
-            if one.of in ("load", "cylinder load"):
-                if input_of(one.carried or one.bodies[0], one.component) == load:
-                    yield (one.number if one.of == "cylinder load" else None), self._terms[one.name].toarray()
+        for term in frame_terms(self._scene):
+            if term.of in ("load", "cylinder load"):
+                if input_of(term.carried or term.bodies[0], term.component) == load:
+                    yield (term.number if term.of == "cylinder load" else None), self._terms[term.name].toarray()
 
     def loads(self, f: Array, extended: Extended) -> Array:
         """Force and moment about O (6,) of loads f (i,) at the undeformed boom, inertia left out."""
-        own = self.boom.loads @ f
+        wrenches = self.boom.loads @ f
         x, y, z = np.outer(np.eye(3)[0], np.cumsum(extended.value)[: self._count]) + self.boom.place[:, None]
-        force = own[:, :3].T
+        force = wrenches[:, :3].T
         moments = (y @ force[2] - z @ force[1], z @ force[0] - x @ force[2], x @ force[1] - y @ force[0])
-        return np.asarray(own.sum(axis=0) + np.concatenate([np.zeros(3), moments]))
+        return np.asarray(wrenches.sum(axis=0) + np.concatenate([np.zeros(3), moments]))
 
     def pulls(self, f: Array) -> Array:
         """Forces (P,) of loads f (i,) along the paths: on a section and all beyond it."""
-        found = np.zeros(self.boom.moments.slope.shape[-1])
-        found[: self._count] = np.cumsum([(one.loads @ f)[0] for one in self.boom.sections[::-1]])[::-1]
-        return found
+        forces = np.zeros(self.boom.moments.slope.shape[-1])
+        forces[: self._count] = np.cumsum([(section.loads @ f)[0] for section in self.boom.sections[::-1]])[::-1]
+        return forces
 
     def momentum(
         self, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
@@ -162,8 +162,8 @@ class FreeBase:
         """T in J but for q'^T M q' / 2."""
         state, omega = State(self.boom, motion, extended, q, rate, moments), motion.omega
         along = sum(
-            section.mass * X**2 / 2.0 + X * moved[0, 0]
-            for section, X, moved in zip(self.boom.sections, state.X_rate, state.mu_rate, strict=True)
+            section.mass * X**2 / 2.0 + X * rates[0, 0]
+            for section, X, rates in zip(self.boom.sections, state.X_rate, state.mu_rate, strict=True)
         )
         linear = self.boom.mass * v / 2.0 + np.cross(omega, state.s) + state.s_rate
         return float(v @ linear + omega @ (state.inertia @ omega / 2.0 + state.h) + along)
@@ -173,20 +173,20 @@ class FreeBase:
         return float(up @ State(self.boom, Motion(np.zeros(3), up), extended, q, 0.0 * q).s)
 
     def at(self, motion: Motion, extended: Extended, q: Array, rate: Array, moments: Moments | None = None) -> Pressed:
-        """What has to vanish with all that acts on base, coordinates and extensions."""
+        """Mass and forces that have to balance all that acts on base, coordinates and extensions."""
         state = State(self.boom, motion, extended, q, rate, moments)
         return Pressed(state.mass(), state.forces())
 
 
 def _fields(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
-    """Of the inputs by which a frame accelerates a body: along what, over what, and the number of it."""
+    """Axis, lever axis and number of each input by which a frame accelerates a body."""
     for number, name in enumerate(body.input_names, first):
         if name.startswith(INERTIA):
             field = name.removeprefix(INERTIA)
             yield field[0], field[1:], number
 
 
-def _carried(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> Carried:
+def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> Carried:
     """A section by the work of its inertia loads, and of all others, on its rigid motions."""
     name, W = scene.names[number], body.rigid_work
     if set(directions(member_at(scene, number))) != {"x", "y", "z", "rx", "ry", "rz"}:

@@ -17,35 +17,38 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Grip:
-    """What n pads in J joints hold at the end of a step; empty without any."""
+    """Friction of n pads in J joints at the end of a step; empty without any."""
 
     forces: Array = field(default_factory=lambda: np.zeros(0))  # (n,) N
     s: Array = field(default_factory=lambda: np.zeros(0))  # (J,) m: where the paths lead
     drives: Array = field(default_factory=lambda: np.zeros(0))  # (J,) N: of the cylinders
 
     @classmethod
-    def begun(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
-        """At the start, at s (J,) m, without friction."""
-        known = Friction.of(contacts)
-        if known is None:
+    def at_start(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
+        """Grip at the start, at s (J,) m, without friction."""
+        law = Friction.of(contacts)
+        if law is None:
             return cls()
-        return cls(
-            np.zeros(len(known.pads)), s.copy(), np.where(known.cylinders < 0, 0.0, multipliers[known.cylinders])
-        )
+        return cls(np.zeros(len(law.pads)), s.copy(), np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders]))
 
 
-def slid(known: Friction, old: Grip, given: Array, s: Array, multipliers: Array, matrix: Array) -> Grip:
-    """After a step to s (J,) m that ends with multipliers (m,) N, found under joints' friction `given` (J,) N.
+def slide(law: Friction, old: Grip, sums: Array, s: Array, multipliers: Array, matrix: Array) -> Grip:
+    """Grip after a step to s (J,) m with multipliers (m,) N, solved under joints' friction `sums` (J,) N.
 
     `matrix` (m, m) is that of the multipliers, of which the diagonal counts.
     """
     forces = np.zeros(len(old.forces))
-    driven = np.where(known.cylinders < 0, 0.0, multipliers[known.cylinders])
-    for joint, (c, gives) in enumerate(zip(known.cylinders, known.gives, strict=True)):
-        own = slice(known.first[joint], known.first[joint + 1])
-        cylinder = JointCylinder(gives, matrix[c, c], driven[joint], given[joint], old.drives[joint])
-        pads, moved = known.pads[own], s[joint] - old.s[joint]
-        forces[own] = slide_pads(
-            known.stiffness[own], known.coefficients[own], multipliers[pads], old.forces[own], moved, cylinder
+    driven = np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders])
+    for joint, (c, gives) in enumerate(zip(law.cylinders, law.gives, strict=True)):
+        of_joint = slice(law.first[joint], law.first[joint + 1])
+        cylinder = JointCylinder(gives, matrix[c, c], driven[joint], sums[joint], old.drives[joint])
+        pads, travel = law.pads[of_joint], s[joint] - old.s[joint]
+        forces[of_joint] = slide_pads(
+            law.stiffness[of_joint],
+            law.coefficients[of_joint],
+            multipliers[pads],
+            old.forces[of_joint],
+            travel,
+            cylinder,
         )
-    return Grip(forces, s, driven + known.totals(forces))
+    return Grip(forces, s, driven + law.totals(forces))

@@ -18,14 +18,14 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Lengths:
-    """Of how many parts each of T steps is made, (T,), the most of which is a multiple of all; N times in all."""
+    """Numbers of parts (T,) of T steps, the largest a multiple of all; N parts in all."""
 
     stepping: TimeStepping
     parts: Indices
 
     @classmethod
     def of(cls, stepping: TimeStepping, omega: float) -> Lengths:
-        """As scheduled, or as many as contacts of circular frequency `omega` in rad/s take; 0: none only pushes."""
+        """Scheduled parts, or those that contacts of circular frequency `omega` in rad/s need; 0: none only pushes."""
         if omega == 0.0:
             return cls(stepping, np.ones(stepping.steps, np.int64))
         return cls(stepping, np.array(stepping.schedule or [contact_step.parts(omega, stepping)] * stepping.steps))
@@ -36,7 +36,7 @@ class Lengths:
 
     def factors(self, parts: int) -> SchemeFactors:
         """Factors of the scheme for one of so many parts of a step."""
-        return SchemeFactors.of(self.stepping.divided(parts).step, self.stepping.rho_inf)
+        return SchemeFactors.of(self.stepping.divide(parts).step, self.stepping.rho_inf)
 
     @cached_property
     def numbers(self) -> Indices:
@@ -46,7 +46,7 @@ class Lengths:
     @cached_property
     def times(self) -> Array:
         """(N,) s."""
-        return np.asarray(self.stepping.divided(self.finest).times[self.numbers])
+        return np.asarray(self.stepping.divide(self.finest).times[self.numbers])
 
     @cached_property
     def ends(self) -> Indices:

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
-from pmr.constraints.polynomials import applied, total, transposed
+from pmr.constraints.polynomials import apply_table, total, transpose
 from pmr.errors import InputError
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
@@ -78,9 +78,9 @@ def modal_form(body: SlidingBody) -> ModalForm:
         allowed = f"the body has {body.size} coordinates, up to {LARGEST} are diagonalised; reduce it first"
         raise InputError("scene", "simulation.simulators", "march", allowed)
     free = np.setdiff1d(np.arange(body.size), list(body.held.values()))
-    kept = [row for row in range(len(body.row_names)) if row not in body.held]
+    free_rows = [row for row in range(len(body.row_names)) if row not in body.held]
     M, D, K = (dense(A)[np.ix_(free, free)] for A in (body.M, body.D, body.K))
-    still, known = np.isin(free, body.quasi_static), body.rayleigh
+    still, law = np.isin(free, body.quasi_static), body.rayleigh
     moving, count = np.flatnonzero(~still), int(still.sum())
     omega2, modes = np.zeros(len(free)), np.zeros_like(M)
     inner = len(free) - count
@@ -89,17 +89,17 @@ def modal_form(body: SlidingBody) -> ModalForm:
     X = np.zeros((body.size, len(free)))
     X[free] = modes
     modal = replace(
-        projected(body, X).with_rows(kept),
+        projected(body, X).with_rows(free_rows),
         M=np.eye(len(free)),
-        D=modal_damping(D, D if known is None else D - known.alpha * M - known.beta * K, omega2, modes, known),
+        D=modal_damping(D, D if law is None else D - law.alpha * M - law.beta * K, omega2, modes, law),
         K=np.diag(omega2),
         quasi_static=np.arange(inner, len(free)),
     )
-    return ModalForm(modal, X, np.asarray((body.M @ X).T), tuple(kept))
+    return ModalForm(modal, X, np.asarray((body.M @ X).T), tuple(free_rows))
 
 
 def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
-    r"""What a body presses on its rigid supports with, (T, h) in N or N m, under loads (T, i).
+    r"""Forces of a body on its rigid supports, (T, h) in N or N m, under loads (T, i).
 
     Of `pmr.reduced.reactions`, with the accelerations that follow from the equations of motion:
 
@@ -107,29 +107,29 @@ def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> A
         \lambda_f = (\Phi^T - P V^T) B f - (\Phi^T D V - P D_r) \dot p - (\Phi^T K V - P K_r) p
         - (C \Phi - C_r P^T)^T \lambda, \qquad P = \Phi^T M V M_r^{-1}
     """
-    known = body.reactions
-    if known is None:
+    reactions = body.reactions
+    if reactions is None:
         return np.empty((len(trajectory.t), 0))
-    P = inertia_share(body, known)
-    rows = total(known.rows, transposed(body.rows_on(P.T)), -1.0)
-    pressed = applied(rows, trajectory.s, trajectory.multipliers)
-    return unpressed(body, known, trajectory, loads) - pressed
+    P = inertia_share(body, reactions)
+    rows = total(reactions.rows, transpose(body.rows_on(P.T)), -1.0)
+    pressed = apply_table(rows, trajectory.s, trajectory.multipliers)
+    return forces_without_rows(body, reactions, trajectory, loads) - pressed
 
 
-def inertia_share(body: SlidingBody, known: Reactions) -> Array:
+def inertia_share(body: SlidingBody, reactions: Reactions) -> Array:
     """P (h, n) of `support_forces`; none in coordinates that supports hold."""
-    free, P = np.setdiff1d(np.arange(body.size), list(body.held.values())), np.zeros((len(known.names), body.size))
-    M, right = body.M[np.ix_(free, free)], known.inertia[:, free].T
-    found = spsolve(sp.csc_matrix(M), right).reshape(right.shape) if sp.issparse(M) else np.linalg.solve(M, right)
-    P[:, free] = found.T
+    free, P = np.setdiff1d(np.arange(body.size), list(body.held.values())), np.zeros((len(reactions.names), body.size))
+    M, right = body.M[np.ix_(free, free)], reactions.inertia[:, free].T
+    shares = spsolve(sp.csc_matrix(M), right).reshape(right.shape) if sp.issparse(M) else np.linalg.solve(M, right)
+    P[:, free] = shares.T
     return P
 
 
-def unpressed(body: SlidingBody, known: Reactions, trajectory: Trajectory, loads: Array) -> Array:
+def forces_without_rows(body: SlidingBody, reactions: Reactions, trajectory: Trajectory, loads: Array) -> Array:
     """`support_forces` but for the rows' share, (T, h)."""
-    r, P = body.size, inertia_share(body, known)
-    forces = loads @ (known.inputs - P @ body.B).T - trajectory.v @ (known.damping[:, :r] - P @ body.D).T
-    return np.asarray(forces - trajectory.q @ (known.stiffness[:, :r] - P @ body.K).T)
+    r, P = body.size, inertia_share(body, reactions)
+    forces = loads @ (reactions.inputs - P @ body.B).T - trajectory.v @ (reactions.damping[:, :r] - P @ body.D).T
+    return np.asarray(forces - trajectory.q @ (reactions.stiffness[:, :r] - P @ body.K).T)
 
 
 def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
@@ -148,12 +148,12 @@ def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
         raise InputError("body", "M", None, allowed) from None
     M_long, K_long = ((A.astype(np.longdouble) + A.T) / 2.0 for A in (M, K))
     for _ in range(2):
-        omega2, X = _refined(M_long, K_long, X)
+        omega2, X = _refine_modes(M_long, K_long, X)
     order = np.argsort(omega2)
     return omega2[order], np.ascontiguousarray(X[:, order])
 
 
-def _refined(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
+def _refine_modes(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
     """Eigenvalues and vectors corrected to first order, products in the precision of M and K.
 
     The correction E turns modes by its antisymmetric part A and stretches them by half the defect.  Rigid motions have
@@ -174,17 +174,17 @@ def _refined(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
     return omega2, np.asarray(X + product(X, correction.astype(M.dtype)), float)
 
 
-def modal_damping(D: Array, rest: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
+def modal_damping(D: Array, remainder: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
     """X^T D X, exactly diagonal where damping is Rayleigh's or, but for round-off, modal.
 
-    `rest` is what D has beside alpha M + beta K; all of D where it is not Rayleigh's.
+    `remainder` is what D has beside alpha M + beta K; all of D where it is not Rayleigh's.
     """
     classical = np.zeros_like(omega2) if rayleigh is None else rayleigh.modal(omega2)
-    if np.linalg.norm(rest) <= CLASSICAL * np.linalg.norm(D):
+    if np.linalg.norm(remainder) <= CLASSICAL * np.linalg.norm(D):
         return np.diag(classical)
-    modal = X.T @ rest @ X
-    own, all_of = np.sqrt(np.abs(np.diagonal(modal))), np.abs(modal).sum(axis=0)
-    coupled = np.abs(modal) > COUPLED * np.outer(own, own) + ERROR * (all_of[:, None] + all_of)
+    modal = X.T @ remainder @ X
+    scales, all_of = np.sqrt(np.abs(np.diagonal(modal))), np.abs(modal).sum(axis=0)
+    coupled = np.abs(modal) > COUPLED * np.outer(scales, scales) + ERROR * (all_of[:, None] + all_of)
     if not np.any(np.triu(coupled | coupled.T, 1)):
         modal = np.diag(np.diagonal(modal))
     return modal + np.diag(classical)

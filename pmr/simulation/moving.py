@@ -23,7 +23,7 @@ from pmr.simulation.acceleration import Acceleration
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.frame import base_accelerations, products_of
 from pmr.simulation.products import Product, Products, Quantity
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.simulation.turning import Angle, Turning
 from pmr.system.system import System
 
@@ -53,26 +53,26 @@ class MovingFrame:
 
     @classmethod
     def of(cls, system: System) -> MovingFrame | None:
-        """That of the scene in a system's provenance; None where it has no frame that moves, or the system no scene.
+        """Frame of the scene in a system's provenance; None where it does not move, or there is no scene.
 
-        An InputError is raised as for `recorded`, and where an input or a term of the system is none of the scene's.
+        An InputError is raised as for `read_scene`, and where an input or a term is none of the scene's.
         """
-        scene = recorded(system, "system").scene if "scene" in system.provenance else None
+        scene = read_scene(system, "system").scene if "scene" in system.provenance else None
         return None if scene is None or scene.frame is None else cls.in_scene(scene, system)
 
     @classmethod
     def in_scene(cls, scene: Scene, system: System) -> MovingFrame:
-        """That of a scene with a frame; an InputError is raised where a system has other inputs or terms."""
+        """Frame of a scene; an InputError is raised where a system has other inputs or terms."""
         frame = scene.frame
         assert frame is not None  # of those who ask
         excitation = Excitation.of(scene)
-        of_terms = {one.name: input_of(scene.names[one.number], one.component) for one in frame_terms(scene)}
-        given = {"luffing": frame.luffing, "slewing": frame.slewing}
+        of_terms = {term.name: input_of(scene.names[term.number], term.component) for term in frame_terms(scene)}
+        angles = {"luffing": frame.luffing, "slewing": frame.slewing}
         return cls(
             scene=scene,
             paths=tuple(scene.paths),
             loads=tuple(_loads(scene)),
-            angles=(*(name for name in OF_FRAME if given[name] is not None), *(OF_BASE if frame.rocking else ())),
+            angles=(*(name for name in OF_FRAME if angles[name] is not None), *(OF_BASE if frame.rocking else ())),
             axes=AXES if base_accelerations(scene) else (),
             inputs=_products(system.input_names, excitation.loads, {name: name for name in excitation.loads}),
             terms=_products(system.term_names, excitation.terms, of_terms),
@@ -86,47 +86,47 @@ class MovingFrame:
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
         """All that the products have (q,), the first of which is `ONE`."""
-        of = (quantity for products in (*self.inputs, *self.terms) for one in products for quantity in one.of)
+        of = (quantity for products in (*self.inputs, *self.terms) for product in products for quantity in product.of)
         return tuple(dict.fromkeys([ONE, *of]))
 
     @cached_property
     def factors(self) -> Array:
-        """Of all p products, those of inputs first."""
-        return np.array([one.factor for products in (*self.inputs, *self.terms) for one in products])
+        """Factors (p,) of all products, those of inputs first."""
+        return np.array([product.factor for products in (*self.inputs, *self.terms) for product in products])
 
     @cached_property
     def numbers(self) -> Indices:
-        """Of the quantities in each product, (p, 3)."""
-        number, found = {one: k for k, one in enumerate(self.quantities)}, list[list[int]]()
+        """Numbers (p, 3) of the quantities in each product."""
+        number, rows = {quantity: k for k, quantity in enumerate(self.quantities)}, list[list[int]]()
         for products in (*self.inputs, *self.terms):
-            found += [[number[k] for k in (*one.of, *[ONE] * (FACTORS - len(one.of)))] for one in products]
-        return np.array(found, np.int64).reshape(-1, FACTORS)
+            rows += [[number[k] for k in (*product.of, *[ONE] * (FACTORS - len(product.of)))] for product in products]
+        return np.array(rows, np.int64).reshape(-1, FACTORS)
 
     @cached_property
     def first(self) -> Indices:
-        """Where the products of each input and term begin, and where the last ones end, (i + K + 1,)."""
+        """First product of each input and term, and the end of the last ones, (i + K + 1,)."""
         return np.cumsum([0, *map(len, (*self.inputs, *self.terms))])
 
     def find(self, drivers: Array) -> tuple[Array, Array]:
         """Amplitudes of the inputs (i,) and of the terms (K,), from the drivers (3, n): values, rates, second rates."""
-        return self.amplitudes(self._valued(drivers))
+        return self.amplitudes(self._evaluate(drivers))
 
     def amplitudes(self, quantities: Array) -> tuple[Array, Array]:
-        """The same from the quantities (q,)."""
+        """Loads (i,) and amplitudes (K,) of terms from the quantities (q,)."""
         products = self.factors * quantities[self.numbers].prod(axis=1)
-        found = np.add.reduceat(products, self.first[:-1])
-        return found[: len(self.inputs)], found[len(self.inputs) :]
+        values = np.add.reduceat(products, self.first[:-1])
+        return values[: len(self.inputs)], values[len(self.inputs) :]
 
     @property
     def examples(self) -> Array:
         """Amplitudes of the terms (., K) at random quantities: what is proportional there always is."""
         quantities = np.random.default_rng(1).uniform(0.5, 1.5, (len(self.quantities), EXAMPLES))
         quantities[0] = 1.0
-        return np.array([self.amplitudes(one)[1] for one in quantities.T])
+        return np.array([self.amplitudes(sample)[1] for sample in quantities.T])
 
     @property
     def load_numbers(self) -> slice:
-        """Where the loads stand among the drivers."""
+        """Numbers of the loads among the drivers."""
         return slice(len(self.paths), len(self.paths) + len(self.loads))
 
     def motions(self, excitation: Excitation, t: ArrayLike) -> Array:
@@ -136,27 +136,27 @@ class MovingFrame:
         """
         at, frame, step = np.asarray(t, float), self.scene.frame, excitation.stepping.step
         assert frame is not None
-        found = np.zeros((3, len(self.drivers), *at.shape))
+        motions = np.zeros((3, len(self.drivers), *at.shape))
         angles = dict(zip((*OF_FRAME, *OF_BASE), (*frame.angles, *frame.rocking), strict=False))
         values = _loads(self.scene) | dict(zip(AXES, base_accelerations(self.scene), strict=False))
         for k, name in enumerate(self.drivers):
             if name in self.paths:
-                one = self.scene.paths[name]
-                found[:, k] = one.value(at), one.rate(at), Acceleration(paths=(one,), step=step).value(at)
+                signal = self.scene.paths[name]
+                motions[:, k] = signal.value(at), signal.rate(at), Acceleration(paths=(signal,), step=step).value(at)
             elif name in self.angles:
-                one = angles[name]
-                found[:, k] = one.value(at), one.rate(at), one.second_rate(at)
+                signal = angles[name]
+                motions[:, k] = signal.value(at), signal.rate(at), signal.second_rate(at)
             else:
-                found[0, k] = values[name].value(at)
-        return found
+                motions[0, k] = values[name].value(at)
+        return motions
 
     @property
     def start(self) -> Array:
         """The drivers (3, n) of the scene at t = 0, its weight in full."""
-        found = self.motions(Excitation.of(self.scene), 0.0)
+        motions = self.motions(Excitation.of(self.scene), 0.0)
         if self.scene.gravity is not None:
-            found[0, self.drivers.index(GRAVITY)] = self.scene.gravity.acceleration
-        return found
+            motions[0, self.drivers.index(GRAVITY)] = self.scene.gravity.acceleration
+        return motions
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
@@ -175,7 +175,7 @@ class MovingFrame:
         of_scene = Excitation.of(self.scene).on_grid(excitation.stepping)
         return all(getattr(of_scene, part) == getattr(excitation, part) for part in ("paths", "loads", "terms"))
 
-    def _valued(self, drivers: Array) -> Array:
+    def _evaluate(self, drivers: Array) -> Array:
         """Quantities (q,)."""
         at, none = dict(zip(self.drivers, drivers.T, strict=True)), np.zeros(3)
         angles = [_angle(at.get(name, none)) for name in (*OF_FRAME, *OF_BASE)]
@@ -188,42 +188,42 @@ class MovingFrame:
             "shaken": np.array([at.get(axis, none)[0] for axis in AXES]),
         }
         reach = np.cumsum([none, *(at[path] for path in self.paths)], axis=0)
-        found = np.empty(len(self.quantities))
+        values = np.empty(len(self.quantities))
         for k, (kind, *of) in enumerate(self.quantities):
             if kind == "one":
-                found[k] = 1.0
+                values[k] = 1.0
             elif kind == "gravity":
-                found[k] = at.get(GRAVITY, none)[0]
+                values[k] = at.get(GRAVITY, none)[0]
             elif kind == "load":
-                found[k] = at[str(of[0])][0]
+                values[k] = at[str(of[0])][0]
             elif kind == "over":
-                found[k] = 1.0 / at[self.paths[int(of[0]) - 1]][0]
+                values[k] = 1.0 / at[self.paths[int(of[0]) - 1]][0]
             else:
-                found[k] = reach[tuple(of)] if kind == "reach" else tables[str(kind)][tuple(of)]
-        return found
+                values[k] = reach[tuple(of)] if kind == "reach" else tables[str(kind)][tuple(of)]
+        return values
 
 
 def _products(
     names: tuple[str, ...], signals: Mapping[str, SignalBase], loads: Mapping[str, str]
 ) -> tuple[Products, ...]:
-    """Of what has these names, by their signals; `loads` says which load a signal is that is none of the frame's."""
-    found = list[Products]()
+    """Products of the named inputs or terms, by their signals; `loads` names loads that are no frame's."""
+    products = list[Products]()
     for name in names:
         if name not in signals:
             raise InputError(
                 "system", "provenance.scene", name, f"what the scene drives is allowed: {', '.join(signals)}"
             )
-        found.append(products_of(signals[name], loads[name]) or (Product(0.0, ()),))
-    return tuple(found)
+        products.append(products_of(signals[name], loads[name]) or (Product(0.0, ()),))
+    return tuple(products)
 
 
 def _loads(scene: Scene) -> dict[str, SignalBase]:
     """Signals of the loads as the scene has them, by the names of their inputs, and of the gravity."""
     sections = zip(scene.names, scene.sections, strict=True)
-    found: dict[str, SignalBase] = {
-        input_of(name, one.name): one.signal for name, part in sections for one in part.loads
+    signals: dict[str, SignalBase] = {
+        input_of(name, load.name): load.signal for name, part in sections for load in part.loads
     }
-    return found if scene.gravity is None else found | {GRAVITY: scene.gravity.signal}
+    return signals if scene.gravity is None else signals | {GRAVITY: scene.gravity.signal}
 
 
 def _angle(motion: Array) -> Angle:

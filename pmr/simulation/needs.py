@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def needs_of(system: Joined[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: float) -> Needs:
-    """Of bodies that contacts join, some of which (m,) are rigid, with their places along x (T, sides) m."""
+    """Needs of bodies that contacts join, of which a mask (m,) has the rigid ones, along x (T, sides) m."""
     pushing, moving = ~np.isnan(system.clearance), np.zeros(len(rigid), bool)
     for side, at in zip(system.sides, x.T, strict=True):
         moving[side.contact] |= np.any(at != at[0])

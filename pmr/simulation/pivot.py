@@ -26,16 +26,16 @@ Array = NDArray[np.float64]
 
 
 def at_pivot(scene: Scene, response: Response) -> Response:
-    """With what acts at the pivot, where the scene has a frame and all of its parts are known."""
+    """Add force and moment at the pivot, where the scene has a frame and all of their parts are known."""
     if scene.frame is None:
         return response
-    total, known = np.zeros((len(response.t), 6)), dict(zip(response.force_names, response.slider_force.T, strict=True))
-    known |= {} if response.others is None else dict(zip(response.other_names, response.others.T, strict=True))
-    for one in pressed_on_ground(scene, {name: path.value(response.t) for name, path in scene.paths.items()}):
-        name = next((name for name in one.names if name in known), None)
+    total, parts = np.zeros((len(response.t), 6)), dict(zip(response.force_names, response.slider_force.T, strict=True))
+    parts |= {} if response.others is None else dict(zip(response.other_names, response.others.T, strict=True))
+    for reaction in pressed_on_ground(scene, {name: path.value(response.t) for name, path in scene.paths.items()}):
+        name = next((name for name in reaction.names if name in parts), None)
         if name is None:
             return response
-        total += known[name][:, None] * one.wrench
+        total += parts[name][:, None] * reaction.wrench
     axes = directions(members(scene)[0])
     numbers = ["xyz".index(axis) if len(axis) == 1 else 3 + "xyz".index(axis[1]) for axis in axes]
     return replace(
@@ -49,7 +49,7 @@ def at_pivot(scene: Scene, response: Response) -> Response:
 
 
 def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
-    """With its force in N, positive where it presses, where the scene says how it is hinged and the moment is known."""
+    """Add the luffing cylinder's force in N, positive where it presses, if hinges and moment are known."""
     if scene.frame is None or scene.frame.cylinder is None or MOMENT not in response.other_names:
         return response
     assert response.others is not None  # where there are names
@@ -66,7 +66,7 @@ def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
 
 
 def with_force_of_pin(scene: Scene, response: Response) -> Response:
-    r"""With forces of a pin at the pivot that bears what the luffing cylinder F along d does not.
+    r"""Add forces of a pin at the pivot that bears what the luffing cylinder F along d does not.
 
     .. math:: F_{pin} = \sum_k \lambda_k n_k + F d
 
@@ -79,20 +79,20 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
     assert scene.frame is not None and scene.frame.cylinder is not None and response.others is not None
     force = response.other(CYLINDER)
     along, across = (force[:, None] * scene.frame.cylinder.direction(scene.frame.angles[0].value(response.t))).T
-    others = response.others.copy()
-    others[:, response.other_names.index(held.pin[0])] += along
-    others[:, response.other_names.index(held.pin[1])] += across + _force(response, held.across)
-    return replace(response, others=others)
+    other_outputs = response.others.copy()
+    other_outputs[:, response.other_names.index(held.pin[0])] += along
+    other_outputs[:, response.other_names.index(held.pin[1])] += across + _force(response, held.across)
+    return replace(response, others=other_outputs)
 
 
 def _force(response: Response, names: Sequence[str]) -> Array:
     """A force (T,) that a response has under one of some names."""
-    name = next(one for one in names if one in response.force_names or one in response.other_names)
+    name = next(label for label in names if label in response.force_names or label in response.other_names)
     if name in response.force_names:
         return response.slider_force[:, response.force_names.index(name)]
     return response.other(name)
 
 
 def with_forces_on_machine(scene: Scene, response: Response) -> Response:
-    """With force and moment at the pivot, and forces of luffing cylinder and pin, where the scene has them."""
+    """Add force and moment at the pivot, and forces of luffing cylinder and pin, where the scene has them."""
     return with_force_of_pin(scene, with_luffing_cylinder(scene, at_pivot(scene, response)))

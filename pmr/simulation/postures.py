@@ -20,7 +20,7 @@ from pmr.scene.members import members
 from pmr.scene.names import named
 from pmr.scene.ropes import drive_rows, rope_shares
 from pmr.scene.signals import Constant
-from pmr.simulation.at_rest import accelerated, level_or_inclined, resting
+from pmr.simulation.at_rest import accelerate_angle, level_or_inclined, rest_scene
 from pmr.simulation.excitation import Excitation, in_order
 from pmr.simulation.rest_rows import rest_rows
 from pmr.simulation.statics.loaded import Equations
@@ -39,7 +39,7 @@ SIDEWAYS = "sideways in the chart"
 
 @dataclass(frozen=True)
 class Stands:
-    """Where a boom stands: extensions (P,) m of its sections by name, angles (P,) rad."""
+    """Postures of a boom: extensions (P,) m of its sections by name, angles (P,) rad."""
 
     extensions: Mapping[str, Array]  # of a body alone where its slider is, if it has been said
     luffing: Array
@@ -48,7 +48,7 @@ class Stands:
     @classmethod
     def of(cls, at: Mapping[str, Any]) -> Stands:
         """From the lists of a task's arguments: ``extensions`` by name, ``luffing`` and ``slewing``."""
-        extensions = {name: np.array(one, float) for name, one in at["extensions"].items()}
+        extensions = {name: np.array(extension, float) for name, extension in at["extensions"].items()}
         return cls(extensions, np.array(at["luffing"], float), np.array(at["slewing"], float))
 
     @property
@@ -57,7 +57,7 @@ class Stands:
 
     def some(self, which: NDArray[np.int64]) -> Stands:
         """Some of them, by their numbers."""
-        extensions = {name: one[which] for name, one in self.extensions.items()}
+        extensions = {name: values[which] for name, values in self.extensions.items()}
         return Stands(extensions, self.luffing[which], self.slewing[which])
 
     def reach(self, scene: Scene) -> Array:
@@ -136,13 +136,13 @@ class Postures:
         assembly = Assembly(system)
         x = places_of(system, at)
         rows, size = assembly.along(x), assembly.size
-        parts, f, c = acting(scene, system, at)
+        parts, f, c = unit_loads(scene, system, at)
         assert scene.frame is not None and scene.gravity is not None  # as `with_hook` says
-        shown, outputs = _shown(system)
-        still = resting(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
+        shown, outputs = _select_outputs(system)
+        still = rest_scene(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(_load_names(scene), 0.0))
         machine = [rest_rows(still, assembly, k, x[k], rows.at(k), c[:, k]) for k in range(at.count)]
         outputs = [*outputs, *machine[0].outputs]
-        columns = [one.name for one in outputs] + list(system.contact_names)
+        columns = [output.name for output in outputs] + list(system.contact_names)
         drives = drive_rows(scene, columns)
         used = [k for k, term in enumerate(assembly.terms) if term.stiffness is not None and np.any(c[:, :, k])]
         terms = [assembly.terms[k].stiffness.toarray() for k in used]
@@ -165,10 +165,10 @@ class Postures:
             X=rows.X[:, shown],
             f=f,
             c=c[:, :, used],
-            machine_q=np.array([one.coordinates for one in machine]),
-            machine_forces=np.array([one.contacts for one in machine]),
-            machine_loads=np.array([one.loads for one in machine]),
-            machine_parts=np.stack([one.parts for one in machine], axis=1),
+            machine_q=np.array([rows_of_place.coordinates for rows_of_place in machine]),
+            machine_forces=np.array([rows_of_place.contacts for rows_of_place in machine]),
+            machine_loads=np.array([rows_of_place.loads for rows_of_place in machine]),
+            machine_parts=np.stack([rows_of_place.parts for rows_of_place in machine], axis=1),
             slewing=at.slewing,
             luffing=at.luffing,
             up=_up(still, at),
@@ -179,17 +179,17 @@ class Postures:
             rope_names=tuple(rope_shares(scene)),
             parts=parts,
             gravity=scene.gravity.acceleration,
-            output_names=tuple(one.name for one in outputs),
-            output_kinds=tuple(one.kind for one in outputs),
-            output_units=tuple(one.unit for one in outputs),
-            output_bodies=tuple(one.body for one in outputs),
+            output_names=tuple(output.name for output in outputs),
+            output_kinds=tuple(output.kind for output in outputs),
+            output_units=tuple(output.unit for output in outputs),
+            output_bodies=tuple(output.body for output in outputs),
             force_names=system.contact_names,
             force_kinds=tuple(contact.kind for contact in system.contacts),
         )
 
     @cached_property
     def columns(self) -> Columns:
-        """What the columns of outputs and contact forces are, one behind the other."""
+        """Names, units and kinds of the columns of outputs, then of contact forces."""
         bodies = ("",) * len(self.force_names)
         return Columns(
             (*self.output_names, *self.force_names),
@@ -201,11 +201,11 @@ class Postures:
         )
 
     def at(self, k: int, amounts: Mapping[str, float], factor: float = 1.0) -> Equations:
-        """Of the k-th place, where parts act by so many units each, and a kg of the load `factor` times."""
+        """Equations of the k-th place, where parts act by so many units each, a kg of the load `factor` times."""
         shares = np.array([0.0 if name == HOOK else amounts.get(name, 0.0) for name in self.parts])
         hook = factor * np.array([name == HOOK for name in self.parts])
-        f, c = (np.array([shares, hook]) @ one[:, k] for one in (self.f, self.c))
-        H, own = self.H[k], self.hook
+        f, c = (np.array([shares, hook]) @ loads_of_parts[:, k] for loads_of_parts in (self.f, self.c))
+        H, hook_inputs = self.H[k], self.hook
         gap = np.where(self.pushes, self.clearance, 0.0)
         G = np.tensordot(c, self.terms, 1)
         direct = np.vstack([self.direct, self.machine_loads[k]])
@@ -222,7 +222,7 @@ class Postures:
             X=np.vstack([self.X[k], -self.machine_forces[k]]),
             direct=(direct @ f[0], direct @ f[1]),
             pushes=self.pushes,
-            on=(self.B[:, own], H[:, own], self.energy[np.ix_(own, own)]),
+            on=(self.B[:, hook_inputs], H[:, hook_inputs], self.energy[np.ix_(hook_inputs, hook_inputs)]),
             by_load=bent[1],
         )
 
@@ -235,13 +235,13 @@ class Postures:
 
 
 def places_of(system: System, at: Stands) -> Array:
-    """Of the sides of all contacts, (P, sides) m."""
+    """Places of the sides of all contacts, (P, sides) m."""
     paths = {name: at.extensions.get(name, np.zeros(at.count)) for name in system.paths}
     x = system.coordinates(paths) if paths else system.coordinates({})
     return np.ascontiguousarray(np.broadcast_to(x, (at.count, len(system.sides))))
 
 
-def acting(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], Array, Array]:
+def unit_loads(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], Array, Array]:
     """Parts, and loads (w, P, i) and amplitudes (w, P, k) of a unit of each: of the weight, and of every load."""
     assert scene.gravity is not None
     names = _load_names(scene)
@@ -249,13 +249,13 @@ def acting(scene: Scene, system: System, at: Stands) -> tuple[tuple[str, ...], A
     numbers, f, c = np.arange(at.count, dtype=float), list[Array](), list[Array]()
     for one_of in (None, *names):
         loads = {name: unit[name] if name == one_of else 0.0 for name in names}
-        still = resting(scene, at.extensions, at.luffing, at.slewing, loads)
+        still = rest_scene(scene, at.extensions, at.luffing, at.slewing, loads)
         driven = Excitation.of(still)
         signals = in_order(driven.loads, system.input_names)
-        f.append(np.column_stack([np.empty((at.count, 0)), *(one.value(numbers) for one in signals)]))
+        f.append(np.column_stack([np.empty((at.count, 0)), *(signal.value(numbers) for signal in signals)]))
         c.append(driven.amplitudes(system.term_names, numbers))
     weight = [np.zeros_like(f[0]), *[f[0]] * len(names)], [np.zeros_like(c[0]), *[c[0]] * len(names)]
-    found_f, found_c = (np.array(one) - np.array(own) for one, own in zip((f, c), weight, strict=True))
+    found_f, found_c = (np.array(signal) - np.array(zero) for signal, zero in zip((f, c), weight, strict=True))
     return (WEIGHT, *names), found_f, found_c
 
 
@@ -263,12 +263,12 @@ def _load_names(scene: Scene) -> list[str]:
     return list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
 
 
-def turned(scene: Scene, system: System, at: Stands, angle: str) -> Array:
+def acceleration_loads(scene: Scene, system: System, at: Stands, angle: str) -> Array:
     """Loads (P, i) of a unit of the acceleration of an angle, in N s^2, on a scene that `with_hook` made."""
     names = [load.name for part in scene.sections for load in part.loads]
-    still, f = resting(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(names, 0.0)), list[Array]()
-    for one in (still, accelerated(still, angle)):
-        signals = in_order(Excitation.of(one).loads, system.input_names)
+    still, f = rest_scene(scene, at.extensions, at.luffing, at.slewing, dict.fromkeys(names, 0.0)), list[Array]()
+    for scene_of_rate in (still, accelerate_angle(still, angle)):
+        signals = in_order(Excitation.of(scene_of_rate).loads, system.input_names)
         f.append(np.column_stack([one_.value(np.arange(at.count, dtype=float)) for one_ in signals]))
     return np.asarray(f[1] - f[0])
 
@@ -280,7 +280,7 @@ def _arms(scene: Scene, at: Stands) -> Array:
 
 
 def _up(still: Scene, at: Stands) -> Array:
-    """The vertical (P, 3) in the axes of the boom, on a scene that `resting` made."""
+    """Vertical (P, 3) in the axes of the boom, of a scene of `rest_scene`."""
     assert still.frame is not None
     numbers = np.arange(at.count, dtype=float)
     return Turning.of(*still.frame.angles, numbers, still.frame.rocking).up
@@ -293,15 +293,15 @@ def _hook_inputs(system: System) -> NDArray[np.int64]:
     return np.array([*named.values(), *(across if "y" not in named else [])])
 
 
-def _shown(system: System) -> tuple[list[int], list[Output]]:
+def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
     """Numbers of outputs, and what they are: of the last body's tip, of supports that give way, and of probes."""
     numbers, outputs, first = list[int](), list[Output](), 0
     last = list(system.bodies)[-1]
     for name, body in system.bodies.items():
-        for k, (kind, one, unit) in enumerate(zip(kinds_of(body), names_of(body), units_of(body), strict=True)):
+        for k, (kind, output, unit) in enumerate(zip(kinds_of(body), names_of(body), units_of(body), strict=True)):
             what = kind.split(" ")[0]
             if what in ("probe", "support") or (what == "tip" and name == last):
                 numbers.append(first + k)
-                outputs.append(Output(named(name, one), what, name, unit=unit))
+                outputs.append(Output(named(name, output), what, name, unit=unit))
         first += len(kinds_of(body))
     return numbers, outputs

@@ -36,22 +36,22 @@ class Product:
     of: tuple[Quantity, ...]
 
     def times(self, factor: float, *more: Quantity) -> Product:
-        """The same times a number and further quantities."""
+        """Product with another factor and further quantities."""
         return replace(self, factor=factor * self.factor, of=(*self.of, *more))
 
 
 Products = tuple[Product, ...]
 
 
-def evaluated(products: Products, quantity: Callable[[Quantity], Array], t: Array) -> Array:
-    """Their sum at the times t (T,) s, with values (T,) of a quantity by itself."""
-    found = np.zeros_like(t)
+def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array) -> Array:
+    """Sum (T,) of products at the times t (T,) s, with values (T,) of each quantity by itself."""
+    total = np.zeros_like(t)
     for product in products:
         part = np.full_like(t, product.factor)
-        for one in product.of:
-            part *= quantity(one)
-        found += part
-    return found
+        for quantity_of_product in product.of:
+            part *= quantity(quantity_of_product)
+        total += part
+    return total
 
 
 def of_field(field: str, number: int, pivot: Sequence[float], shaken: bool, factor: float) -> Products:
@@ -64,18 +64,18 @@ def of_field(field: str, number: int, pivot: Sequence[float], shaken: bool, fact
     along = "xyz".index(field[0])
     if len(field) == 2:
         return (Product(factor, (("gradient", along, "xyz".index(field[1])),)),)
-    found = [Product(factor, (("gravity",), ("turned", 2, along)))]
-    found += [Product(factor * at, (("gradient", along, k),)) for k, at in enumerate(pivot) if at]
+    products = [Product(factor, (("gravity",), ("turned", 2, along)))]
+    products += [Product(factor * at, (("gradient", along, k),)) for k, at in enumerate(pivot) if at]
     if shaken:
-        found += [Product(factor, (("turned", axis, along), ("shaken", axis))) for axis in range(3)]
+        products += [Product(factor, (("turned", axis, along), ("shaken", axis))) for axis in range(3)]
     if number:
-        found.append(Product(factor, (("gradient", along, 0), ("reach", number, 0))))
+        products.append(Product(factor, (("gradient", along, 0), ("reach", number, 0))))
         across = (None, (2, 1.0), (1, -1.0))[along]  # of the angular velocity x e_x
         if across is None:
-            found.append(Product(factor, (("reach", number, 2),)))
+            products.append(Product(factor, (("reach", number, 2),)))
         else:
-            found.append(Product(2.0 * across[1] * factor, (("velocity", across[0]), ("reach", number, 1))))
-    return tuple(found)
+            products.append(Product(2.0 * across[1] * factor, (("velocity", across[0]), ("reach", number, 1))))
+    return tuple(products)
 
 
 def of_rotation(of: str, component: str) -> Products:

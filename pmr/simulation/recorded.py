@@ -14,7 +14,7 @@ from pmr.errors.text import visible
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
-from pmr.scene.former import stored
+from pmr.scene.former import stored_scene
 from pmr.scene.section import RECORDED
 from pmr.scene.signals import Signal
 from pmr.simulation.excitation import SLIDER, Excitation
@@ -38,11 +38,11 @@ class Recorded:
 
     @property
     def static(self) -> bool:
-        """Whether it starts in equilibrium with these; else at rest and undeformed."""
+        """True if it starts in equilibrium with the loads, else at rest and undeformed."""
         return self.excitation.start == "equilibrium"
 
 
-def recorded(system: System, source: str) -> Recorded:
+def read_scene(system: System, source: str) -> Recorded:
     """The scene in a system's provenance.
 
     Raises InputError of the file `source` if there is none, or anything but numbers stands where they belong.
@@ -62,13 +62,13 @@ def recorded(system: System, source: str) -> Recorded:
 
 
 def _of_body(scene: Any, system: System) -> Recorded:
-    """What a body alone starts with: of its scene no more is read than moves it, as files of all versions have it."""
+    """Recorded start of a body alone, by the keys of its scene that all versions of files have."""
     loads = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
     weight = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
     if weight is not None:
         loads.append(weight.signal)
     end, step, rho_inf = (float(scene["time"][key]) for key in ("end", "step", "rho_inf"))
-    stepping = _bounded(TimeStepping(end, step, rho_inf))
+    stepping = _check_steps(TimeStepping(end, step, rho_inf))
     path, start = _SIGNAL.validate_python(scene["slider"]["path"]), scene.get("start", "rest")
     if len(loads) != len(system.input_names):
         raise ValueError(f"{len(loads)} given, one for each input is allowed: {', '.join(system.input_names)}")
@@ -81,32 +81,32 @@ def _of_body(scene: Any, system: System) -> Recorded:
 
 
 def _of_sections(scene: Any, system: System) -> Recorded:
-    boom = stored(scene, "provenance.scene", RECORDED)
-    _bounded(TimeStepping(boom.time.end, boom.time.step))
+    boom = stored_scene(scene, "provenance.scene", RECORDED)
+    _check_steps(TimeStepping(boom.time.end, boom.time.step))
     if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.paths):
         raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
     return of_boom(boom, system)
 
 
-def _bounded(stepping: TimeStepping) -> TimeStepping:
+def _check_steps(stepping: TimeStepping) -> TimeStepping:
     if stepping.steps > MOST_STEPS:
         raise ValueError(f"{stepping.steps} steps, at most {MOST_STEPS:,} steps are allowed")
     return stepping
 
 
 def of_boom(boom: Scene, system: System) -> Recorded:
-    """What a boom of several sections starts with: equilibrium under its weight in full, unless it says otherwise."""
+    """Recorded start of a boom of several sections: equilibrium under its full weight by default."""
     excitation = Excitation.of(boom)
     gravity = boom.gravity and boom.gravity.model_copy(update={"rise": 0.0})
     in_full = Excitation.of(boom.model_copy(update={"gravity": gravity}))
     return Recorded(boom.title, excitation, in_full.forces(system.input_names)[0].copy(), boom)
 
 
-def visited(system: System) -> dict[str, tuple[float, float]]:
+def path_ranges(system: System) -> dict[str, tuple[float, float]]:
     """Smallest and largest s in m of each path in the scene of the sections; of others, where rows are defined."""
     ranges = system.ranges
     try:
-        excitation = None if ALONE in system.bodies else recorded(system, "system").excitation
+        excitation = None if ALONE in system.bodies else read_scene(system, "system").excitation
     except InputError:
         excitation = None
     if excitation is None:
@@ -116,7 +116,7 @@ def visited(system: System) -> dict[str, tuple[float, float]]:
 
 
 def _signals(scene: Any) -> list[Any]:
-    """What may be signals of a body alone, or in the sections of a boom: numbers, never the name of a reader's file."""
+    """Signals of a body alone, or of the sections of a boom: numbers, never the name of a reader's file."""
     parts = [part for part in scene.get("sections", [scene]) if isinstance(part, dict)]
     return [part.get(key) for part in parts for key in ("joint", "slider", "loads")]
 

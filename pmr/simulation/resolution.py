@@ -22,16 +22,16 @@ STEPS_A_PERIOD = 7
 
 
 def unseen(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """What of the signals, each with its name, is lost between the steps; a line each, empty where nothing is."""
+    """Lines that say what of each named signal is lost between the steps; empty where nothing is."""
     return [f"{name}: {what}" for name, signal in signals for what in _lost(signal, stepping)]
 
 
-def overshooting(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
+def overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
     """Tables whose curve leaves what they hold by more than `UNSEEN` of its range; a line each."""
     return [f"{name}: {what}" for name, signal in signals for part in signal.parts for what in _beyond(part, stepping)]
 
 
-def aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
+def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
     """Whether the signal has a tone that looks like a slower one at the steps."""
     return 2.0 * signal.highest_frequency(0.0, stepping.end) * stepping.step >= 1.0
 
@@ -41,8 +41,8 @@ def _lost(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
     for part in signal.parts:
         f = part.highest_frequency(0.0, stepping.end)
         if f * h >= 0.5:
-            seen = abs(f - round(f * h) / h)
-            at_rest = "stands still" if seen < 1.0 / stepping.end else f"looks like {seen:.4g} Hz"
+            apparent = abs(f - round(f * h) / h)
+            at_rest = "stands still" if apparent < 1.0 / stepping.end else f"looks like {apparent:.4g} Hz"
             yield f"{f:.6g} Hz {at_rest} at steps of {h:.4g} s; {_fine_enough(f)}"
         elif (1.0 - np.cos(np.pi * f * h)) / 2.0 > UNSEEN:
             yield f"{f:.6g} Hz has {1.0 / (f * h):.2g} steps of {h:.4g} s a period; {_fine_enough(f)}"
@@ -83,7 +83,7 @@ def _overshoot(signal: SignalBase, stepping: TimeStepping) -> tuple[float, float
     x = breaks / h
     first, last = np.ceil(x - 1e-9) - 1.0, np.floor(x + 1e-9) + 1.0  # a step on a break has one on either side
     around = signal.value(h * np.clip([first, np.clip(np.round(x), first, last), last], 0, steps))
-    there = np.stack([signal.value(breaks), signal.value(np.nextafter(breaks, -np.inf))])
-    beyond = np.maximum(there - around.max(axis=0), around.min(axis=0) - there).max(axis=0)
+    at_breaks = np.stack([signal.value(breaks), signal.value(np.nextafter(breaks, -np.inf))])
+    beyond = np.maximum(at_breaks - around.max(axis=0), around.min(axis=0) - at_breaks).max(axis=0)
     worst = int(np.argmax(beyond))
     return float(max(beyond[worst], 0.0) / (high - low)), float(breaks[worst])

@@ -19,7 +19,7 @@ from pmr.results import Energy, Response
 from pmr.results.outputs import Output
 from pmr.scene import Scene
 from pmr.scene.built import force_of
-from pmr.simulation.columns import called
+from pmr.simulation.columns import column_names
 from pmr.simulation.pivot import with_forces_on_machine
 from pmr.simulation.support_reactions import is_reaction, with_support_reactions
 from pmr.system.assembly import Assembly
@@ -43,7 +43,7 @@ class RestRows:
 
 
 def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, amplitudes: Array) -> RestRows:
-    """Rows of a scene that `resting` made, at the place of that number.
+    """Rows of a scene of `rest_scene`, at the place of that number.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: Cont
     states[: ends[-1]] = np.eye(n + m + i)
     c = np.zeros((len(states), amplitudes.shape[1]))
     for number, amplitude in enumerate(amplitudes):
-        own = slice(ends[-1] + number * n, ends[-1] + (number + 1) * n)
-        states[own, :n], c[own] = np.eye(n), amplitude
+        body_states = slice(ends[-1] + number * n, ends[-1] + (number + 1) * n)
+        states[body_states, :n], c[body_states] = np.eye(n), amplitude
     response = _response(scene, assembly, place, x, rows, states, c)
     values = np.empty((0, len(states))) if response.others is None else response.others.T
     q, forces, loads = np.split(values[:, : ends[-1]], ends[:2], axis=1)
@@ -78,15 +78,15 @@ def _response(
     t, none = np.full(count, float(place)), np.zeros(count)
     bodies = dict[str, Trajectory]()
     for name, body in system.bodies.items():
-        own = np.zeros((count, body.size))
-        own[:, assembly.free[name]] = q[:, assembly.coordinates[name]]
+        coordinates = np.zeros((count, body.size))
+        coordinates[:, assembly.free[name]] = q[:, assembly.coordinates[name]]
         at = np.broadcast_to(x[system.sides_of(name)], (count, len(system.sides_of(name))))
-        bodies[name] = Trajectory(t, own, np.zeros_like(own), system.pressed(name, forces), at, 0.0)
+        bodies[name] = Trajectory(t, coordinates, np.zeros_like(coordinates), system.pressed(name, forces), at, 0.0)
     trajectory = SystemTrajectory(
         t, bodies, forces, forces, loads, none, none, 0.0, np.nan, amplitudes=c if system.terms else None
     )
     springs, names, kinds, owners = _springs(system, assembly)
-    held = [k for k, one in enumerate(system.contacts) if not is_reaction(one)]
+    held = [k for k, contact in enumerate(system.contacts) if not is_reaction(contact)]
     y = (assembly.outputs[springs] @ q.T).T - forces @ rows.X[springs].T + loads @ assembly.direct[springs].T
     response = Response(
         t=t,
@@ -110,9 +110,9 @@ def _springs(
     """Numbers of the outputs that are forces of springs of bodies, with names, kinds and bodies."""
     numbers, names, kinds, owners = list[int](), list[str](), list[str](), list[str]()
     for name, body in system.bodies.items():
-        of = called(body)
+        of = column_names(body)
         numbers += (assembly.observed[name].start + np.flatnonzero(force_outputs(body))).tolist()
-        names += [named(name, one) for one in of.forces]
+        names += [named(name, spring) for spring in of.forces]
         kinds += of.kinds[1]
         owners += [name] * len(of.forces)
     return np.array(numbers, dtype=np.int64), names, kinds, owners

@@ -60,7 +60,7 @@ def consistent_start(
     """
     system, bodies = assembly.system, assembly.system.bodies
     starts = {
-        name: checked(initial[name], body.size) if name in initial else InitialState.at_rest(body.size)
+        name: check_state(initial[name], body.size) if name in initial else InitialState.at_rest(body.size)
         for name, body in bodies.items()
     }
     if not initial:
@@ -96,7 +96,7 @@ def _let_go(body: SlidingBody, v: Array) -> Array:
     return v
 
 
-def checked(initial: InitialState, size: int) -> InitialState:
+def check_state(initial: InitialState, size: int) -> InitialState:
     """The state as arrays; an InputError if q or v are not `size` finite values."""
     return InitialState(*(_vector(name, getattr(initial, name), size) for name in ("q", "v")))
 

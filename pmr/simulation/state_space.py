@@ -58,7 +58,7 @@ class StateSpace:
         return self.s if len(self.paths) > 1 else self.s.sum(axis=1)
 
     def place(self, k: int) -> str:
-        """Where the k-th place is, with all digits; of a body alone s."""
+        """Text of the k-th place with all digits; of a body alone s."""
         names = ("s",) if self.paths == (SLIDER,) else self.paths
         return ", ".join(f"{name} = {float(at)!r} m" for name, at in zip(names, self.s[k], strict=True)) or "at rest"
 
@@ -66,8 +66,8 @@ class StateSpace:
     def natural(self) -> Array:
         """Circular frequencies (S, r) in rad/s of the undamped system, ascending."""
         r = self.A.shape[1] // 2
-        found: Array = np.sqrt(np.abs(np.linalg.eigvals(-self.A[:, r:, :r]).real))
-        return np.sort(found, axis=1)
+        frequencies: Array = np.sqrt(np.abs(np.linalg.eigvals(-self.A[:, r:, :r]).real))
+        return np.sort(frequencies, axis=1)
 
 
 def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:
@@ -82,20 +82,20 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
     firm = np.all(rows.F == 0.0, axis=(0, 2))
     X, omega2 = _modes(system, assembly, rows.C[:, firm], firm, source)
     places = np.column_stack([np.empty((len(rows.C), 0)), *(np.broadcast_to(s[p], len(rows.C)) for p in system.paths)])
-    found = [_Held.at(assembly, rows.at(k), firm, X, omega2, p) for k, p in enumerate(places)]
+    spaces = [_Held.at(assembly, rows.at(k), firm, X, omega2, p) for k, p in enumerate(places)]
     r = len(omega2)
-    A = np.zeros((len(found), 2 * r, 2 * r))
+    A = np.zeros((len(spaces), 2 * r, 2 * r))
     A[:, :r, r:], A[:, r:, r:] = np.eye(r), -_damping(system, assembly, X, omega2)
-    A[:, r:, :r] = [-one.stiffness for one in found]
-    B = np.zeros((len(found), 2 * r, assembly.B.shape[1]))
-    B[:, r:] = [one.inputs for one in found]
+    A[:, r:, :r] = [-space.stiffness for space in spaces]
+    B = np.zeros((len(spaces), 2 * r, assembly.B.shape[1]))
+    B[:, r:] = [space.inputs for space in spaces]
     return StateSpace(
         paths=system.paths,
         s=places,
         A=A,
         B=B,
-        C=np.array([one.measured for one in found]),
-        D=np.array([one.direct for one in found]),
+        C=np.array([space.measured for space in spaces]),
+        D=np.array([space.direct for space in spaces]),
         inputs=system.input_names,
         outputs=(*system.output_names, *map(force_of, system.contact_names)),
         units=(*system.output_units, *("N",) * len(system.contacts)),
@@ -104,7 +104,7 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
 
 
 def _refuse(system: System, source: str) -> None:
-    if pushing := [one.name for one in system.contacts if one.clearance is not None]:
+    if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
         raise InputError(source, "rows", None, f"rows that hold both ways are allowed: {', '.join(pushing)} only push")
 
 
@@ -113,9 +113,9 @@ def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_]
     travelling = np.abs(C - C[0]).max(axis=(0, 2)) > SAME * np.abs(C).max(initial=0.0)
     if travelling.any():
         names = [name for name, rigid in zip(system.contact_names, firm, strict=True) if rigid]
-        said = ", ".join(name for name, moves in zip(names, travelling, strict=True) if moves)
+        rigid_rows = ", ".join(name for name, moves in zip(names, travelling, strict=True) if moves)
         allowed = (
-            f"rows that give way are allowed in a state space at several places, {said} are rigid: one place, or "
+            f"rows that give way are allowed in a state space at several places, {rigid_rows} are rigid: one place, or "
             "reduction.flexibility"
         )
         raise InputError(source, "rows", None, allowed)
@@ -126,8 +126,8 @@ def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_]
 
 def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Array:
     """X^T D X, exactly diagonal where all bodies have the same classical damping."""
-    known = {body.rayleigh for body in system.bodies.values()}
-    common = known.pop() if len(known) == 1 else None
+    laws = {body.rayleigh for body in system.bodies.values()}
+    common = laws.pop() if len(laws) == 1 else None
     M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
     return symmetric(
         modal_damping(D, D if common is None else D - common.alpha * M - common.beta * K, omega2, X, common)
@@ -154,16 +154,16 @@ class _Held:
         forces, of_rates = np.zeros((len(firm), r + B.shape[1])), np.zeros((len(firm), r))
         forces[~firm] = answers
         if firm.any():  # what holds the modes against all other forces: C_r q'' = 0
-            left = rows.C[firm] @ np.linalg.inv(assembly.M.toarray())
-            mobility = np.linalg.pinv(left @ rows.C[firm].T, hermitian=True) @ left
+            mobile = rows.C[firm] @ np.linalg.inv(assembly.M.toarray())
+            mobility = np.linalg.pinv(mobile @ rows.C[firm].T, hermitian=True) @ mobile
             forces[firm] = mobility @ (np.hstack([-(assembly.K @ X), B]) - soft.C.T @ answers)
             of_rates[firm] = -mobility @ (assembly.D @ X)
         shapes = np.hstack([assembly.outputs @ X, assembly.direct]) - rows.X @ forces
-        moved = np.hstack([shapes[:, :r], -rows.X @ of_rates])
+        outputs = np.hstack([shapes[:, :r], -rows.X @ of_rates])
         return cls(
             stiffness=np.diag(omega2) + C.T @ answers[:, :r],
             inputs=X.T @ B - C.T @ answers[:, r:],
-            measured=np.vstack([moved, np.hstack([forces[:, :r], of_rates])]),
+            measured=np.vstack([outputs, np.hstack([forces[:, :r], of_rates])]),
             direct=np.vstack([shapes[:, r:], forces[:, r:]]),
         )
 

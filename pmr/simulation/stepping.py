@@ -60,8 +60,8 @@ class TimeStepping:
     def steps(self) -> int:
         return round(self.end / self.step)
 
-    def divided(self, parts: int) -> TimeStepping:
-        """The same with `parts` steps for each."""
+    def divide(self, parts: int) -> TimeStepping:
+        """Time grid with `parts` steps for each step of this one."""
         return self if parts == 1 else TimeStepping(self.end, self.end / (self.steps * parts), self.rho_inf, 1)
 
     @property

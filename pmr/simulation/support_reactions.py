@@ -12,7 +12,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene.built import reaction_of
 from pmr.scene.names import ALONE
-from pmr.simulation.modal import inertia_share, support_forces, unpressed
+from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.contacts import Contact, named
 from pmr.system.system import System, SystemTrajectory
@@ -27,35 +27,35 @@ def is_reaction(contact: Contact) -> bool:
 
 
 def with_support_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
-    """With what bodies press on their rigid supports; full ones of several, or with terms, where these are contacts."""
-    of_bodies, found, first = dict[str, Supports](), dict[str, Array](), 0
+    """Add forces on rigid supports; of full bodies of several, or with terms, where supports are contacts."""
+    of_bodies, reactions, first = dict[str, Supports](), dict[str, Array](), 0
     for name, body in system.bodies.items():
         loads = trajectory.loads[:, first : first + len(body.input_names)]
         first += len(body.input_names)
-        known, motion = body.reactions, trajectory.bodies[name]
-        held = [k for k, one in enumerate(system.contacts) if one.inner.body == name and is_reaction(one)]
+        body_reactions, motion = body.reactions, trajectory.bodies[name]
+        held = [k for k, contact in enumerate(system.contacts) if contact.inner.body == name and is_reaction(contact)]
         alone = name == ALONE and not system.terms
         if isinstance(body, FullBody) and held and not alone:
             rows = [body.rows.rows[body.row_names.index(system.contacts[k].inner.row)] for k in held]
-            of_bodies[name], found[name] = [(row.name, row.unit) for row in rows], trajectory.forces[:, held]
-        if known is None or not (alone or isinstance(body, ReducedModel)):
+            of_bodies[name], reactions[name] = [(row.name, row.unit) for row in rows], trajectory.forces[:, held]
+        if body_reactions is None or not (alone or isinstance(body, ReducedModel)):
             continue
         if name == ALONE:
             forces = support_forces(body, on_rows(system, body, motion), loads)
-        elif body.carriers is None or known.carried is None:
+        elif body.carriers is None or body_reactions.carried is None:
             continue
         else:
-            carried = known.carried - body.carriers.values @ inertia_share(body, known).T
-            forces = unpressed(body, known, motion, loads)
-            own = [side for side in system.sides if side.place.body == name]
-            for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
+            carried = body_reactions.carried - body.carriers.values @ inertia_share(body, body_reactions).T
+            forces = forces_without_rows(body, body_reactions, motion, loads)
+            body_sides = [side for side in system.sides if side.place.body == name]
+            for side, x, force in zip(body_sides, motion.s.T, motion.multipliers.T, strict=True):
                 forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
                 if trajectory.moments is not None:
                     turned = system.row(side.place).weights(x, 1) @ carried
                     forces += side.sign * trajectory.moments[:, side.contact, None] * turned
-        forces = forces - _of_terms(system, name, inertia_share(body, known), trajectory)
-        of_bodies[name], found[name] = known.supports, forces
-    return with_reactions(response, of_bodies, found)
+        forces = forces - _of_terms(system, name, inertia_share(body, body_reactions), trajectory)
+        of_bodies[name], reactions[name] = body_reactions.supports, forces
+    return with_reactions(response, of_bodies, reactions)
 
 
 def on_rows(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
@@ -70,30 +70,30 @@ def on_rows(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory
 
 
 def _of_terms(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
-    """What terms that vary in time take from the forces on a body's rigid supports, (T, h)."""
-    found: Array | float = 0.0
+    """Part of the forces (T, h) on a body's rigid supports that terms that vary in time carry."""
+    total: Array | float = 0.0
     if trajectory.amplitudes is None:
-        return found
+        return total
     for term, c in zip(system.terms, trajectory.amplitudes.T, strict=True):
         if (work := term.supports.get(name)) is not None:
-            motions = [trajectory.bodies[one] for one in term.bodies]
+            motions = [trajectory.bodies[member] for member in term.bodies]
             before = term.bodies.index(name) and system.bodies[term.bodies[0]].size
             for key, A in term.arrays.items():
-                own = A[before : before + system.bodies[name].size]
-                moved = np.hstack([one.q if key == "stiffness" else one.v for one in motions])
-                found = found + c[:, None] * (moved @ (work - P @ own).T)
-    return found
+                inertia_part = A[before : before + system.bodies[name].size]
+                states = np.hstack([motion.q if key == "stiffness" else motion.v for motion in motions])
+                total = total + c[:, None] * (states @ (work - P @ inertia_part).T)
+    return total
 
 
 def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:
-    """With the forces (T, h) of rigid supports, by body, after all other outputs."""
+    """Add the forces (T, h) of rigid supports, by body, after all other outputs."""
     if not forces:
         return response
-    supports = [(body, one, unit) for body, of in of_bodies.items() for one, unit in of]
+    supports = [(body, name, unit) for body, of in of_bodies.items() for name, unit in of]
     return replace(
         response,
         others=np.hstack([*([] if response.others is None else [response.others]), *forces.values()]),
-        other_names=(*response.other_names, *(reaction_of(named(body, one)) for body, one, _ in supports)),
+        other_names=(*response.other_names, *(reaction_of(named(body, name)) for body, name, _ in supports)),
         other_units=(*response.other_units, *(unit for *_, unit in supports)),
         kinds=(*response.kinds, *("reaction" for _ in supports)),
         bodies=(*response.bodies, *(body for body, *_ in supports)),

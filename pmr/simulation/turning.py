@@ -28,26 +28,26 @@ class Turning:
     @classmethod
     def of(cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()) -> Turning:
         """At the times t (T,) s, on a base that rolls, pitches and yaws by `rocking`, or keeps its direction."""
-        return cls.by(_followed(luffing, t), _followed(slewing, t), [_followed(one, t) for one in rocking])
+        return cls.by(_motion_of(luffing, t), _motion_of(slewing, t), [_motion_of(angle, t) for angle in rocking])
 
     @classmethod
     def by(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> Turning:
-        """The same by the angles themselves, (T,) rad, with their rates and second rates."""
-        own = cls._on_base(luffing, slewing)
+        """Rotation by angles (T,) rad, with their rates and second rates."""
+        turning = cls._on_base(luffing, slewing)
         if not rocking:
-            return own
-        base = cls.rocked(rocking)
+            return turning
+        base = cls.from_rocking(rocking)
         velocity, acceleration = (
-            np.einsum("tji,tj->ti", own.rotation, one) for one in (base.velocity, base.acceleration)
+            np.einsum("tji,tj->ti", turning.rotation, vectors) for vectors in (base.velocity, base.acceleration)
         )
         return cls(
-            velocity + own.velocity,
-            acceleration + np.cross(velocity, own.velocity) + own.acceleration,
-            base.rotation @ own.rotation,
+            velocity + turning.velocity,
+            acceleration + np.cross(velocity, turning.velocity) + turning.acceleration,
+            base.rotation @ turning.rotation,
         )
 
     @classmethod
-    def rocked(cls, rocking: Sequence[Angle]) -> Turning:
+    def from_rocking(cls, rocking: Sequence[Angle]) -> Turning:
         """A base that rolls by a, pitches by b and yaws by c, :math:`R_Z(c) R_Y(b) R_X(a)`, in its own axes."""
         (a, a1, a2), (b, b1, b2), (c, c1, c2) = rocking
         (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
@@ -60,8 +60,8 @@ class Turning:
             ],
             axis=-1,
         )
-        one, none = np.ones_like(a), np.zeros_like(a)
-        roll = np.moveaxis(np.array([[one, none, none], [none, ca, -sa], [none, sa, ca]]), -1, 0)
+        ones, none = np.ones_like(a), np.zeros_like(a)
+        roll = np.moveaxis(np.array([[ones, none, none], [none, ca, -sa], [none, sa, ca]]), -1, 0)
         return cls(velocity, acceleration, rotation(-b, c) @ roll)
 
     @classmethod
@@ -85,15 +85,15 @@ class Turning:
     @cached_property
     def gradient(self) -> Array:
         """A (T, 3, 3) in 1/s^2."""
-        spin = _crossing(self.velocity)
-        return _crossing(self.acceleration) + spin @ spin
+        spin = _skew(self.velocity)
+        return _skew(self.acceleration) + spin @ spin
 
 
-def _followed(angle: SignalBase, t: Array) -> Angle:
+def _motion_of(angle: SignalBase, t: Array) -> Angle:
     return angle.value(t), angle.rate(t), angle.second_rate(t)
 
 
-def _crossing(vectors: Array) -> Array:
+def _skew(vectors: Array) -> Array:
     """Matrices (T, 3, 3) whose product with r is v x r."""
     x, y, z = vectors.T
     none = np.zeros_like(x)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.simulation.postures import HOOK, Postures
 from pmr.simulation.statics.loaded import Loaded, State, States
 from pmr.studies.limits import Limit
-from pmr.studies.searches import Search, Share, first_load, searched
+from pmr.studies.searches import Search, Share, first_load, run_searches
 
 Array = NDArray[np.float64]
 
@@ -35,12 +35,12 @@ class Place:
 
     @cached_property
     def loaded(self) -> Loaded:
-        """What stands there."""
+        """Equilibria of the boom at this place under any load."""
         named = dict(zip(self.at.parts, self.amounts, strict=True))
         return Loaded(self.at.at(self.k, named, named[HOOK]))
 
     def share(self, limit: Limit) -> Share:
-        """Of a limit that states use."""
+        """Function of states that returns the used share of a limit."""
         if limit not in self._shares:
             self._shares[limit] = limit.share(self.at, self.k, self.amounts)
         return self._shares[limit]
@@ -59,45 +59,45 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, near: Arr
 
     `near` is what another model says.
     """
-    loaded, beside = place.loaded, np.full(len(limits) + 1, np.nan) if near is None else near
+    loaded, near_loads = place.loaded, np.full(len(limits) + 1, np.nan) if near is None else near
     first = loaded.state(0.0)
-    found = np.zeros(len(limits) + 1)
+    loads = np.zeros(len(limits) + 1)
     top = min(up_to, first.form.critical * (1.0 - 1e-9)) if loaded.both_ways else up_to
     if first.stands:
-        found[:-1] = _by_limit(limits, place, top, beside)
-        known = found[:-1] > 0.0
-        found[:-1][known] = _standing(loaded, found[:-1][known])
-    found[-1] = _stable(loaded, up_to)
-    return found
+        loads[:-1] = _by_limit(limits, place, top, near_loads)
+        reached = loads[:-1] > 0.0
+        loads[:-1][reached] = _standing_loads(loaded, loads[:-1][reached])
+    loads[-1] = _stable(loaded, up_to)
+    return loads
 
 
-def _standing(loaded: Loaded, loads: Array) -> Array:
+def _standing_loads(loaded: Loaded, loads: Array) -> Array:
     """The loads in kg under a little less of which it stands, NaN for the others, where it has fallen over before."""
     return np.where(loaded.states((loads * (1.0 - BELOW)).tolist()).stands, loads, np.nan)
 
 
 def _by_limit(limits: Sequence[Limit], place: Place, top: float, near: Array) -> Array:
     """The load in kg at which each limit is reached, NaN where it is not up to `top`."""
-    loaded, found, searches = place.loaded, np.full(len(limits), np.nan), dict[int, tuple[Share, Search]]()
-    for n, (limit, known) in enumerate(zip(limits, near.tolist(), strict=False)):
-        own = limit.directly(loaded.state(0.0).form, known, top) if loaded.both_ways else None
-        if own is None:
-            searches[n] = place.share(limit), first_load(top, grows=limit.grows, near=known, at_once=loaded.both_ways)
-        elif own <= top:
-            found[n] = own
-    for n, load in searched(loaded, searches).items():
-        found[n] = np.nan if load is None else load
-    return found
+    loaded, loads, searches = place.loaded, np.full(len(limits), np.nan), dict[int, tuple[Share, Search]]()
+    for n, (limit, guess) in enumerate(zip(limits, near.tolist(), strict=False)):
+        direct = limit.directly(loaded.state(0.0).form, guess, top) if loaded.both_ways else None
+        if direct is None:
+            searches[n] = place.share(limit), first_load(top, grows=limit.grows, near=guess, at_once=loaded.both_ways)
+        elif direct <= top:
+            loads[n] = direct
+    for n, load in run_searches(loaded, searches).items():
+        loads[n] = np.nan if load is None else load
+    return loads
 
 
 def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: float) -> Array:
-    r"""What large rotations may change of allowed loads (l,) kg, that of stability last: none is known of that.
+    r"""Change of allowed loads (l,) in kg by large rotations; 0 for stability, the last one, where it is unknown.
 
     A tip that is w to the side of a boom of length l stands by :math:`\theta \approx 3 w / 2 l` aside, and projections
     that second order takes as 1 are :math:`1 - \theta^2 / 2`.  Of a limit of which the rest uses :math:`u_0` these are
     :math:`\tfrac98 (w / l)^2 P / (1 - u_0)`; of overturning of the moment of load and boom together.
     """
-    found, tip = np.zeros(len(loads)), [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
+    changes, tip = np.zeros(len(loads)), [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
     states, unloaded = place.loaded.states(loads.tolist()), place.loaded.states([0.0])
     for n, (limit, state) in enumerate(zip(limits, states.split([1] * len(loads)), strict=False)):
         load = float(state.load[0])
@@ -105,11 +105,11 @@ def bent_further(limits: Sequence[Limit], place: Place, loads: Array, reach: flo
             continue
         share = PROJECTED * float(np.sum(state.outputs[0, tip] ** 2)) / reach**2
         if limit.of == "overturning":
-            found[n] = share * limit.tipping(place.at, place.k, place.amounts).moved_by(state, limit.factor)
+            changes[n] = share * limit.tipping(place.at, place.k, place.amounts).moved_by(state, limit.factor)
         else:
-            rest = float(place.share(limit)(unloaded)[0])
-            found[n] = load * share / (1.0 - min(rest, MOST_AT_REST))
-    return found
+            used_unloaded = float(place.share(limit)(unloaded)[0])
+            changes[n] = load * share / (1.0 - min(used_unloaded, MOST_AT_REST))
+    return changes
 
 
 def _stable(loaded: Loaded, up_to: float) -> float:
@@ -119,10 +119,10 @@ def _stable(loaded: Loaded, up_to: float) -> float:
         return critical if critical <= up_to else np.nan
 
     search = first_load(up_to, at_once=False)
-    found = searched(loaded, {"stability": (_pressed, search)})["stability"]
-    return np.nan if found is None else found
+    load = run_searches(loaded, {"stability": (_buckling_share, search)})["stability"]
+    return np.nan if load is None else load
 
 
-def _pressed(states: States) -> Array:
+def _buckling_share(states: States) -> Array:
     """Share of the load that buckles it."""
     return states.load / np.array([form.critical for form in states.forms])

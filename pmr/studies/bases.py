@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import MODAL, extended, truncated
+from pmr.reduced.truncation import MODAL, extend, truncate
 from pmr.scene import Reduction, Scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
@@ -40,7 +40,7 @@ class Case:
     @classmethod
     def of(cls, scene: Scene) -> Case:
         form, excitation = modal_form(shared.body_of(scene)), Excitation.of(scene)
-        run = _simulated(form, excitation)
+        run = _simulate(form, excitation)
         return cls(scene, excitation, form.body, run, _outputs(form.body, run))
 
 
@@ -67,14 +67,14 @@ def simulator(model: ReducedModel) -> Callable[[Excitation, int], Motion]:
     form = modal_form(model)
 
     def simulate(excitation: Excitation, every: int) -> Motion:
-        run = _simulated(form, excitation, every)
+        run = _simulate(form, excitation, every)
         y = _outputs(form.body, run)[:, length_outputs(form.body)]
         return Motion(y, run.energy, run.seconds)
 
     return simulate
 
 
-def _simulated(form: ModalForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
+def _simulate(form: ModalForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
     """From rest or equilibrium, in modal coordinates."""
     alone = SystemForm.alone(form)
     return systems.simulate_form(alone, excitation, every=every)
@@ -85,7 +85,7 @@ def _outputs(body: ReducedModel, run: SystemTrajectory) -> Array:
 
 
 def reduction(scene: Scene, basis: str, largest: int) -> Reduction:
-    """What a scene has to ask for to get models of a basis with up to `largest` coordinates."""
+    """Reduction of a scene for models of a basis with up to `largest` coordinates."""
     solver = scene.reduction.solver
     if basis == "visited":
         return Reduction(basis="eigenmodes", snapshots=9, modes=4, coordinates=min(largest, 36), solver=solver)
@@ -116,13 +116,13 @@ def modes(case: Case) -> Models:
 def flexible(case: Case) -> Models:
     """Free modes with the flexibility of those left out."""
     longest = _built(case)
-    every = extended(longest) if longest.enrichment else longest
+    every = extend(longest) if longest.enrichment else longest
     more = every.size - longest.size
 
     def of(r: int) -> ReducedModel:
-        """With as many enrichment modes as the longest model has."""
-        found = every if r + more == every.size else replace(truncated(every, r + more), enrichment=None)
-        return truncated(found, r) if more else found
+        """Model of r coordinates, with as many enrichment modes as the longest model has."""
+        model = every if r + more == every.size else replace(truncate(every, r + more), enrichment=None)
+        return truncate(model, r) if more else model
 
     omega2 = np.diagonal(longest.K)
     rigid = int(np.sum(omega2 <= MODAL * np.finfo(float).eps * omega2[-1]))  # which have no flexibility
@@ -131,10 +131,10 @@ def flexible(case: Case) -> Models:
 
 def trajectory(case: Case) -> Models:
     """POD of the full model's own motion."""
-    return _spanned(case.full, case.run.bodies[ALONE].q[::EVERY].T)
+    return _span_models(case.full, case.run.bodies[ALONE].q[::EVERY].T)
 
 
-def _spanned(body: ReducedModel, pool: Array) -> Models:
+def _span_models(body: ReducedModel, pool: Array) -> Models:
     """Models on the POD of a pool of modal coordinates (n, k)."""
     U, sigma, _ = np.linalg.svd(pool, full_matrices=False)
     rank = int(np.sum(sigma > sigma[0] * 1e-13))
@@ -150,13 +150,13 @@ MODELS: dict[str, Callable[[Case], Models]] = {
 }
 
 
-def stepped(excitation: Excitation, factor: float) -> Excitation:
-    """The same with a step that is so many times as long."""
-    given = excitation.stepping
-    return excitation.with_stepping(TimeStepping(given.end, given.step * factor, given.rho_inf))
+def scale_step(excitation: Excitation, factor: float) -> Excitation:
+    """Excitation with a step that is `factor` times as long."""
+    grid = excitation.stepping
+    return excitation.with_stepping(TimeStepping(grid.end, grid.step * factor, grid.rho_inf))
 
 
-def observed(form: ModalForm, excitation: Excitation, every: int) -> Array:
+def observe(form: ModalForm, excitation: Excitation, every: int) -> Array:
     """Displacements (T, o) in m at each `every`-th step."""
     chosen = np.flatnonzero(length_outputs(form.body)).tolist()
     return systems.observe(SystemForm.alone(form), excitation, chosen, every).y

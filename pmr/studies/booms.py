@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 RIGID = 6
 
 
-def meshed(boom: Scene, count: int) -> Scene:
+def with_elements(boom: Scene, count: int) -> Scene:
     """Return the boom with so many elements in every section, and the full model alone."""
     return _with(boom, "mesh", {"elements": count})
 

@@ -64,14 +64,14 @@ def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
         results.save(_summary(part.study.title, part.study.kind) | _of_study(part.study, results), tables)
         written += [results.folder / name for name in ("runs.csv", *filter(tables.get, tables))]
     if "" not in outcome.results:
-        runs = tuple(record for name, results in outcome.results.items() for record in _named(name, results))
+        runs = tuple(record for name, results in outcome.results.items() for record in _rename_runs(name, results))
         StudyResults(folder, runs).save_summary(
             _summary(project.title, project.kind) | {"studies": list(outcome.results)}
         )
     return written
 
 
-def _named(name: str, results: StudyResults) -> list[RunRecord]:
+def _rename_runs(name: str, results: StudyResults) -> list[RunRecord]:
     """Runs as seen from the folder above."""
     return [
         replace(run, key=f"{name}/{run.key}", file=run.file and os.path.normpath(os.path.join(name, run.file)))

@@ -83,7 +83,7 @@ class LoadCase(_Table):
         """Whether a load hangs."""
         return self.load > 0.0
 
-    def checked(self, key: str, load_names: set[str], classes: Mapping[str, tuple[float, float]]) -> None:
+    def check_loads(self, key: str, load_names: set[str], classes: Mapping[str, tuple[float, float]]) -> None:
         """An InputError with the `key` is raised for a load or a class that is not known."""
         if self.hoisting_class is not None:
             hoisting_factor(f"{key}.hoisting_class", classes, self.hoisting_class, 0.0)
@@ -97,19 +97,19 @@ class LoadCase(_Table):
                 allowed = f"{', '.join(sorted(load_names)) or 'no loads'} of the scene are allowed"
                 raise InputError("study", f"{key}.{of}", value, allowed)
 
-    def hoisting(self, classes: Mapping[str, tuple[float, float]]) -> float:
+    def hoisting_factor(self, classes: Mapping[str, tuple[float, float]]) -> float:
         """The class's factor of the load; 1 without a class."""
         if self.hoisting_class is None:
             return 1.0
         return hoisting_factor("hoisting_class", classes, self.hoisting_class, self.hoisting_speed or 0.0)
 
-    def acting(self, classes: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+    def acting_amounts(self, classes: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
         """``name``, ``weight``, ``load`` with the class's factor, and ``loads`` with those of the wind."""
         loads = self.loads | (self.wind.forces if self.wind else {})
         return {
             "name": self.name,
             "weight": self.weight,
-            "load": self.load * self.hoisting(classes),
+            "load": self.load * self.hoisting_factor(classes),
             "loads": loads,
         }
 

@@ -57,37 +57,43 @@ class RestingResponse(Response):
 
 
 def contacts_as_text(system: System) -> NDArray[np.str_]:
-    """What warnings have to know of a system's contacts, in JSON."""
-    known = [
-        {"name": one.name, "body": one.inner.body, "path": one.inner.path, "clearance": one.clearance, "kind": one.kind}
-        for one in system.contacts
+    """Contacts of a system in JSON, as far as warnings depend on them."""
+    records = [
+        {
+            "name": contact.name,
+            "body": contact.inner.body,
+            "path": contact.inner.path,
+            "clearance": contact.clearance,
+            "kind": contact.kind,
+        }
+        for contact in system.contacts
     ]
-    return np.array(json.dumps(known))
+    return np.array(json.dumps(records))
 
 
 def contacts_from_text(text: NDArray[np.str_]) -> list[Contact]:
     """The contacts that `contacts_as_text` wrote, without their places and stiffnesses."""
     return [
         Contact(
-            one["name"],
-            ContactPlace(one["body"], one["name"], path=one["path"]),
-            clearance=one["clearance"],
-            kind=one["kind"],
+            record["name"],
+            ContactPlace(record["body"], record["name"], path=record["path"]),
+            clearance=record["clearance"],
+            kind=record["kind"],
         )
-        for one in json.loads(str(text))
+        for record in json.loads(str(text))
     ]
 
 
-def resting(place: Place, load: float, reach: float) -> list[AtRest]:
+def boom_at_rest(place: Place, load: float, reach: float) -> list[AtRest]:
     """The boom at a place without a load, and just below a load in kg, as far as it stands."""
     at, k = place.at, place.k
     where = f"at a reach of {reach:.4g} m, raised {np.rad2deg(at.luffing[k]):.4g} degrees"
     if at.slewing[k]:
         where += f", slewed {np.rad2deg(at.slewing[k]):.4g} degrees"
-    found = [AtRest(place, 0.0, f"{where}, without a load")]
+    rests = [AtRest(place, 0.0, f"{where}, without a load")]
     if load > 0.0:
-        found.append(AtRest(place, load * (1.0 - BELOW), f"{where}, under {load:.4g} kg"))
-    return [one for one in found if one.state.stands]
+        rests.append(AtRest(place, load * (1.0 - BELOW), f"{where}, under {load:.4g} kg"))
+    return [at_rest for at_rest in rests if at_rest.state.stands]
 
 
 def warnings_of_row(
@@ -110,15 +116,15 @@ def warnings_of_row(
     for k, (of_limits, of_cases) in enumerate(zip(loads, cases, strict=True), first):
         limit = int(of_limits.argmin())
         place = places(models["own"][0], k)[of_cases[limit]]
-        standing = resting(place, float(of_limits[limit]), float(reach[k]))
+        standing = boom_at_rest(place, float(of_limits[limit]), float(reach[k]))
         rests += standing
         numbers += [int(of_cases[limit])] * len(standing)
-    others = {
-        name: ([places(at, one.place.k)[n] for one, n in zip(rests, numbers, strict=True)], called, share)
+    other_models = {
+        name: ([places(at, at_rest.place.k)[n] for at_rest, n in zip(rests, numbers, strict=True)], called, share)
         for name, (at, called, share) in models.items()
         if name != "own"
     }
-    return warnings(scene, contacts, rests, float(reach.max()), others)
+    return warnings(scene, contacts, rests, float(reach.max()), other_models)
 
 
 def warnings(
@@ -126,7 +132,7 @@ def warnings(
     contacts: Sequence[Contact],
     rests: Sequence[AtRest],
     reach: float,
-    others: Mapping[str, tuple[Sequence[Place], str, float]],
+    other_models: Mapping[str, tuple[Sequence[Place], str, float]],
 ) -> tuple[str, ...]:
     """Lines of a run's warnings for places at rest, the gravest first, of a boom that reaches so far at most, in m.
 
@@ -137,21 +143,21 @@ def warnings(
         return ()
     response = _response(rests)
     parts = [
-        Part(grave=pad_forces.pulled(scene, contacts, response)),
+        Part(grave=pad_forces.pulled_rings(scene, contacts, response)),
         ropes.part(scene, response),
         Part(grave=trust.large_motion(reach, [response])),
     ]
     budget = {}
-    for name, (places, called, share) in others.items():
-        beside = [AtRest(place, one.load, one.words) for place, one in zip(places, rests, strict=True)]
-        budget[name] = _off(rests, beside, share) | ({"beside": called} if name == "model" else {})
-    hints = [*pad_forces.unknown(scene, response), *pad_forces.missing(scene)]
+    for name, (places, called, share) in other_models.items():
+        other_rests = [AtRest(place, at_rest.load, at_rest.words) for place, at_rest in zip(places, rests, strict=True)]
+        budget[name] = _off(rests, other_rests, share) | ({"beside": called} if name == "model" else {})
+    hints = [*pad_forces.unknown(scene, response), *pad_forces.missing_reactions(scene)]
     return (*grave(parts), *far_off.warnings(scene, budget), *hints)
 
 
 def _response(rests: Sequence[AtRest]) -> RestingResponse:
     """Displacements of the tip and forces of contacts, a place for each time."""
-    at, states = rests[0].place.at, [one.state for one in rests]
+    at, states = rests[0].place.at, [at_rest.state for at_rest in rests]
     t, nothing = np.arange(len(rests), dtype=float), np.zeros(len(rests))
     tip = _numbers(at, "tip")[0]
     return RestingResponse(
@@ -165,23 +171,23 @@ def _response(rests: Sequence[AtRest]) -> RestingResponse:
         seconds=0.0,
         output_names=tuple(at.output_names[n] for n in tip),
         force_names=tuple(map(force_of, at.force_names)),
-        words=tuple(one.words for one in rests),
+        words=tuple(at_rest.words for at_rest in rests),
     )
 
 
-def _off(own: Sequence[AtRest], other: Sequence[AtRest], share: float) -> dict[str, Any]:
+def _off(rests: Sequence[AtRest], other: Sequence[AtRest], share: float) -> dict[str, Any]:
     """By kind, the share of what own figures are apart from those of another model, as fractions of the latter."""
-    pairs = [(one.state, beside.state) for one, beside in zip(own, other, strict=True)]
+    pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(rests, other, strict=True)]
     pairs = [(mine, theirs) for mine, theirs in pairs if theirs.stands]
-    found = dict[str, float]()
+    differences = dict[str, float]()
     for kind, called in KINDS.items():
         y, reference = (
-            np.array([_values(one.place.at, pair[n], kind) for pair in pairs])
-            for n, one in enumerate((own[0], other[0]))
+            np.array([_values(at_rest.place.at, pair[n], kind) for pair in pairs])
+            for n, at_rest in enumerate((rests[0], other[0]))
         )
         if y.size and y.shape == reference.shape and np.any(reference):
-            found[called] = share * relative_error(y, reference)
-    return found
+            differences[called] = share * relative_error(y, reference)
+    return differences
 
 
 def _values(at: Postures, state: State, kind: str) -> list[float]:
@@ -195,4 +201,4 @@ def _values(at: Postures, state: State, kind: str) -> list[float]:
 def _numbers(at: Postures, kind: str) -> tuple[list[int], list[int]]:
     """Numbers of outputs and of contacts of a kind."""
     outputs, forces = at.output_kinds, at.force_kinds
-    return [n for n, one in enumerate(outputs) if one == kind], [n for n, one in enumerate(forces) if one == kind]
+    return [n for n, label in enumerate(outputs) if label == kind], [n for n, one in enumerate(forces) if one == kind]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation.bent import Bent
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acting, places_of, turned
+from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acceleration_loads, places_of, unit_loads
 from pmr.simulation.statics.buckling import buckling_factors
 from pmr.simulation.statics.lift_off import Rope, lift_off
 from pmr.simulation.statics.loaded import Loaded
@@ -53,7 +53,7 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     from pmr.compare.accuracy import mesh
     from pmr.compare.accuracy.mesh import FINER, ORDER
     from pmr.fullmodel.build import warnings
-    from pmr.reduction.bodies import joined, reduce_bodies
+    from pmr.reduction.bodies import join_bodies, reduce_bodies
     from pmr.studies import shared
     from pmr.studies.chart_warnings import contacts_as_text
 
@@ -61,16 +61,16 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     scene = with_fields(Scene.model_validate(arguments["boom"]), arguments.get("fields", ()), at.count)
     built = shared.bodies_of(scene)
     full = shared.full_system(scene)
-    system = joined(scene, reduce_bodies(scene, built))
-    found = Postures.of(scene, system, at)
+    system = join_bodies(scene, reduce_bodies(scene, built))
+    reduced = Postures.of(scene, system, at)
     reach = at.reach(scene)
     arrays = {
         **records.arrays(Bent.of(system, at), "bent."),
         "reach": reach,
         "contacts": contacts_as_text(system),
         "tip": at.on_ground(scene, reach),
-        **records.arrays(found, "reduced."),
-        **{f"turned.{angle}": turned(scene, system, at, angle) for angle in arguments.get("turned", ())},
+        **records.arrays(reduced, "reduced."),
+        **{f"turned.{angle}": acceleration_loads(scene, system, at, angle) for angle in arguments.get("turned", ())},
     }
     if arguments["error"]:
         better = richer_system(scene, system, at, arguments["up_to"])
@@ -79,7 +79,7 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
             arrays |= records.arrays(Postures.of(scene, finer, at), "finer.")
             arrays["mended"] = np.array(1.0 - FINER**-ORDER)
         arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
-    of_structures = [line for one in built.values() for line in warnings(one.structure)]
+    of_structures = [line for body in built.values() for line in warnings(body.structure)]
     lines = dict.fromkeys((*of_structures, *mesh.warnings(scene)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
@@ -87,32 +87,32 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 def on_finer_mesh(scene: Scene) -> System | None:
     """Reduced in the same way on elements half as long, of beams, whose reduction takes little time; else none."""
     from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, once
-    from pmr.reduction.bodies import joined, reduce_bodies
+    from pmr.reduction.bodies import join_bodies, reduce_bodies
     from pmr.studies import shared
 
     if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):
         return None
     finer = once(finer_beams(scene))
-    return joined(finer, reduce_bodies(finer, shared.bodies_of(finer)))
+    return join_bodies(finer, reduce_bodies(finer, shared.bodies_of(finer)))
 
 
 def richer_system(scene: Scene, system: System, at: Stands, up_to: float) -> System:
-    """With attachment modes for what contacts bear under no load and half of the largest, and as the boom buckles."""
+    """System with attachment modes for contact forces under no and half of the largest load, and for buckling."""
     from pmr.compare.richer import richer
 
-    few = at.some(_answered(at))
-    known, half = Postures.of(scene, system, few), up_to / 2.0
-    loaded = [Loaded(known.at(k, dict.fromkeys(known.parts, 0.0) | {WEIGHT: 1.0})) for k in range(few.count)]
-    most = [min(half, one.state(0.0).form.critical / 2.0) for one in loaded]
-    forces = [np.array([one.state(0.0).forces for one in loaded])]
-    forces.append(np.array([one.state(load).forces for one, load in zip(loaded, most, strict=True)]))
-    weight, hook = known.f[known.parts.index(WEIGHT)], known.f[known.parts.index(HOOK)]
+    few = at.some(_sample_places(at))
+    sample, half = Postures.of(scene, system, few), up_to / 2.0
+    loaded = [Loaded(sample.at(k, dict.fromkeys(sample.parts, 0.0) | {WEIGHT: 1.0})) for k in range(few.count)]
+    most = [min(half, equilibrium.state(0.0).form.critical / 2.0) for equilibrium in loaded]
+    forces = [np.array([equilibrium.state(0.0).forces for equilibrium in loaded])]
+    forces.append(np.array([equilibrium.state(load).forces for equilibrium, load in zip(loaded, most, strict=True)]))
+    weight, hook = sample.f[sample.parts.index(WEIGHT)], sample.f[sample.parts.index(HOOK)]
     loads = [weight, weight + np.array(most)[:, None] * hook]
-    if known.terms.size:
-        shapes = np.array([one.state(0.0).form.buckled(half)[0] for one in loaded])
+    if sample.terms.size:
+        shapes = np.array([equilibrium.state(0.0).form.buckled(half)[0] for equilibrium in loaded])
         forces.append(shapes * np.abs(forces[-1]).max(axis=1, initial=0.0)[:, None])
         loads.append(np.zeros_like(weight))
-    return richer(system, places_of(system, few), [np.nan_to_num(one) for one in forces], loads)
+    return richer(system, places_of(system, few), [np.nan_to_num(contact_forces) for contact_forces in forces], loads)
 
 
 def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: float) -> float:
@@ -121,34 +121,34 @@ def too_stiff(scene: Scene, better: System, full: System, at: Stands, up_to: flo
     A shape of few coordinates buckles later than that of all (Rayleigh's quotient), and the two models' errors of
     opposite sign may cancel in their difference.
     """
-    every = _answered(at)
+    every = _sample_places(at)
     few = at.some(every[np.linspace(0, len(every) - 1, min(MEASURED, len(every))).astype(int)])
     factors = []
     for system in (better, full):
-        assembly, x, (parts, _, c) = Assembly(system), places_of(system, few), acting(scene, system, few)
+        assembly, x, (parts, _, c) = Assembly(system), places_of(system, few), unit_loads(scene, system, few)
         pressed = c[parts.index(WEIGHT)] + up_to / 2.0 * c[parts.index(HOOK)]
-        named = [dict(zip(system.term_names, one.tolist(), strict=True)) for one in pressed]
-        factors.append([buckling_factors(assembly, at_, one)[0] for at_, one in zip(x, named, strict=True)])
-    found, exact = np.array(factors)
-    known = np.isfinite(found) & np.isfinite(exact)
-    return max(0.0, float(np.max(found[known] / exact[known] - 1.0, initial=0.0)))
+        named = [dict(zip(system.term_names, row.tolist(), strict=True)) for row in pressed]
+        factors.append([buckling_factors(assembly, at_, amounts)[0] for at_, amounts in zip(x, named, strict=True)])
+    richer, exact = np.array(factors)
+    finite = np.isfinite(richer) & np.isfinite(exact)
+    return max(0.0, float(np.max(richer[finite] / exact[finite] - 1.0, initial=0.0)))
 
 
-def _answered(at: Stands) -> NDArray[np.int64]:
+def _sample_places(at: Stands) -> NDArray[np.int64]:
     """Numbers of places: at each extension those of the least, a middle and the largest angle."""
     groups = dict[tuple[float, ...], list[int]]()
     for k in range(at.count):
-        groups.setdefault(tuple(float(one[k]) for one in at.extensions.values()), []).append(k)
-    found = set[int]()
+        groups.setdefault(tuple(float(extension[k]) for extension in at.extensions.values()), []).append(k)
+    selection = set[int]()
     for numbers in groups.values():
         ordered = sorted(numbers, key=lambda k: float(at.luffing[k]))
-        found |= {ordered[i] for i in np.linspace(0, len(ordered) - 1, min(ANSWERED, len(ordered))).astype(int)}
-    return np.array(sorted(found))
+        selection |= {ordered[i] for i in np.linspace(0, len(ordered) - 1, min(ANSWERED, len(ordered))).astype(int)}
+    return np.array(sorted(selection))
 
 
 @dataclass(frozen=True)
 class Models:
-    """Where the boom stands, by the reduced model, a richer one, one on a finer mesh and a richer structural one.
+    """Postures of the reduced model, a richer one, one on a finer mesh and a richer structural one.
 
     Of the last three those are None that are not there.
     """
@@ -164,29 +164,29 @@ class Models:
 
     @classmethod
     def of(cls, needs: Mapping[str, TaskResult]) -> Models:
-        """From the results of the tasks `postures` and `richer_model`."""
-        arrays, beside = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
-        found = {name: _behind(arrays, f"{name}.") for name in ("reduced", "richer", "finer")}
-        own, better, finer = (records.record(Postures, one) if one else None for one in found.values())
-        assert own is not None
+        """Collect the results of the tasks `postures` and `richer_model`."""
+        arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
+        by_model = {name: _behind(arrays, f"{name}.") for name in ("reduced", "richer", "finer")}
+        reduced, better, finer = (records.record(Postures, fields) if fields else None for fields in by_model.values())
+        assert reduced is not None
         mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
-        model = _behind(beside, "model.")
+        model = _behind(model_arrays, "model.")
         structural = records.record(Postures, model) if model else None
-        called = str(beside.get("called", beside.get("reason", "")))
-        return cls(own, better, finer, structural, called, mended, above, arrays["reach"])
+        called = str(model_arrays.get("called", model_arrays.get("reason", "")))
+        return cls(reduced, better, finer, structural, called, mended, above, arrays["reach"])
 
     @property
-    def compared(self) -> dict[str, tuple[Postures, str, float]]:
+    def compared_models(self) -> dict[str, tuple[Postures, str, float]]:
         """The model ``own``, and others by their part of the error: their names, and shares of the difference."""
-        own = {"own": (self.own, "", 0.0)}
+        models = {"own": (self.own, "", 0.0)}
         model = {} if self.structural is None else {"model": (self.structural, self.called, 1.0)}
-        return own | model | ({} if self.finer is None else {"mesh": (self.finer, "finer mesh", 1.0 / self.mended)})
+        return models | model | ({} if self.finer is None else {"mesh": (self.finer, "finer mesh", 1.0 / self.mended)})
 
     def not_covered(self, limits: Sequence[Limit]) -> list[str]:
         """Parts of the error that are not in the bars, a clause each."""
         if self.better is None:
             return ["any error: error_bars = false"]
-        of = sorted({one.of for one in limits} & set(UNCOMPARED))
+        of = sorted({limit.of for limit in limits} & set(UNCOMPARED))
         model = f"the structural model: {self.called}" if self.structural is None else ""
         if not model and of:
             model = f"the structural model in limits of {' and '.join(of)}: {STRESS}"
@@ -195,8 +195,8 @@ class Models:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What limits allow in which cases."""
+class Chart:
+    """Limits of a chart and the load cases in which they are evaluated."""
 
     limits: Sequence[Limit]
     amounts: Sequence[Sequence[float]]  # by case: of all parts
@@ -204,65 +204,65 @@ class Asked:
     gravity: float  # m/s^2
 
     def places(self, at: Postures, k: int) -> list[Place]:
-        """The k-th one in all cases."""
-        return [Place(at, k, one, self.gravity) for one in self.amounts]
+        """The k-th place in all load cases."""
+        return [Place(at, k, amounts, self.gravity) for amounts in self.amounts]
 
     def loads(self, places: Sequence[Place], near: Array | None = None, more: Sequence[Limit] = ()) -> Array:
-        """What all limits allow in each case (c, l), those `more` before stability."""
-        beside = [None] * len(places) if near is None else list(near)
+        """Load in kg that each limit allows in each case (c, l), those `more` before stability."""
+        nearby = [None] * len(places) if near is None else list(near)
         limits = [*self.limits, *more]
-        return np.array([allowed_loads(limits, one, self.up_to, c) for one, c in zip(places, beside, strict=True)])
+        return np.array([allowed_loads(limits, place, self.up_to, c) for place, c in zip(places, nearby, strict=True)])
 
-    def passed(self, at: Postures, k: int) -> NDArray[np.bool_]:
+    def passed_limits(self, at: Postures, k: int) -> NDArray[np.bool_]:
         """Which limits are passed without a load in each case (c, l), stability last where nothing stands."""
-        found = np.zeros((len(self.amounts), len(self.limits) + 1), dtype=bool)
-        for row, place in zip(found, self.places(at, k), strict=True):
+        is_passed = np.zeros((len(self.amounts), len(self.limits) + 1), dtype=bool)
+        for row, place in zip(is_passed, self.places(at, k), strict=True):
             state = place.loaded.state(0.0)
             row[-1] = not state.stands
-            row[:-1] = [state.stands and place.used(one, state) > 1.0 for one in self.limits]
-        return found
+            row[:-1] = [state.stands and place.used(limit, state) > 1.0 for limit in self.limits]
+        return is_passed
 
     def known(self, loads: Array) -> Array:
         """The least of all cases (l,), the largest that is looked for where no limit is reached."""
         return np.asarray(np.nan_to_num(_least(loads)[1], nan=self.up_to))
 
-    def of_reduction(self, models: Models, k: int, found: Array) -> Array:
-        """Error (l,) kg of the loads `found` (c, l) that the reduced model allows, by the richer one."""
+    def of_reduction(self, models: Models, k: int, loads: Array) -> Array:
+        """Error (l,) in kg of the reduced model's allowed loads (c, l), by the richer model."""
         assert models.better is not None
         count, above = len(self.limits), models.above
-        buckling = [number for number, one in enumerate(self.limits) if one.of == "buckling"]
+        buckling = [number for number, limit in enumerate(self.limits) if limit.of == "buckling"]
         sooner = [self.limits[i].model_copy(update={"factor": self.limits[i].factor * (1.0 + above)}) for i in buckling]
-        close = np.concatenate([found[:, :count], found[:, buckling], found[:, count:]], axis=1)
-        known, own = self.known(self.loads(self.places(models.better, k), close, sooner)), self.known(found)
-        other = np.append(known[:count], known[-1])
+        close = np.concatenate([loads[:, :count], loads[:, buckling], loads[:, count:]], axis=1)
+        richer, reduced = self.known(self.loads(self.places(models.better, k), close, sooner)), self.known(loads)
+        other = np.append(richer[:count], richer[-1])
         before = other.copy()
-        before[buckling] = np.minimum(known[count:-1], other[buckling])
+        before[buckling] = np.minimum(richer[count:-1], other[buckling])
         before[-1] /= 1.0 + above * (before[-1] < self.up_to)  # of one that is not met nothing is known
-        margins = [MARGIN_OF_BUCKLING if one.of in LEAST else 2.0 * MARGIN for one in self.limits] + [
+        margins = [MARGIN_OF_BUCKLING if limit.of in LEAST else 2.0 * MARGIN for limit in self.limits] + [
             MARGIN_OF_BUCKLING
         ]
-        return np.asarray(np.array(margins) * np.maximum(np.abs(other - own), np.abs(before - own)))
+        return np.asarray(np.array(margins) * np.maximum(np.abs(other - reduced), np.abs(before - reduced)))
 
-    def of_mesh(self, models: Models, k: int, found: Array) -> Array:
-        """The same by a mesh with elements half as long; not a number where there is none."""
+    def of_mesh(self, models: Models, k: int, loads: Array) -> Array:
+        """Error (l,) in kg of the allowed loads (c, l), by a mesh of elements half as long; NaN without one."""
         if models.finer is None:
-            return np.full(found.shape[1], np.nan)
-        apart = np.abs(self.known(self.loads(self.places(models.finer, k), found)) - self.known(found))
+            return np.full(loads.shape[1], np.nan)
+        apart = np.abs(self.known(self.loads(self.places(models.finer, k), loads)) - self.known(loads))
         return np.asarray(apart / models.mended)
 
-    def of_model(self, models: Models, k: int, found: Array) -> Array:
+    def of_model(self, models: Models, k: int, reduced: Array) -> Array:
         """Error (l,) kg of the structural model, by a richer one; not a number where that is not known."""
-        error = np.full(found.shape[1], np.nan)
+        error = np.full(reduced.shape[1], np.nan)
         if models.structural is not None:
-            which = [n for n, one in enumerate(self.limits) if one.of not in UNCOMPARED]
+            which = [n for n, limit in enumerate(self.limits) if limit.of not in UNCOMPARED]
             compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, len(self.limits)]
-            loads = compared.loads(compared.places(models.structural, k), found[:, columns])
-            error[columns] = np.abs(compared.known(loads) - self.known(found)[columns])
+            loads = compared.loads(compared.places(models.structural, k), reduced[:, columns])
+            error[columns] = np.abs(compared.known(loads) - self.known(reduced)[columns])
         return error
 
-    def of_rotation(self, places: Sequence[Place], found: Array, reach: float) -> Array:
-        """What second order neglects (l,) kg, in the case that allows least."""
-        case, load = _least(found)
+    def of_rotation(self, places: Sequence[Place], loads: Array, reach: float) -> Array:
+        """Part (l,) in kg of allowed loads that second order neglects, in the governing case."""
+        case, load = _least(loads)
         by_case = {n: MARGIN * bent_further(self.limits, places[n], load, reach) for n in set(case.tolist())}
         return np.array([by_case[n][number] for number, n in enumerate(case.tolist())])
 
@@ -285,11 +285,11 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     models = Models.of(needs)
     at, cases, gravity = models.own, arguments["cases"], arguments["gravity"]
     amounts = [[_amount(case, part) for part in at.parts] for case in cases]
-    asked = Asked([Limit.model_validate(one) for one in arguments["limits"]], amounts, arguments["up_to"], gravity)
+    chart = Chart([Limit.model_validate(limit) for limit in arguments["limits"]], amounts, arguments["up_to"], gravity)
     rope = None if arguments.get("hoist") is None else Rope(*arguments["hoist"])
     first, last = arguments["rows"]
-    left = replace(asked, amounts=[[_amount(case, part) for part in at.parts] for case in arguments["left"]])
-    rows = [_at_place(asked, models, k, rope) | {"passed": left.passed(at, k)} for k in range(first, last)]
+    idle = replace(chart, amounts=[[_amount(case, part) for part in at.parts] for case in arguments["left"]])
+    rows = [_at_place(chart, models, k, rope) | {"passed": idle.passed_limits(at, k)} for k in range(first, last)]
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     governing = np.min(np.nan_to_num(arrays["load"], nan=np.inf), axis=1)
     finite = governing[np.isfinite(governing)]
@@ -299,54 +299,54 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     bent = records.record(Bent, _behind(needs["postures"].arrays, "bent."))
     by_angle = _behind(needs["postures"].arrays, "turned.")
     stops = [
-        Stopping(one["of"], one["speed"], one["within"], by_angle[one["of"]]) for one in arguments.get("stops", ())
+        Stopping(stop["of"], stop["speed"], stop["within"], by_angle[stop["of"]]) for stop in arguments.get("stops", ())
     ]
     best, case = chosen(arrays["load"]), arrays["case"]
-    at_best = [asked.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
-    pages = details(asked.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
-    arrays |= {f"at.{name}": one for name, one in (pages | {"place": best}).items()}
-    arrays["not_covered"] = np.array(["; ".join(models.not_covered(asked.limits))] * len(rows))
+    at_best = [chart.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
+    pages = details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
+    arrays |= {f"at.{name}": values for name, values in (pages | {"place": best}).items()}
+    arrays["not_covered"] = np.array(["; ".join(models.not_covered(chart.limits))] * len(rows))
     scene, contacts = Scene.model_validate(arguments["boom"]), contacts_from_text(needs["postures"].arrays["contacts"])
-    loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=asked.up_to), arrays["case"]
+    loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
     of_places = warnings_of_row(
-        scene, contacts, asked.places, models.compared, models.reach, loads, cases_of_loads, first
+        scene, contacts, chart.places, models.compared_models, models.reach, loads, cases_of_loads, first
     )
     arrays["place"] = np.column_stack([radius, tip[:, 2]])
     return TaskResult(record, arrays, warnings=(*of_places, *needs["postures"].warnings))
 
 
-def _at_place(asked: Asked, models: Models, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:
+def _at_place(chart: Chart, models: Models, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:
     """The arrays of `allowed` at the k-th place."""
-    places = asked.places(models.own, k)
-    found = asked.loads(places)
-    case, load = _least(found)
+    places = chart.places(models.own, k)
+    loads = chart.loads(places)
+    case, load = _least(loads)
     row: dict[str, NDArray[Any]] = {"load": load, "case": case}
     parts = dict.fromkeys((f"error.{of}" for of in PARTS), np.full(len(load), np.nan))
     if models.better is not None:
-        parts["error.reduction"] = asked.of_reduction(models, k, found)
-        parts["error.mesh"] = asked.of_mesh(models, k, found)
-        parts["error.model"] = asked.of_model(models, k, found)
-        parts["error.rotation"] = asked.of_rotation(places, found, float(models.reach[k]))
+        parts["error.reduction"] = chart.of_reduction(models, k, loads)
+        parts["error.mesh"] = chart.of_mesh(models, k, loads)
+        parts["error.model"] = chart.of_model(models, k, loads)
+        parts["error.rotation"] = chart.of_rotation(places, loads, float(models.reach[k]))
     sometimes = np.nan_to_num(parts["error.mesh"]) + np.nan_to_num(parts["error.model"])
     row |= parts | {"error": parts["error.reduction"] + sometimes + parts["error.rotation"]}
     if rope is not None:
         least = float(np.nanmin(np.append(load, np.inf)))
-        row["hoist"] = np.array(_hoisted(places[0].loaded, least, rope, asked.gravity))
+        row["hoist"] = np.array(_hoist_factor(places[0].loaded, least, rope, chart.gravity))
     return row
 
 
-def _hoisted(loaded: Loaded, load: float, rope: Rope, gravity: float) -> float:
+def _hoist_factor(loaded: Loaded, load: float, rope: Rope, gravity: float) -> float:
     """The factor by which a load pulls that is hoisted off the ground; NaN for none and where no limit is reached."""
     if not 0.0 < load < np.inf:
         return np.nan
     return lift_off(loaded.state(load).form, load, rope, gravity)
 
 
-def _least(found: Array) -> tuple[NDArray[np.int64], Array]:
+def _least(loads: Array) -> tuple[NDArray[np.int64], Array]:
     """Numbers of the cases (l,) that allow least, and how much that is, of loads (c, l)."""
-    known = np.where(np.isnan(found), np.inf, found)
-    case = known.argmin(axis=0)
-    return case, found[case, np.arange(found.shape[1])]
+    finite = np.where(np.isnan(loads), np.inf, loads)
+    case = finite.argmin(axis=0)
+    return case, loads[case, np.arange(loads.shape[1])]
 
 
 def _amount(case: Mapping[str, Any], part: str) -> float:
@@ -356,10 +356,10 @@ def _amount(case: Mapping[str, Any], part: str) -> float:
 
 
 def _behind(arrays: Mapping[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
-    return {name.removeprefix(prefix): one for name, one in arrays.items() if name.startswith(prefix)}
+    return {name.removeprefix(prefix): values for name, values in arrays.items() if name.startswith(prefix)}
 
 
-def governing(load: Array) -> NDArray[np.int64]:
+def governing_limit(load: Array) -> NDArray[np.int64]:
     """Number of the limit that allows least at each place, -1 where none is reached, of loads (P, l) kg."""
     least = np.where(np.isnan(load), np.inf, load)
     return np.where(np.isfinite(least.min(axis=1)), least.argmin(axis=1), -1)
@@ -383,8 +383,8 @@ def sequence(
     names: Sequence[str], least: Sequence[float], most: Sequence[float], count: int, order: str
 ) -> list[dict[str, float]]:
     """Extensions between two ends: all sections together, or one after the other, the first of `names` first."""
-    shares, found = np.linspace(0.0, 1.0, count), list[dict[str, float]]()
+    shares, steps = np.linspace(0.0, 1.0, count), list[dict[str, float]]()
     for share in shares:
-        own = [share] * len(names) if order == "together" else np.clip(share * len(names) - np.arange(len(names)), 0, 1)
-        found.append({n: float(a + s * (b - a)) for n, a, b, s in zip(names, least, most, own, strict=True)})
-    return found
+        out = [share] * len(names) if order == "together" else np.clip(share * len(names) - np.arange(len(names)), 0, 1)
+        steps.append({n: float(a + s * (b - a)) for n, a, b, s in zip(names, least, most, out, strict=True)})
+    return steps

@@ -71,11 +71,11 @@ def _value(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> V
             return _entry(node.value.id, node.slice.value)
     elif isinstance(node, (ast.BinOp, ast.UnaryOp)) and type(node.op) in OPERATORS:
         parts = [node.left, node.right] if isinstance(node, ast.BinOp) else [node.operand]
-        return _applied(OPERATORS[type(node.op)], [_value(part, names, tables) for part in parts])
+        return _apply(OPERATORS[type(node.op)], [_value(part, names, tables) for part in parts])
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS:
         if node.args and not node.keywords:
-            return _applied(FUNCTIONS[node.func.id], [_value(part, names, tables) for part in node.args])
-    listed = ", ".join([*names, *(f'{part}["name"]' for part in tables), *(f"{one}()" for one in FUNCTIONS)])
+            return _apply(FUNCTIONS[node.func.id], [_value(part, names, tables) for part in node.args])
+    listed = ", ".join([*names, *(f'{part}["name"]' for part in tables), *(f"{function}()" for function in FUNCTIONS)])
     raise ValueError(f"{ast.unparse(node)!r} is not allowed: numbers, + - * / **, {listed} are")
 
 
@@ -91,18 +91,18 @@ def _as_float(number: float) -> float:
 
 
 def _entry(name: str, entry: str | None = None) -> Value:
-    def found(at: Amounts) -> float:
+    def lookup(at: Amounts) -> float:
         amount: Any = at[name]
         return float(amount if entry is None else amount[entry])
 
-    return found
+    return lookup
 
 
-def _applied(function: Callable[..., float], parts: list[Value]) -> Value:
-    def found(at: Amounts) -> float:
+def _apply(function: Callable[..., float], parts: list[Value]) -> Value:
+    def apply(at: Amounts) -> float:
         value = function(*(part(at) for part in parts))
         if isinstance(value, complex):
             raise ValueError("a power of a negative number is no real one")
         return value
 
-    return found
+    return apply

@@ -28,10 +28,10 @@ FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
 COMPARED_FREQUENCIES = 3
 
 
-def compared(summary: Mapping[str, Any], *kinds: str) -> dict[str, Scalar]:
+def error_figures(summary: Mapping[str, Any], *kinds: str) -> dict[str, Scalar]:
     """``<kind>.<a>_vs_<b>.<place>`` of ``errors`` or ``absolute_errors``; ``max_displacement``, ``max_error`` in m.
 
-    `summary` is that of a run, or the part that `pmr.compare.summary.compared` makes of responses.
+    `summary` is that of a run, or the part that `pmr.compare.summary.comparison_part` makes of responses.
     """
     record: dict[str, Scalar] = {
         f"{kind}.{pair}.{place}": error
@@ -94,7 +94,7 @@ def of_bodies(summary: Mapping[str, Any]) -> dict[str, Scalar]:
 def _forces(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
     extremes = force_extremes(response, scene.along(response.t))
     if extremes:
-        yield "largest_force", max(max(found.most, -found.least) for found in extremes.values())
+        yield "largest_force", max(max(extreme.most, -extreme.least) for extreme in extremes.values())
     for name, extreme in extremes.items():
         yield from ((f"forces.{name}.{key}", value) for key, value in extreme.summary().items())
     for of, extreme in reaction_extremes(response, scene.along(response.t)).items():
@@ -148,7 +148,7 @@ def ran(scene: Scene, shared: Any = None) -> TaskResult:
     outcome = run(scene.model_copy(update={"simulation": once}), measures=users_folder(), shared=shared)
     assert outcome is not None  # a task runs on one rank
     result, summary = outcome.result, outcome.result.summary
-    record = compared(summary, "errors")
+    record = error_figures(summary, "errors")
     record |= {f"coordinates.{model}": size for model, size in summary["coordinates"].items()}
     frequencies, response = result.frequencies, result.responses["reduced"]
     arrays = {"t": response.t, "tip": response.tip, "reach": frequencies.along}

@@ -103,7 +103,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
     if file.data["kind"] != COLLECTION:
         part = _part("", file)
         return Project(part.study.title, part.study.kind, (part,))
-    collection = file.validated(Collection)
+    collection = file.validate(Collection)
     names = [entry.stem for entry in collection.files]
     if len(set(names)) != len(names):
         raise InputError(file.origin("files"), "files", names, "names must differ")
@@ -136,7 +136,7 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
 
 
 def _part(name: str, file: TomlFile) -> Part:
-    study = file.validated(_model(file.data["kind"]))
+    study = file.validate(_model(file.data["kind"]))
     assert isinstance(study, StudyBase)  # collections are no parts
     try:
         return Part(name, study, study.plan())

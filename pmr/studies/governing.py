@@ -47,7 +47,7 @@ def details(
         return {}
     governing_limits = [*limits, None]  # stability has no share that swings
     rows = [
-        None if place is None else _row(limits, place, load, bent) | _stopped(governing_limits[n], place, load, stops)
+        None if place is None else _row(limits, place, load, bent) | _swings(governing_limits[n], place, load, stops)
         for n, (place, load) in enumerate(zip(places, loads.tolist(), strict=True))
     ]
     example_row = next(row for row in rows if row is not None)
@@ -86,6 +86,6 @@ def _row(limits: Sequence[Limit], place: Place, load: float, bent: Bent) -> dict
     }
 
 
-def _stopped(limit: Limit | None, place: Place, load: float, stops: Sequence[Stopping]) -> dict[str, Array]:
+def _swings(limit: Limit | None, place: Place, load: float, stops: Sequence[Stopping]) -> dict[str, Array]:
     stop_rows = [stop.row(place, load * (1.0 - BELOW), limit) for stop in stops]
     return {"stops": np.array(stop_rows).reshape(-1, 5)}

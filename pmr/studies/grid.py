@@ -36,7 +36,7 @@ def points(grid: Mapping[str, Any]) -> Iterator[Point]:
     for numbered in itertools.product(*map(enumerate, lists.values())):
         values = {key: value for key, (_, value) in zip(lists, numbered, strict=True)}
         yield Point(
-            tuple(Change(_nested(key, value), "grid") for key, value in values.items()),
+            tuple(Change(_nest(key, value), "grid") for key, value in values.items()),
             tuple(f"{name}={_word(value, number)}" for name, (number, value) in zip(names, numbered, strict=True)),
             {key: value if _is_plain(value) else json.dumps(value) for key, value in values.items()},
         )
@@ -52,7 +52,7 @@ def _lists(tables: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Sequen
             raise InputError("study", f"grid.{prefix}{key}", value, "a list of values is allowed, one for each run")
 
 
-def _nested(key: str, value: Any) -> dict[str, Any]:
+def _nest(key: str, value: Any) -> dict[str, Any]:
     for part in reversed(key.split(".")):
         value = {part: value}
     return dict(value)

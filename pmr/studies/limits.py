@@ -53,7 +53,7 @@ STABILITY = "stability"
 
 
 class Limit(Hinted):
-    """What may not be passed, and by which factor."""
+    """Limit of a load chart, with its safety factor."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -126,7 +126,7 @@ class Limit(Hinted):
         return self
 
     def share(self, at: Postures, k: int, amounts: Sequence[float]) -> Share:
-        """Of the limit that states at the k-th place use, where parts act by `amounts`, the load's factor among them.
+        """Function of states at the k-th place that returns the used share of the limit, parts acting by `amounts`.
 
         An InputError is raised where it looks at nothing.
         """
@@ -143,8 +143,8 @@ class Limit(Hinted):
             amount = amount_of(self._own(), f"limits.{self.name}.{self.of}", getattr(self, self.of), at, k)
             return lambda states: self.factor / allowed * np.abs(amount(states))
         if self.of == "luffing" and not at.arm[k] > 0.0:
-            found = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
-            raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {found}")
+            reason = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
+            raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {reason}")
         measure = self.measure(at.columns)
         return lambda states: self.factor / allowed * measure(np.hstack([states.outputs, states.forces]))
 
@@ -152,8 +152,8 @@ class Limit(Hinted):
         """The amount of which `most` is allowed, from values of these columns; an InputError is raised without any."""
         measure = QUANTITIES[self.of].measure(columns, self.looks_at)
         if measure is None:
-            known = [probe for probe in columns.stresses() if FIELD not in probe] if self.of == "stress" else []
-            raise self._nothing(known)
+            probes = [probe for probe in columns.stresses() if FIELD not in probe] if self.of == "stress" else []
+            raise self._unknown_name(probes)
         return measure
 
     def directly(self, form: Form, near: float, up_to: float) -> float | None:
@@ -185,39 +185,39 @@ class Limit(Hinted):
             function_of(self.name, self.function)
         if self.expression is not None:
             check_names(self.name, self.expression, scene)
-        if self.of == "field" and not (known := bodies_with_field(scene)):
-            raise self._nothing(known)
+        if self.of == "field" and not (names := bodies_with_field(scene)):
+            raise self._unknown_name(names)
         if self.of not in NAMED:
             return
-        known = [
+        names = [
             named(body, probe.name)
             for body, part in scene.bodies.items()
             for probe in part.probes
             if "stress" in probe.measures
         ]
         if self.of == "rope":
-            known = list(rope_shares(scene))
+            names = list(rope_shares(scene))
         elif self.of != "stress":
-            known = list(force_names(scene)[self.of])
-        if not all(any(fits((pattern,), name) for name in known) for pattern in self.which):
-            raise self._nothing(known)
+            names = list(force_names(scene)[self.of])
+        if not all(any(fits((pattern,), name) for name in names) for pattern in self.which):
+            raise self._unknown_name(names)
 
     def _own(self) -> Own:
-        """What the user makes of a state, by a function or an expression."""
+        """Function or expression of the user that evaluates a state."""
         return function_of(self.name, self.function) if self.of == "function" else expression_of(self.expression or "")
 
     def looks_at(self, name: str) -> bool:
-        """Whether it looks at a column, at a probe, or at a point of the field by its name."""
+        """Return whether the limit depends on a column, a probe or a point of the field, by its name."""
         if self.of not in ("stress", "field"):
             return fits(self.which, name)
-        body, separator, rest = name.rpartition(FIELD)
+        body, separator, suffix = name.rpartition(FIELD)
         if self.of == "stress":
             return not separator and fits(self.which, name)
-        body, region = body.removesuffix(": "), rest.rpartition(" ")[0]
+        body, region = body.removesuffix(": "), suffix.rpartition(" ")[0]
         return bool(separator) and (fits(self.which, body or WHOLE) or fits(self.which, named(body, region)))
 
-    def _nothing(self, known: Sequence[str]) -> InputError:
-        allowed = f"names among {', '.join(known)} are allowed" if known else f"the scene has no {self.of} to look at"
+    def _unknown_name(self, names: Sequence[str]) -> InputError:
+        allowed = f"names among {', '.join(names)} are allowed" if names else f"the scene has no {self.of} to look at"
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
 
@@ -225,8 +225,8 @@ def _each(states: States) -> Iterator[tuple[Form, float]]:
     return zip(states.forms, states.load.tolist(), strict=True)
 
 
-def _ratio(part: float, whole: float) -> float:
-    """Of what is used; infinite where nothing is there to be used."""
-    if whole <= 0.0:
+def _ratio(part: float, total: float) -> float:
+    """Ratio of a part to the total; infinite where the total is not positive."""
+    if total <= 0.0:
         return np.inf
-    return part / whole
+    return part / total

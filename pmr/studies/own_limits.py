@@ -37,30 +37,30 @@ Own = Callable[[AtRest], float]
 
 
 def function_of(limit: str, name: str | None) -> Own:
-    """That of an entry point; an InputError is raised where no package offers it."""
-    offered = plugins.offered("pmr.limits", frozenset())
-    found: Any = offered.get(name or "")
-    if found is None:
-        known = f"one of {', '.join(sorted(offered))}" if offered else "none: no package offers any"
-        raise InputError("study", f"limits.{limit}.function", name, f"{known} is allowed")
-    if not callable(found):
-        raise plugins.refused("pmr.limits", name or "")
-    return cast(Own, found)
+    """Function of an entry point by its name; raises InputError where no package offers it."""
+    offered = plugins.plugin_objects("pmr.limits", frozenset())
+    function: Any = offered.get(name or "")
+    if function is None:
+        choices = f"one of {', '.join(sorted(offered))}" if offered else "none: no package offers any"
+        raise InputError("study", f"limits.{limit}.function", name, f"{choices} is allowed")
+    if not callable(function):
+        raise plugins.plugin_error("pmr.limits", name or "")
+    return cast(Own, function)
 
 
 @lru_cache(256)  # each place of a chart asks for the same
 def expression_of(text: str) -> Own:
-    """That of an expression over ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
+    """Function of an expression in ``load``, ``luffing``, ``slewing``, ``output[name]`` and ``force[name]``.
 
     A ValueError says what is not allowed in it.
     """
     value: Value = value_of(text, ("load", "luffing", "slewing"), ("output", "force"))
 
-    def own(at: AtRest) -> float:
-        known = {"load": at.load, "luffing": at.luffing, "slewing": at.slewing}
-        return value(known | {"output": at.outputs, "force": at.forces})
+    def evaluate(at: AtRest) -> float:
+        numbers = {"load": at.load, "luffing": at.luffing, "slewing": at.slewing}
+        return value(numbers | {"output": at.outputs, "force": at.forces})
 
-    return own
+    return evaluate
 
 
 def check_names(limit: str, text: str, scene: Scene) -> None:
@@ -68,29 +68,29 @@ def check_names(limit: str, text: str, scene: Scene) -> None:
     forces = [name for names in force_names(scene).values() for name in names]
     tip = named(scene.names[-1], scene.sections[-1].observe.tip)
     probes = [named(body, probe.name) for body, part in scene.bodies.items() for probe in part.probes]
-    for table, known in (("force", forces), ("output", [*forces, tip, *probes])):
+    for table, columns in (("force", forces), ("output", [*forces, tip, *probes])):
         for name in entries(text, table):
-            if not any(name == one or (table == "output" and name.startswith(f"{one} ")) for one in known):
-                allowed = f"{hint(name, known)}{table} has {', '.join(known)}"
+            if not any(name == column or (table == "output" and name.startswith(f"{column} ")) for column in columns):
+                allowed = f"{hint(name, columns)}{table} has {', '.join(columns)}"
                 raise InputError("study", f"limits.{limit}.expression", name, allowed)
 
 
-def amount_of(own: Own, key: str, said: str | None, at: Postures, k: int) -> Callable[[States], Array]:
-    """What it makes of states at the k-th place (p,); raises an InputError of the `key` for anything but a number."""
+def amount_of(limit_function: Own, key: str, text: str | None, at: Postures, k: int) -> Callable[[States], Array]:
+    """Apply a user's limit function to states at the k-th place (p,); raises InputError if it fails."""
     luffing, slewing = float(at.luffing[k]), float(at.slewing[k])
 
     def amount(load: float, outputs: Mapping[str, float], forces: Mapping[str, float]) -> float:
         try:
-            found = float(own(AtRest(load, luffing, slewing, outputs, forces)))
+            value = float(limit_function(AtRest(load, luffing, slewing, outputs, forces)))
         except KeyError as error:
-            name, known = str(error.args[0]), [*outputs, *forces]
-            allowed = f"it asks for {name!r}: {hint(name, known)}{', '.join(known)} are allowed"
-            raise InputError("study", key, said, allowed) from None
+            name, names = str(error.args[0]), [*outputs, *forces]
+            allowed = f"it asks for {name!r}: {hint(name, names)}{', '.join(names)} are allowed"
+            raise InputError("study", key, text, allowed) from None
         except (ArithmeticError, TypeError, ValueError) as error:
-            raise InputError("study", key, said, f"it failed: {error!r}") from None
-        if np.isnan(found):
-            raise InputError("study", key, said, "it returned no number")
-        return found
+            raise InputError("study", key, text, f"it failed: {error!r}") from None
+        if np.isnan(value):
+            raise InputError("study", key, text, "it returned no number")
+        return value
 
     def amounts(states: States) -> Array:
         outputs, forces = (

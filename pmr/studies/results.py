@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pmr.errors.text import kind_of
 from pmr.files import jsonfile, npz
-from pmr.files.swap import finished, fresh
+from pmr.files.swap import finish_swap, fresh
 from pmr.studies.engine.graph import digests
 from pmr.studies.engine.runner import Failure
 from pmr.studies.engine.store import Store
@@ -103,7 +103,7 @@ class StudyResults:
     @classmethod
     def load(cls, folder: Path) -> StudyResults:
         """Read what `save` wrote."""
-        finished(folder)
+        finish_swap(folder)
         runs = json.loads((folder / "summary.json").read_text())["runs"]
         for run in runs:
             run["warnings"] = tuple(run["warnings"] if "warnings" in run else run.pop("notes"))  # as it was called

@@ -10,7 +10,7 @@ import numpy as np
 from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files import records
 from pmr.scene import Scene
-from pmr.scene.richer import beside
+from pmr.scene.richer import model_comparison
 from pmr.simulation.postures import Postures, Stands
 from pmr.studies.engine.task import TaskResult
 
@@ -27,18 +27,18 @@ COMPARED = ("tip", "support", "pad", "cylinder")
 def richer_model(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: `Postures` of a richer structural model, ``model.``, and what it is ``called``; or the ``reason`` for none.
 
-    It is the model that runs are compared with (`pmr.scene.richer.beside`), with 20 free modes a section.
+    It is the model that runs are compared with (`pmr.scene.richer.model_comparison`), with 20 free modes a section.
     """
-    from pmr.reduction.bodies import joined, reduce_bodies
+    from pmr.reduction.bodies import join_bodies, reduce_bodies
     from pmr.studies import shared
     from pmr.system.from_scene import force_names
 
     scene, at = Scene.model_validate(arguments["boom"]), Stands.of(arguments["at"])
     try:
-        of_scene, other, called = beside(scene)
+        of_scene, other, called = model_comparison(scene)
         if any(sorted(force_names(of_scene)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
             return _without(f"a {called} has other pads and cylinders")
-        system = joined(other, reduce_bodies(other, shared.bodies_of(other)))
+        system = join_bodies(other, reduce_bodies(other, shared.bodies_of(other)))
         postures = Postures.of(other, system, at)
     except UNKNOWN as error:
         return _without(error.allowed if isinstance(error, InputError) else str(error))

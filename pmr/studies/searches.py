@@ -29,25 +29,25 @@ OF_TOP, OF_LOAD, NOTHING = 1e-12, 1e-13, 1e-13
 POINTS, DOUBT = 5, 2.0
 
 
-def searched(loaded: Loaded, searches: Mapping[Key, tuple[Share, Search]]) -> dict[Key, float | None]:
-    """What each search returns, for equilibria at one place; where nothing stands, infinitely much is used."""
-    found, asked = dict[Key, float | None](), {key: next(search) for key, (_, search) in searches.items()}
-    while asked:
-        groups = list(dict.fromkeys(asked.values()))  # several may ask for the same
+def run_searches(loaded: Loaded, searches: Mapping[Key, tuple[Share, Search]]) -> dict[Key, float | None]:
+    """Result of each search over equilibria at one place; used shares are infinite where nothing stands."""
+    results, requests = dict[Key, float | None](), {key: next(search) for key, (_, search) in searches.items()}
+    while requests:
+        groups = list(dict.fromkeys(requests.values()))  # several may ask for the same
         every = loaded.states([load for loads in groups for load in loads])
         states = dict(zip(groups, every.split(map(len, groups)), strict=True))
         following = dict[Key, tuple[float, ...]]()
-        for key, loads in asked.items():
+        for key, loads in requests.items():
             share, search = searches[key]
             try:
-                following[key] = search.send(_used(share, states[loads]))
+                following[key] = search.send(_used_shares(share, states[loads]))
             except StopIteration as end:
-                found[key] = end.value
-        asked = following
-    return found
+                results[key] = end.value
+        requests = following
+    return results
 
 
-def _used(share: Share, states: States) -> list[float]:
+def _used_shares(share: Share, states: States) -> list[float]:
     if states.stands.all():
         return share(states).tolist()
     used = np.full(len(states.load), np.inf)
@@ -63,23 +63,23 @@ def first_load(top: float, *, grows: bool = False, near: float = np.nan, at_once
     between, `at_once` or one after the other; where it is known to be `near` a load, loads beside that.
     """
     if 0.0 < near < top:
-        points = yield from _looked(tuple(dict.fromkeys(min(near * one, top) for one in BESIDE)))
+        points = yield from _look_at(tuple(dict.fromkeys(min(near * factor, top) for factor in BESIDE)))
         if points[0][1] < 0.0 <= points[-1][1]:
             return (yield from _root(points, OF_TOP * top))
     loads = (0.0, top) if grows else tuple(np.linspace(0.0, top, NODES).tolist())
     points = []
     for some in [loads] if at_once else [(load,) for load in loads]:
-        points += yield from _looked(some)
+        points += yield from _look_at(some)
         if points[0][1] >= 0.0:
             return 0.0
-        if any(left >= 0.0 for _, left in points):
+        if any(excess >= 0.0 for _, excess in points):
             return (yield from _root(points, OF_TOP * top))
     return None
 
 
-def _looked(loads: tuple[float, ...]) -> Generator[tuple[float, ...], Sequence[float], list[Point]]:
+def _look_at(loads: tuple[float, ...]) -> Generator[tuple[float, ...], Sequence[float], list[Point]]:
     used = yield loads
-    return [(load, one - 1.0) for load, one in zip(loads, used, strict=True)]
+    return [(load, share - 1.0) for load, share in zip(loads, used, strict=True)]
 
 
 def _root(points: list[Point], apart: float) -> Generator[tuple[float, ...], Sequence[float], float]:
@@ -92,24 +92,24 @@ def _root(points: list[Point], apart: float) -> Generator[tuple[float, ...], Seq
     while True:
         k = next(i for i, (_, left) in enumerate(points) if left >= 0.0)
         (low, below), (high, above) = points[k - 1], points[k]
-        best, left = (low, -below) if -below < above else (high, above)
+        best, distance = (low, -below) if -below < above else (high, above)
         off = apart + OF_LOAD * high
-        if high - low <= 2.0 * off or left <= NOTHING:
+        if high - low <= 2.0 * off or distance <= NOTHING:
             return best
         load, error = _curve(points, k)
         error = max(DOUBT * error, off)
-        asked = {load - error, load, load + error}
+        trial_loads = {load - error, load, load + error}
         if not (low < load < high and error < (high - low) / 8.0) or high - low > before / 2.0:
-            asked |= {low + share * (high - low) for share in (0.25, 0.5, 0.75)}
-        asked = {one for one in asked if low < one < high}
-        if not asked:
+            trial_loads |= {low + share * (high - low) for share in (0.25, 0.5, 0.75)}
+        trial_loads = {candidate for candidate in trial_loads if low < candidate < high}
+        if not trial_loads:
             return best
         before = high - low
-        points = sorted([*points, *(yield from _looked(tuple(sorted(asked))))])
+        points = sorted([*points, *(yield from _look_at(tuple(sorted(trial_loads))))])
 
 
 def _curve(points: Sequence[Point], k: int) -> tuple[float, float]:
-    """Where a polynomial through points about the k-th has the load at which nothing is left, and its last change.
+    """Load at which a polynomial through points about the k-th has its root, and its last change.
 
     By Neville's scheme, through those that ascend; no numbers where infinitely much is used.
     """
@@ -125,12 +125,12 @@ def _curve(points: Sequence[Point], k: int) -> tuple[float, float]:
             first -= 1
         else:
             last += 1
-    loads, left = [load for load, _ in points[first : last + 1]], [one for _, one in points[first : last + 1]]
-    found, change = loads[0], np.inf
+    loads, excesses = [load for load, _ in points[first : last + 1]], [excess for _, excess in points[first : last + 1]]
+    root, change = loads[0], np.inf
     for degree in range(1, len(loads)):
         loads = [
-            (left[i + degree] * loads[i] - left[i] * loads[i + 1]) / (left[i + degree] - left[i])
+            (excesses[i + degree] * loads[i] - excesses[i] * loads[i + 1]) / (excesses[i + degree] - excesses[i])
             for i in range(len(loads) - 1)
         ]
-        found, change = loads[0], abs(loads[0] - found)
-    return found, change
+        root, change = loads[0], abs(loads[0] - root)
+    return root, change

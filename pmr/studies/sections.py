@@ -76,7 +76,7 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / case.boom.time.steps}
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
     record |= {"scene step": case.boom.time.step, "steps": case.boom.time.steps}
-    for r in [one for one in arguments["coordinates"] if one <= trials.elastic(trials.most)]:
+    for r in [count for count in arguments["coordinates"] if count <= trials.elastic(trials.most)]:
         names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]
         record |= dict.fromkeys((*names, f"reduction.{r}"))
         _, system = models_of(case.boom, trials, r, arguments["basis"])
@@ -91,6 +91,6 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
         except (SimulationError, InputError):
             continue
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / case.boom.time.steps
-        moved = respond(system, runs[0]).displacement
-        record[f"reduction.{r}"] = compare.relative_error(moved, case.response.displacement)
+        displacement = respond(system, runs[0]).displacement
+        record[f"reduction.{r}"] = compare.relative_error(displacement, case.response.displacement)
     return TaskResult(record, seconds=seconds, warnings=truth.warnings)

@@ -78,7 +78,7 @@ def built_of(scene: Scene) -> Built:
 
 def bodies_of(scene: Scene) -> Mapping[str, Built]:
     """The scene's full models and structures, stored for the next task of this process that asks for the same ones."""
-    return _built(_unloaded(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
+    return _built(_without_loads(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
 
 
 @lru_cache(maxsize=4)
@@ -107,7 +107,7 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
         coordinates=choice.coordinates,
         flexibility=choice.estimable,  # then there are enrichment modes
     )
-    if choice.pooled:
+    if choice.uses_pod:
         deciding = Reduction(
             basis="eigenmodes",
             snapshots=choice.snapshots,
@@ -115,12 +115,12 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
             positions=choice.positions,
             solver=choice.solver,
         )
-    plain = _unloaded(scene).model_copy(update={"reduction": deciding})
+    plain = _without_loads(scene).model_copy(update={"reduction": deciding})
     # The path of pads says where they have rows at all, that of points nothing but where snapshots are taken.
-    if scene.points and not (choice.pooled and choice.positions == "path"):
+    if scene.points and not (choice.uses_pod and choice.positions == "path"):
         update = {"slider": scene.slider.model_copy(update={"path": NOTHING}), "time": TimeChoice(end=1.0, step=1.0)}
         plain = plain.model_copy(update=update)
-    if not choice.pooled:
+    if not choice.uses_pod:
         return {"modes0": _task(modes_released, "modes", f"{choice.basis}-{choice.coordinates}", plain)}
     named = f"modes-{choice.snapshots}x{choice.modes}"
     return {f"modes{k}": _task(modes_at, "modes", f"{named}-{k}", plain, position=k) for k in range(choice.snapshots)}
@@ -141,7 +141,7 @@ def reference_task(scene: Scene, name: str) -> Task:
 
 def frequencies_task(scene: Scene) -> Task:
     """The full model's lowest frequencies over the path."""
-    return _task(frequencies, "frequencies", "frequencies", _unloaded(scene))
+    return _task(frequencies, "frequencies", "frequencies", _without_loads(scene))
 
 
 def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
@@ -206,7 +206,7 @@ def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -
     return TaskResult(arrays={"s": s, "omega": lowest_frequencies(model, s, CURVES, scene.reduction.solver)})
 
 
-def _unloaded(scene: Scene) -> Scene:
+def _without_loads(scene: Scene) -> Scene:
     end = scene.time.end  # the path is visited up to it
     unloaded = scene.without_loads().model_copy(
         update={

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pmr.scene.section import Usual
 from pmr.simulation.postures import HOOK
 from pmr.simulation.statics.loaded import States
-from pmr.simulation.statics.stopping import Acting, stopping
+from pmr.simulation.statics.stopping import Acting, stopping_swing
 from pmr.studies.allowed import Place
 from pmr.studies.limits import Limit
 
@@ -50,7 +50,7 @@ class Stopping:
         Not numbers where nothing stands, or the tip does not move.
         """
         none, state = np.array([*[np.nan] * 4, self.speed]), place.loaded.state(load)
-        swing = stopping(state.form, load, self._acting(place, load), self.within) if state.stands else None
+        swing = stopping_swing(state.form, load, self._acting_loads(place, load), self.within) if state.stands else None
         if swing is None:
             return none
         tip = [n for n, kind in enumerate(place.at.output_kinds) if kind == "tip"]
@@ -63,13 +63,13 @@ class Stopping:
         def most(outputs: Array, forces: Array) -> float:
             """In both directions."""
             of, by = (state.outputs, state.forces), (rate * outputs, rate * forces)
-            there = [np.vstack([one + more, one - more]) for one, more in zip(of, by, strict=True)]
-            return float(share(States.beside(state, *there)).max())
+            extremes = [np.vstack([values + more, values - more]) for values, more in zip(of, by, strict=True)]
+            return float(share(States.beside(state, *extremes)).max())
 
-        steadily = most(*(one[None] for one in swing.steady))
+        steadily = most(*(values[None] for values in swing.steady))
         return np.array([factor, place.used(limit, state), steadily, most(swing.outputs, swing.forces), self.speed])
 
-    def _acting(self, place: Place, load: float) -> Acting:
+    def _acting_loads(self, place: Place, load: float) -> Acting:
         at, k = place.at, place.k
         f = self.turned[k].copy()
         if self.of == "luffing":  # the load hangs: what lifts its rope accelerates it, and nothing sideways

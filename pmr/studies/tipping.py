@@ -61,7 +61,7 @@ class Tipping:
         k: int,
         amounts: Array,
     ) -> Tipping:
-        """At the k-th place, with corners X, Y in m from the pivot, which is `height` above them.
+        """Moments at the k-th place, about edges between corners X, Y in m from the pivot, `height` above them.
 
         An InputError is raised where a run does not know all that the boom presses on its machine with.
         """
@@ -71,13 +71,13 @@ class Tipping:
         weight, up = amounts[at.parts.index(WEIGHT)] * at.gravity, turned @ at.up[k]
         resting = np.zeros(6)
         c, s = np.cos(at.slewing[k]), np.sin(at.slewing[k])
-        for one in machine:
-            x, y, z = one.at
-            place = np.array([c * x - s * y, s * x + c * y, z] if one.slews else one.at)
-            force = -one.mass * weight * up
+        for part in machine:
+            x, y, z = part.at
+            place = np.array([c * x - s * y, s * x + c * y, z] if part.slews else part.at)
+            force = -part.mass * weight * up
             resting += np.concatenate([force, np.cross(place, force)])
         pull = amounts[at.parts.index(HOOK)] * at.pull(k)
-        moment = about[:, 3:] @ _across(pull)
+        moment = about[:, 3:] @ _cross_matrix(pull)
         return cls(
             machine=edges @ resting,
             boom=about @ _at_pivot(at),
@@ -86,7 +86,7 @@ class Tipping:
         )
 
     def share(self, states: States, factor: float) -> Array:
-        """Of what keeps it from tipping that `factor` times the load uses, about the worst edge (p,)."""
+        """Share of the resisting moment that `factor` times the load uses, about the worst edge (p,)."""
         load = states.load[:, None] * (self.tips + states.outputs @ self.moved.T)
         held = load - self.machine - states.outputs @ self.boom.T
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
@@ -109,7 +109,7 @@ def area(polygon: Sequence[tuple[float, float]]) -> float:
 @lru_cache(64)  # each place of a chart has the same
 def _edges(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
     """Rows (e, 6) that make of a force and its moment about the pivot the moment about each edge, anticlockwise."""
-    corners = np.array([(*one, -height) for one in polygon], float)
+    corners = np.array([(*corner, -height) for corner in polygon], float)
     if area(polygon) < 0.0:
         corners = corners[::-1]
     edges = np.roll(corners, -1, axis=0) - corners
@@ -117,7 +117,7 @@ def _edges(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
     return np.hstack([-np.cross(edges, corners), edges])
 
 
-def _across(force: Array) -> Array:
+def _cross_matrix(force: Array) -> Array:
     """The matrix of u x F."""
     x, y, z = force.tolist()
     return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])

@@ -16,7 +16,7 @@ def points(figures: Mapping[str, Scalar]) -> list[tuple[int, float, float]]:
     return [(int(part[1]), float(".".join(part[2:])), number(value)) for part, value in split if value is not None]
 
 
-def holding(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float] | None:
+def coarsest_within(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float] | None:
     """Fewest coordinates that hold a tolerance, and the longest step with which they do; None where none do.
 
     With shorter steps they have to, too: errors of model and step that cancel each other are no merit.

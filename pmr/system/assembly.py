@@ -12,11 +12,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
-from pmr.system.contact_rows import ContactRows, closed, left_free
+from pmr.system.contact_rows import ContactRows, add_springs, left_free
 from pmr.system.contacts import Place
 from pmr.system.oscillations import oscillations
 from pmr.system.system import System
-from pmr.system.terms import Term, added
+from pmr.system.terms import Term, add_terms
 
 Array = NDArray[np.float64]
 
@@ -109,11 +109,11 @@ class Assembly:
 
     def stiffness(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
         """K + sum_k c_k G_k with amplitudes c (k,) of the system's terms, in their order; none leave K alone."""
-        return added(self.K, self.terms, "stiffness", c)
+        return add_terms(self.K, self.terms, "stiffness", c)
 
     def damping(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
         """D + sum_k c_k V_k, likewise."""
-        return added(self.D, self.terms, "damping", c)
+        return add_terms(self.D, self.terms, "damping", c)
 
     def term_forces(self, q: Array, v: Array, c: Array) -> Array:
         """-sum_k c_k (V_k v + G_k q), (T, n) N, of coordinates and rates (T, n) and amplitudes c (T, k)."""
@@ -266,7 +266,7 @@ class Assembly:
         M, Z = self.M.toarray(), None
         for k in range(len(x)):
             K, V, at = self.stiffness(amplitudes[k]).toarray(), self.damping(amplitudes[k]) - self.D, rows.at(k)
-            K, turning = closed((K + K.T) / 2.0, at), (V - V.T).toarray() / 2.0 if V.count_nonzero() else None
+            K, turning = add_springs((K + K.T) / 2.0, at), (V - V.T).toarray() / 2.0 if V.count_nonzero() else None
             if C is None or not np.array_equal(C, at.C[at.rigid]):  # which a cylinder's does not change along the way
                 C = at.C[at.rigid]
                 Z = left_free(C)
@@ -286,7 +286,7 @@ class Assembly:
         Of terms with amplitudes c (k,) the symmetric stiffness counts; at the buckling load and beyond omega is 0.
         """
         M, stiffness, Z = self.M.toarray(), self.stiffness(c).toarray(), left_free(rows.C[rows.rigid])
-        K = closed((stiffness + stiffness.T) / 2.0, rows) + SHIFT * M
+        K = add_springs((stiffness + stiffness.T) / 2.0, rows) + SHIFT * M
         if Z is not None:
             M, K = Z.T @ M @ Z, Z.T @ K @ Z
         if len(c) and scipy.linalg.eigvalsh(K, subset_by_index=(0, 0))[0] <= 0.0:  # nothing holds it

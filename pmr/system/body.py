@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import stacked, transposed
+from pmr.constraints.polynomials import stack_tables, transpose
 from pmr.constraints.rows import Row, Rows
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
@@ -43,7 +43,7 @@ class OnCarriers(Protocol):
 
 
 class Body(Protocol):
-    """What a system asks of its bodies, wherever their matrices are."""
+    """Interface of a system's bodies, wherever their matrices are stored."""
 
     @property
     def input_names(self) -> tuple[str, ...]: ...
@@ -222,7 +222,7 @@ class FullBody(WithRows):
             return None
         S = self.C(self.domain[0])[numbers]
         motions = S.T @ np.linalg.pinv((S @ S.T).toarray())
-        rows = transposed(self.rows_on(motions))
+        rows = transpose(self.rows_on(motions))
         rows.c[..., numbers] = 0.0
         return Reactions(
             names=tuple(self.row_names[k] for k in numbers),
@@ -252,7 +252,7 @@ class FullBody(WithRows):
 
     def rows_on(self, V: Array) -> PPoly:
         """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
-        return stacked([row.project(V) for row in self.rows.rows], self.domain)
+        return stack_tables([row.project(V) for row in self.rows.rows], self.domain)
 
 
 #: What a simulator takes: constant matrices and a few rows that move with s (`pmr.reduced.model` has the equations),

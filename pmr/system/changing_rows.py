@@ -61,8 +61,8 @@ class ChangingRows:
     def _at(self, s: Array) -> Changing:
         compliance, n, i, P = self._system.compliance, self._size, self._inputs, len(self._names)
         m = len(compliance.constant)
-        rows = _nothing(m, n, i)
-        slopes, curves = _nothing(m, n, i, P), _nothing(m, n, i, P, P)
+        rows = _zero_rows(m, n, i)
+        slopes, curves = _zero_rows(m, n, i, P), _zero_rows(m, n, i, P, P)
         rows.F[:] = compliance.at(s[self._on])
         np.add.at(slopes.F, self._on, compliance.slopes)
         for body in self._bodies:
@@ -85,7 +85,7 @@ class Changing:
         return ContactRows(*first), ContactRows(*second)
 
 
-def _nothing(m: int, n: int, i: int, *paths: int) -> ContactRows:
+def _zero_rows(m: int, n: int, i: int, *paths: int) -> ContactRows:
     shapes = ((m, n), (m, m), (m, i), (0, m))
     return ContactRows(*(np.zeros((*paths, *shape)) for shape in shapes))
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.system.contacts import Contact, refused
+from pmr.system.contacts import Contact, refusal
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Compliance:
         for k, contact in enumerate(contacts):
             for name, share in contact.bears:
                 if name not in names:
-                    raise refused(contact.name, "bears", name, f"{', '.join(names)} are allowed")
+                    raise refusal(contact.name, "bears", name, f"{', '.join(names)} are allowed")
                 S[k, names.index(name)] += share
         compliances, grows = (
             np.array([getattr(contact, what) for contact in contacts]) for what in ("compliance", "lengthening")

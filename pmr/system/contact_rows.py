@@ -23,7 +23,7 @@ class ContactRows:
     X: Array  # ([T,] o, m) m/N: what forces of contacts take from the o outputs by themselves
 
     def at(self, k: int) -> ContactRows:
-        """At one of the places, by its number."""
+        """Rows of the contacts at one of the places, by its number."""
         return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
     def part(self, places: slice) -> ContactRows:
@@ -50,8 +50,8 @@ class ContactRows:
         return np.asarray(np.all(self.F == 0.0, axis=1))
 
 
-def closed(K: Array, rows: ContactRows) -> Array:
-    """K (n, n) with the contacts that give way."""
+def add_springs(K: Array, rows: ContactRows) -> Array:
+    """Add the stiffness of the contacts that give way to K (n, n)."""
     soft = rows.of(~rows.rigid)
     return np.asarray(K + soft.C.T @ np.linalg.solve(soft.F, soft.C))
 

@@ -59,22 +59,22 @@ class Contact:
     def __post_init__(self) -> None:
         for place in (self.inner, *filter(None, (self.outer,))):
             if not (np.isfinite(place.at) and np.isfinite(place.rate) and place.rate):
-                raise refused(self.name, "place", (place.at, place.rate), "finite at and rate, rate not 0, are allowed")
+                raise refusal(self.name, "place", (place.at, place.rate), "finite at and rate, rate not 0, are allowed")
         if self.direction not in (1.0, -1.0):
-            raise refused(self.name, "direction", self.direction, "1 or -1 is allowed")
+            raise refusal(self.name, "direction", self.direction, "1 or -1 is allowed")
         if not 0.0 <= self.compliance < np.inf:
-            raise refused(self.name, "compliance", self.compliance, "0 or more, in m/N, is allowed")
+            raise refusal(self.name, "compliance", self.compliance, "0 or more, in m/N, is allowed")
         if not np.isfinite(self.lengthening) or (self.lengthening and self.path is None):
-            raise refused(self.name, "lengthening", self.lengthening, "a finite number, with a path, is allowed")
+            raise refusal(self.name, "lengthening", self.lengthening, "a finite number, with a path, is allowed")
         if self.clearance is not None and not 0.0 <= self.clearance < np.inf:
-            raise refused(self.name, "clearance", self.clearance, "a length from 0 on is allowed")
+            raise refusal(self.name, "clearance", self.clearance, "a length from 0 on is allowed")
         if not 0.0 < self.shear_stiffness < np.inf:
-            raise refused(self.name, "shear_stiffness", self.shear_stiffness, "more than 0 N/m is allowed")
+            raise refusal(self.name, "shear_stiffness", self.shear_stiffness, "more than 0 N/m is allowed")
         if self.outer is not None and self.outer.body == self.inner.body:
-            raise refused(self.name, "outer", self.outer.body, "another body than the inner one, or none, is allowed")
+            raise refusal(self.name, "outer", self.outer.body, "another body than the inner one, or none, is allowed")
 
 
-def refused(contact: str, key: str, value: object, allowed: str) -> InputError:
+def refusal(contact: str, key: str, value: object, allowed: str) -> InputError:
     """Error about a contact, by its name."""
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
 

@@ -64,8 +64,8 @@ def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.i
     A, B = (A + A.T) / 2.0, (B + B.T) / 2.0
     if not definite(A):
         return 0.0
-    if 0.0 < near < np.inf and (found := _beside(A, B, near * (1.0 - BESIDE))) is not None:
-        return found
+    if 0.0 < near < np.inf and (load := _singular_above(A, B, near * (1.0 - BESIDE))) is not None:
+        return load
     if np.isfinite(up_to) and definite(A + up_to * B):
         return np.inf
     try:
@@ -75,7 +75,7 @@ def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.i
     return -1.0 / least if least < 0.0 else np.inf
 
 
-def _beside(A: Array, B: Array, low: float) -> float | None:
+def _singular_above(A: Array, B: Array, low: float) -> float | None:
     """The first singular load above `low`, of a definite A; None where A + low B is not, or where none settles."""
     factor, failed = scipy.linalg.lapack.dpotrf(A + low * B, lower=1)
     if failed:

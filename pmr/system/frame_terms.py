@@ -23,15 +23,15 @@ Array = NDArray[np.float64]
 def terms_of(
     scene: Scene, bodies: Mapping[str, SlidingBody], which: Iterable[FrameTerm] | None = None
 ) -> tuple[Term, ...]:
-    """Those of a scene whose frame asks for second order, none otherwise; or `which` of them."""
+    """Terms of a scene whose frame asks for second order, none otherwise; or the `which` of them."""
     return tuple(_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
 
 
 def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
     if term.of in ("cylinder", "cylinder load"):
-        apart = sp.csr_matrix(_apart(scene, term, bodies))
-        mass = carried(bodies[term.carried], term.component) if term.of == "cylinder" else 1.0
-        support_parts = {name: mass * (_moved(scene, term, bodies, name).T @ apart) for name in term.bodies}
+        apart = sp.csr_matrix(_distance_rows(scene, term, bodies))
+        mass = carried_inertia(bodies[term.carried], term.component) if term.of == "cylinder" else 1.0
+        support_parts = {name: mass * (_distance_change(scene, term, bodies, name).T @ apart) for name in term.bodies}
         supports = {name: A for name, A in support_parts.items() if A.size}
         return Term(term.name, term.bodies, stiffness=mass * (apart.T @ apart), supports=supports)
     (name,) = term.bodies
@@ -53,8 +53,8 @@ def _of_inertia(body: SlidingBody, matrix: Any) -> Any:
     return on_inertia
 
 
-def _moved(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
-    """Change of the distance of `_apart` by motions of the rigid supports of a body with that name, (d, h)."""
+def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
+    """Change of the distance of `_distance_rows` by motions of the rigid supports of a body with that name, (d, h)."""
     reactions, sign = bodies[name].reactions, 1.0 if name == term.bodies[0] else -1.0
     rows = tails(member_at(scene, term.number))
     if reactions is None or not reactions.ports:
@@ -63,7 +63,7 @@ def _moved(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], nam
     return np.array([sign * reactions.ports.get(row, nothing) for row in rows])
 
 
-def _apart(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
+def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
     """Rows (d, n) that measure how far the tails of two sections are apart across the boom, from both's coordinates."""
     distance_rows = []
     for row in tails(member_at(scene, term.number)):
@@ -76,7 +76,7 @@ def _apart(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> 
     return np.array(distance_rows)
 
 
-def carried(body: SlidingBody, field: str, axis: str = "x") -> float:
+def carried_inertia(body: SlidingBody, field: str, axis: str = "x") -> float:
     """Mass in kg of a section and what is attached to it, or its first moment about its tail in kg m.
 
     It is what accelerates it along the `axis`, all of which is free to move.

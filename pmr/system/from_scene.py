@@ -24,7 +24,7 @@ from pmr.scene.ropes import Drive, rope_shares
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
 from pmr.system.frame_terms import terms_of
-from pmr.system.system import Body, System, grounded
+from pmr.system.system import Body, System, ground_contacts
 
 
 def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
@@ -43,8 +43,8 @@ def with_terms_of(scene: Scene, system: System) -> System:
 def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
     """All contacts between the sections, and with the ground; of a body alone as `System.of` has them."""
     if ALONE in bodies:
-        return grounded(bodies[ALONE])
-    contacts = [contact for number in range(1, len(scene.sections)) for contact in _between(scene, number, bodies)]
+        return ground_contacts(bodies[ALONE])
+    contacts = [contact for number in range(1, len(scene.sections)) for contact in _contacts(scene, number, bodies)]
     places = [place for contact in contacts for place in (contact.inner, contact.outer) if place is not None]
     joined = {(place.body, place.row) for place in places}
     ground = [
@@ -55,7 +55,7 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
 
 def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
     """Names of the forces of pads, cylinders and supports, as far as no model has to be built."""
-    found: dict[str, list[str]] = {"pad": [], "cylinder": [], "support": []}
+    names: dict[str, list[str]] = {"pad": [], "cylinder": [], "support": []}
     for number, (name, member) in enumerate(zip(scene.names, members(scene), strict=True)):
         if number:
             joint, felt = member.part.joint, set(felt_faces(member)) & set(felt_faces(member_at(scene, number - 1)))
@@ -64,23 +64,23 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
                 for ring in getattr(joint, at):
                     faces = as_pads(ring, footprint(scene, ring)).places if ring.faces else ()
                     rows = {row for row, face, _ in faces if face in felt}
-                    found["pad"] += [pad.name for pad in _pads(scene, number, ring, f"{name} {at}", rows)]
+                    names["pad"] += [pad.name for pad in _pads(scene, number, ring, f"{name} {at}", rows)]
             if has_tail(member):
-                found["cylinder"].append(cylinder_of(name))
-        own = [(pad, face) for ring in member.part.pads for pad, face, _ in ring.places]
-        beside = name if name == ALONE else f"{name} "
-        found["pad"] += [f"{beside}{pad}" for pad, face in own if face in felt_faces(member)]
+                names["cylinder"].append(cylinder_of(name))
+        body_pads = [(pad, face) for ring in member.part.pads for pad, face, _ in ring.places]
+        prefix = name if name == ALONE else f"{name} "
+        names["pad"] += [f"{prefix}{pad}" for pad, face in body_pads if face in felt_faces(member)]
         if name == ALONE:
-            found["pad"] += member.point_names
+            names["pad"] += member.point_names
         for support in member.part.supports:
             rows_of = [support.row_name(d) for d in support.held if d in directions(member)]
-            found["support"] += [f"{beside}{row}" for row in rows_of]
+            names["support"] += [f"{prefix}{row}" for row in rows_of]
             if support.stiffness != "rigid":
-                found["support"] += [named(name, force_of(row)) for row in rows_of]
-    return found
+                names["support"] += [named(name, force_of(row)) for row in rows_of]
+    return names
 
 
-def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
+def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
     """Contacts of the joint in which a section slides, its cylinder last."""
     joint, inner, outer = scene.sections[number].joint, scene.names[number], scene.names[number - 1]
     assert joint is not None  # as the scene's checks say
@@ -121,7 +121,7 @@ def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[
 
 
 def _pads(scene: Scene, number: int, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:
-    """Those of a ring of a section's joint that both can feel: nothing moves a planar beam sideways."""
+    """Pads of a ring of a joint whose forces both sections feel: a planar beam does not move sideways."""
     called = " ".join(filter(None, (called, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
     if ring.faces is None:

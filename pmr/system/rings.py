@@ -43,12 +43,12 @@ class Combined:
     # (m, m'): its contacts' forces (T, m') times the transposed are those of the m original ones; None: the same
     shares: Array | None = None
 
-    def forces(self, found: Array) -> Array:
-        """(..., m) of all contacts from those of this system (..., m')."""
-        return found if self.shares is None else found @ self.shares.T
+    def forces(self, reduced_forces: Array) -> Array:
+        """Forces (..., m) N of all contacts from those (..., m') of the smaller system."""
+        return reduced_forces if self.shares is None else reduced_forces @ self.shares.T
 
 
-def combined(system: System) -> Combined:
+def combine_rings(system: System) -> Combined:
     """A system in its modes, with as few contacts as its rings of pads need."""
     if system.on_one_path:
         return Combined(system)
@@ -63,11 +63,11 @@ def combined(system: System) -> Combined:
                 replace(same[0], row=bodies[same[0].body].combine([place.row for place in same], measured))
                 for same in zip(*map(_places, pads), strict=True)
             ]
-            one = replace(pads[n], inner=places[0], outer=(*places, None)[1])
+            contact = replace(pads[n], inner=places[0], outer=(*places, None)[1])
             if len(ring) > 1:
                 mean = float(np.mean([1.0 / pad.compliance for pad in pads]))
-                one = replace(one, direction=1.0, compliance=1.0 / mean)
-            contacts.append(one)
+                contact = replace(contact, direction=1.0, compliance=1.0 / mean)
+            contacts.append(contact)
             shares.append((share * scaled) @ numbers[ring])
     if len(contacts) == len(numbers):
         return Combined(system)
@@ -77,13 +77,13 @@ def combined(system: System) -> Combined:
 
 def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _Rows]) -> list[tuple[list[int], Array]]:
     """Numbers of contacts that are combined, each with S (pads, fewer), or of one by itself."""
-    found = dict[object, list[int]]()
+    groups = dict[object, list[int]]()
     for number, contact in enumerate(contacts):
         combines = contact.clearance is None and contact.compliance > 0.0 and not contact.friction
-        where = tuple((one.body, one.at, one.path, one.rate) for one in _places(contact))
-        found.setdefault(where if combines else number, []).append(number)
+        where = tuple((place.body, place.at, place.path, place.rate) for place in _places(contact))
+        groups.setdefault(where if combines else number, []).append(number)
     rings = list[tuple[list[int], Array]]()
-    for ring in found.values():
+    for ring in groups.values():
         S = _orthonormal(bodies, [contacts[k] for k in ring]) if len(ring) > 1 else None
         rings.extend([([k], np.ones((1, 1))) for k in ring] if S is None else [(ring, S)])
     return rings
@@ -94,7 +94,7 @@ def _places(contact: Contact) -> list[Place]:
 
 
 def _relative_stiffness(pads: Sequence[Contact]) -> Array:
-    """Over their mean, (pads,)."""
+    """Stiffness of each pad over the mean of all, (pads,)."""
     if len(pads) == 1:
         return np.ones(1)
     stiffness = 1.0 / np.array([pad.compliance for pad in pads])
@@ -105,10 +105,10 @@ def _orthonormal(bodies: Mapping[str, _Rows], pads: Sequence[Contact]) -> Array 
     """(pads, fewer) of the pads' rows times the root of their relative stiffness; None where it takes them all."""
     measured = []
     for same in zip(*map(_places, pads), strict=True):
-        one = bodies[same[0].body].measured([place.row for place in same])
-        if one is None:
+        measures = bodies[same[0].body].measured([place.row for place in same])
+        if measures is None:
             return None
-        measured.append(one)
+        measured.append(measures)
     signed = np.sqrt(_relative_stiffness(pads)) * [pad.direction for pad in pads]
     S, size, _ = np.linalg.svd(signed[:, None] * np.hstack(measured), full_matrices=False)
     fewer = S[:, size > DEPENDENT * size[0]]
@@ -130,7 +130,7 @@ class _Rows:
         self._rows = dict[tuple[object, ...], Row]()
 
     def measured(self, names: Sequence[str]) -> Array | None:
-        """What the rows measure of modes, flexibility and inputs, (rows, .), of rows on the same breaks.
+        """Measures (rows, .) of modes, flexibility and inputs by rows that have their breaks in common.
 
         None of rows on others.
         """
@@ -141,21 +141,21 @@ class _Rows:
             return None
         if (offsets := _offsets(rows)) is not None:
             used = np.unique(rows[0].touched)
-            return np.array([self._seen[used + offset].ravel() for offset in offsets])
+            return np.array([self._carrier_measures[used + offset].ravel() for offset in offsets])
         powers = np.arange(len(rows[0].coefficients))[::-1, None]
         size = np.diff(rows[0].breaks) ** powers  # so that all coefficients have one unit
         sums = np.random.default_rng(12).standard_normal((SUMS, size.size)) * size.ravel()
-        return np.array([((row.entries.T @ sums.T).T @ self._seen).ravel() for row in rows])
+        return np.array([((row.entries.T @ sums.T).T @ self._carrier_measures).ravel() for row in rows])
 
     @cached_property
-    def _seen(self) -> Array:
-        """What carriers measure of modes, flexibility and inputs, (K, .), each over its largest.
+    def _carrier_measures(self) -> Array:
+        """Measures (K, .) of modes, flexibility and inputs by the carriers, each over its largest value.
 
         Of the many columns of the flexibility a few sums with random weights tell which rows depend on which.
         """
         parts, rng = [self._carriers.values], np.random.default_rng(11)
-        if (left := self._carriers.flexibility) is not None:
-            parts += [left.rows, left.inputs, left.outputs.T]
+        if (flexibility := self._carriers.flexibility) is not None:
+            parts += [flexibility.rows, flexibility.inputs, flexibility.outputs.T]
         for k, part in enumerate(parts):
             parts[k] = part / (np.abs(part).max(initial=0.0) or 1.0)
             if part.shape[1] > SUMS:
@@ -185,21 +185,21 @@ class _Rows:
     def model(self) -> ReducedModel:
         """The body with these rows and carriers."""
         old, rows = self._carriers, list(self._rows.values())
-        own = np.arange(len(old.values))
-        numbers, where, shares = map(np.concatenate, zip((own, own, np.ones(len(own))), *self._parts, strict=True))
-        P = sp.csr_matrix((shares, (numbers, where)), (self._size, len(own)))
+        each = np.arange(len(old.values))
+        numbers, where, shares = map(np.concatenate, zip((each, each, np.ones(len(each))), *self._parts, strict=True))
+        P = sp.csr_matrix((shares, (numbers, where)), (self._size, len(each)))
         used = np.unique(np.concatenate([row.touched.ravel() for row in rows]))
-        P, known = P[used], old.flexibility
-        left = known and CarrierFlexibility(
-            rows=np.asarray((P @ (P @ known.rows).T).T),
-            inputs=P @ known.inputs,
-            outputs=np.asarray((P @ known.outputs.T).T),
-            direct=known.direct,
-            energy=known.energy,
+        P, old_flexibility = P[used], old.flexibility
+        flexibility = old_flexibility and CarrierFlexibility(
+            rows=np.asarray((P @ (P @ old_flexibility.rows).T).T),
+            inputs=P @ old_flexibility.inputs,
+            outputs=np.asarray((P @ old_flexibility.outputs.T).T),
+            direct=old_flexibility.direct,
+            energy=old_flexibility.energy,
         )
         rows = [replace(row, touched=np.searchsorted(used, row.touched)) for row in rows]
         names = tuple(row.name for row in rows)
-        return replace(self._body, row_names=names, carriers=CarriedRows.of(rows, P @ old.values, left))
+        return replace(self._body, row_names=names, carriers=CarriedRows.of(rows, P @ old.values, flexibility))
 
     def _row(self, name: str) -> Row:
         return self._carriers.row(self._body.row_names.index(name), name)
@@ -207,11 +207,11 @@ class _Rows:
 
 def _offsets(rows: Sequence[Row]) -> list[int] | None:
     """How far the carriers of each row stand behind those of the first; None where rows differ in more than that."""
-    first, found = rows[0], list[int]()
+    first, offsets = rows[0], list[int]()
     for row in rows:
         offset = int(row.touched.min() - first.touched.min())
         same = np.array_equal(row.breaks, first.breaks) and np.array_equal(row.coefficients, first.coefficients)
         if not (same and np.array_equal(row.touched - offset, first.touched)):
             return None
-        found.append(offset)
-    return found
+        offsets.append(offset)
+    return offsets

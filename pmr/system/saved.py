@@ -25,7 +25,7 @@ from pmr.files import npz, records
 from pmr.reduced import stored
 from pmr.reduced.model import FORMAT as ONE_BODY
 from pmr.reduced.model import READING, ReducedModel
-from pmr.reduced.soundness import misnamed
+from pmr.reduced.soundness import describe_names
 from pmr.system.contacts import ALONE, Contact
 from pmr.system.terms import Term
 
@@ -123,7 +123,7 @@ def read(path: Path) -> Saved | ReducedModel:
         data = {key: data[alias] for key, alias in file_header.same.items()} | data
         models, on_modes = (
             [
-                records.record(ReducedModel, stored.filled(data, f"{kind}.{number}."), f"{kind}.{number}.")
+                records.record(ReducedModel, stored.unpack(data, f"{kind}.{number}."), f"{kind}.{number}.")
                 for number in range(len(names))
             ]
             for kind, names in {"bodies": file_header.bodies, "on_modes": file_header.on_modes}.items()
@@ -163,7 +163,7 @@ def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[R
     if not models or len(set(header.bodies)) < len(models) or (ALONE in header.bodies and len(models) > 1):
         return f"{len(models)} bodies, one or more with names that differ are allowed"
     for what, names in named.items():
-        if wrong := misnamed(what, tuple(name for name in names if (what, name) != ("bodies", ALONE))):
+        if wrong := describe_names(what, tuple(name for name in names if (what, name) != ("bodies", ALONE))):
             return wrong
     for name, model in zip(header.bodies, models, strict=True):
         if wrong := model.contradiction():

@@ -25,10 +25,10 @@ from pmr.reduced.model import ReducedModel
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, Trajectory, names_of, units_of
 from pmr.system.compliance import Compliance
-from pmr.system.contacts import ALONE, SLIDER, Contact, Place, input_of, named, refused
+from pmr.system.contacts import ALONE, SLIDER, Contact, Place, input_of, named, refusal
 from pmr.system.friction import Friction
 from pmr.system.terms import Term
-from pmr.system.terms import refused as refused_term
+from pmr.system.terms import refusal as refused_term
 
 Array = NDArray[np.float64]
 
@@ -68,18 +68,18 @@ class Joined(Generic[AnyBody]):
         names = self.contact_names
         for contact in self.contacts:
             if names.count(contact.name) > 1:
-                raise refused(contact.name, "name", contact.name, "names that differ are allowed")
+                raise refusal(contact.name, "name", contact.name, "names that differ are allowed")
         for side in self.sides:
             name, place = self.contacts[side.contact].name, side.place
             if place.body not in self.bodies:
-                raise refused(name, "body", place.body, f"{', '.join(self.bodies)} are allowed")
+                raise refusal(name, "body", place.body, f"{', '.join(self.bodies)} are allowed")
             body = self.bodies[place.body]
             if place.row not in body.row_names:
-                raise refused(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
+                raise refusal(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
         for path in self.compliance.paths:
             if path not in self.paths:
                 rope = next(contact.name for contact in self.contacts if contact.lengthening and contact.path == path)
-                raise refused(rope, "path", path, f"{', '.join(self.paths) or 'none'} are allowed")
+                raise refusal(rope, "path", path, f"{', '.join(self.paths) or 'none'} are allowed")
         for name, body in self.bodies.items():
             if body.carriers is None and not self.on_one_path:
                 allowed = "a model with carriers is allowed (`pmr.reduction.residual.model.section_model`)"
@@ -158,9 +158,9 @@ class Joined(Generic[AnyBody]):
 
     def gives(self, x: Array) -> Array:
         """Compliance, (..., m, m) m/N, with the sides at x (..., sides) m."""
-        return self.compliance.at(self.lengthened(x))
+        return self.compliance.at(self.rope_coordinates(x))
 
-    def lengthened(self, x: Array) -> Array:
+    def rope_coordinates(self, x: Array) -> Array:
         """Coordinates of the paths by which ropes get longer, (..., Q) m, likewise."""
         lengths = []
         for path in self.compliance.paths:
@@ -214,14 +214,14 @@ class Joined(Generic[AnyBody]):
         for side in self.sides:
             place, name = side.place, self.contacts[side.contact].name
             if place.path is not None and place.path not in s:
-                raise refused(name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}")
+                raise refusal(name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}")
             low, high = self.range_of(place)
             x, slack = place.coordinate(s), BEYOND_ENDS * (high - low)
             outside = ~((x >= low - slack) & (x <= high + slack))
             if np.any(outside):
                 worst = float(np.atleast_1d(x)[np.atleast_1d(outside)][0])
                 allowed = f"{low:g} to {high:g} m are allowed on {place.body}"
-                raise refused(name, "place", worst, allowed)
+                raise refusal(name, "place", worst, allowed)
             places.append(np.clip(x, low, high))
         shape = np.broadcast_shapes(*(np.shape(values) for values in s.values()))
         return np.moveaxis(np.array([np.broadcast_to(x, shape) for x in places]).reshape(len(places), *shape), 0, -1)
@@ -344,10 +344,10 @@ class System(Joined[SlidingBody]):
         An InputError is raised if the body is a section of a boom, because its joints hold it.
         """
         body.ensure_whole("system")
-        return cls({ALONE: body}, grounded(body), body.provenance if isinstance(body, ReducedModel) else {})
+        return cls({ALONE: body}, ground_contacts(body), body.provenance if isinstance(body, ReducedModel) else {})
 
 
-def grounded(body: Body) -> tuple[Contact, ...]:
+def ground_contacts(body: Body) -> tuple[Contact, ...]:
     """The rows of a body alone as contacts with the ground, but for supports that hold one coordinate."""
     return tuple(
         Contact(
@@ -394,18 +394,18 @@ class SystemTrajectory:
         of_bodies = [array for body in self.bodies.values() for array in _arrays(body).values()]
         return [*of_bodies, *_arrays(self).values()]
 
-    def mapped(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> SystemTrajectory:
+    def map_arrays(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> SystemTrajectory:
         """Return the trajectory with all of its arrays changed."""
 
-        def changed(trajectory: Trajectory | SystemTrajectory) -> dict[str, Any]:
+        def change_arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, Any]:
             return {name: change(array) for name, array in _arrays(trajectory).items()}
 
-        bodies = {name: replace(trajectory, **changed(trajectory)) for name, trajectory in self.bodies.items()}
-        return replace(self, bodies=bodies, **changed(self))
+        bodies = {name: replace(trajectory, **change_arrays(trajectory)) for name, trajectory in self.bodies.items()}
+        return replace(self, bodies=bodies, **change_arrays(self))
 
     def at(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
         """Some of its steps, by their numbers (S,); what belongs to a step that ends there is left out."""
-        return replace(self.mapped(lambda array: array[steps]), parts=None, impulses=None)
+        return replace(self.map_arrays(lambda array: array[steps]), parts=None, impulses=None)
 
 
 def _arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, NDArray[Any]]:

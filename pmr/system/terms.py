@@ -42,9 +42,9 @@ class Term:
 
     def __post_init__(self) -> None:
         if not 1 <= len(set(self.bodies)) == len(self.bodies) <= 2:
-            raise refused(self.name, "bodies", ", ".join(self.bodies), "one body or two that differ are allowed")
+            raise refusal(self.name, "bodies", ", ".join(self.bodies), "one body or two that differ are allowed")
         if not self.matrices:
-            raise refused(self.name, "stiffness", None, "a stiffness, a damping or both are allowed")
+            raise refusal(self.name, "stiffness", None, "a stiffness, a damping or both are allowed")
 
     @property
     def matrices(self) -> dict[str, Any]:
@@ -61,9 +61,9 @@ class Term:
         """Raise an InputError unless its matrices are finite and of bodies with so many coordinates in all."""
         for key, matrix in self.matrices.items():
             if matrix.shape != (size, size):
-                raise refused(self.name, key, matrix.shape, f"{(size, size)} is allowed")
+                raise refusal(self.name, key, matrix.shape, f"{(size, size)} is allowed")
             if not np.isfinite(matrix.data if sp.issparse(matrix) else matrix).all():
-                raise refused(self.name, key, None, "finite numbers are allowed")
+                raise refusal(self.name, key, None, "finite numbers are allowed")
 
     def on(self, motions: Mapping[str, Array]) -> Term:
         """Term on other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense."""
@@ -85,7 +85,7 @@ class Term:
         return replace(self, **scattered, supports={})
 
 
-def added(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
+def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
     """A + sum_k c_k of the terms' ``stiffness`` or ``damping``, all sparse and of one size; no amplitudes leave A.
 
     All in one sum, as one by one what SciPy does for each takes longer than the sum.
@@ -101,7 +101,7 @@ def added(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] 
     return total
 
 
-def refused(term: str, key: str, value: object, allowed: str) -> InputError:
+def refusal(term: str, key: str, value: object, allowed: str) -> InputError:
     """Error about a term, by its name."""
     return InputError("system", f"terms.{term}.{key}", value, allowed)
 

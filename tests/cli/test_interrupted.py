@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from processes import UNDRAWN, called, undrawn
 
-from pmr.files.swap import finished
+from pmr.files.swap import finish_swap
 from pmr.reduced.model import ReducedModel
 from pmr.results import RunResult
 
@@ -93,7 +93,7 @@ def test_a_run_may_be_killed_at_any_time(old: Old, tmp_path: Path, monkeypatch, 
             time.sleep(old.took * rng.uniform())
         process.send_signal(signal.SIGKILL)
         process.wait()
-        finished(folder)
+        finish_swap(folder)
         found = coordinates(folder)
         outcomes.append(found)
         assert found in ({OLD}, {NEW})

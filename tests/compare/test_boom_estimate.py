@@ -54,7 +54,7 @@ def test_the_estimate_is_the_true_error_and_its_margin(pads: str, monkeypatch: p
     """
     push = str(pads != "both ways").lower()
     if pads == "both ways":
-        monkeypatch.setattr(estimates, "extended", lambda model, *_: model)
+        monkeypatch.setattr(estimates, "extend", lambda model, *_: model)
     rings = [f"section.joint.{end}.0." for end in ("tail", "mouth")]
     outcome = run(load(*(ring + of for ring in rings for of in (f"unilateral={push}", "friction=0.15"))))
     assert outcome is not None

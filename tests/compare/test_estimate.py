@@ -19,7 +19,7 @@ from pmr.compare.far_off import warnings_of_reduction
 from pmr.compare.outputs import Floors, Outputs, differences, probe_differences
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended
+from pmr.reduced.truncation import extend
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import TimeStepping
 from pmr.system.body import FullBody
@@ -122,7 +122,7 @@ def test_damping_of_what_is_left_out_is_in_it(r: int) -> None:
     model, w = enriched(full, r, enrichment=2), truth(full, PATH, LOADS[0], STEPPING)
     found, true = estimate(model, driven(PATH, LOADS[0], STEPPING)), nrms_error(moved(model, PATH, LOADS[0]), w)
     assert 1.1 < found.beam / true < 1.4
-    enrichment_alone = nrms_error(moved(extended(model), PATH, LOADS[0]), moved(model, PATH, LOADS[0]))
+    enrichment_alone = nrms_error(moved(extend(model), PATH, LOADS[0]), moved(model, PATH, LOADS[0]))
     assert enrichment_alone < 0.85 * true  # which is why they are not enough
 
 

@@ -108,7 +108,7 @@ def test_a_reduction_that_is_far_off_is_a_warning_by_itself() -> None:
 
 def test_the_kind_that_the_mesh_is_off_most_in_is_named() -> None:
     compare = SimpleNamespace(model_tolerance=0.05)
-    scene = SimpleNamespace(compare=compare, ordered=None)
+    scene = SimpleNamespace(compare=compare, goal=None)
     budget = {"mesh": {"beam": 1e-3, "frequency": 0.0712}}
     assert list(far_off.warnings(scene, budget)) == [  # type: ignore[arg-type]
         "the mesh is off by up to 7.1 % in natural frequencies, more than compare.model_tolerance = 0.05; a finer one "

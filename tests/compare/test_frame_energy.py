@@ -93,7 +93,7 @@ def test_work_is_what_the_energy_changes_by_to_second_order_in_the_step(
     system, left = pmr.reduce(steps[0]).system, []
     for scene in steps:
         found, _ = followed(scene, system)
-        left.append(np.abs(found.unexplained).max() / np.ptp(found.energy))
+        left.append(np.abs(found.residual_energy).max() / np.ptp(found.energy))
         assert np.abs(found.drives).max() > 0.05 * np.ptp(found.energy)
     assert left[1] < 1e-4
     assert left[1] == pytest.approx(left[0] / 4.0, rel=0.1)

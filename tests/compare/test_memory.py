@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.compare import memory
-from pmr.compare.responses import repeated
+from pmr.compare.responses import simulate_by
 from pmr.errors import InputError, environment
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -39,10 +39,10 @@ def test_a_large_one_is_told_of_and_a_small_one_is_not(load_scene, caplog: pytes
 
 def test_memory_grows_with_steps_and_with_the_model_that_keeps_its_states(load_scene) -> None:
     small, large = (load_scene("paper_evolved", [f"time.step={step}", *LONG[1:]]) for step in ("1e-3", "5e-4"))
-    assert memory.needed(large, 153, 51) / memory.needed(small, 153, 51) == pytest.approx(2.0, rel=1e-3)
-    assert memory.needed(small, 350, 51) == memory.needed(small, 153, 51)
+    assert memory.needed_bytes(large, 153, 51) / memory.needed_bytes(small, 153, 51) == pytest.approx(2.0, rel=1e-3)
+    assert memory.needed_bytes(small, 350, 51) == memory.needed_bytes(small, 153, 51)
     in_exudyn = load_scene("paper_evolved", [*LONG[1:], "simulation.full=exudyn"])
-    more = memory.needed(in_exudyn, 350, 51) - memory.needed(in_exudyn, 153, 51)
+    more = memory.needed_bytes(in_exudyn, 350, 51) - memory.needed_bytes(in_exudyn, 153, 51)
     assert more >= 2 * memory.NUMBER * in_exudyn.time.steps * (350 - 153)  # coordinates and their rates at least
 
 
@@ -81,12 +81,12 @@ def _a_step(load_scene, run: Callable[[object], object]) -> float:
 @pytest.mark.slow
 @pytest.mark.usefixtures("short_blocks")
 def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: FullBody) -> None:
-    found = _a_step(load_scene, lambda scene: repeated(scene, System.of(full), Excitation.of(scene), "march"))
+    found = _a_step(load_scene, lambda scene: simulate_by(scene, System.of(full), Excitation.of(scene), "march"))
     states = memory.NUMBER * 2 * full.size
     outputs = memory.NUMBER * len(full.output_positions)
     assert outputs < found < min(states, 2.0 * outputs)
     scene = load_scene("paper_evolved", LONG)
-    assert found < memory.needed(scene, full.size, len(full.output_positions)) / scene.time.steps
+    assert found < memory.needed_bytes(scene, full.size, len(full.output_positions)) / scene.time.steps
 
 
 @pytest.mark.slow

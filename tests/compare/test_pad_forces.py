@@ -13,7 +13,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare.errors import errors, with_common_forces
-from pmr.compare.pad_forces import pad_loads, pulled, unknown
+from pmr.compare.pad_forces import pad_loads, pulled_rings, unknown
 from pmr.compare.simulated import simulate
 from pmr.files import records
 from pmr.fullmodel.from_scene import structure_of
@@ -185,7 +185,7 @@ def test_a_pull_counts_beside_what_else_is_borne() -> None:
             "mouth left": lambda t: np.where(t < 0.5, most, least),
             "tail left": lambda t: np.full_like(t, others),
         }
-        return pulled(boom(), (), response_with(forces))
+        return pulled_rings(boom(), (), response_with(forces))
 
     assert said(-2500.0, 5000.0) == [
         "one of 6 pads of the ring mouth pulls the body outwards, mouth left with up to 2.5 kN at 0.5 s (s = 2 m); if "
@@ -208,7 +208,7 @@ def test_rigid_pads_that_stay_are_said_to_be_unknown() -> None:
 
 def test_points_that_hold_a_planar_beam_hold_it_both_ways() -> None:
     scene, found = scenes.load(WORKFLOWS / "evolved_residual.toml"), response_with({"slider at s": lambda t: -t})
-    assert pad_loads(scene, found) == {} and pulled(scene, (), found) == unknown(scene, found) == []
+    assert pad_loads(scene, found) == {} and pulled_rings(scene, (), found) == unknown(scene, found) == []
 
 
 #: Structures of the sweep: a sample in CI, all of them with PMR_SWEEP=full.

@@ -18,7 +18,7 @@ from pmr.compare.ringing import (
     causes,
     remedy,
     rigid_contacts,
-    ringing,
+    ringing_share,
     rings,
     warnings,
 )
@@ -49,8 +49,8 @@ def test_the_alternating_share_of_a_tone(per_period: int) -> None:
 
 
 def test_what_is_too_short_or_still_does_not_alternate() -> None:
-    assert alternating(np.ones(8)) == alternating(np.zeros((20, 3))) == ringing(np.zeros((20, 3))) == 0.0
-    assert ringing(np.arange(8.0)[:, None]) == 0.0
+    assert alternating(np.ones(8)) == alternating(np.zeros((20, 3))) == ringing_share(np.zeros((20, 3))) == 0.0
+    assert ringing_share(np.arange(8.0)[:, None]) == 0.0
 
 
 def test_only_the_reference_is_said_to_ring_where_it_does() -> None:

@@ -30,7 +30,7 @@ from pmr.scene.joints import Cylinder, Rope
 from pmr.scene.names import cylinder_of
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -305,7 +305,7 @@ def test_a_chain_of_ropes_gives_way_alike_in_all_simulators(tmp_path: Path) -> N
     changing = system.save(tmp_path / "changing.npz")
     with pytest.raises(InputError, match=r"rope.lengthens = 'cylinder of second': 0 is allowed here"):
         write_exudyn_script(changing, tmp_path / "script.py")
-    unit = contents(system, recorded(system, "system.npz"), "boom", "3")
+    unit = contents(system, read_scene(system, "system.npz"), "boom", "3")
     outputs, reference = follow_reference(unit, loaded(unit, tmp_path, "3"))
     for name in (name for name in outputs if name.startswith("force_of_cylinder")):
         bound = 1e-6 * np.abs(reference[name]).max()

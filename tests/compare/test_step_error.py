@@ -203,11 +203,13 @@ def test_second_order_is_summed_to_its_end() -> None:
     for k in (2.0, 4.0, 8.0):
         grows.add(k * y)
     assert not grows.settled and grows.halvings(0.5) is None
-    assert not grows.falling and grows.most == pytest.approx(7.0 / 8.0 + 4.0 / 8.0)  # of the finest, and the last one
+    assert not grows.is_decreasing and grows.most == pytest.approx(
+        7.0 / 8.0 + 4.0 / 8.0
+    )  # of the finest, and the last one
     noise = Ladder(relative_error, y)
     for k in (1.0, -2.0, 3.0):
         noise.add(y * (1.0 + k * 1e-5))
-    assert noise.settled and noise.falling and noise.error() == pytest.approx(3e-5, rel=0.01)
+    assert noise.settled and noise.is_decreasing and noise.error() == pytest.approx(3e-5, rel=0.01)
 
 
 def test_what_the_summary_holds() -> None:

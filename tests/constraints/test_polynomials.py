@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import columns, product, select_rows, side_by_side, times, total, transposed
+from pmr.constraints.polynomials import columns, product, select_rows, side_by_side, times, total, transpose
 
 RNG = np.random.default_rng(3)
 S = np.linspace(0.0, 5.0, 41)
@@ -20,7 +20,7 @@ def test_products_of_tables_are_those_of_their_values() -> None:
     assert found.c.shape == (6, 2, 2, 3)
     assert found(S) == pytest.approx(A(S) * weights @ B(S).swapaxes(1, 2), abs=1e-9)
     assert times(A, X)(S) == pytest.approx(A(S) @ X, abs=1e-10)
-    assert np.array_equal(transposed(A)(S), A(S).swapaxes(1, 2))
+    assert np.array_equal(transpose(A)(S), A(S).swapaxes(1, 2))
 
 
 @pytest.mark.parametrize("breaks", [(0.0, 2.0, 5.0), (0.0, 1.0, 3.0, 5.0)])

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import evaluate, stacked
+from pmr.constraints.polynomials import evaluate, stack_tables
 from pmr.constraints.rows import Row, Rows, carrier, dense_entries, fixed_row, row_on_coordinates
 
 RNG = np.random.default_rng(1)
@@ -132,7 +132,7 @@ def test_stacked_rows_keep_their_values_on_common_breaks() -> None:
     V = RNG.standard_normal((12, 3))
     first, second = random_row("a"), random_row("b", (-0.5, 0.3, 1.4, 1.9))
     fixed = fixed_row("c", carrier([4, 7], [1.0, -2.0], 12), (0.0, 3.0))
-    table = stacked([row.project(V) for row in (first, second, fixed)], Rows((first, second, fixed), 12).domain)
+    table = stack_tables([row.project(V) for row in (first, second, fixed)], Rows((first, second, fixed), 12).domain)
     assert (table.x[0], table.x[-1]) == (0.0, 1.9) and set(np.round(table.x, 9)) == {0.0, 0.3, 0.4, 1.0, 1.4, 1.9}
     for s in np.linspace(0.0, 1.9, 39):
         for i, row in enumerate((first, second, fixed)):
@@ -143,7 +143,7 @@ def test_stacked_rows_keep_their_values_on_common_breaks() -> None:
 
 def test_breaks_that_differ_by_round_off_are_one() -> None:
     rows = [PPoly(np.ones((2, 2, 1)), [0.0, 0.5, 1.0]), PPoly(np.ones((2, 2, 1)), [0.0, 0.5 + 1e-15, 1.0])]
-    assert len(stacked(rows, (0.0, 1.0)).x) == 3
+    assert len(stack_tables(rows, (0.0, 1.0)).x) == 3
 
 
 def test_rows_make_a_sparse_matrix() -> None:

@@ -49,7 +49,7 @@ def test_what_lets_mpi_start_alone_is_gone_afterwards(monkeypatch: pytest.Monkey
     for name in environment.UNLAUNCHED.keys() - {"OMPI_MCA_pml"}:
         monkeypatch.delenv(name, raising=False)
     before = dict(os.environ)
-    with environment.unlaunched():
+    with environment.without_launcher():
         assert os.environ == (before if launched > 1 else environment.UNLAUNCHED | before)
     assert os.environ == before
 

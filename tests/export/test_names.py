@@ -24,7 +24,7 @@ from pmr.export.fmi.fmu import contents
 from pmr.export.formats import Options, write
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Sine, SmoothRamp
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.system import System
 
 MODELS = 200 if os.environ.get("PMR_SWEEP") == "full" else 4
@@ -80,7 +80,7 @@ def test_names_are_names_to_whoever_reads_a_file(plain: ReducedModel, number: in
 
     assert script_data(System.of(found), "model.npz")["inputs"].tolist() == inputs
     for version in "23":
-        fmu = contents(System.of(found), recorded(System.of(found), "model.npz"), "model", version)
+        fmu = contents(System.of(found), read_scene(System.of(found), "model.npz"), "model", version)
         root = ElementTree.fromstring(fmu.texts["modelDescription.xml"])
         shown = {element.get("name") for element in root.iter()} | {
             element.get("description") for element in root.iter()

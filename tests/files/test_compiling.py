@@ -101,4 +101,4 @@ def test_a_folder_for_compiled_forms_that_is_only_read_is_refused(code: int, mon
 
     monkeypatch.setattr(compat, "stored", stored)
     with pytest.raises(InputError, match=f"XDG_CACHE_HOME = .* is allowed, for compiled forms .{os.strerror(code)}"):
-        compat._compiled(compat.MPI.COMM_SELF, "form", create)
+        compat._compile_once(compat.MPI.COMM_SELF, "form", create)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pmr.errors import InputError
-from pmr.files.swap import finished
+from pmr.files.swap import finish_swap
 
 
 def begun(folder: Path, moves: Any) -> None:
@@ -28,7 +28,7 @@ def test_nothing_outside_of_the_folder_is_touched(tmp_path: Path, key: str, way:
     begun(folder, {"names": [], "gone": []} | {key: [name]})
     (folder / "link").symlink_to(tmp_path)
     with pytest.raises(InputError, match="files of this folder are allowed"):
-        finished(folder)
+        finish_swap(folder)
     assert (tmp_path / "kept.txt").read_text() == "kept"
 
 
@@ -36,7 +36,7 @@ def test_nothing_outside_of_the_folder_is_touched(tmp_path: Path, key: str, way:
 def test_a_list_that_is_none_is_one_line(tmp_path: Path, moves: str) -> None:
     begun(tmp_path / "results", moves)
     with pytest.raises(InputError) as caught:
-        finished(tmp_path / "results")
+        finish_swap(tmp_path / "results")
     assert len(str(caught.value).splitlines()) == 1
 
 
@@ -44,5 +44,5 @@ def test_what_a_killed_process_had_begun_is_finished(tmp_path: Path) -> None:
     folder = tmp_path / "results"
     begun(folder, {"names": ["new.txt"], "gone": ["old.txt"]})
     (folder / "old.txt").write_text("old")
-    finished(folder)
+    finish_swap(folder)
     assert sorted(path.name for path in folder.iterdir()) == ["new.txt"]

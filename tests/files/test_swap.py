@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pmr.files.swap import finished, fresh, removed
+from pmr.files.swap import finish_swap, fresh, remove_files
 from pmr.files.whole import NotWrittenError
 
 OURS = ("a", "b", "c", "steps/*.vtu")
@@ -81,7 +81,7 @@ def test_killed_at_any_moment_all_files_are_the_old_or_all_are_the_new_ones(tmp_
         folder = tmp_path / str(k)
         fill(folder, OLD | FOREIGN)
         done = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(k)], check=False)
-        finished(folder)
+        finish_swap(folder)
         found = content(folder)
         assert found in (OLD | FOREIGN, NEW | FOREIGN)
         assert not list(folder.glob(".pmr*"))
@@ -104,7 +104,7 @@ def test_where_there_is_no_room_the_old_files_stay_and_one_line_says_so(tmp_path
 def test_a_folder_that_another_process_is_writing_is_left_to_it(tmp_path: Path) -> None:
     with fresh(tmp_path, OURS) as new:
         fill(new, NEW)
-        finished(tmp_path)
+        finish_swap(tmp_path)
         with fresh(tmp_path, OURS) as second:
             fill(second, {"a": "second"})
         assert content(tmp_path)["a"] == "second"
@@ -130,5 +130,5 @@ def test_what_has_no_place_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     with pytest.raises(NotWrittenError, match="a is a folder"), fresh(tmp_path, OURS) as new:
         fill(new, {"a": "new"})
-    removed(tmp_path, OURS)
+    remove_files(tmp_path, OURS)
     assert (tmp_path / "a").is_dir()

@@ -101,7 +101,7 @@ def test_free_motions_do_not_depend_on_where_the_origin_is() -> None:
     for _ in range(20):
         d, p = rng.normal(size=3), rng.normal(size=3)
         d /= np.linalg.norm(d)
-        (said,) = free_motions.described(np.concatenate([np.cross(p, d), d])[:, None] * rng.uniform(1e-3, 1e3))
+        (said,) = free_motions.describe_motions(np.concatenate([np.cross(p, d), d])[:, None] * rng.uniform(1e-3, 1e3))
         at = p - d * (d @ p)  # the point of the axis nearest to the origin
         found = np.array([float(x) for x in said.split("through (")[1].removesuffix(") m").split(", ")])
         assert found == pytest.approx(at, abs=1e-3)
@@ -245,7 +245,7 @@ def test_a_boom_may_be_free_where_its_scene_allows_it() -> None:
 
 def test_what_is_free_is_said_shortly_by_its_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     turned = {"middle": ["move along y", "turn about x"], "fly": ["move along y"]}
-    monkeypatch.setattr(free_motions, "described", lambda motions: motions)
+    monkeypatch.setattr(free_motions, "describe_motions", lambda motions: motions)
     monkeypatch.setattr(free_motions, "freedoms", lambda *_: [turned])
     way = Way({}, {}, ["at t = 0 s"])
     found = free_motions.words(SimpleNamespace(bodies=dict.fromkeys(("base", "middle", "fly"))), {}, way)

@@ -143,7 +143,7 @@ def newton(boom: Scene) -> float:
     assert found.parts is not None
     ones, worst, size = np.ones(STEPS + 1, np.int64), 0.0, max(np.abs(found.peaks).max(), np.abs(found.forces).max())
     pads = impulses(given.stepping, ones, found.forces) if found.impulses is None else found.impulses
-    fine = given.with_stepping(given.stepping.divided(int(found.parts.max())))
+    fine = given.with_stepping(given.stepping.divide(int(found.parts.max())))
     loads = dict(zip(system.input_names, fine.forces(system.input_names).T, strict=True))
     for name in boom.names[1:]:
         one = built[name]

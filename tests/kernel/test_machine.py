@@ -61,7 +61,7 @@ class Oracle:
         moments = Answering(equations, assembly, along, gives).moments(out)
         luffing, slewing = (tuple(getattr(angle, order)(t) for order in orders) for angle in scene.frame.angles)
         rocking = [tuple(motion[:, 3 + j, None]) for j in range(3)]
-        boom, base = Turning.by(luffing, slewing, rocking), Turning.rocked(rocking)
+        boom, base = Turning.by(luffing, slewing, rocking), Turning.from_rocking(rocking)
         R, Rb, omega, alpha = boom.rotation[0], base.rotation[0], base.velocity[0], base.acceleration[0]
         x, v, a = motion[:, :3]
         turning = Motion(boom.velocity[0], np.zeros(3))

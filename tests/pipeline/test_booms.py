@@ -445,7 +445,7 @@ def test_a_boom_that_does_not_fit_into_memory_is_refused_before_it_begins(monkey
     """Of several bodies all states are kept: with many steps that is said before anything is simulated."""
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ["time.step=1e-5", "section.mesh.elements=6"])
     few = boom.model_copy(update={"time": boom.time.model_copy(update={"step": 1e-3})})
-    assert memory.needed(boom, 100, 30) / memory.needed(few, 100, 30) == pytest.approx(100.0, rel=0.01)
+    assert memory.needed_bytes(boom, 100, 30) / memory.needed_bytes(few, 100, 30) == pytest.approx(100.0, rel=0.01)
     monkeypatch.setattr("pmr.errors.environment.available_memory", lambda: 10**8)
     with pytest.raises(InputError, match="steps take about .* are free; at most"):
         run(boom)

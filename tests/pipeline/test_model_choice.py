@@ -11,7 +11,7 @@ from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
-from pmr.pipeline.model_part import decided
+from pmr.pipeline.model_part import decide_models
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
@@ -55,7 +55,7 @@ def test_the_smallest_model_within_the_tolerance_is_chosen(changes, model, walls
     """A beam where walls are thick, one whose walls give way where they are thin, a shell where that does not do."""
     scene, comm = box(*changes), MPI.COMM_WORLD
     assert scene.compare.model_tolerance == 0.05
-    found = decided(scene, comm, Clock(), tmp_path, lambda one: pmr.reduce(one).system)
+    found = decide_models(scene, comm, Clock(), tmp_path, lambda one: pmr.reduce(one).system)
     said = found.said
     assert (said["name"], said["walls"], len(said["tried"])) == (model, walls, tried)
     within = [one["error"] <= 0.05 for one in said["tried"]]
@@ -64,7 +64,7 @@ def test_the_smallest_model_within_the_tolerance_is_chosen(changes, model, walls
     assert (model_of(one), one.part.body.walls, one.part.body.model) == (model, walls, model)
     assert (found.part is None) == (model == "shell")
 
-    again = decided(scene, comm, Clock(), tmp_path, never)
+    again = decide_models(scene, comm, Clock(), tmp_path, never)
     assert again == found
 
 
@@ -92,7 +92,7 @@ PLANAR = tuple(f"pads.{ring}.faces={{bottom=[-0.1,0.1],top=[-0.1,0.1],left=[],ri
 def test_without_a_shell_the_smallest_model_is_taken_and_why_is_said() -> None:
     """As of a boom that a plane alone holds, which would fall over in space."""
     scene = box(*THIN, *PLANAR, "loads.gust.direction=z")
-    found = decided(scene, MPI.COMM_WORLD, Clock(), None, lambda one: pmr.reduce(one).system)
+    found = decide_models(scene, MPI.COMM_WORLD, Clock(), None, lambda one: pmr.reduce(one).system)
     assert found.said["name"] == "beam2d" and found.said["walls"] == "rigid" and "free" in found.said["reason"]
     assert found.part == {"beside": None, "reason": found.said["reason"]}
 
@@ -100,5 +100,5 @@ def test_without_a_shell_the_smallest_model_is_taken_and_why_is_said() -> None:
 def test_where_nothing_is_lateral_a_planar_beam_does() -> None:
     """Its frequencies are compared with those of vertical modes."""
     scene = box(*THICK, "loads.gust.direction=z")
-    found = decided(scene, MPI.COMM_WORLD, Clock(), None, lambda one: pmr.reduce(one).system)
+    found = decide_models(scene, MPI.COMM_WORLD, Clock(), None, lambda one: pmr.reduce(one).system)
     assert found.said["name"] == "beam2d" and found.part["frequency"] < 0.05

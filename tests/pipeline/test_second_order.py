@@ -16,7 +16,7 @@ from pmr import scene as scenes
 from pmr.compare.boom_figures import frequency_map
 from pmr.compare.evaluation import respond
 from pmr.compare.saved_model import simulate_saved
-from pmr.compare.way import frequencies, visited
+from pmr.compare.way import frequencies, places_on_way
 from pmr.errors import InputError
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
@@ -50,7 +50,7 @@ def natural(scene: Scene) -> Frequencies:
     """Of the reduced system, beside its full model."""
     made, excitation = pmr.reduce(scene), Excitation.of(scene)
     full = FullOrder.of(scene, {name: one.model for name, one in made.built.items()})
-    at = visited(scene, excitation, full.whole.size)
+    at = places_on_way(scene, excitation, full.whole.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
     found = frequencies(scene, made.system, excitation, at)
     return replace(found, models={**found.models, "full": full.frequencies(at.s, at.count, c)})
@@ -120,7 +120,7 @@ def test_lanczos_iterations_find_the_frequencies_of_a_stressed_crane() -> None:
     scene = load(*SMALL, *fast, file=CRANE)
     excitation = Excitation.of(scene)
     dense = FullOrder.of(scene, {name: one.model for name, one in build_bodies(scene).items()})
-    at = visited(scene, excitation, dense.whole.size)
+    at = places_on_way(scene, excitation, dense.whole.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
     sparse = FullOrder(scene, dense.whole, "petsc").frequencies(at.s, at.count, c)
     found = dense.frequencies(at.s, at.count, c)

@@ -10,7 +10,7 @@ import pytest
 import pmr
 from pmr.compare.accuracy import mesh
 from pmr.pipeline import scenes as pipeline
-from pmr.scene.richer import beside
+from pmr.scene.richer import model_comparison
 
 pytest.importorskip("gmsh")
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -57,10 +57,10 @@ def test_walls_that_give_way_are_compared_with_those_of_coarser_cells_and_with_s
     coarse = mesh.other_mesh(give).scene
     assert (coarse.mesh.size, coarse.mesh.along, coarse.mesh.elements) == (0.2, 0.4, give.mesh.elements // 2)
     measured = {"beam": 0.25, "tip": None, "frequency": 0.1, "reaction": 0.05}
-    found = mesh.unasked(give, lambda make, called: measured if make() != give else {})
+    found = mesh.mesh_budget(give, lambda make, called: measured if make() != give else {})
     assert found == {"mesh": {"beam": 0.25, "frequency": 0.1, "reaction": 0.05}, "mesh_reason": None}
     for one, size, called in ((give, 0.1, "shell"), (scene(), 2.0 * scene().mesh.size, "coarse shell")):
-        own, shell, name = beside(one)
+        own, shell, name = model_comparison(one)
         assert (shell.mesh.size, shell.alone.body.model, name) == (size, "shell", called)
         assert own.alone.reduction == shell.alone.reduction  # no more than the models differs
 
@@ -68,7 +68,7 @@ def test_walls_that_give_way_are_compared_with_those_of_coarser_cells_and_with_s
 def test_what_costs_more_has_to_be_asked_for() -> None:
     much = scene("body.walls='give'", "mesh.size=0.015", "mesh.along=0.04")
     with pytest.raises(pmr.InputError, match=r"compare.richer = 'shell' measures it, in some [\d.]+ minutes"):
-        beside(much)
+        model_comparison(much)
 
 
 def test_elements_longer_than_two_pads_converge_with_the_first_order() -> None:

@@ -16,7 +16,7 @@ from pmr.fullmodel.build import build_bodies
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.attachment import CYLINDER, with_attachment_modes, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended, truncated
+from pmr.reduced.truncation import extend, truncate
 from pmr.reduction.bodies import reduce_bodies
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -76,7 +76,7 @@ def test_matrices_of_a_moving_frame_know_the_cylinders_modes() -> None:
     }
     modal = reduce_bodies(boom, built)["fly"].modal
     assert modal.enrichment is not None
-    for model in (modal, extended(modal), truncated(modal, modal.size - 1), extended(modal, 1)):
+    for model in (modal, extend(modal), truncate(modal, modal.size - 1), extend(modal, 1)):
         found, kept = with_cylinder_modes(model), np.diagonal(model.K) > 1e-6
         K = np.diagonal(with_cylinder_modes(model).K)
         scale = np.sqrt(np.maximum(K, K[: model.size][kept].min()))
@@ -105,7 +105,7 @@ def test_matrices_of_a_moving_frame_know_answers_to_loads(name: str) -> None:
     modal = reduce_bodies(boom, built)[name].modal
     assert modal.enrichment is not None and modal.carriers is not None
     rng = np.random.default_rng(5)
-    for model in (modal, extended(modal, 1)):
+    for model in (modal, extend(modal, 1)):
         assert model.carriers is not None
         loads = rng.standard_normal((6, len(model.carriers.values) + len(model.input_names)))
         found = with_attachment_modes(model, loads)
@@ -125,8 +125,8 @@ def test_smaller_and_larger_models_have_the_modes_of_their_own_residual_part(sid
     changes = [f"section.joint.{end}.0.faces={faces}" for end in ("tail", "mouth")]
     changes += ["section.body.model=beam3d", "sections.base.reduction.coordinates=3"] if "left" in side else []
     small = fly(9, *changes)
-    large = extended(small)
-    again = truncated(large, 9)
+    large = extend(small)
+    again = truncate(large, 9)
     for one, other in ((small, again), (with_cylinder_modes(small), with_cylinder_modes(again))):
         assert one.carriers is not None and other.carriers is not None
         first, second = one.carriers.answers, other.carriers.answers

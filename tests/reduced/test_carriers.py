@@ -13,7 +13,7 @@ from pmr.errors import InputError
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.soundness import misfit
-from pmr.reduced.truncation import extended, truncated
+from pmr.reduced.truncation import extend, truncate
 
 FULL = rich_body()
 PLACES = [(0.3, 2.2), (1.0, 1.0), (4.1, 0.0)]
@@ -50,11 +50,11 @@ def test_two_rows_at_places_of_their_own(model: ReducedModel, x: float, y: float
 
 def test_modes_move_into_the_flexibility_and_back(model: ReducedModel) -> None:
     small = carried(5).carriers
-    cut = truncated(truncated(model, 7), 5)
+    cut = truncate(truncate(model, 7), 5)
     assert cut.carriers is not None and small is not None and cut.enrichment is not None
     assert_same(cut.carriers, small)
     assert cut.carriers.enrichment.shape[1] == cut.enrichment.count == 4
-    back = extended(extended(cut, 2)).carriers
+    back = extend(extend(cut, 2)).carriers
     assert back is not None and model.carriers is not None
     assert_same(back, model.carriers)
 

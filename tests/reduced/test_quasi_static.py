@@ -13,7 +13,7 @@ from terms import geometric_stiffness
 
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.quasi_static import as_simulated, with_quasi_static_modes
-from pmr.reduced.truncation import truncated
+from pmr.reduced.truncation import truncate
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.residual.model import section_model
 from pmr.reduction.snapshots.free_body import FreeBody
@@ -53,7 +53,7 @@ def _pressed(bodies: list[SlidingBody], modes: list[Array | None]) -> System:
 def _reduced(size: int, still: int) -> System:
     """On so many elastic modes, with so many without inertia."""
     found = [_modes(number) for number in range(2)]
-    models = [truncated(model, size + 2 * number) for number, (model, _) in enumerate(found)]
+    models = [truncate(model, size + 2 * number) for number, (model, _) in enumerate(found)]
     return _pressed([with_quasi_static_modes(one, still) if still else one for one in models], [V for _, V in found])
 
 
@@ -81,7 +81,7 @@ def test_with_all_modes_kept_statics_under_terms_are_those_of_full_order() -> No
 
 
 def test_they_are_enrichment_modes_behind_the_model_s_own() -> None:
-    model = truncated(_modes(1)[0], 4)
+    model = truncate(_modes(1)[0], 4)
     found = as_simulated(model, True)
     assert found.quasi_static.tolist() == [4, 5] and found.size == 6
     assert as_simulated(model, False).size == 4
@@ -91,12 +91,12 @@ def test_they_are_enrichment_modes_behind_the_model_s_own() -> None:
 
 @pytest.mark.parametrize("wrong", [[6], [-1], [4, 4]])
 def test_a_file_that_names_others_is_refused(wrong: list[int]) -> None:
-    found = as_simulated(truncated(_modes(1)[0], 4), True)
+    found = as_simulated(truncate(_modes(1)[0], 4), True)
     assert found.contradiction() is None
     assert "quasi_static" in str(replace(found, quasi_static=np.array(wrong)).contradiction())
 
 
 def test_they_keep_their_place_in_a_file(tmp_path: object) -> None:
-    found = as_simulated(truncated(_modes(1)[0], 4), True)
+    found = as_simulated(truncate(_modes(1)[0], 4), True)
     read = ReducedModel.load(found.save(f"{tmp_path}/reduced.npz"))
     np.testing.assert_array_equal(read.quasi_static, found.quasi_static)

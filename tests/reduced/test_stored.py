@@ -90,7 +90,7 @@ def test_a_matrix_is_its_triangle_and_the_sign_of_the_other(model: ReducedModel,
     arrays = stored.arrays(replace(model, carriers=carriers), "bodies.0.")
     assert arrays[f"bodies.0.carriers.matrices.rotating x.{kind}"].shape == (210,)
     assert np.array_equal(arrays["bodies.0.carriers.matrices.other"], A)
-    assert np.array_equal(stored.filled(arrays, "bodies.0.")["bodies.0.carriers.matrices.rotating x"], A + sign * A.T)
+    assert np.array_equal(stored.unpack(arrays, "bodies.0.")["bodies.0.carriers.matrices.rotating x"], A + sign * A.T)
 
 
 def test_a_damaged_triangle_is_refused_in_one_line(model: ReducedModel, tmp_path: Path) -> None:

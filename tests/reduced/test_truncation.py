@@ -13,7 +13,7 @@ from scipy.interpolate import PPoly
 from pmr.errors import InputError
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended, is_modal, truncated
+from pmr.reduced.truncation import extend, is_modal, truncate
 
 FULL = rich_body()
 S = np.linspace(0.0, 4.2, 60)
@@ -41,31 +41,31 @@ def assert_same(found: ReducedModel, expected: ReducedModel, tolerance: float = 
 
 def test_a_large_model_holds_the_smaller_one_and_back() -> None:
     large, small = enriched(FULL, 9), enriched(FULL, 5)
-    cut = truncated(large, 5)
+    cut = truncate(large, 5)
     assert_same(cut, small)
     assert cut.enrichment and cut.enrichment.count == 4 and cut.size == 5
-    assert_same(extended(cut), large, 1e-10)
-    assert extended(cut).enrichment is None
+    assert_same(extend(cut), large, 1e-10)
+    assert extend(cut).enrichment is None
 
 
 def test_matrices_of_a_moving_frame_go_and_come_back_with_the_modes() -> None:
     A = np.random.default_rng(3).standard_normal((9, 9))
     large = replace(enriched(FULL, 9), matrices={"axial tip": A})
-    cut = truncated(truncated(large, 7), 5)
+    cut = truncate(truncate(large, 7), 5)
     assert np.array_equal(cut.matrices["axial tip"], A[:5, :5])
-    assert np.array_equal(extended(cut, 2).matrices["axial tip"], A[:7, :7])
-    assert np.array_equal(extended(extended(cut, 1)).matrices["axial tip"], A)
+    assert np.array_equal(extend(cut, 2).matrices["axial tip"], A[:7, :7])
+    assert np.array_equal(extend(extend(cut, 1)).matrices["axial tip"], A)
     assert cut.contradiction() is None
 
 
 def test_step_by_step_is_at_once() -> None:
     large = enriched(FULL, 9)
-    twice, once = truncated(truncated(large, 7), 5), truncated(large, 5)
+    twice, once = truncate(truncate(large, 7), 5), truncate(large, 5)
     assert twice.enrichment and once.enrichment
     assert np.array_equal(twice.enrichment.stiffness, once.enrichment.stiffness)
     assert twice.enrichment.rows(S) == pytest.approx(once.enrichment.rows(S), rel=1e-12)
-    assert_same(extended(twice, 2), enriched(FULL, 7))
-    left = extended(twice, 3).enrichment
+    assert_same(extend(twice, 2), enriched(FULL, 7))
+    left = extend(twice, 3).enrichment
     assert left and left.count == 1 and left.stiffness == once.enrichment.stiffness[3:]
 
 
@@ -81,26 +81,26 @@ def test_equal_frequencies_stand_in_any_order() -> None:
 def test_what_cannot_join_the_tables_is_refused() -> None:
     model = enriched(FULL, 6)
     with pytest.raises(ValueError, match="0 modes of 6"):
-        truncated(model, 0)
+        truncate(model, 0)
     with pytest.raises(ValueError, match="6 modes of 6"):
-        truncated(model, 6)
+        truncate(model, 6)
     with pytest.raises(ValueError, match="leading"):
-        truncated(replace(model, flexibility=None), 4)
+        truncate(replace(model, flexibility=None), 4)
     coupled = model.K.copy()
     coupled[3, 4] = coupled[4, 3] = 0.5 * coupled[3, 3]
     backwards = {"K": model.K[::-1, ::-1], "D": model.D[::-1, ::-1]}
     for change in ({"K": coupled}, {"M": 2.0 * model.M}, backwards):
         assert not is_modal(replace(model, **change))
         with pytest.raises(ValueError, match="only eigenmodes"):
-            truncated(replace(model, **change), 4)
+            truncate(replace(model, **change), 4)
     assert not is_modal(project(FULL, paper_basis(FULL, 3, 3, 5)))
     unsupported = replace(model, K=np.zeros_like(model.K))
     with pytest.raises(ValueError, match="rigid-body modes have to stay"):
-        truncated(unsupported, 4)
+        truncate(unsupported, 4)
     with pytest.raises(ValueError, match="1 enrichment modes of 0"):
-        extended(model, 1)
+        extend(model, 1)
     with pytest.raises(ValueError, match="3 enrichment modes of 2"):
-        extended(truncated(model, 4), 3)
+        extend(truncate(model, 4), 3)
 
 
 def test_enrichment_and_inertia_survive_the_file(tmp_path: Path) -> None:

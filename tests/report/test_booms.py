@@ -61,12 +61,12 @@ def test_models_that_differ_by_nothing_along_a_direction_have_no_difference_ther
     monkeypatch.setattr(sections, "drawing", lambda name, draw, caption, *given: found.update({name: (draw, caption)}))
     own = boom.responses["reduced"]
     largest = float(np.abs(own.displacement[:, -1]).max())
-    for share, drawn in ((0.9 * floor, histories.alone), (1.1 * floor, histories.history)):
+    for share, drawn in ((0.9 * floor, histories.single_history), (1.1 * floor, histories.history)):
         moved = own.displacement.copy()
         moved[:, -2] += share * largest
         sections.tip(replace(boom, responses={"full": replace(own, displacement=moved), "reduced": own}), "run")
         assert found["run-tip-y"][0] is drawn
-        assert ("differs by " in found["run-tip-y"][1]) == (drawn is histories.alone)
+        assert ("differs by " in found["run-tip-y"][1]) == (drawn is histories.single_history)
 
 
 def test_what_lies_within_the_error_of_the_step_has_no_panel_and_is_said(boom: RunResult) -> None:
@@ -88,7 +88,7 @@ def test_what_lies_within_the_error_of_the_step_has_no_panel_and_is_said(boom: R
             labels = [ax.get_ylabel() for ax in figure.axes]
             assert any(label.startswith("Difference") for label in labels) == (step == 0.0)
         assert said in captions.history(result, "Total energy", total)
-        assert said in captions.beside(result, stresses(result, body), "below, the difference")
+        assert said in captions.difference_clause(result, stresses(result, body), "below, the difference")
         assert ("on the right" in captions.energy_parts(result)) == (step == 0.0)
 
 

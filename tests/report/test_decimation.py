@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.report.decimation import ceiling, extremes, onto, spread
+from pmr.report.decimation import extremes, onto, spread, upper_envelope
 
 
 def test_peak_of_a_single_sample_stays() -> None:
@@ -36,7 +36,7 @@ def test_short_signals_are_left_whole(count: int) -> None:
 
 def test_envelope_holds_the_largest_of_each_interval() -> None:
     signal = np.tile([0.0, 3.0, 1.0, 2.0], 250)
-    kept = ceiling(signal, 100)
+    kept = upper_envelope(signal, 100)
     assert len(kept) == 100
     assert np.all(signal[kept] == 3.0)
 

@@ -15,8 +15,8 @@ import pytest
 
 from pmr.report import document, paper, sentences
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Picture
-from pmr.report.document import dated, write_report
 from pmr.report.document import page as render
+from pmr.report.document import with_date, write_report
 from pmr.report.sections import chapter as case
 from pmr.results import RunResult
 
@@ -316,9 +316,9 @@ def test_speed_is_a_ratio_where_one_simulator_did_both(make_result, who: dict[st
 
 
 def test_a_report_has_the_dates_of_its_results() -> None:
-    assert dated("Report", [{}, {"date": ""}]) == "Report"
-    assert dated("Report", [{"date": "2026-03-02"}]) == "Report · 2026-03-02"
-    assert dated("Report", [{"date": "2026-03-02"}, {"date": "2025-12-31"}]) == "Report · 2025-12-31 to 2026-03-02"
+    assert with_date("Report", [{}, {"date": ""}]) == "Report"
+    assert with_date("Report", [{"date": "2026-03-02"}]) == "Report · 2026-03-02"
+    assert with_date("Report", [{"date": "2026-03-02"}, {"date": "2025-12-31"}]) == "Report · 2025-12-31 to 2026-03-02"
 
 
 class Printer:

@@ -19,7 +19,7 @@ from pmr.report.figures import captions, histories, paper, spectra
 from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, octave_axis, sheet, style
 from pmr.report.figures.histories import band
 from pmr.report.figures.panel import Panel
-from pmr.report.figures.timeline import Span, Timeline, sliding
+from pmr.report.figures.timeline import Span, Timeline, sliding_spans
 from pmr.report.figures.vector import svg
 from pmr.results import Paths, RunResult
 from pmr.results.parts import FrequencyMap
@@ -91,7 +91,7 @@ def test_sliding_phase_is_shaded_and_named(written, make_result) -> None:
     ],
 )
 def test_sliding_phases(rate: list[float], spans: list[tuple[float, float]]) -> None:
-    assert sliding(np.arange(9.0), np.array(rate, dtype=float)) == tuple(Span(*span) for span in spans)
+    assert sliding_spans(np.arange(9.0), np.array(rate, dtype=float)) == tuple(Span(*span) for span in spans)
 
 
 def test_detail_surrounds_the_largest_tip_difference(make_result) -> None:

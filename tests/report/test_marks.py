@@ -16,7 +16,7 @@ from pmr.report.marks import (
     ErrorTable,
     Mark,
     Row,
-    apart,
+    deviating_rows,
     mark_for,
     verdicts,
 )
@@ -88,7 +88,7 @@ def test_an_unexplained_difference_is_said_to_be_so(make_result) -> None:
     result = make_result(published=published, summary=summary)
     assert reasons(result, rows(result)) == ["No reason is recorded with this result."]
     close = make_result(published=published, summary={"errors": {"reduced_vs_full": {"tip": 0.0201}}})
-    assert reasons(close, rows(close)) == [] and apart(rows(close)) == []
+    assert reasons(close, rows(close)) == [] and deviating_rows(rows(close)) == []
 
 
 def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:

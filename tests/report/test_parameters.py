@@ -6,13 +6,13 @@ from pydantic import TypeAdapter
 
 from pmr.report import provenance
 from pmr.report.blocks import Table
-from pmr.report.parameters import described
+from pmr.report.parameters import describe_signal
 from pmr.scene.signals import Signal
 
 
 def test_the_degree_of_a_ramp_has_no_unit() -> None:
     ramp = TypeAdapter(Signal).validate_python({"kind": "smooth_ramp", "times": [0.5, 4.5], "values": [0.8, 3.8]})
-    assert described(ramp, "m") == "smooth ramp, times (0.5, 4.5)\u00a0s, values (0.8, 3.8)\u00a0m, degree 5"
+    assert describe_signal(ramp, "m") == "smooth ramp, times (0.5, 4.5)\u00a0s, values (0.8, 3.8)\u00a0m, degree 5"
 
 
 def test_tables_stand_side_by_side_whole_in_their_order_and_as_short_as_can_be() -> None:

@@ -49,7 +49,9 @@ def test_a_boom_has_what_is_attached_to_it(boom: RunResult, make_space) -> None:
 def test_the_weight_points_where_it_does(boom: RunResult, make_space) -> None:
     raised = make_space(gravity={"inclination": 60.0})
     assert drawn(raised).svg != drawn(boom).svg and texts(raised) == texts(boom)
-    assert ", raised by 60°," in sentences.opening(raised) and "raised" not in sentences.opening(boom)
+    assert ", raised by 60°," in sentences.opening_sentences(raised) and "raised" not in sentences.opening_sentences(
+        boom
+    )
 
 
 @pytest.mark.parametrize(

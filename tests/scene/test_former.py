@@ -10,7 +10,7 @@ import pytest
 
 from pmr.errors import InputError
 from pmr.scene import Scene, load_any
-from pmr.scene.former import GONE, stored
+from pmr.scene.former import GONE, stored_scene
 
 BOOM = load_any("boom_three", ["time.end=0.1"])
 
@@ -33,7 +33,7 @@ def with_key(data: dict[str, Any], name: str) -> dict[str, Any]:
 @pytest.mark.parametrize("name", [name for name in GONE if name.startswith("sections.")])
 def test_a_stored_scene_may_have_keys_that_are_gone(name: str) -> None:
     former = with_key(written(), name)
-    assert former != written() and stored(former, "scene.json") == stored(written(), "scene.json") == BOOM
+    assert former != written() and stored_scene(former, "scene.json") == stored_scene(written(), "scene.json") == BOOM
     with pytest.raises(ValueError, match=r"(?i)extra"):
         Scene.model_validate(former)
 
@@ -43,7 +43,7 @@ def test_a_key_of_a_later_version_is_refused_in_one_line() -> None:
     with pytest.raises(
         InputError, match=r"^scene.json: hologram = 1: a scene of this version of pmr or an earlier one"
     ):
-        stored(later, "scene.json")
+        stored_scene(later, "scene.json")
 
 
 @pytest.mark.parametrize("name", GONE)

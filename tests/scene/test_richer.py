@@ -8,9 +8,9 @@ import pytest
 
 from pmr.errors import InputError
 from pmr.scene import load_any
-from pmr.scene.choice import model_of, undecided
+from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.members import members
-from pmr.scene.richer import COORDINATES, PLACES, beside, candidates
+from pmr.scene.richer import COORDINATES, PLACES, candidates, model_comparison
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 
@@ -34,7 +34,7 @@ def models(one) -> set[str]:
     ],
 )
 def test_the_next_richer_model_or_that_asked_for(name: str, asked: str, own: str, richer: str) -> None:
-    one, other, called = beside(scene(name, f"compare.richer={asked}"))
+    one, other, called = model_comparison(scene(name, f"compare.richer={asked}"))
     assert (models(one), models(other), called) == ({own}, {richer}, richer)
     for part, better in zip(one.sections, other.sections, strict=True):
         assert part.reduction == better.reduction and part.reduction.coordinates == COORDINATES
@@ -57,7 +57,7 @@ def test_the_next_richer_model_or_that_asked_for(name: str, asked: str, own: str
 )
 def test_why_there_is_no_richer_one_is_said(name: str, asked: str, why: str) -> None:
     with pytest.raises(InputError, match=why):
-        beside(scene(name, f"compare.richer={asked}"))
+        model_comparison(scene(name, f"compare.richer={asked}"))
 
 
 @pytest.mark.parametrize("asked", ["auto", "shell"])
@@ -66,7 +66,7 @@ def test_stiffnesses_of_a_section_are_not_judged_by_a_shell_of_the_box(asked: st
     moments = "second_moment_y=3e-4, second_moment_z=2e-4, torsion_constant=3e-4"
     section = f"body.section={{area=0.02, {moments}, shear_area_y=0.01, shear_area_z=0.01}}"
     with pytest.raises(InputError, match="body.section gives stiffnesses that a shell of the box does not have"):
-        beside(scene("boom_beam", section, f"compare.richer={asked}"))
+        model_comparison(scene("boom_beam", section, f"compare.richer={asked}"))
 
 
 def test_cells_of_the_shell_may_be_said_where_a_beam_is_compared_with_one() -> None:
@@ -100,7 +100,7 @@ def test_models_among_which_measurements_decide(name: str, changes: tuple[str, .
     assert all(len({(model_of(one), one.part.body.walls) for one in members(each)}) == 1 for each in found)
     last = [members(each)[-1] for each in found]
     assert ", ".join(f"{model_of(one)} {one.part.body.walls}" for one in last) == expected
-    assert not any(undecided(one) for each in found for one in members(each))
+    assert not any(is_undecided(one) for each in found for one in members(each))
 
 
 def test_a_section_whose_model_is_named_keeps_it() -> None:

@@ -50,7 +50,7 @@ def test_signals_have_names_for_messages() -> None:
 
 def test_another_time_grid_is_sampled_anew() -> None:
     whole = Excitation(PATHS, LOADS, STEPPING)
-    fine = whole.with_stepping(STEPPING.divided(4))
+    fine = whole.with_stepping(STEPPING.divide(4))
     np.testing.assert_allclose(fine.s[::4], whole.s, rtol=0.0, atol=1e-14)
     assert whole.with_stepping(STEPPING) is whole
 

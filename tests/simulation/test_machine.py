@@ -70,7 +70,7 @@ class Whole:
         angles = [
             tuple(getattr(one, of)(run.t) for of in ("value", "rate", "second_rate")) for one in scene.frame.angles
         ]
-        self.base, self.turning = Turning.rocked(rocking), Turning.by(*angles, rocking)
+        self.base, self.turning = Turning.from_rocking(rocking), Turning.by(*angles, rocking)
 
     def extended(self, k: int) -> Extended:
         return Extended(*(np.array([0.0, one]) for one in self.s[:, k]))

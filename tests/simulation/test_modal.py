@@ -73,7 +73,7 @@ def test_modes_that_are_turned_stay_orthonormal() -> None:
     angle = 5e-4
     turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     M, K = np.eye(2, dtype=np.longdouble), np.diag([1.0, 4.0]).astype(np.longdouble)
-    _, X = modal._refined(M, K, turned)
+    _, X = modal._refine_modes(M, K, turned)
     assert np.abs(X.T @ X - np.eye(2)).max() <= angle**4 / 4.0 + 4.0 * U
     assert np.abs(X - np.eye(2)).max() <= angle**2
 

@@ -21,7 +21,7 @@ def system_of(scene: Any) -> Any:
     return SimpleNamespace(
         bodies=dict.fromkeys(scene.names),
         paths=tuple(scene.paths),
-        provenance=scene.recorded,
+        provenance=scene.provenance,
         input_names=tuple(excitation.loads),
         term_names=tuple(excitation.terms),
     )

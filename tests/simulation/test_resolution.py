@@ -12,7 +12,7 @@ from pmr.errors import InputError
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import on_path
-from pmr.simulation.resolution import STEPS_A_PERIOD, UNSEEN, aliased, overshooting, unseen
+from pmr.simulation.resolution import STEPS_A_PERIOD, UNSEEN, is_aliased, overshoots, unseen
 
 STEPPING = TimeStepping(1.0, 1e-3)
 SLOW = Ramp(times=(0.0, 1.0), values=(0.0, 100.0))
@@ -54,7 +54,7 @@ def test_what_is_lost_between_the_steps_is_said(said: str, signal: Signal) -> No
 def test_a_small_fast_part_of_a_large_slow_signal_is_seen() -> None:
     both = Sum(terms=(SLOW, Sine(amplitude=0.01, frequency=2000.0)))
     (line,) = unseen([("F", both)], STEPPING)
-    assert "2000 Hz stands still" in line and aliased(both, STEPPING) and not aliased(SLOW, STEPPING)
+    assert "2000 Hz stands still" in line and is_aliased(both, STEPPING) and not is_aliased(SLOW, STEPPING)
 
 
 @pytest.mark.parametrize("frequency", [499.0, 513.0, 870.0, 1300.0])
@@ -89,15 +89,15 @@ def test_a_table_whose_curve_leaves_its_values_is_told_with_the_amount() -> None
     high = float(TURNING.value(np.linspace(0.0, 1.0, 10_001)).max())
     assert high - 1.0 > UNSEEN
     for signal in (TURNING, Sum(terms=(Constant(amount=3.0), TURNING))):
-        (line,) = overshooting([("load F", signal)], STEPPING)
+        (line,) = overshoots([("load F", signal)], STEPPING)
         assert line.startswith(f"load F: the curve through its table (akima) goes from 0 to {high:.4g}")
         assert f" {100.0 * (high - 1.0):.2g} % of the table's range" in line
     straight = TURNING.model_copy(update={"interpolation": "linear"})
-    assert overshooting([("load F", straight), ("load G", Constant(amount=1.0))], STEPPING) == []
-    assert overshooting([("load F", TURNING)], TimeStepping(0.4, 1e-3)) == []  # nothing of that is reached
+    assert overshoots([("load F", straight), ("load G", Constant(amount=1.0))], STEPPING) == []
+    assert overshoots([("load F", TURNING)], TimeStepping(0.4, 1e-3)) == []  # nothing of that is reached
 
 
 def test_a_table_with_rows_where_it_turns_keeps_to_them() -> None:
     t = np.linspace(0.0, 1.0, 51)
     fine = Table(times=tuple(t), values=tuple(np.sin(2.0 * np.pi * t)))
-    assert overshooting([("load F", fine)], STEPPING) == []
+    assert overshoots([("load F", fine)], STEPPING) == []

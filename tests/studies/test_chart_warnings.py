@@ -16,7 +16,7 @@ from ways.kinds import RAISED, SPACE, boom, rings
 import pmr
 from pmr.report.studies.document import page
 from pmr.scene import load_any
-from pmr.scene.richer import beside
+from pmr.scene.richer import model_comparison
 from pmr.simulation.postures import Postures, Stands, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
@@ -67,7 +67,7 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     """Shells of full order allow what the chart's own load and the model's part of its bar say."""
     (row,) = csv.DictReader((folder / "chart.csv").read_text().splitlines())
     arrays = chart.arrays("row1")
-    _, other, called = beside(with_hook(load_any(folder / "scene.toml")))
+    _, other, called = model_comparison(with_hook(load_any(folder / "scene.toml")))
     at = Stands({"fly": np.array([EXTENSION])}, np.array([ANGLE]), np.zeros(1))
     full = shared.full_system(other)
     postures = Postures.of(other, full, at)

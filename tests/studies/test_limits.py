@@ -13,7 +13,7 @@ from textbook import beam_matrices
 
 from pmr.compare.runs import run_from_start
 from pmr.errors import InputError
-from pmr.reduction.bodies import joined, reduce_bodies
+from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results.quantities import mises
 from pmr.scene import Scene, load_any
 from pmr.scene.built import Load
@@ -24,14 +24,14 @@ from pmr.simulation.native import systems
 from pmr.simulation.postures import HOOK, WEIGHT, Postures, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
-from pmr.studies.charting import MARGIN, governing, in_doubt, lowest
+from pmr.studies.charting import MARGIN, governing_limit, in_doubt, lowest
 from pmr.studies.field_probes import with_fields
 from pmr.studies.governing import chosen
 from pmr.studies.limits import Limit
 from pmr.studies.stops import Stopping
 from pmr.studies.tipping import Mass
 from pmr.system.body import kinds_of
-from pmr.system.frame_terms import carried
+from pmr.system.frame_terms import carried_inertia
 
 pytestmark = pytest.mark.slow
 
@@ -267,7 +267,7 @@ def test_a_stop_that_is_simulated_moves_the_tip_as_the_chart_has_it(of: str, dir
             "time": scene.time.model_copy(update={"end": 0.6, "step": 2e-4, "rho_inf": 1.0}),
         }
     )
-    system = joined(moving, reduce_bodies(moving, shared.bodies_of(moving)))
+    system = join_bodies(moving, reduce_bodies(moving, shared.bodies_of(moving)))
     run = run_from_start(system, Excitation.of(moving))
     ((name, body),) = system.bodies.items()
     tip = systems.displacements(system, run)[name][:, kinds_of(body).index(f"tip {direction}")]
@@ -360,7 +360,7 @@ def test_ropes_bear_by_statics_what_follows() -> None:
     named = [Limit(name=name, of="rope", which=(name,), most=20e3) for name in ("middle", "fly")]
     cylinder, rope, _ = loads(named, at)
     full = shared.full_system(with_hook(scene)).bodies
-    own = [carried(full[name], "x") for name in ("middle", "fly")]
+    own = [carried_inertia(full[name], "x") for name in ("middle", "fly")]
     most = 20e3 / (G * np.sin(angle))
     assert rope == pytest.approx(most - own[1], rel=1e-6)
     assert cylinder == pytest.approx((most - own[0] - 1.5 * own[1]) / 1.5, rel=1e-6)
@@ -434,12 +434,12 @@ def test_pads_of_a_rigid_boom_carry_what_statics_say(unilateral: bool) -> None:
 
 def test_another_limit_may_govern_within_the_error_bars() -> None:
     load, error = np.array([[10.0, 11.0, np.nan], [10.0, 20.0, np.nan]]), np.array([[1.0, 0.5, 0.0]] * 2)
-    assert governing(load).tolist() == [0, 0]
+    assert governing_limit(load).tolist() == [0, 0]
     assert in_doubt(load, error, 100.0).tolist() == [[True, True, False], [False, False, False]]
     error[:, 2] = 90.5  # of a limit that is not reached up to 100 kg by one model, but by another one at 9.5 kg
     assert in_doubt(load, error, 100.0).tolist() == [[True, True, True], [True, False, True]]
     assert lowest(load, error, 100.0).tolist() == [[9.0, 10.5, 9.5], [9.0, 19.5, 9.5]]
-    assert governing(np.full((1, 2), np.nan)).tolist() == [-1]
+    assert governing_limit(np.full((1, 2), np.nan)).tolist() == [-1]
 
 
 def test_the_page_of_a_limit_shows_where_it_governs_the_largest_load() -> None:

@@ -14,7 +14,7 @@ from pmr.compare.simulated import excitation_in
 from pmr.simulation import Excitation
 from pmr.simulation.native import form as forms
 from pmr.simulation.native import systems
-from pmr.system.rings import Combined, combined
+from pmr.system.rings import Combined, combine_rings
 from pmr.system.system import System
 
 CRANE = Path(__file__).parents[2] / "workflows" / "crane.toml"
@@ -48,7 +48,7 @@ def test_a_ring_of_pads_of_a_beam_is_three_contacts(
     crane: tuple[System, Excitation], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     system, excitation = crane
-    whole = combined(system)
+    whole = combine_rings(system)
     kept = [contact for contact in system.contacts if contact.kind != "pad"]
     assert len(whole.system.contacts) == 4 * 3 + len(kept) < len(system.contacts)
     fewer = systems.simulate(system, excitation, systems.start_of(system, excitation))
@@ -58,7 +58,7 @@ def test_a_ring_of_pads_of_a_beam_is_three_contacts(
         by_themselves.append(one)
         return Combined(one)
 
-    monkeypatch.setattr(forms, "combined", uncombined)
+    monkeypatch.setattr(forms, "combine_rings", uncombined)
     all_of = systems.simulate(system, excitation, systems.start_of(system, excitation))
     assert by_themselves
     assert fewer.forces == pytest.approx(all_of.forces, abs=1e-9 * np.abs(all_of.forces).max())
@@ -74,5 +74,5 @@ def test_pads_that_only_push_or_do_not_give_way_stay_by_themselves(crane: tuple[
     system, _ = crane
     pushing = replace(system, contacts=tuple(replace(c, clearance=0.0) for c in system.contacts))
     rigid = replace(system, contacts=tuple(replace(c, compliance=0.0) for c in system.contacts))
-    assert combined(pushing).system is pushing and combined(rigid).system is rigid
-    assert combined(pushing).forces(np.ones(3)) == pytest.approx(np.ones(3))
+    assert combine_rings(pushing).system is pushing and combine_rings(rigid).system is rigid
+    assert combine_rings(pushing).forces(np.ones(3)) == pytest.approx(np.ones(3))

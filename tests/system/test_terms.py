@@ -63,7 +63,7 @@ def test_amplitudes_follow_the_names_of_terms() -> None:
     terms = {"b": Constant(amount=2.0), "a": Sine(amplitude=3.0, frequency=0.5)}
     excitation = Excitation({}, {}, TimeStepping(1.0, 0.25), terms=terms)
     np.testing.assert_allclose(excitation.amplitudes(("a", "b"))[:, 1], 2.0)
-    fine = excitation.with_stepping(excitation.stepping.divided(2))
+    fine = excitation.with_stepping(excitation.stepping.divide(2))
     np.testing.assert_allclose(fine.amplitudes(("a", "b"))[::2], excitation.amplitudes(("a", "b")), atol=1e-15)
     for names in (("a",), ("a", "b", "c")):
         with pytest.raises(InputError, match="terms.*b, a given, one for each term is allowed"):

@@ -33,7 +33,7 @@ from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native import systems
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.studies.files import kind_names
 from pmr.studies.results import SEPARATOR
 from pmr.system.assembly import Assembly
@@ -334,7 +334,7 @@ def script(subject: Subject) -> None:
 def fmu(subject: Subject) -> None:
     """Under the inputs of its own reference it gives the reference's outputs."""
     with refusals():
-        made = contents(subject.system, recorded(subject.system, "system.npz"), "body", "3")
+        made = contents(subject.system, read_scene(subject.system, "system.npz"), "body", "3")
     found, expected = follow_reference(made, loaded(made, subject.out("fmu"), "3"))
     outputs = list(expected)
     largest = dict[tuple[bool, bool], float]()  # of forces, displacements and rates: one may be nothing but round-off

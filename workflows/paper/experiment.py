@@ -25,7 +25,7 @@ import numpy as np
 
 import pmr
 from pmr.report.blocks import Block, Chapter
-from pmr.report.document import dated, render, write
+from pmr.report.document import render, with_date, write
 from pmr.report.studies.statements import comparison
 from pmr.studies.study import Statement
 
@@ -88,7 +88,7 @@ def changed(defaults: Settings, changes: Sequence[str]) -> Settings:
 def report(out: Path, chapters: Sequence[Chapter], title: str = "") -> Path:
     """Write report.html and report.pdf of chapters into a folder; where report.html is."""
     text = render(
-        "study_report.html", title or chapters[0].title, chapters, kind=dated("Study report", []), introduction=()
+        "study_report.html", title or chapters[0].title, chapters, kind=with_date("Study report", []), introduction=()
     )
     return write(text, out).html
 

@@ -105,7 +105,7 @@ def coarser_walls(scene: Scene) -> Scene:
     return scene.model_copy(update={"sections": tuple(parts)})
 
 
-def unasked(scene: Scene, beside_own: Callable[[Callable[[], Scene], str], Mapping[str, Any]]) -> dict[str, Any]:
+def mesh_budget(scene: Scene, beside_own: Callable[[Callable[[], Scene], str], Mapping[str, Any]]) -> dict[str, Any]:
     """``mesh`` of the budget by kind, and its ``mesh_reason``.
 
     `beside_own` tells what a scene that is made, and called so, is apart from this one, as fractions of this one.
@@ -156,7 +156,7 @@ def part_of(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: fl
     Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.halved_steps`).  Raises
     InputError or SimulationError as for `pmr.simulation.Simulator`.
     """
-    (mine, floors), (theirs, _) = of_scene.undamped(sizes, steps), other.undamped(sizes, steps)
+    (mine, floors), (theirs, _) = of_scene.run_undamped(sizes, steps), other.run_undamped(sizes, steps)
     numbers, other_numbers = _common(of_scene.places, other.places)
     apart = differences(theirs.moved_at(other_numbers), mine.moved_at(numbers), floors, of_scene.wanted)
     return {kind: share * size for kind, size in apart.items()}

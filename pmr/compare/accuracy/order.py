@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.accuracy import mesh
-from pmr.compare.accuracy.search import best_within, reach, reasons, share, thin_out, within
+from pmr.compare.accuracy.search import best_within, is_within, reach, reasons, share, thin_out
 from pmr.compare.accuracy.trials import Trial, Trials
 from pmr.compare.coverage import IMPACTS, JUMPS
 from pmr.compare.estimate import no_estimate
@@ -66,12 +66,12 @@ class Choice:
         return accuracy is None or (self.trial.settled and max(self.sum.values()) <= accuracy.tolerance)
 
 
-def prepared(scene: Scene) -> Scene:
+def prepare_scene(scene: Scene) -> Scene:
     """The scene whose reduction holds all models among which is chosen; as it is where it orders none.
 
     Sections have their own coordinates, and more enrichment modes (`pmr.reduction.from_scene`).
     """
-    if scene.ordered is None or len(scene.bodies) > 1:
+    if scene.goal is None or len(scene.bodies) > 1:
         return scene
     reduction = scene.reduction.model_copy(update={"coordinates": COORDINATES})
     return scene.model_copy(update={"reduction": reduction})
@@ -79,11 +79,11 @@ def prepared(scene: Scene) -> Scene:
 
 def trials_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Trials:
     """Models of all sizes that reductions of a scene's bodies hold, with any step."""
-    kinds = ("beam", "tip") if scene.ordered is None else scene.ordered.outputs
-    return Trials(models, partial(_joined, scene), Excitation.of(scene), kinds)
+    kinds = ("beam", "tip") if scene.goal is None else scene.goal.outputs
+    return Trials(models, partial(_join_models, scene), Excitation.of(scene), kinds)
 
 
-def _joined(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
+def _join_models(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
     """Models as they are simulated."""
     stressed = any(frame_terms(scene))
     return system_of(scene, {name: as_simulated(model, stressed) for name, model in models.items()})
@@ -111,14 +111,14 @@ class Search:
             self.trial = best_within(trials, scene.budget, self._coarsest)
         else:
             sizes = trials.own if len(trials.own) > 1 else trials.uniform(scene.reduction.coordinates)
-            self.trial = reach(trials, sizes, scene.time.steps, self._allowed)
+            self.trial = reach(trials, sizes, scene.time.steps, self._allowed_errors)
         unknown = {} if self.trial.estimate is None else self.trial.estimate.unknown
         if "pad_force" in trials.wanted and unknown.get("pad_force") == JUMPS:
             _refuse(scene, f"no pad_force, or loads that set in smoothly, are allowed; there is no estimate of {JUMPS}")
         self._seconds = time.perf_counter() - begin
 
     @property
-    def _allowed(self) -> dict[str, float]:
+    def _allowed_errors(self) -> dict[str, float]:
         """Errors that reduction and step may have together, by kind: what the mesh leaves if that is not too little."""
         assert self.scene.accuracy is not None
         tolerance, taken = self.scene.accuracy.tolerance, self.mesh or {}
@@ -137,9 +137,9 @@ class Search:
         """The choice, without what can be spared; errors as for `Simulator`."""
         begin, trials = time.perf_counter(), self.trials
         if self.scene.budget is None:
-            self.trial = reach(trials, self.trial.sizes, self.trial.steps, self._allowed)
-            if within(self.trial, self._allowed):
-                self.trial = thin_out(trials, self.trial, self._allowed, self._coarsest)
+            self.trial = reach(trials, self.trial.sizes, self.trial.steps, self._allowed_errors)
+            if is_within(self.trial, self._allowed_errors):
+                self.trial = thin_out(trials, self.trial, self._allowed_errors, self._coarsest)
         trial, chosen = self.trial, _with_step(self.scene, self.trial.steps)
         if ALONE in trials.models(trial.sizes):
             reduction = chosen.reduction.model_copy(update={"coordinates": trial.coordinates})
@@ -182,7 +182,7 @@ def summary(choice: Choice) -> dict[str, Any]:
     and ``mesh`` by kind of output (fractions, None where unknown), their ``sum`` and which is ``first`` to be improved;
     ``mesh_reason`` says why the part of the mesh isn't known.  A tolerance ``holds`` where the sum is within it.
     """
-    trial, ordered = choice.trial, _asked(choice.scene)
+    trial, ordered = choice.trial, _request(choice.scene)
     sizes = {name: model.size for name, model in choice.models.items()}
     parts = {"reduction": trial.reduction, "step": trial.step} | ({"mesh": choice.mesh} if choice.mesh else {})
     of_bodies = {} if ALONE in sizes else {"sections": sizes}
@@ -216,27 +216,27 @@ def warnings(choice: Choice) -> list[str]:
         return []
     limit, lines = _percent(accuracy.tolerance), list[str]()
     allowed = dict.fromkeys(trial.total, accuracy.tolerance)
-    if not within(trial, allowed):
+    if not is_within(trial, allowed):
         model = f"{trial.coordinates} coordinates with steps of {choice.scene.time.step:.3g} s"
         larger = "reduction" if share(trial.reduction, allowed) >= share(trial.step, allowed) else "step"
         cause = f"most of it by the {larger}" if trial.settled else "and shorter steps do not settle it"
-        sizes = _listed(accuracy.tolerance, trial.total)
+        sizes = _list_errors(accuracy.tolerance, trial.total)
         lines.append(f"the tolerance of {limit} isn't held: {model} are off by {sizes}, {cause}")
     beyond = {kind: size for kind, size in (choice.mesh or {}).items() if size > accuracy.tolerance}
     if beyond:
-        sizes = _listed(accuracy.tolerance, beyond)
+        sizes = _list_errors(accuracy.tolerance, beyond)
         lines.append(f"the mesh can't hold the tolerance of {limit}: it is off by {sizes}; shorter cells help")
     elif not lines and not choice.holds:
-        sizes, of_mesh = _listed(accuracy.tolerance, choice.sum), _percent(max((choice.mesh or {}).values()))
+        sizes, of_mesh = _list_errors(accuracy.tolerance, choice.sum), _percent(max((choice.mesh or {}).values()))
         lines.append(
             f"the tolerance of {limit} isn't held: all is off by {sizes}, {of_mesh} by the mesh; shorter cells help"
         )
     return lines
 
 
-def _asked(scene: Scene) -> Accuracy | Budget:
-    assert scene.ordered is not None
-    return scene.ordered
+def _request(scene: Scene) -> Accuracy | Budget:
+    assert scene.goal is not None
+    return scene.goal
 
 
 def _key(scene: Scene) -> str:
@@ -244,7 +244,7 @@ def _key(scene: Scene) -> str:
 
 
 def _refuse(scene: Scene, allowed: str) -> None:
-    raise InputError("scene", f"{_key(scene)}.outputs", list(_asked(scene).outputs), allowed)
+    raise InputError("scene", f"{_key(scene)}.outputs", list(_request(scene).outputs), allowed)
 
 
 def _with_step(scene: Scene, steps: int) -> Scene:
@@ -257,7 +257,7 @@ def _percent(fraction: float) -> str:
     return f"{rounded(100.0 * fraction)} %" if fraction < 10.0 else f"{rounded(fraction)} times their size"
 
 
-def _listed(tolerance: float, sizes: Mapping[str, float]) -> str:
+def _list_errors(tolerance: float, sizes: Mapping[str, float]) -> str:
     """Errors by kind, in words that don't round what is beyond the tolerance to it."""
     words = {kind: _percent(size) for kind, size in sizes.items()}
     more = {kind for kind, size in sizes.items() if size > tolerance and words[kind] == _percent(tolerance)}

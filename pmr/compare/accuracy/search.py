@@ -31,7 +31,7 @@ def share(errors: Mapping[str, float], allowed: Allowed) -> float:
     return max(errors[kind] / size for kind, size in allowed.items())
 
 
-def within(trial: Trial, allowed: Allowed) -> bool:
+def is_within(trial: Trial, allowed: Allowed) -> bool:
     """Whether errors of reduction and step together are allowed, and the step's is known."""
     return trial.settled and share(trial.total, allowed) <= 1.0
 
@@ -45,17 +45,17 @@ def reach(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
     while True:
         finer, coarse = 2 * steps <= trials.longest, _coarse(trials, sizes, steps, allowed)
         if coarse <= 1.0 or not finer or trials.resolved(sizes, steps):
-            larger, few = trials.doubled(sizes), share(trials.reduction(sizes, steps), allowed)
+            larger, few = trials.double_sizes(sizes), share(trials.reduction(sizes, steps), allowed)
             if coarse <= 1.0 or not finer:
                 tried.append(trial := trials.judge(sizes, steps))
-                if within(trial, allowed):
+                if is_within(trial, allowed):
                     return trial
             grows = finer and not np.isfinite(few) and not trials.pushing  # a shorter step helps the estimate
             if few > HALF and larger != sizes and (few >= coarse or not finer) and not grows:
                 sizes = larger
                 continue
             if not finer or few > 1.0 >= coarse and not grows:
-                return min(tried, key=lambda one: share(one.total, allowed))
+                return min(tried, key=lambda candidate: share(candidate.total, allowed))
         halvings = np.ceil(np.log(coarse / HALF) / np.log(SECOND_ORDER)) if np.isfinite(coarse) else 1.0
         steps <<= int(np.clip(halvings, 1.0, np.log2(trials.longest / steps)))
 
@@ -76,7 +76,7 @@ def thin_out(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> T
     for sizes in (fewest, *trials.neighbours(fewest, 1)):  # by its own estimate a model may be a little further off
         if suits(trials.reduction(sizes, trial.steps), trial.step):
             thinner = trials.judge(sizes, trial.steps)
-            if within(thinner, allowed):
+            if is_within(thinner, allowed):
                 return _longest(trials, thinner, coarsest, suits)
     return _longest(trials, trial, coarsest, suits)
 
@@ -90,10 +90,10 @@ def best_within(trials: Trials, budget: Budget, coarsest: int) -> Trial:
     """
     key = "microseconds_per_step" if budget.real_time is None else "real_time"
     if budget.coordinates is not None:
-        return _balanced(trials, _most_coordinates(trials, budget.coordinates), coarsest)
+        return _balance(trials, _most_coordinates(trials, budget.coordinates), coarsest)
     if budget.microseconds_per_step is not None:
-        found = _largest(trials, 1e-6 * budget.microseconds_per_step)
-        options = [] if found is None else [_balanced(trials, found, coarsest)]
+        sizes = _largest(trials, 1e-6 * budget.microseconds_per_step)
+        options = [] if sizes is None else [_balance(trials, sizes, coarsest)]
     else:
         options = list(_in_real_time(trials, budget.real_time or 1.0, coarsest))
     if not options:
@@ -101,14 +101,14 @@ def best_within(trials: Trials, budget: Budget, coarsest: int) -> Trial:
         raise InputError(
             "scene", f"budget.{key}", getattr(budget, key), f"the smallest model takes {took} us a step here"
         )
-    return min(options, key=lambda one: max(one.total.values()))
+    return min(options, key=lambda trial: max(trial.total.values()))
 
 
 def reasons(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
     """Why these coordinates and these steps, a clause each."""
     r, steps = trial.coordinates, trial.steps
     coarse = trials.fewest_resolved(steps)
-    if fewer := [max(trials.beside(trial, one, coarse).values()) for one in trials.neighbours(trial.sizes, -1)]:
+    if fewer := [max(trials.beside(trial, sizes, coarse).values()) for sizes in trials.neighbours(trial.sizes, -1)]:
         yield f"{r} coordinates: with {r - 1} the reduction alone is off by {_percent(min(fewer))}"
     else:
         yield f"{r} coordinates: all rigid-body modes, and one mode at least"
@@ -127,19 +127,19 @@ def _fewest(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
 
     They are compared with the fewest steps that resolve the motion.
     """
-    left = {kind: size - trial.step[kind] for kind, size in allowed.items()}
+    margin = {kind: size - trial.step[kind] for kind, size in allowed.items()}
     steps = trials.fewest_resolved(trial.steps)
 
     def enough(sizes: Sizes) -> bool:
-        return share(trials.beside(trial, sizes, steps), left) <= 1.0
+        return share(trials.beside(trial, sizes, steps), margin) <= 1.0
 
     low, high = trials.least - 1, trials.elastic(trial.sizes)
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if enough(trials.capped(trial.sizes, middle)) else (middle, high)
-    sizes = trials.capped(trial.sizes, high)
+        low, high = (low, middle) if enough(trials.cap_sizes(trial.sizes, middle)) else (middle, high)
+    sizes = trials.cap_sizes(trial.sizes, high)
     for body in range(len(sizes) if len(sizes) > 1 else 0):
-        while fewer := [one for one in trials.neighbours(sizes, -1) if one[body] < sizes[body] and enough(one)]:
+        while fewer := [modes for modes in trials.neighbours(sizes, -1) if modes[body] < sizes[body] and enough(modes)]:
             sizes = fewer[0]
     return sizes
 
@@ -163,7 +163,7 @@ def _longest(
     return trial
 
 
-def _balanced(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
+def _balance(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
     """The longest step whose error is no more than that of the reduction; else the shortest that is tried."""
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
@@ -176,7 +176,7 @@ def _balanced(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
 
 
 def _in_real_time(trials: Trials, ratio: float, coarsest: int) -> Iterator[Trial]:
-    """With each number of steps as many coordinates as there is time for."""
+    """For each number of steps the largest model that keeps up with real time."""
     steps = coarsest
     while steps <= trials.longest:
         sizes = _largest(trials, trials.excitation.stepping.end / (steps * ratio))
@@ -207,7 +207,7 @@ def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
         needed = f"at least {least} are needed: rigid-body motions, one mode of each section, those of cylinders"
         raise InputError("scene", "budget.coordinates", allowed, needed)
     while trials.coordinates(sizes) < allowed and (more := trials.neighbours(sizes, 1)):
-        sizes = more[0] if len(more) == 1 else min(more, key=lambda one: max(trials.reduction(one, steps).values()))
+        sizes = more[0] if len(more) == 1 else min(more, key=lambda size: max(trials.reduction(size, steps).values()))
     return sizes
 
 

@@ -16,13 +16,13 @@ from pmr.compare.booms import force_kinds_of
 from pmr.compare.estimate import MARGIN, Estimate, estimate
 from pmr.compare.halved_steps import reference_rho
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive
-from pmr.compare.runs import between_kinks, in_parts, outputs, recorded, run_from_start, without_rates
+from pmr.compare.runs import between_kinks, in_parts, is_recorded, outputs, run_from_start, without_rates
 from pmr.compare.step_error import StepError, step_error
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended, truncated
+from pmr.reduced.truncation import extend, truncate
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.columns import called
+from pmr.simulation.columns import column_names
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.resolution import unseen
@@ -84,15 +84,15 @@ class Trials:
     ) -> None:
         self.excitation, self.wanted = excitation, tuple(kinds)
         self._join = join
-        self._wholes = {name: one if one.enrichment is None else extended(one) for name, one in models.items()}
+        self._wholes = {name: model if model.enrichment is None else extend(model) for name, model in models.items()}
         self.own: Sizes = tuple(model.size for model in models.values())
         self._rigid = [_rigid(model) for model in self._wholes.values()]
         #: Elastic modes of every body at least, and modes of each at most.
         self.least = int(min(self._rigid) == 0)
         wholes = [model.size for model in self._wholes.values()]
         self.most: Sizes = tuple(
-            max(rigid + self.least, own, whole - max(1, min(ENRICHMENT, whole // 4)))
-            for rigid, own, whole in zip(self._rigid, self.own, wholes, strict=True)
+            max(rigid + self.least, scene_size, full_size - max(1, min(ENRICHMENT, full_size // 4)))
+            for rigid, scene_size, full_size in zip(self._rigid, self.own, wholes, strict=True)
         )
         self._systems, self._last = dict[Sizes, System](), dict[tuple[Sizes, int], SystemTrajectory]()
         self._estimates = dict[tuple[Sizes, int], Estimate | None]()
@@ -125,11 +125,11 @@ class Trials:
 
     @property
     def places(self) -> list[tuple[str, float]]:
-        """Of each displacement its name, and where it is along its body in m."""
+        """Name of each displacement output and its position along its body in m."""
         return [
-            (named(name, one), float(x))
+            (named(name, output), float(x))
             for name, body in self._wholes.items()
-            for one, x in zip(called(body).moved, body.output_positions[length_outputs(body)], strict=True)
+            for output, x in zip(column_names(body).moved, body.output_positions[length_outputs(body)], strict=True)
         ]
 
     def coarsest(self, every: float | None = None) -> int:
@@ -149,15 +149,15 @@ class Trials:
         return steps
 
     def with_steps(self, steps: int) -> Excitation:
-        """The same excitation on so many equal steps."""
-        given = self.excitation.stepping
-        return self.excitation.on_grid(TimeStepping(given.end, given.end / steps, given.rho_inf))
+        """Excitation on a given number of equal steps."""
+        grid = self.excitation.stepping
+        return self.excitation.on_grid(TimeStepping(grid.end, grid.end / steps, grid.rho_inf))
 
     def uniform(self, elastic: int) -> Sizes:
         """So many elastic modes of each body, as far as it has them."""
-        return self.capped(self.most, elastic)
+        return self.cap_sizes(self.most, elastic)
 
-    def capped(self, sizes: Sizes, elastic: int) -> Sizes:
+    def cap_sizes(self, sizes: Sizes, elastic: int) -> Sizes:
         """No more than so many elastic modes of each body."""
         return tuple(min(size, rigid + elastic) for size, rigid in zip(sizes, self._rigid, strict=True))
 
@@ -165,22 +165,22 @@ class Trials:
         """Elastic modes of the body that has most of them."""
         return max(size - rigid for size, rigid in zip(sizes, self._rigid, strict=True))
 
-    def doubled(self, sizes: Sizes) -> Sizes:
+    def double_sizes(self, sizes: Sizes) -> Sizes:
         """Twice as many elastic modes of each body, as far as it has them."""
         of_bodies = zip(sizes, self._rigid, self.most, strict=True)
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
     def neighbours(self, sizes: Sizes, more: int) -> list[Sizes]:
-        """With so many modes `more`, or less, of one body each."""
+        """Sizes of models with `more` modes of one body each; fewer where `more` is negative."""
         changed = [(*sizes[:k], size + more, *sizes[k + 1 :]) for k, size in enumerate(sizes)]
         return [
-            one for k, one in enumerate(changed) if self._rigid[k] + self.least <= one[k] <= max(self.most[k], sizes[k])
+            new for k, new in enumerate(changed) if self._rigid[k] + self.least <= new[k] <= max(self.most[k], sizes[k])
         ]
 
     def models(self, sizes: Sizes) -> dict[str, ReducedModel]:
         """Models of these sizes by body; of sections without the modes of their cylinders."""
         of_bodies = zip(self._wholes.items(), sizes, strict=True)
-        return {name: truncated(whole, size) if size < whole.size else whole for (name, whole), size in of_bodies}
+        return {name: truncate(model, size) if size < model.size else model for (name, model), size in of_bodies}
 
     def system(self, sizes: Sizes) -> System:
         """Models of these sizes as they are simulated."""
@@ -193,15 +193,15 @@ class Trials:
         return sum(body.size for body in self.system(sizes).bodies.values())
 
     def judge(self, sizes: Sizes, steps: int) -> Trial:
-        """What a run with these says of itself."""
+        """Run a model of these sizes with these steps and estimate its errors."""
         reduction, step, at = self.reduction(sizes, steps), self.step(sizes, steps), (sizes, steps)
         of_run = self._estimates[at], self._step_errors[at]
         return Trial(sizes, self.coordinates(sizes), steps, reduction, step, self.settled(sizes, steps), *of_run)
 
     def resolved(self, sizes: Sizes, steps: int) -> bool:
         """Whether steps are short enough to tell whether there are too few coordinates."""
-        found = self._step_errors[sizes, steps]
-        return found is not None and found.settled and max(self.step(sizes, steps).values()) <= RESOLVED
+        run_error = self._step_errors[sizes, steps]
+        return run_error is not None and run_error.settled and max(self.step(sizes, steps).values()) <= RESOLVED
 
     def fewest_resolved(self, steps: int) -> int:
         """The fewest steps up to those given that were seen to resolve the motion."""
@@ -223,13 +223,13 @@ class Trials:
                 if self.pushing:
                     system = self.system(trial.sizes)
                     excitation = in_parts(system, excitation, self._run(trial.sizes, steps))
-                better, fewer = (self.motion(one, excitation) for one in (trial.sizes, sizes))
+                better, fewer = (self.motion(of_bodies, excitation) for of_bodies in (trial.sizes, sizes))
                 floors = Floors.of(self.system(trial.sizes), excitation, better.force)
                 apart = differences(fewer, better, floors, self.wanted)
-                found = {kind: float(np.hypot(MARGIN * apart[kind], trial.reduction[kind])) for kind in self.wanted}
+                errors = {kind: float(np.hypot(MARGIN * apart[kind], trial.reduction[kind])) for kind in self.wanted}
             except SimulationError:
-                found = dict.fromkeys(self.wanted, np.inf)
-            self._beside[key] = found
+                errors = dict.fromkeys(self.wanted, np.inf)
+            self._beside[key] = errors
         return self._beside[key]
 
     def reduction(self, sizes: Sizes, steps: int) -> dict[str, float]:
@@ -237,10 +237,10 @@ class Trials:
         if (sizes, steps) not in self._estimates:
             try:
                 run = self._run(sizes, steps)
-                found = estimate(self.models(sizes), self.system(sizes), self.with_steps(steps), run)
+                run_estimate = estimate(self.models(sizes), self.system(sizes), self.with_steps(steps), run)
             except SimulationError:
-                found = None
-            self._estimates[sizes, steps] = found
+                run_estimate = None
+            self._estimates[sizes, steps] = run_estimate
         errors = {} if (of_run := self._estimates[sizes, steps]) is None else of_run.errors
         between = "" if ALONE in self._wholes else "_between_kinks"
         return {kind: errors.get(f"{kind}{between}", errors.get(kind, np.inf)) for kind in self.wanted}
@@ -250,32 +250,32 @@ class Trials:
         if (sizes, steps) not in self._step_errors:
             system, excitation = self.system(sizes), self.with_steps(steps)
             try:
-                run = self._run(sizes, steps) if recorded(system, excitation.stepping) else None
+                run = self._run(sizes, steps) if is_recorded(system, excitation.stepping) else None
                 self._step_errors[sizes, steps] = step_error(system, excitation, run, self.wanted, band=False)
             except SimulationError:
                 self._step_errors[sizes, steps] = None
-        found = self._step_errors[sizes, steps]
-        return {kind: np.inf if found is None else found.of(kind) for kind in self.wanted}
+        run_error = self._step_errors[sizes, steps]
+        return {kind: np.inf if run_error is None else run_error.of(kind) for kind in self.wanted}
 
     def settled(self, sizes: Sizes, steps: int) -> bool:
         """Whether runs with shorter steps than these approach each other."""
-        found = self._step_errors[sizes, steps]
-        return found is not None and found.settled and not set(found.unsettled) & set(self.wanted)
+        run_error = self._step_errors[sizes, steps]
+        return run_error is not None and run_error.settled and not set(run_error.unsettled) & set(self.wanted)
 
     def motion(self, sizes: Sizes, excitation: Excitation) -> Outputs:
         """Outputs at all steps of a run; forces of sections are zero beside kinks of their extensions."""
         system = self.system(sizes)
         run = run_from_start(system, excitation)
-        found = outputs(system, run, excitation) if "velocity" in self.wanted else without_rates(system, run)
-        return between_kinks(system, found, excitation, excitation.times, excitation.stepping.step)
+        run_outputs = outputs(system, run, excitation) if "velocity" in self.wanted else without_rates(system, run)
+        return between_kinks(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
-    def undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, Floors]:
+    def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, Floors]:
         """Outputs of a run that the scheme hardly damps (`pmr.compare.halved_steps`), and what may be round-off."""
         system, excitation = self.system(sizes), self.with_steps(steps)
-        given = excitation.stepping
-        stepping = TimeStepping(given.end, given.step, reference_rho(system, given.rho_inf))
-        found = self.motion(sizes, excitation.with_stepping(stepping))
-        return found, Floors.of(system, excitation, found.force)
+        grid = excitation.stepping
+        stepping = TimeStepping(grid.end, grid.step, reference_rho(system, grid.rho_inf))
+        motion = self.motion(sizes, excitation.with_stepping(stepping))
+        return motion, Floors.of(system, excitation, motion.force)
 
     def seconds_a_step(self, sizes: Sizes) -> float:
         """Least time that `march` takes for a step, on this machine."""

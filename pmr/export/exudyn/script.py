@@ -16,14 +16,14 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.errors.text import visible
-from pmr.files.whole import replaced
+from pmr.files.whole import replacement
 from pmr.scene.frame import INERTIA
 from pmr.scene.signals import SignalBase
 from pmr.scene.simulators import Asked, refuse
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.exudyn.equations import Equations
-from pmr.simulation.recorded import Recorded, recorded
+from pmr.simulation.recorded import Recorded, read_scene
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.body import force_outputs
@@ -42,15 +42,15 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     """
     npz_path, target = Path(npz_path), Path(target)
     system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)
-    arrays, beside = script_data(system, npz_path.name), target.with_suffix(".npz")
-    if beside.resolve() == npz_path.resolve() or not _is_free(beside):
+    arrays, data_file = script_data(system, npz_path.name), target.with_suffix(".npz")
+    if data_file.resolve() == npz_path.resolve() or not _is_free(data_file):
         raise InputError(
-            "command line", "--out", str(target), f"a name is allowed whose data replaces no {beside.name}"
+            "command line", "--out", str(target), f"a name is allowed whose data replaces no {data_file.name}"
         )
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replaced(beside) as part, part.open("wb") as file:
+    with replacement(data_file) as part, part.open("wb") as file:
         np.savez(file, **arrays)
-    with replaced(target) as part:
+    with replacement(target) as part:
         shutil.copyfile(Path(__file__).with_name("templates") / "sliding_body.py", part)
     return target
 
@@ -75,7 +75,7 @@ def script_data(system: System, source: str) -> Arrays:
     for body in system.bodies.values():
         if ALONE in system.bodies:
             body.ensure_whole(source)
-    scene, equations, assembly = recorded(system, source), Equations(system), Assembly(system)
+    scene, equations, assembly = read_scene(system, source), Equations(system), Assembly(system)
     if any(name.startswith(INERTIA) for body in system.bodies.values() for name in body.input_names):
         allowed = "a scene without a frame is allowed in a script; `pmr run` and `pmr simulate` simulate one by Exudyn"
         raise InputError(source, "frame", None, allowed)
@@ -110,12 +110,12 @@ def _tip(system: System, source: str) -> Arrays:
         for name, body in system.bodies.items()
         for position, force in zip(body.output_positions, force_outputs(body), strict=True)
     ]
-    moved = [k for k, (_, _, force) in enumerate(of) if not force]
-    if not moved:
+    displacements = [k for k, (_, _, force) in enumerate(of) if not force]
+    if not displacements:
         raise InputError(source, "outputs", None, "at least one displacement is allowed in a script")
-    name, position, _ = of[moved[-1]]
+    name, position, _ = of[displacements[-1]]
     where = "" if ALONE in system.bodies else visible(f" of {name}").rstrip()
-    return {"tip": moved[-1], "tip_of": where, "tip_position": position}
+    return {"tip": displacements[-1], "tip_of": where, "tip_position": position}
 
 
 def _signals(scene: Recorded, system: System, source: str) -> Arrays:
@@ -149,16 +149,16 @@ def _tables(system: System, x: Array) -> Arrays:
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]
     m, i, o = len(numbers), len(body.input_names), len(body.output_positions)
-    arrays, compliance, known = dict[str, Array](), system.gives(x), body.flexibility
+    arrays, compliance, residual = dict[str, Array](), system.gives(x), body.flexibility
     arrays["C"], arrays["C.breaks"] = body.rows.c[:, :, numbers], body.rows.x
     shapes = {"F": (m, m), "H": (m, i), "X": (o, m)}
     for name, shape in shapes.items():
         arrays[name], arrays[f"{name}.breaks"] = np.zeros((1, 1, *shape)), np.array(body.domain)
-    if known is not None:
+    if residual is not None:
         tables: dict[str, tuple[PPoly, Any]] = {
-            "F": (known.rows, np.ix_(numbers, numbers)),
-            "H": (known.inputs, np.ix_(numbers)),
-            "X": (known.outputs, np.ix_(range(o), numbers)),
+            "F": (residual.rows, np.ix_(numbers, numbers)),
+            "H": (residual.inputs, np.ix_(numbers)),
+            "X": (residual.outputs, np.ix_(range(o), numbers)),
         }
         for name, (table, chosen) in tables.items():
             arrays[name], arrays[f"{name}.breaks"] = np.array(table.c[(slice(None), slice(None), *chosen)]), table.x
@@ -185,11 +185,11 @@ def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
     n, i, o = assembly.size, assembly.B.shape[1], assembly.outputs.shape[0]
     for k, (name, body) in enumerate(system.bodies.items()):
         assert body.carriers is not None
-        values, known = body.carriers.values, body.carriers.flexibility
+        values, flex = body.carriers.values, body.carriers.flexibility
         K = len(values)
         V, R, H, X = np.zeros((K, n)), np.zeros((K, K)), np.zeros((K, i)), np.zeros((o, K))
         V[:, assembly.coordinates[name]] = values[:, assembly.free[name]]
-        if known is not None:
-            R, H[:, assembly.inputs[name]], X[assembly.observed[name]] = known.rows, known.inputs, known.outputs
+        if flex is not None:
+            R, H[:, assembly.inputs[name]], X[assembly.observed[name]] = flex.rows, flex.inputs, flex.outputs
         arrays |= {f"bodies.{k}.V": V, f"bodies.{k}.R": R, f"bodies.{k}.H": H, f"bodies.{k}.X": X}
     return arrays

@@ -30,7 +30,7 @@ UNITS = _UNITS | {
 
 @dataclass(frozen=True)
 class Described:
-    """What is said of a model as a whole."""
+    """Attributes of a model as a whole."""
 
     identifier: str  #: Of C: the name of the binaries
     title: str
@@ -70,9 +70,9 @@ def description_2(model: Described, variables: Sequence[Variable]) -> str:
         if variable.derivative_of is not None:
             real.set("derivative", str(number[variable.derivative_of]))
     structure = ET.SubElement(root, "ModelStructure")
-    for name, found in zip(("Outputs", "Derivatives", "InitialUnknowns"), _unknowns(variables), strict=True):
+    for name, unknowns in zip(("Outputs", "Derivatives", "InitialUnknowns"), _unknowns(variables), strict=True):
         element = ET.SubElement(structure, name)
-        for variable in found:
+        for variable in unknowns:
             ET.SubElement(element, "Unknown", index=str(number[variable.reference]))
     return _text(root)
 
@@ -98,8 +98,8 @@ def description_3(model: Described, variables: Sequence[Variable]) -> str:
             element.set("derivative", str(variable.derivative_of))
     structure = ET.SubElement(root, "ModelStructure")
     names = ("Output", "ContinuousStateDerivative", "InitialUnknown")
-    for name, found in zip(names, _unknowns(variables), strict=True):
-        for variable in found:
+    for name, unknowns in zip(names, _unknowns(variables), strict=True):
+        for variable in unknowns:
             ET.SubElement(structure, name, valueReference=str(variable.reference))
     return _text(root)
 
@@ -134,7 +134,7 @@ def _interfaces(model: Described, of_steps: dict[str, str]) -> list[tuple[str, d
 
 
 def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
-    """Those that variables have; of one that is none of SI nothing is said but its name."""
+    """Add the units that variables have; a unit that is none of SI has only its name."""
     units = ET.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(variable.unit for variable in variables if variable.unit):
         unit = ET.SubElement(units, "Unit", name=name)
@@ -156,21 +156,21 @@ def _experiment(root: ET.Element, model: Described) -> None:
 
 
 def _common(variable: Variable) -> dict[str, str]:
-    said = {
+    attributes = {
         "name": variable.name,
         "valueReference": str(variable.reference),
         "description": variable.description,
         "causality": variable.causality,
         "variability": variable.variability,
     }
-    return said | ({"initial": variable.initial} if variable.initial else {})
+    return attributes | ({"initial": variable.initial} if variable.initial else {})
 
 
 def _real(variable: Variable) -> dict[str, str]:
-    said = {} if not variable.unit else {"unit": variable.unit}
+    attributes = {} if not variable.unit else {"unit": variable.unit}
     low, high = variable.within or (None, None)
     numbers = {"start": variable.start, "nominal": variable.nominal, "min": low, "max": high}
-    return said | {name: repr(value) for name, value in numbers.items() if value is not None}
+    return attributes | {name: repr(value) for name, value in numbers.items() if value is not None}
 
 
 def _unknowns(variables: Sequence[Variable]) -> list[list[Variable]]:
@@ -183,7 +183,7 @@ def _unknowns(variables: Sequence[Variable]) -> list[list[Variable]]:
 
 
 def _text(root: ET.Element) -> str:
-    """As XML, which has no way to write control characters and halves of surrogate pairs."""
+    """Write the tree as XML, which can't hold control characters and halves of surrogate pairs."""
     for element in root.iter():
         element.attrib.update({key: visible(value) for key, value in element.attrib.items()})
     ET.indent(root)

@@ -89,7 +89,7 @@ class Drivers:
             "m/s2" if name == GRAVITY and self.frame else of_inputs.get(name) or of_parts[name] for name in self.loads
         )
 
-    def numbered(self, names: Sequence[str]) -> list[int]:
+    def numbers_of(self, names: Sequence[str]) -> list[int]:
         """Numbers of drivers by their names."""
         number = {name: k for k, name in reversed(list(enumerate(self.names)))}
         return [number[name] for name in names]
@@ -114,6 +114,6 @@ class Drivers:
         return rows.friction is None and bool(gives.all())
 
     def kinds(self) -> list[int]:
-        """What each driver is, as unit.h of the C source numbers them: other, a path, an angle, slewing."""
+        """Kind of each driver, as unit.h of the C source numbers them: other, a path, an angle, slewing."""
         of_motions = [0 if name in AXES else 3 if name == SLEWING else 2 for name in self.motions]
         return [*(1 for _ in self.paths), *(0 for _ in self.loads), *of_motions]

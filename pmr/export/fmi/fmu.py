@@ -23,8 +23,8 @@ from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.resources import system_file
 from pmr.export.fmi.variables import variables
-from pmr.files.whole import replaced
-from pmr.simulation.recorded import Recorded, recorded
+from pmr.files.whole import replacement
+from pmr.simulation.recorded import Recorded, read_scene
 from pmr.system.system import System
 
 VERSIONS = ("2", "3")
@@ -65,16 +65,16 @@ class Contents:
     described: Described
 
 
-def chosen(wanted: str | None, version: str) -> tuple[Platform, ...]:
+def chosen(platforms: str | None, version: str) -> tuple[Platform, ...]:
     """The platforms that are asked for: ``all``, or by default the one that this machine is; all if it is none of them.
 
     Raises InputError if something else is asked for.
     """
-    if wanted not in (None, "host", "all"):
-        raise InputError("command line", "--platforms", wanted, "host or all is allowed")
-    here = f"{_MACHINES.get(this.machine().lower(), '')}-{this.system().lower()}"
-    here_alone = tuple(one for one in PLATFORMS if one.folder_3 == here and _place(one, version))
-    return PLATFORMS if wanted == "all" else here_alone or PLATFORMS
+    if platforms not in (None, "host", "all"):
+        raise InputError("command line", "--platforms", platforms, "host or all is allowed")
+    host = f"{_MACHINES.get(this.machine().lower(), '')}-{this.system().lower()}"
+    here_alone = tuple(platform for platform in PLATFORMS if platform.folder_3 == host and _place(platform, version))
+    return PLATFORMS if platforms == "all" else here_alone or PLATFORMS
 
 
 def write_fmu(
@@ -90,7 +90,7 @@ def write_fmu(
     """
     npz_path = Path(npz_path)
     system = System.load(npz_path)
-    return write(system, recorded(system, npz_path.name), target, version, platforms, sources)
+    return write(system, read_scene(system, npz_path.name), target, version, platforms, sources)
 
 
 def write(
@@ -132,7 +132,7 @@ def write(
         if place := _place(platform, version):
             files[f"binaries/{place}/{unit.described.identifier}{platform.suffix}"] = binary(platform)
     target.parent.mkdir(parents=True, exist_ok=True)
-    with replaced(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+    with replacement(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
             archive.writestr(zipfile.ZipInfo(name, _DATE), content, zipfile.ZIP_DEFLATED)
     return target
@@ -167,8 +167,8 @@ def contents(system: System, scene: Recorded, name: str, version: str, sources: 
 
 def source_files(version: str | None = None) -> dict[str, str]:
     """C of the binaries by file names: of one version of the interface, or of both as the package has them."""
-    others = {f"fmi{other}.c" for other in VERSIONS if version not in (None, other)}
-    files = [file for folder in _SOURCES for file in sorted(folder.glob("*.[ch]")) if file.name not in others]
+    other_versions = {f"fmi{other}.c" for other in VERSIONS if version not in (None, other)}
+    files = [file for folder in _SOURCES for file in sorted(folder.glob("*.[ch]")) if file.name not in other_versions]
     return {file.name: file.read_text() for file in files}
 
 

@@ -45,7 +45,7 @@ class Reference:
 
     @property
     def start_values(self) -> Array:
-        """Of the variables up to the kind of start, in the order of `pmr.export.fmi.variables`."""
+        """Start values of the variables up to the kind of start, in the order of `pmr.export.fmi.variables`."""
         step = self.stepping.step
         start = STARTS["static" if self.static else "at rest"]
         return np.concatenate([[0.0], self.first, np.zeros(3 * len(self.first)), [step, self.stepping.rho_inf, start]])
@@ -55,11 +55,11 @@ def reference(drivers: Drivers, scene: Recorded) -> Reference:
     """Simulate a system under its own scene, as the inputs lead on; in a frame that moves, as its signals say."""
     system, excitation = drivers.system, scene.excitation
     inputs = led_on(drivers, excitation)
-    given = _followed(drivers, excitation, inputs)
-    found = systems.simulate(system, given, systems.static_start(system, given) if scene.static else {})
-    y = list(systems.displacements(system, found).values())
+    reached = _follow_inputs(drivers, excitation, inputs)
+    trajectory = systems.simulate(system, reached, systems.static_start(system, reached) if scene.static else {})
+    y = list(systems.displacements(system, trajectory).values())
     z, v = (
-        np.hstack([getattr(found.bodies[name], what) @ form.inverse.T for name, form in drivers.forms.items()])
+        np.hstack([getattr(trajectory.bodies[name], what) @ form.inverse.T for name, form in drivers.forms.items()])
         for what in "qv"
     )
     t = excitation.times
@@ -72,13 +72,13 @@ def reference(drivers: Drivers, scene: Recorded) -> Reference:
         first[: drivers.first_load] = [low for low, _ in drivers.data.rows.ranges]
     first[drivers.first_load : drivers.first_load + len(drivers.loads)] = first_loads(drivers, scene)
     return Reference(
-        stepping=given.stepping,
-        omega=contact_frequency(SystemForm.of(system).modal, given),
+        stepping=reached.stepping,
+        omega=contact_frequency(SystemForm.of(system).modal, reached),
         inputs=np.hstack([t[:, None], *inputs]),
         first=first,
         static=scene.static,
         t=t[shown],
-        outputs=np.hstack([*y, found.forces])[shown],
+        outputs=np.hstack([*y, trajectory.forces])[shown],
         nominal=np.where(nominal > 0.0, nominal, 1.0),
     )
 
@@ -117,8 +117,8 @@ class Pieces(SignalBase):
         return at - number * self.step, rates[:, number]
 
 
-def _followed(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
-    """With paths and loads as the inputs (4, T, n) lead on."""
+def _follow_inputs(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
+    """Excitation whose paths and loads go on as the inputs (4, T, n) do."""
     if drivers.frame is not None:
         return excitation
     step = excitation.stepping.step
@@ -138,38 +138,38 @@ def led_on(drivers: Drivers, excitation: Excitation) -> Array:
     rate, which it is accelerated with.
     """
     t, h, n = excitation.times, excitation.stepping.step, drivers.count
-    found, frame = np.zeros((4, len(t), n)), drivers.frame
+    orders, frame = np.zeros((4, len(t), n)), drivers.frame
     if frame is not None:
         at = frame.motions(excitation, t)
-        moved = drivers.numbered(frame.drivers)
+        frame_numbers = drivers.numbers_of(frame.drivers)
         second = np.array([name in (*frame.paths, *frame.angles) for name in frame.drivers])
-        found[0][:, moved] = at[0].T
+        orders[0][:, frame_numbers] = at[0].T
         x, a = at[0].T, at[2].T
         lines = cubics.by_lines(x[:-1], x[1:], h)
-        found[:, :-1, moved] = np.where(second, cubics.by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
-        return found
+        orders[:, :-1, frame_numbers] = np.where(second, cubics.by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
+        return orders
     signals = [*(excitation.paths[path] for path in drivers.shown_paths)]
     numbers = [*range(len(drivers.shown_paths)), *(drivers.first_load + k for k in range(len(drivers.loads)))]
     for number, signal in zip(numbers, [*signals, *in_order(excitation.loads, drivers.loads)], strict=True):
-        found[0, :, number] = signal.value(t)
+        orders[0, :, number] = signal.value(t)
         ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink that of what ends there
-        x = found[0, :, number].copy()
-        found[:, :-1, number] = cubics.by_rates(x[:-1], x[1:], signal.rate(t[:-1]), ended, h)
-    return found
+        x = orders[0, :, number].copy()
+        orders[:, :-1, number] = cubics.by_rates(x[:-1], x[1:], signal.rate(t[:-1]), ended, h)
+    return orders
 
 
-def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
+def inputs_csv(run: Reference, variables: Sequence[Variable]) -> str:
     """Inputs as comma-separated values, with the variables' names."""
     inputs = [variable for variable in variables if variable.causality == "input"]
-    return _csv(["time", *(v.name for v in inputs)], found.inputs[:, [0, *(v.reference for v in inputs)]])
+    return _csv(["time", *(v.name for v in inputs)], run.inputs[:, [0, *(v.reference for v in inputs)]])
 
 
-def outputs_csv(found: Reference, drivers: Drivers, variables: Sequence[Variable]) -> str:
+def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable]) -> str:
     """Outputs of the bodies and forces of contacts as comma-separated values."""
-    own = {*drivers.system.output_names, *map(force_of, drivers.system.contact_names)}
+    titles = {*drivers.system.output_names, *map(force_of, drivers.system.contact_names)}
     outputs = [v for v in variables if v.causality == "output" and not v.is_rate]
-    names = [v.name for v in outputs if v.description.partition("; ")[0] in own]
-    return _csv(["time", *names], np.hstack([found.t[:, None], found.outputs]))
+    names = [v.name for v in outputs if v.description.partition("; ")[0] in titles]
+    return _csv(["time", *names], np.hstack([run.t[:, None], run.outputs]))
 
 
 def _csv(names: Sequence[str], rows: Array) -> str:

@@ -45,7 +45,7 @@ class Variable:
 def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
     """All variables of a system, by start and nominal values as `pmr.export.fmi.resources.system_file` has them."""
     names = Identifiers()
-    found = list(_given(drivers, names, start))
+    listed = list(_inputs_and_parameters(drivers, names, start))
     first, modes = 4 + ORDERS * drivers.count, drivers.modes
     of_modes = [(name, k + 1) for name, form in drivers.forms.items() for k in range(form.body.size)]
     for k in range(2 * modes):
@@ -54,30 +54,30 @@ def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
         what = f"{named(body, f'{called} {mode}')}, modal mass 1 kg"
         name = names(f"{named(body, f'mode {mode}')}{' rate' * rate}")
         size = float(nominal[k])
-        found.append(Variable(name, first + k, what, "local", initial="approx", unit=unit, start=0.0, nominal=size))
-    states = found[-2 * modes :]
+        listed.append(Variable(name, first + k, what, "local", initial="approx", unit=unit, start=0.0, nominal=size))
+    states = listed[-2 * modes :]
     for k, state in enumerate(states):
         unit = "m/s2" if k >= modes else "m/s"
         reference = first + 2 * modes + k
         name = names(f"der_{state.name}")
-        found.append(
+        listed.append(
             Variable(name, reference, f"derivative: {state.description}", "local", unit=unit, derivative_of=first + k)
         )
-    found += _observed(drivers, names, first + 4 * modes)
-    return found
+    listed += _output_variables(drivers, names, first + 4 * modes)
+    return listed
 
 
 def path_names(paths: Sequence[str]) -> list[str]:
-    """What the path coordinates are called: s alone where there is one for all sliders."""
+    """Names of the path coordinates: s alone where there is one for all sliders."""
     return ["s" if path == SLIDER else f"s {path}" for path in paths]
 
 
 def rate_unit(unit: str, order: int) -> str:
-    """Of the rate of some order of what has a unit: m/s2 of m/s."""
+    """Unit of the rate of some order of a quantity with a unit: m/s2 of m/s."""
     if not order:
         return unit
-    what, over, known = (unit or "1").partition("/s")
-    power = order + (int(known or 1) if over else 0)
+    what, over, exponent = (unit or "1").partition("/s")
+    power = order + (int(exponent or 1) if over else 0)
     return f"{what}/s{power if power > 1 else ''}"
 
 
@@ -105,25 +105,32 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
         yield _Driver(name + " acceleration" * (name in AXES), drivers.first_motion + k, what, unit)
 
 
-def _given(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
+def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
     """Time, inputs and parameters."""
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # whatever loads are called
     yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
-    found = list[tuple[_Driver, int, str]]()
-    for one in _drivers(drivers):
-        found += [(one, k, names(one.name + suffix)) for k, suffix in enumerate(("", "_rate", "_rate_2", "_rate_3"))]
-    for one, order, name in sorted(found, key=lambda each: (each[1], each[0].number)):
-        at, what = 1 + order * drivers.count + one.number, ("", "rate of ", "second rate of ", "third rate of ")[order]
-        unit, within = rate_unit(one.unit, order), None if order else one.within
-        yield Variable(name, at, what + one.what, "input", initial="", unit=unit, start=float(start[at]), within=within)
+    orders = list[tuple[_Driver, int, str]]()
+    for driver in _drivers(drivers):
+        orders += [
+            (driver, k, names(driver.name + suffix)) for k, suffix in enumerate(("", "_rate", "_rate_2", "_rate_3"))
+        ]
+    for driver, order, name in sorted(orders, key=lambda each: (each[1], each[0].number)):
+        at, what = (
+            1 + order * drivers.count + driver.number,
+            ("", "rate of ", "second rate of ", "third rate of ")[order],
+        )
+        unit, within = rate_unit(driver.unit, order), None if order else driver.within
+        yield Variable(
+            name, at, what + driver.what, "input", initial="", unit=unit, start=float(start[at]), within=within
+        )
     first = 1 + ORDERS * drivers.count
     how = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
-    given = (
+    parameters = (
         ("longest internal step in Co-Simulation", "s"),
         ("spectral radius of generalized-alpha at infinite frequency", ""),
         (how, ""),
     )
-    for k, (what, unit) in enumerate(given):
+    for k, (what, unit) in enumerate(parameters):
         parameter = Variable(fixed[k], first + k, what, "parameter", "fixed", "exact", unit, float(start[first + k]))
         yield replace(parameter, is_choice=what is how)
 
@@ -136,11 +143,11 @@ def outputs_of(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
     yield from drivers.data.further
 
 
-def _observed(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
+def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
     """Outputs, their rates where they are motions, and the forces of the rows."""
     system, called = drivers.system, list(outputs_of(drivers))
-    count, own = len(called), len(system.output_names)
-    outputs = [names(force_of(name) if not moves and k < own else name) for k, (name, _, moves) in enumerate(called)]
+    count, o = len(called), len(system.output_names)
+    outputs = [names(force_of(name) if not moves and k < o else name) for k, (name, _, moves) in enumerate(called)]
     for k, (name, unit, _) in enumerate(called):
         yield Variable(outputs[k], first + k, name, unit=unit)
     for k, (what, unit, moves) in enumerate(called):
@@ -162,9 +169,9 @@ class Identifiers:
     def __call__(self, name: str) -> str:
         plain = re.sub(r"[^A-Za-z0-9]+", "_", name.replace("-", "m") if re.search(r"-\d", name) else name).strip("_")
         plain = plain if plain and not plain[0].isdigit() else f"v_{plain}"
-        found, count = plain, 1
-        while found in self._taken:
+        identifier, count = plain, 1
+        while identifier in self._taken:
             count += 1
-            found = f"{plain}_{count}"
-        self._taken.add(found)
-        return found
+            identifier = f"{plain}_{count}"
+        self._taken.add(identifier)
+        return identifier

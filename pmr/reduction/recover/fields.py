@@ -60,7 +60,7 @@ class View:
 
     def displacements(self, q: Array) -> Array:
         """(S, N, 3) in m of the grid's points, from this rank's rows (S, n_local) of the states."""
-        values = self._summed(self._points, q)
+        values = self._sum_over_ranks(self._points, q)
         return values.reshape(len(values), len(self.grid.points), 3)
 
     def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
@@ -68,8 +68,8 @@ class View:
         along = None if self.forces is None else self.forces.of(np.hstack(self.comm.allgather(q)), acting)
         if self.stress_rows is None:
             return Stresses(along, None)
-        values = self._summed(self._stresses, q) if along is None else along @ self.stress_rows.rows.T
-        return Stresses(along, self.stress_rows.shaped(values))
+        values = self._sum_over_ranks(self._stresses, q) if along is None else along @ self.stress_rows.rows.T
+        return Stresses(along, self.stress_rows.split_by_point(values))
 
     def along(self) -> Running | None:
         """The envelope of `Stresses.along_beam`, to be filled; None of bodies that are no lines."""
@@ -80,7 +80,7 @@ class View:
             return Running(names, x)
         return Running((*names, *[AXIAL_STRESS] * len(rows.points)), np.concatenate([x, rows.points[:, 0]]))
 
-    def _summed(self, rows: sp.csr_matrix, q: Array) -> Array:
+    def _sum_over_ranks(self, rows: sp.csr_matrix, q: Array) -> Array:
         values = np.ascontiguousarray((rows @ q.T).T)
         self.comm.Allreduce(MPI.IN_PLACE, values)
         return values

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pmr.constraints.rows import Row, Rows, fixed_row
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import freed, sparse, times
+from pmr.fem.distributed import free_objects, sparse, times
 from pmr.fem.matrices import gather
 from pmr.fields.held import FramedBody, Frames
 from pmr.fullmodel.assembly import operators_of
@@ -65,7 +65,7 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
         If the modes do not converge.
     """
     built, solver = built_at(scene, s), scene.reduction.solver
-    model, coupling, held = built.structure.model, couple(built.structure), _held(built, s)
+    model, coupling, held = built.structure.model, couple(built.structure), _hold_body(built, s)
     if model.directions != DIRECTIONS:
         raise InputError("scene", "body.model", scene.body.model, "a body in space is allowed where frames turn")
     places = _places(scene, model)
@@ -98,13 +98,13 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
     return body
 
 
-def _held(built: Built, s: float) -> _Held:
+def _hold_body(built: Built, s: float) -> _Held:
     full, C = built.model, built.model.rows.at(s)
     soft = np.flatnonzero(full.row_compliance)
     springs = C[soft].T @ sp.diags(1.0 / full.row_compliance[soft]) @ C[soft]
     K, more = full.K.copy(), sparse(sp.csr_matrix(springs), full.K, columns=full.size)
     K.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    freed(more)
+    free_objects(more)
     rigid = np.flatnonzero(full.row_compliance == 0.0)
     rows = tuple(fixed_row(full.row_names[k], C[k], full.rows.domain) for k in rigid)
     return _Held(replace(full, K=K), rows)

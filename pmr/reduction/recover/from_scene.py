@@ -33,14 +33,14 @@ class Recovered:
         Of what a body has: a beam without a profile has no stresses, a shell no section forces.
         """
         peaks = {
-            name: model_fields.stress.peak for name, model_fields in self._named() if model_fields.stress is not None
+            name: model_fields.stress.peak for name, model_fields in self._views() if model_fields.stress is not None
         }
         along = {name: envelope.extremes() for name, envelope in self.envelopes().items()}
         forces = {"section_forces": along} if along else {}
         if not peaks:
             return forces
         regions = {
-            name: {r: p.summary() for r, p in model_fields.by_region.items()} for name, model_fields in self._named()
+            name: {r: p.summary() for r, p in model_fields.by_region.items()} for name, model_fields in self._views()
         }
         return forces | {
             "stress_by_region": {name: by_region for name, by_region in regions.items() if by_region},
@@ -51,16 +51,16 @@ class Recovered:
     def histories(self) -> dict[str, Array]:
         """Largest von Mises stress (S,) in Pa over the recovered times, of ``reduced`` and ``full``."""
         return {
-            name: model_fields.stress.largest for name, model_fields in self._named() if model_fields.stress is not None
+            name: model_fields.stress.largest for name, model_fields in self._views() if model_fields.stress is not None
         }
 
     def envelopes(self) -> dict[str, Envelope]:
         """Along a beam, of ``reduced`` and ``full``."""
         return {
-            name: model_fields.envelope for name, model_fields in self._named() if model_fields.envelope is not None
+            name: model_fields.envelope for name, model_fields in self._views() if model_fields.envelope is not None
         }
 
-    def _named(self) -> list[tuple[str, Seen]]:
+    def _views(self) -> list[tuple[str, Seen]]:
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
 
 

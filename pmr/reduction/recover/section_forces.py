@@ -78,9 +78,9 @@ class SectionForces:
         on_pieces, displaced = self._pieces.loads(q, a, supports, acting)
         if self._between is not None:
             displaced = displaced + (self._joined @ self._between.solve(self._joined.T @ on_pieces.T)).T
-        return np.asarray(displaced @ self._strained.T - on_pieces @ self._ends.T) - self._rubbed(acting)
+        return np.asarray(displaced @ self._strained.T - on_pieces @ self._ends.T) - self._friction_forces(acting)
 
-    def _rubbed(self, acting: BodyStates | None) -> Array | float:
+    def _friction_forces(self, acting: BodyStates | None) -> Array | float:
         """Normal force of friction, which the equations have at the tail, from there to the pad, (S, P) N."""
         if acting is None or acting.along is None:
             return 0.0
@@ -96,7 +96,7 @@ class _Whole:
             sp.vstack(model.comm.allgather(local_csr(A)), "csr") for A in (model.M, model.K, model.inputs)
         )
         self._rows, fixed = model.rows.rows, [row for row in model.rows.rows if row.fixed]
-        held = [_nothing(model.size, 0), *(row.at(row.breaks[0]) for row in fixed)]
+        held = [_zero_rows(model.size, 0), *(row.at(row.breaks[0]) for row in fixed)]
         self._names, self._held = [row.name for row in fixed], sp.vstack(held, "csr")
         self._mass = spla.splu(sp.csc_matrix(M))
         self._lent = self._mass.solve(self._held.T.toarray())
@@ -116,22 +116,22 @@ class _Pieces:
         beam, nodes = cut.beam, structure.model.node_stations
         assert nodes is not None
 
-        def between(place: str | float) -> bool:
+        def between_nodes(place: str | float) -> bool:
             return bool(np.abs(nodes - beam.station(place)).min() > ON_NODE * nodes[-1])
 
-        pads, masses = structure.pads, tuple(attached for attached in structure.masses if between(attached.on))
+        pads, masses = structure.pads, tuple(attached for attached in structure.masses if between_nodes(attached.on))
         supports, ends = (
-            tuple(attached for attached in every if between(attached.on)) for every in (pads.supports, pads.ends)
+            tuple(attached for attached in every if between_nodes(attached.on)) for every in (pads.supports, pads.ends)
         )
         pads = replace(pads, supports=supports, ends=ends, walls=Walls())
         masses = tuple(attached.model_copy(update={"coupling": "average"}) for attached in masses)
         apart = replace(structure, model=beam, clamps=(), masses=masses, pads=pads, outputs=(), ports=(), matrices=())
         coupling, base = couple(apart), operators_of(beam, MPI.COMM_SELF)
         restraints, moving = restrain(pads, beam, coupling.T), Moving(beam, masses, MPI.COMM_SELF)
-        loads = [_nothing(beam.size, 0)]
+        loads = [_zero_rows(beam.size, 0)]
         for load in structure.loads:
-            on_node = isinstance(load, Action) and not between(load.on)
-            loads.append(_nothing(beam.size) if on_node else coupling.load(load, base.M, moving))
+            on_node = isinstance(load, Action) and not between_nodes(load.on)
+            loads.append(_zero_rows(beam.size) if on_node else coupling.load(load, base.M, moving))
         self._B, self._rows = sp.vstack(loads, "csr").T, restraints.rows
         self._M, self._springs = local_csr(base.M) + coupling.attached_mass(), restraints.stiffness(beam.size)
         self._held = {row.name: row.at(row.breaks[0]) for row in restraints.rows if row.fixed}
@@ -153,7 +153,7 @@ def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, cou
     """B f - C(s)^T lambda of the states, (S, n)."""
     if acting is None:
         return np.zeros((count, B.shape[0]))
-    rows_by_name, pressed = {row.name: row for row in rows}, _nothing(B.shape[0], count)
+    rows_by_name, pressed = {row.name: row for row in rows}, _zero_rows(B.shape[0], count)
     turned = np.zeros_like(acting.multipliers) if acting.moments is None else acting.moments
     for name, force, moment, at in zip(acting.rows, acting.multipliers.T, turned.T, acting.s.T, strict=True):
         if name in rows_by_name:
@@ -163,5 +163,5 @@ def _loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, cou
     return np.asarray((B @ acting.loads.T).T - pressed.toarray())
 
 
-def _nothing(size: int, count: int = 1) -> sp.csr_matrix:
+def _zero_rows(size: int, count: int = 1) -> sp.csr_matrix:
     return sp.csr_matrix((count, size))

@@ -22,11 +22,18 @@ from pmr.reduced.attachment import RICHER
 from pmr.reduced.carriers import Answers, CarriedRows
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
-from pmr.reduced.truncation import is_modal, truncated, with_tables
+from pmr.reduced.truncation import is_modal, truncate, with_tables
 from pmr.reduction.basis import Basis
 from pmr.reduction.galerkin import RANK_CHECKS, galerkin, without_rows
 from pmr.reduction.residual.operator import ResidualFlexibility, terms
-from pmr.reduction.residual.tables import LoadFlexibility, carrier_loads, load_flexibility, load_powers, meeting, tables
+from pmr.reduction.residual.tables import (
+    LoadFlexibility,
+    carrier_loads,
+    load_flexibility,
+    load_pairs,
+    load_powers,
+    tables,
+)
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.scene.members import TAIL
 
@@ -73,11 +80,11 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
     the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
-    reduced = _projected(residual, basis, provenance)
-    flexibility = load_flexibility(residual, shared.carriers, meeting(shared, len(model.input_names)))
+    reduced = _project(residual, basis, provenance)
+    flexibility = load_flexibility(residual, shared.carriers, load_pairs(shared, len(model.input_names)))
     body.drop()
     free_dropped(model.comm)
-    return _completed(reduced, tables(flexibility, shared))
+    return _add_flexibility(reduced, tables(flexibility, shared))
 
 
 def section_model(
@@ -92,7 +99,7 @@ def section_model(
     Raises an `InputError` or a `ValueError` as `flexible_model`, and if the basis holds anything but eigenmodes.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
-    reduced = _projected(residual, basis, provenance)
+    reduced = _project(residual, basis, provenance)
     powers = 2 if coordinates < basis.size else 1  # with enrichment modes the inertia, too
     flexibility, *inertia = load_powers(residual, shared.carriers, None, powers)
     x = _cylinders(residual, shared, flexibility)
@@ -102,8 +109,8 @@ def section_model(
     matrices, ports, supports = _matrices(model, [np.array(basis.V.getDenseArray()), span, x], motions)
     body.drop()
     free_dropped(model.comm)
-    values = _measured(model, shared, basis)
-    carriers = CarriedRows.of(released(model).shared.rows, values, flexibility.between_any_two())
+    values = _carrier_measures(model, shared, basis)
+    carriers = CarriedRows.of(released_rows(model).shared.rows, values, flexibility.between_any_two())
     flexible = _with_flexibility(reduced, tables(flexibility, shared))
     check_independence(flexible, _that_give_way(flexible))
     inertia_of_any = inertia[0].between_any_two() if inertia else None
@@ -122,11 +129,11 @@ def section_model(
 def stiff_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
     """Galerkin projection with `carriers` on any basis, without fixed rows and without what the basis leaves out."""
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
-    reduced, shared = without_rows(galerkin(model, basis, provenance), fixed), released(model).shared
-    return replace(reduced, carriers=CarriedRows.of(shared.rows, _measured(model, shared, basis)))
+    reduced, shared = without_rows(galerkin(model, basis, provenance), fixed), released_rows(model).shared
+    return replace(reduced, carriers=CarriedRows.of(shared.rows, _carrier_measures(model, shared, basis)))
 
 
-def _measured(model: FullModel, shared: SharedCarriers, basis: Basis) -> Array:
+def _carrier_measures(model: FullModel, shared: SharedCarriers, basis: Basis) -> Array:
     """Measures of a basis on carriers, U V (K, r)."""
     measured = shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
     return np.asarray(model.comm.allreduce(measured))
@@ -210,11 +217,11 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
     """Eigenmodes with all but so many as enrichment modes."""
     if not is_modal(model):
         raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
-    return with_tables(model) if coordinates == model.size else truncated(model, coordinates)
+    return with_tables(model) if coordinates == model.size else truncate(model, coordinates)
 
 
-def _projected(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """On the basis, which holds the fixed rows: these are left out."""
+def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+    """Project on a basis that holds the fixed rows, and leave these out."""
     model = residual.model
     complete = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
@@ -226,7 +233,7 @@ def _projected(residual: ResidualFlexibility, basis: Basis, provenance: dict[str
     return _without_round_off(without_rows(complete, fixed), residual, np.array(basis.V.getDenseArray()))
 
 
-def _completed(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
+def _add_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
     """Add the flexibility that the basis leaves out, by which all rows are independent."""
     flexible = _with_flexibility(reduced, flexibility)
     check_independence(flexible)
@@ -248,14 +255,14 @@ def _that_give_way(model: ReducedModel) -> list[int]:
     return np.flatnonzero(~still).tolist()
 
 
-def released(model: FullModel) -> Rows:
+def released_rows(model: FullModel) -> Rows:
     """The rows of sliders and pads."""
     return Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size)
 
 
 def _on_path(model: FullModel) -> SharedCarriers:
     """Rows of sliders and pads on common carriers and breaks."""
-    return released(model).shared.aligned(model.rows.domain)
+    return released_rows(model).shared.aligned(model.rows.domain)
 
 
 def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: Array) -> ReducedModel:
@@ -269,16 +276,16 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
     """
     model, rigid, bound = residual.model, residual.rigid, ROUND_OFF * np.finfo(float).eps
 
-    def size(whole: PETSc.Mat) -> Array:
-        return inner(np.abs(V), terms(whole, V), model.comm)
+    def size(A: PETSc.Mat) -> Array:
+        return inner(np.abs(V), terms(A, V), model.comm)
 
-    def cleaned(A: Array, terms: Array) -> Array:
+    def remove_round_off(A: Array, terms: Array) -> Array:
         lost = np.abs(A) <= bound * terms
         return np.where(lost & ~np.eye(len(A), dtype=bool), 0.0, A)
 
     of_K = size(model.K)
     of_D = size(model.D) if model.rayleigh is None else model.rayleigh.of(size(model.M), of_K)
-    K, D = cleaned(reduced.K, of_K), cleaned(reduced.D, of_D)
+    K, D = remove_round_off(reduced.K, of_K), remove_round_off(reduced.D, of_D)
     K[rigid] = K[:, rigid] = 0.0
     return replace(reduced, K=K, D=D)
 

@@ -29,7 +29,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import freed, inner, sparse, subtract, times
+from pmr.fem.distributed import free_objects, inner, sparse, subtract, times
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.symmetry import images_of
@@ -57,7 +57,7 @@ class ResidualFlexibility:
         self.rigid = body.rigid(V)  # (r,): which columns of the basis are motions of a rigid body
         W = V[:, ~self.rigid]
         W = W - Z @ inner(MZ, W, self._comm)
-        W, dual = _turned(model, W)
+        W, dual = _diagonalise(model, W)
         self._basis = np.asfortranarray(np.hstack([Z, W]))
         self._dual = np.asfortranarray(np.hstack([MZ, dual]))
 
@@ -69,7 +69,7 @@ class ResidualFlexibility:
         first, last = M.getOwnershipRange()
         mirror = sparse(P[first:last], M, columns=last - first)
         image = times(mirror, self._basis)
-        freed(mirror)
+        free_objects(mirror)
         apart = image - self._basis @ inner(self._dual, image, self._comm)
         far, size = (np.max(self._comm.allgather(np.abs(x).max(axis=0, initial=0.0)), axis=0) for x in (apart, image))
         return bool(np.all(far <= KEPT * size))
@@ -94,11 +94,11 @@ def terms(A: PETSc.Mat, X: Array) -> Array:
     """|A| |X| (n_local, k): the size of what is summed in A X, by which its round-off is known; collective."""
     sizes = sparse(abs(local_csr(A)), A, columns=A.getLocalSize()[1])
     sums = times(sizes, np.abs(X))
-    freed(sizes)
+    free_objects(sizes)
     return sums
 
 
-def _turned(model: FullModel, W: Array) -> tuple[Array, Array]:
+def _diagonalise(model: FullModel, W: Array) -> tuple[Array, Array]:
     """Columns that span those of W (n_local, k), with W^T M W = I and W^T K W diagonal, and K W over the diagonal."""
     if W.shape[1] == 0:
         return W, W

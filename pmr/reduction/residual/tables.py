@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import transposed
+from pmr.constraints.polynomials import transpose
 from pmr.constraints.products import RowPolynomials
 from pmr.constraints.rows import SharedCarriers
 from pmr.errors import InputError, environment
@@ -116,7 +116,7 @@ def _dense(A: sp.csr_matrix | Array) -> Array:
     return A if isinstance(A, np.ndarray) else np.asarray(A.toarray())
 
 
-def meeting(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
+def load_pairs(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
     """Pairs (L, L) of loads on carriers that rows touch at the same place, and of inputs with all.
 
     All that tables at one path coordinate take: on the path of a beam each load meets a few others, however fine the
@@ -179,7 +179,7 @@ def load_powers(
 
     For each a load takes a static solve, but for those that are mirror images of others.
 
-    Kept for the pairs of loads of a `pattern` (L, L), as `meeting` gives it, or, without one, of any two.
+    Kept for the pairs of loads of a `pattern` (L, L), as `load_pairs` gives it, or, without one, of any two.
     """
     model = residual.model
     if pattern is None:
@@ -202,16 +202,16 @@ def load_powers(
             for answers in orbits.answers(representatives, columns):
                 table.take(answers.numbers, answers.columns)
     orbits.drop()
-    return [one.result() for one in tables]
+    return [table.result() for table in tables]
 
 
 def tables(flexibility: LoadFlexibility, shared: SharedCarriers) -> Flexibility:
     """Tables of rows on common carriers and breaks, all of them at the same path coordinate."""
     C, K, inputs = RowPolynomials.of(shared.rows), flexibility.carriers, flexibility.inputs
     return Flexibility(
-        rows=C.squared(flexibility.pairs[:K, :K]),
+        rows=C.quadratic_form(flexibility.pairs[:K, :K]),
         inputs=C.times(inputs[:K]),
-        outputs=transposed(C.times(flexibility.outputs[:, :K].T)),
+        outputs=transpose(C.times(flexibility.outputs[:, :K].T)),
         direct=flexibility.outputs[:, K:],
         energy=inputs[K:],
     )

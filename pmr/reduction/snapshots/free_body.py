@@ -81,7 +81,7 @@ class FreeBody:
         first, last = self.model.M.getOwnershipRange()
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[first:last]
         dimension = self.model.size - len(fixed_rows(self.model)) - self.Z.shape[1]
-        return largest(self._relieved, self.model.M, self._relieved(np.asfortranarray(loads)), count, dimension)
+        return largest(self._relieve, self.model.M, self._relieve(np.asfortranarray(loads)), count, dimension)
 
     def drop(self) -> None:
         """Give the factor's memory back."""
@@ -89,7 +89,7 @@ class FreeBody:
             self._solver.destroy()
         self._solver = None
 
-    def _relieved(self, g: Array) -> Array:
+    def _relieve(self, g: Array) -> Array:
         """P K^+ P^T g of columns in Fortran's order."""
         g = g.copy(order="F")
         subtract(g, self.MZ, inner(self.Z, g, self.model.comm))
@@ -136,10 +136,10 @@ def rigid_modes(model: FullModel) -> Array:
     for _ in range(2):  # once leaves the condition of motions about a distant origin in the last digits
         U = np.linalg.inv(np.linalg.cholesky(inner(R, times(model.M, R), model.comm)).T)
         R, held = R @ U, held @ U
-    return np.ascontiguousarray(R @ _free(np.vstack([held, _measured(model, R)])))
+    return np.ascontiguousarray(R @ _free(np.vstack([held, _motion_measures(model, R)])))
 
 
-def _measured(model: FullModel, R: Array) -> Array:
+def _motion_measures(model: FullModel, R: Array) -> Array:
     """Measures of each motion by the fixed rows, (h, k)."""
     first = model.M.getOwnershipRange()[0]
     rows = [row.project(R, first).c[-1, 0] for row in fixed_rows(model)]

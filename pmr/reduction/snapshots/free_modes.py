@@ -24,7 +24,7 @@ from pmr.fem.distributed import inner, times
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, is_dense
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.modes import Modes, finished
+from pmr.fullmodel.modes import Modes, finish_modes
 from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.free_body import FreeBody, fixed_rows
 
@@ -65,10 +65,10 @@ def free_modes(
     """
     # One more tells whether flexibility is left; a mesh of which all modes are computed at once is asked for more.
     rigid = sum(not row.fixed and row.compliance == 0.0 for row in model.rows.rows)
-    left = max(1, rigid if is_dense(model, solver) else 1)
+    spare = max(1, rigid if is_dense(model, solver) else 1)
     stress = [A for name, A in model.matrices.items() if name.startswith("axial")] if stressed and enrichment else []
     more = enrichment + (SPARE if stress else 0)
-    lowest = _lowest(body or FreeBody(model, solver), count + more + left)
+    lowest = _lowest(body or FreeBody(model, solver), count + more + spare)
     modes, count_of_modes = lowest.modes, len(lowest.modes.omega)
     if lowest.rigid > count:
         allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
@@ -76,7 +76,7 @@ def free_modes(
     if count_of_modes <= count:
         allowed = f"loads and sliders excite {count_of_modes} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
-    beyond = np.arange(count, min(count + more, count_of_modes - left))
+    beyond = np.arange(count, min(count + more, count_of_modes - spare))
     beyond = beyond[_bent(model, stress, modes, beyond)] if stress else beyond
     taken = np.concatenate([np.arange(count), beyond[:enrichment]])
     return Snapshots.of(
@@ -107,12 +107,12 @@ def _lowest(body: FreeBody, count: int) -> _Lowest:
         pairs = min(pairs, free)
         elastic = _elastic(held, body, pairs)
         work = _work(model, np.hstack([Z, elastic.phi]))
-        reached = _reached(work[:, : Z.shape[1]])
+        reached = _reached_motions(work[:, : Z.shape[1]])
         chosen = np.flatnonzero(np.any(np.abs(work[:, Z.shape[1] :]) > UNREACHED, axis=0))[: count - reached.shape[1]]
         if len(chosen) + reached.shape[1] == count or pairs == free:
             break
         pairs = 2 * pairs
-    bodies = finished(held, s, np.zeros(reached.shape[1]), Z @ reached, cut=False)
+    bodies = finish_modes(held, s, np.zeros(reached.shape[1]), Z @ reached, cut=False)
     return _Lowest(
         Modes(
             np.concatenate([bodies.omega, elastic.omega[chosen]]),
@@ -126,9 +126,9 @@ def _lowest(body: FreeBody, count: int) -> _Lowest:
 def _elastic(held: FullModel, body: FreeBody, pairs: int) -> Modes:
     """The `asked` lowest modes but for the rigid-body modes among them."""
     if is_dense(held, body.choice):
-        return _beside(held, body.Z, DenseEigenSolver(held).lowest(_anywhere(held), pairs))
+        return _remove_rigid_modes(held, body.Z, DenseEigenSolver(held).lowest(_anywhere(held), pairs))
     lowest = body.elastic(pairs - body.Z.shape[1])
-    return finished(held, _anywhere(held), 1.0 / lowest.theta, lowest.vectors, cut=False)
+    return finish_modes(held, _anywhere(held), 1.0 / lowest.theta, lowest.vectors, cut=False)
 
 
 def _anywhere(held: FullModel) -> float:
@@ -136,7 +136,7 @@ def _anywhere(held: FullModel) -> float:
     return float(held.rows.domain[0]) if held.rows.rows else 0.0
 
 
-def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
+def _remove_rigid_modes(held: FullModel, Z: Array, modes: Modes) -> Modes:
     """The modes but for the rigid-body modes Z (n_local, c), which the lowest ones hold, made M-orthogonal to these.
 
     Computed rigid-body modes are rigid to a few digits only, and share them with the low elastic ones: the part of the
@@ -157,7 +157,7 @@ def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
     complement = Vt[count:].T
     omega2, turned = np.linalg.eigh(complement.T @ (modes.omega[:, None] ** 2 * complement))
     combined = complement @ turned
-    return finished(held, _anywhere(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
+    return finish_modes(held, _anywhere(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
 
 
 def _bent(model: FullModel, stress: Sequence[Any], modes: Modes, which: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -182,7 +182,7 @@ def _work(model: FullModel, phi: Array) -> Array:
     return np.divide(work_of_all, largest, out=np.zeros_like(work_of_all), where=largest > 0.0)
 
 
-def _reached(work: Array) -> Array:
+def _reached_motions(work: Array) -> Array:
     """Orthonormal combinations (c, k) of the rigid-body modes that cover all on which work (a, c) is done.
 
     The modes are any set that spans theirs: one that nothing reaches may be hidden in the others.

@@ -10,37 +10,37 @@ import numpy as np
 from pmr.report.columns import Quantity, unseen
 from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS
-from pmr.report.figures.timeline import Array, Span, Timeline, drawn, reference
+from pmr.report.figures.timeline import Array, Span, Timeline, in_order, reference
 from pmr.report.numbers import NOTHING, SPACE, length, percent
-from pmr.report.subject import moving
+from pmr.report.subject import moving_part
 from pmr.results import RunResult, Shapes
 
 LEVEL = 1e-6  # relative difference of neighbouring frequencies that are one
 
 
-def called(simulator: str) -> str:
+def model_words(simulator: str) -> str:
     """A simulator's model in a sentence."""
     return "ANCF" if simulator == "ancf" else f"the {simulator} model"
 
 
 def history(result: RunResult, what: str, focus: Quantity, where: str = "") -> str:
     """Below a quantity's history, whose detail is about `focus` and lies `where`."""
-    below = beside(result, Timeline(result).signals(focus), "below, the difference")
-    return f"{what}{below}.{_framed(Timeline(result).detail(focus), where)}"
+    below = difference_clause(result, Timeline(result).signals(focus), "below, the difference")
+    return f"{what}{below}.{_window_sentence(Timeline(result).detail(focus), where)}"
 
 
-def beside(result: RunResult, signals: Mapping[str, Array], shown: str) -> str:
+def difference_clause(result: RunResult, signals: Mapping[str, Array], shown: str) -> str:
     """A clause on the difference to the reference: where it is `shown`, or that there is as good as none."""
     base, limit = reference(result), unseen(result)
     if base is None or base not in signals:
         return ""
     if Timeline(result).apart(signals)[0]:
-        return f"; {shown} to {called(base)}"
+        return f"; {shown} to {model_words(base)}"
     share = "the time step's error" if limit > NOTHING else f"{percent(NOTHING, 1)} of the largest value"
-    return f"; {called(base)} differs by less than {share}"
+    return f"; {model_words(base)} differs by less than {share}"
 
 
-def _framed(window: Span | None, where: str) -> str:
+def _window_sentence(window: Span | None, where: str) -> str:
     """Sentence about the part of a history that is enlarged; empty where none is."""
     if window is None:
         return ""
@@ -57,14 +57,14 @@ def tip_alone(result: RunResult, direction: str, what: Quantity, apart: float) -
     """Caption of the tip's displacement where the others are `apart` (m) from it at most, which is nothing."""
     time, signal = Timeline(result), what(result.responses["reduced"])
     window = time.window(int(np.argmax(np.abs(signal))))
-    sentence = f"Displacement of the tip, {direction}; that of {called(reference(result) or '')} differs by "
-    return f"{sentence}{length(apart, 2)} at most.{_framed(window, ', where it moves most')}"
+    sentence = f"Displacement of the tip, {direction}; that of {model_words(reference(result) or '')} differs by "
+    return f"{sentence}{length(apart, 2)} at most.{_window_sentence(window, ', where it moves most')}"
 
 
 def snapshots(result: RunResult) -> str:
     """Below the strip of deflected beams."""
     moments = f"at the largest tip displacement in each of {shapes.SNAPSHOTS} equal parts of the time"
-    what = "boom" if moving(result) == "boom" else "body"
+    what = "boom" if moving_part(result) == "boom" else "body"
     return f"The deflected {what} {moments}. The transverse scale is exaggerated."
 
 
@@ -73,13 +73,13 @@ def energy_parts(result: RunResult) -> str:
     time = Timeline(result)
     of = [time.signals(attrgetter(f"energy.{part}")) for part in ("strain", "kinetic", "external")]
     base = reference(result) if any(time.apart(*of)) else None
-    on_the_right = f"; on the right, the differences to {called(base)}" if base else ""
+    on_the_right = f"; on the right, the differences to {model_words(base)}" if base else ""
     return f"Strain, kinetic and external energy, which is minus the work of the loads{on_the_right}."
 
 
 def residual(result: RunResult, what: Quantity, level: str) -> str:
     """Below a constraint residual; says of which simulator it is not known."""
-    unknown = [PENS[name].label for name in drawn(result) if name not in Timeline(result).signals(what)]
+    unknown = [PENS[name].label for name in in_order(result) if name not in Timeline(result).signals(what)]
     missing = f" It is not known for {' and '.join(unknown)}." if unknown else ""
     return f"Constraint residual at {level} level, the largest value of each interval.{missing}"
 
@@ -100,9 +100,9 @@ def frequencies(result: RunResult) -> str:
         stays = len(lowest.along) > 1 and not np.ptp(lowest.along)
         when = "over time" if stays else "when it is there first"
         return f"Lowest natural frequencies {when}, as the frame and axial forces stress the boom, every pad closed."
-    if moving(result) == "boom":
+    if moving_part(result) == "boom":
         return "Lowest natural frequencies of the boom at rest, every pad closed."
     omega = result.frequencies.models["reduced"]
     level = np.abs(np.diff(omega, axis=0)) < LEVEL * omega[1:]
     along = " Level stretches belong to vibration along the axis." if level.any() else ""
-    return f"Lowest eigenfrequencies while the {moving(result)} rests.{along}"
+    return f"Lowest eigenfrequencies while the {moving_part(result)} rests.{along}"

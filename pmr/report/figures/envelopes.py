@@ -25,10 +25,12 @@ def envelopes(result: RunResult, quantities: Sequence[str]) -> Figure:
     colours = {name: colour for name, colour in of_sections(result.bodies).items() if name in envelopes_by_body}
     for k, quantity in enumerate(quantities):
         ax = axes.flat[k]
-        shown = {name: one for name, one in envelopes_by_body.items() if quantity in one.names}
-        numbers = {name: one.names.index(quantity) for name, one in shown.items()}
-        largest = max(np.abs([one.least[numbers[n]], one.most[numbers[n]]]).max() for n, one in shown.items())
-        unit = unit_for(float(largest), next(one.units[numbers[n]] for n, one in shown.items()))
+        shown = {name: envelope for name, envelope in envelopes_by_body.items() if quantity in envelope.names}
+        numbers = {name: envelope.names.index(quantity) for name, envelope in shown.items()}
+        largest = max(
+            np.abs([envelope.least[numbers[n]], envelope.most[numbers[n]]]).max() for n, envelope in shown.items()
+        )
+        unit = unit_for(float(largest), next(envelope.units[numbers[n]] for n, envelope in shown.items()))
         for name, envelope in shown.items():
             of = numbers[name]
             band = envelope.least[of] / unit.size, envelope.most[of] / unit.size

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from pmr.report.columns import Quantity
-from pmr.report.decimation import ceiling
+from pmr.report.decimation import upper_envelope
 from pmr.report.figures.canvas import HALF, PENS, WIDE, bins_of, key, log_axis, sheet
 from pmr.report.figures.timeline import Array, Span, Timeline
 from pmr.report.numbers import unit_for
@@ -39,7 +39,7 @@ def history(result: RunResult, what: Quantity, label: str, base: str, focus: Qua
     return curves(time, time.signals(what), label, base, time.detail(focus))
 
 
-def alone(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
+def single_history(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
     """Draw a history without differences, where these are nothing; the detail is about the largest value."""
     time = Timeline(result)
     signals = time.signals(what)
@@ -105,7 +105,7 @@ def residual(result: RunResult, what: Quantity, label: str) -> Figure:
     signals = {name: np.abs(signal) for name, signal in time.signals(what).items()}
     drawn_values = [0.0]
     for order, (name, signal) in enumerate(signals.items()):
-        shown = ceiling(signal, bins_of(ax))
+        shown = upper_envelope(signal, bins_of(ax))
         shown = shown[signal[shown] > 0.0]
         ax.plot(time.t[shown], signal[shown], zorder=2.0 + order / 10.0, **PENS[name].line())
         drawn_values.extend(signal[shown])
@@ -125,7 +125,7 @@ def band(result: RunResult, what: Quantity, wide: Array) -> Figure:
     off = time.differences(time.signals(what))
     figure, axes = sheet(WIDE, 1.7)
     ax = axes[0, 0]
-    shown = ceiling(wide, bins_of(ax))
+    shown = upper_envelope(wide, bins_of(ax))
     unit = unit_for(float(max(wide.max(), *(np.abs(difference).max() for difference in off.values()), 0.0)), "m")
     edge = wide[shown] / unit.size
     ax.fill_between(time.t[shown], -edge, edge, color=COLOUR, linewidth=0.0, zorder=1.0)

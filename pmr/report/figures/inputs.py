@@ -15,8 +15,8 @@ from pmr.report import subject
 from pmr.report.decimation import extremes
 from pmr.report.figures.canvas import HALF, ROW, bins_of, key, key_rows, of_sections, sheet
 from pmr.report.figures.timeline import Timeline
-from pmr.report.numbers import signed, unit_for
-from pmr.report.subject import length, moving, offsets
+from pmr.report.numbers import unit_for, with_sign
+from pmr.report.subject import length, moving_part, offsets
 from pmr.results import RunResult
 from pmr.scene.names import named
 from pmr.scene.signals import SignalBase
@@ -39,9 +39,9 @@ def position(result: RunResult) -> Figure:
         time.frame(ax, "Extension in m")
         return figure
     _plot(ax, time.t, [result.along + offset for offset in ahead])
-    time.frame(ax, f"{moving(result).capitalize()} position in m")
+    time.frame(ax, f"{moving_part(result).capitalize()} position in m")
     ax.set_ylim(0.0, length(result))
-    key(figure, [*_legend([f"s {signed(offset)} m" if offset else "s" for offset in ahead]), *time.shade()])
+    key(figure, [*_legend([f"s {with_sign(offset)} m" if offset else "s" for offset in ahead]), *time.shade()])
     return figure
 
 

@@ -40,21 +40,21 @@ class Chart:
     names: Sequence[str]
 
     @property
-    def governing(self) -> list[int]:
+    def governing_limits(self) -> list[int]:
         """Numbers of limits that govern somewhere."""
         return sorted(int(k) for k in np.unique(self.which) if k >= 0)
 
 
 def load_chart(chart: Chart) -> Figure:
     """Cells around the places, curves of constant load."""
-    return _drawn(chart)[0]
+    return _draw(chart)[0]
 
 
-def pointed(chart: Chart, texts: Sequence[str]) -> str:
+def pointer_cells(chart: Chart, texts: Sequence[str]) -> str:
     """Cells that show nothing but what is ``said`` of them, an entry each, at the pointer: for the end of the SVG."""
     if not 0 < len(texts) <= MOST_CELLS:
         return ""
-    figure, corners = _drawn(chart)
+    figure, corners = _draw(chart)
     to_points = figure.axes[0].transData.transform(corners.reshape(-1, 2)) * 72.0 / figure.dpi
     x, y = to_points.reshape(corners.shape).transpose(2, 0, 1)
     y = figure.get_figheight() * 72.0 - y
@@ -67,16 +67,16 @@ def pointed(chart: Chart, texts: Sequence[str]) -> str:
     return "".join(cells)
 
 
-def _drawn(chart: Chart) -> tuple[Figure, Array]:
+def _draw(chart: Chart) -> tuple[Figure, Array]:
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
-    names = [chart.names[k] for k in chart.governing]
+    names = [chart.names[k] for k in chart.governing_limits]
     rows = key_rows(names, WIDE) if names else 0
     margins = {"left": 0.6, "right": 0.16, "top": 0.12 + ROW * rows, "bottom": 0.42}
     tall = min((WIDE - 0.76) * float((high - low)[1] / (high - low)[0]), TALLEST * WIDE)
     figure, axes = sheet(WIDE, tall + 0.54 + ROW * rows, margins=margins)
     ax = axes[0, 0]
-    colours = {k: _pale(SECTIONS[(place + 1) % len(SECTIONS)]) for place, k in enumerate(chart.governing)}
+    colours = {k: _pale(SECTIONS[(place + 1) % len(SECTIONS)]) for place, k in enumerate(chart.governing_limits)}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
     for number in np.unique(chart.which):  # one outline a colour: cells by themselves take seconds in a PDF
@@ -95,7 +95,7 @@ def _drawn(chart: Chart) -> tuple[Figure, Array]:
     ax.set_aspect("equal", adjustable="box", anchor="SW")
     ax.set_xlabel("Radius in m")
     ax.set_ylabel("Height in m")
-    key(figure, [_entry(colours[k], chart.names[k]) for k in chart.governing], max(rows, 1))
+    key(figure, [_entry(colours[k], chart.names[k]) for k in chart.governing_limits], max(rows, 1))
     ax.apply_aspect()
     return figure, corners
 
@@ -130,18 +130,18 @@ def _corners(place: Array) -> Array:
         turn = np.array([[np.cos(STRIP), np.sin(STRIP)], [-np.sin(STRIP), np.cos(STRIP)]])
         place = np.concatenate([place @ turn.T, place @ turn], axis=1)
     else:
-        place = _turned(place)
-    return np.concatenate([(1.0 - STRIP) * place, place]) if len(place) == 1 else _between(place, 0)
+        place = _cell_angles(place)
+    return np.concatenate([(1.0 - STRIP) * place, place]) if len(place) == 1 else _midpoints(place, 0)
 
 
-def _turned(place: Array) -> Array:
+def _cell_angles(place: Array) -> Array:
     """The first angle, those half way between neighbours and the last one, about the pivot at a mean radius."""
     polar = np.stack([np.linalg.norm(place, axis=-1), np.arctan2(place[..., 1], place[..., 0])], axis=-1)
-    radius, angle = np.moveaxis(_between(polar, 1), -1, 0)
+    radius, angle = np.moveaxis(_midpoints(polar, 1), -1, 0)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
 
 
-def _between(values: Array, axis: int) -> Array:
+def _midpoints(values: Array, axis: int) -> Array:
     """The first one of values, those half way between neighbours, and the last one, along an axis."""
     count = values.shape[axis]
     first, last = np.take(values, [0], axis), np.take(values, [-1], axis)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pmr.report.columns import lines, tips
 from pmr.report.decimation import onto
 from pmr.report.figures.canvas import INK, MUTED, PENS, WIDE, key, sheet
-from pmr.report.figures.timeline import drawn
+from pmr.report.figures.timeline import in_order
 from pmr.report.numbers import round_number, unit_for
-from pmr.report.subject import fixtures, length, moving, offsets
+from pmr.report.subject import fixtures, length, moving_part, offsets
 from pmr.results import RunResult, Shapes
 
 MOST_SHAPES = 25
@@ -63,7 +63,7 @@ def basis(result: RunResult, of: Shapes) -> Figure:
 
 def snapshots(result: RunResult) -> Figure:
     """The deflected beams, once in each part of the time, where the reduced model's tip is farthest away."""
-    reduced, beams = result.responses["reduced"], drawn(result)
+    reduced, beams = result.responses["reduced"], in_order(result)
     farthest, parts = np.abs(tips(result)["z"](reduced)), np.array_split(np.arange(len(reduced.t)), SNAPSHOTS)
     chosen = [int(part[np.argmax(farthest[part])]) for part in parts if len(part)]
     axis = lines(result, reduced)
@@ -71,7 +71,7 @@ def snapshots(result: RunResult) -> Figure:
         name: [(of, onto(reduced.t, response.t, of.moved(response))[chosen]) for of in lines(result, response)]
         for name, response in beams.items()
     }
-    unit = unit_for(max(float(np.abs(w).max()) for found in deflected.values() for _, w in found), "m")
+    unit = unit_for(max(float(np.abs(w).max()) for curves in deflected.values() for _, w in curves), "m")
     gaps = {"wspace": 0.05, "hspace": 0.4}
     figure, axes = sheet(
         WIDE, 2.8, SNAPSHOTS // 2, 2, margins={"top": 0.45}, sharex=True, sharey=True, gridspec_kw=gaps
@@ -87,7 +87,7 @@ def snapshots(result: RunResult) -> Figure:
     axes[0, 0].set_xlim(-0.03 * end, 1.02 * end)
     figure.supxlabel("x in m", fontsize=7.5, y=0.02)
     figure.supylabel(f"Transverse displacement in {unit.name}", fontsize=7.5, x=0.004)
-    markers = {moving(result): ("s", MUTED)} if offsets(result) else {}
+    markers = {moving_part(result): ("s", MUTED)} if offsets(result) else {}
     markers |= {"support": ("^", INK)}
     key(
         figure,

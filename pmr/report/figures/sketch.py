@@ -15,8 +15,8 @@ from pmr.report.figures import space
 from pmr.report.figures.canvas import INK, LIMIT, MUTED
 from pmr.report.figures.paper import LOAD, Paper
 from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.space import stressed
-from pmr.report.subject import Acting, alone, fixtures, held, length, loads, moving, offsets
+from pmr.report.space import largest_stress
+from pmr.report.subject import Acting, axial_supports, fixtures, is_alone, length, loads, moving_part, offsets
 from pmr.results import RunResult
 from pmr.scene.box import Box
 
@@ -48,11 +48,11 @@ def sketch(result: RunResult) -> Figure:
         return space.side(result)
     low, high = result.scene.path_bounds
     stretch = _Stretch(float(result.along[0]), low, high)
-    return _telescopic(result, stretch) if moving(result) == "mouth" else _on_supports(result, stretch)
+    return _telescopic(result, stretch) if moving_part(result) == "mouth" else _on_supports(result, stretch)
 
 
 def _is_boom(result: RunResult) -> bool:
-    return not alone(result) or (result.scene.frame is not None and bool(lines(result, result.responses["reduced"])))
+    return not is_alone(result) or (result.scene.frame is not None and bool(lines(result, result.responses["reduced"])))
 
 
 def caption(result: RunResult) -> str:
@@ -60,8 +60,8 @@ def caption(result: RunResult) -> str:
     if _is_boom(result):
         return space.caption(result, "from the side")
     low, high = result.scene.path_bounds
-    ring = "; the ring is the place of the largest stress" if stressed(result) is not None else ""
-    if moving(result) == "mouth":
+    ring = "; the ring is the place of the largest stress" if largest_stress(result) is not None else ""
+    if moving_part(result) == "mouth":
         return f"The system at its largest extension{'; dashed: the tip at its smallest' if high > low else ''}{ring}."
     return f"The system at the beginning{'; hollow: the other end of the way' if high > low else ''}{ring}."
 
@@ -105,7 +105,7 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
         sides = [side for side, face in ((1.0, "top"), (-1.0, "bottom")) if face in ring.faces]
         for side in sides or (-1.0, 1.0):
             paper.box(centre - wide / 2.0, min(side * tall / 2.0, side * outer), wide, gap, facecolor=PAD)
-    for name in held(result):
+    for name in axial_supports(result):
         paper.ax.plot([-stretch.high - 0.1, tail], [0.0, 0.0], color=MUTED, linewidth=1.2)
         paper.write(
             (tail - stretch.high) / 2.0, 0.03 * inch, name, MUTED, va="bottom"
@@ -151,7 +151,7 @@ def _body(paper: Paper, shape: Box | None, tail: float, end: float, tall: float)
 
 def _ring(paper: Paper, result: RunResult, tail: float, above: float) -> None:
     """A ring where the body has its largest stress, with how large it is."""
-    if (worst := stressed(result)) is not None:
+    if (worst := largest_stress(result)) is not None:
         at = tail + worst.x
         paper.disc(at, 0.0, 0.08 * paper.inch, facecolor="none", edgecolor=LIMIT)
         paper.write(at, above + 0.22 * paper.inch, quantity(worst.value, "Pa"), LIMIT)

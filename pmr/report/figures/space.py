@@ -93,7 +93,7 @@ def caption(result: RunResult, what: str) -> str:
     """Below a view of the boom."""
     steps, t, scale = space.moments(result), result.responses["reduced"].t, plain(exaggeration(result))
     moments = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
-    worst = space.stressed(result)
+    worst = space.largest_stress(result)
     mark = "; the ring is the place of the largest stress" if worst is not None else ""
     if worst is not None and len(steps) > 1:
         mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
@@ -106,7 +106,7 @@ def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = Fal
     bodies = space.axes(result, steps, scale)
     way = getattr(space.axes(result, spread(len(t), WAY), scale)[-1], view)[:, -1]
     raising = _cylinders(result, steps) if ground else []
-    worst, colours = space.stressed(result), of_sections(item.body for item in bodies)
+    worst, colours = space.largest_stress(result), of_sections(item.body for item in bodies)
     named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
     named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
     drawn = [way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising]

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 from pmr.report.decimation import spread
 from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, key, log_axis, octave_axis, sheet
 from pmr.report.numbers import share_captured
-from pmr.report.subject import length, moving
+from pmr.report.subject import length, moving_part
 from pmr.results import FrequencyResponse, RunResult, Shapes
 
 CLOSED_FORM_POINTS = 11
@@ -66,8 +66,8 @@ def frequencies(result: RunResult) -> Figure:
     closed = lowest.models.get("closed_form", np.empty((len(lowest.along), 0)))
     closed = np.where(closed <= 1.01 * top, closed, np.nan)
     heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
-    x = length(result) - lowest.along if moving(result) == "mouth" else lowest.along
-    head = heads.get(moving(result), "Reach from the base's tail in m")
+    x = length(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
+    head = heads.get(moving_part(result), "Reach from the base's tail in m")
     if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # it stays, and what stresses it changes
         x, head = lowest.t, "Time in s"
     single = {"marker": "o"} if len(x) == 1 else {}

@@ -33,7 +33,7 @@ class Span:
     end: float
 
 
-def drawn(result: RunResult) -> Mapping[str, Response]:
+def in_order(result: RunResult) -> Mapping[str, Response]:
     """Responses in the order in which they are drawn, the thickest line first."""
     return {name: result.responses[name] for name in PENS if name in result.responses}
 
@@ -43,7 +43,7 @@ def reference(result: RunResult) -> str | None:
     return next((name for name in ("full", "ancf") if name in result.responses), None)
 
 
-def sliding(t: Array, rate: Array) -> tuple[Span, ...]:
+def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
     """Intervals in which something moves; where one ramp meets the next the rate may vanish for a moment."""
     moving = np.flatnonzero(np.abs(rate) > 1e-9 * np.abs(rate).max(initial=0.0))
     if not len(moving):
@@ -54,7 +54,7 @@ def sliding(t: Array, rate: Array) -> tuple[Span, ...]:
     return tuple(Span(float(t[a]), float(t[min(b, last)])) for a, b in zip(starts, ends, strict=True))
 
 
-def _driven(result: RunResult, t: Array) -> Array:
+def _relative_rates(result: RunResult, t: Array) -> Array:
     """How fast what slides, luffs or slews moves beside its own fastest, the largest of all, (T,).
 
     The rates of lengths and of angles have no common unit.
@@ -71,12 +71,12 @@ class Timeline:
     def __init__(self, result: RunResult) -> None:
         self.result = result
         self.t = result.responses["reduced"].t
-        self.phases = sliding(self.t, _driven(result, self.t))
+        self.phases = sliding_spans(self.t, _relative_rates(result, self.t))
 
     def signals(self, what: Quantity) -> dict[str, Array]:
         """A quantity for each simulator that knows it; the others hold values that are no numbers."""
-        found = {name: onto(self.t, response.t, what(response)) for name, response in drawn(self.result).items()}
-        return {name: signal for name, signal in found.items() if np.isfinite(signal).all()}
+        signals = {name: onto(self.t, response.t, what(response)) for name, response in in_order(self.result).items()}
+        return {name: signal for name, signal in signals.items() if np.isfinite(signal).all()}
 
     def differences(self, signals: Mapping[str, Array]) -> dict[str, Array]:
         """Signals less that of the reference; empty without one."""
@@ -180,5 +180,5 @@ class Timeline:
 
     def shade(self) -> list[Any]:
         """Legend entry of the phases in which something is moved, where there are any."""
-        what = "boom" if subject.changing_angles(self.result) else subject.moving(self.result)
+        what = "boom" if subject.changing_angles(self.result) else subject.moving_part(self.result)
         return [Patch(facecolor=SHADE, label=f"{what} moves")] if self.phases else []

@@ -51,7 +51,7 @@ def svg(figure: Figure, name: str, description: str) -> str:
     used = {target for element in root.iter() for target in _targets(element)}
     box = root.get("viewBox", "0 0 1 1")
     _, _, width, height = box.split()
-    content = "".join(_written(child, name, used) for child in _flat(root))
+    content = "".join(_write_element(child, name, used) for child in _flat(root))
     return (
         f'<svg viewBox="{box}" width="{width}pt" height="{height}pt" role="img" stroke-linejoin="round" '
         f'font-family="{FONT}" aria-label="{escape(visible(description))}">{content}</svg>'
@@ -78,11 +78,11 @@ def _flat(parent: Element) -> Iterator[Element]:
             yield child
 
 
-def _written(element: Element, name: str, used: set[str]) -> str:
+def _write_element(element: Element, name: str, used: set[str]) -> str:
     tag = element.tag.removeprefix(_SVG)
     attributes = "".join(f' {key}="{escape(value)}"' for key, value in _attributes(element, name, used))
     content = escape(element.text or "").strip() if tag == "text" else ""
-    content += "".join(_written(child, name, used) for child in _flat(element))
+    content += "".join(_write_element(child, name, used) for child in _flat(element))
     return f"<{tag}{attributes}>{content}</{tag}>" if content else f"<{tag}{attributes}/>"
 
 
@@ -108,7 +108,7 @@ def _short(numbers: str) -> str:
     return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), numbers)
 
 
-def embedded(family: str, characters: str) -> str:
+def font_face_rule(family: str, characters: str) -> str:
     """A CSS ``@font-face`` rule that holds DejaVu Sans, reduced to `characters`, under the name `family`."""
     options = subset.Options(layout_features=[], hinting=False, notdef_outline=True)
     options.drop_tables += ["FFTM"]

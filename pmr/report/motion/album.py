@@ -13,22 +13,22 @@ from numpy.typing import NDArray
 from pmr.report.blocks import Picture
 from pmr.report.motion.instants import (
     Moment,
+    fields_by_body,
+    has_stresses,
     instants,
     of_the_peak,
     place_of_the_peak,
     places,
     scale,
-    seen,
     stress_of,
-    stressed,
     times,
     top,
 )
-from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, framed
+from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, frame_shots
 from pmr.report.motion.surface import surfaces
 from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.subject import alone
+from pmr.report.subject import is_alone
 from pmr.results import RunResult
 
 Array = NDArray[np.float64]
@@ -52,14 +52,14 @@ def album(result: RunResult, prefix: str) -> Callable[[], Album]:
 
     Without fields there are none, and nothing is said.
     """
-    if not seen(result):
+    if not fields_by_body(result):
         return Album
     planned = list(_Views(result).shots())
     thread = ThreadPoolExecutor(1)  # which waits for the process that makes them
     developed = thread.submit(develop, [shot for _, shot, _ in planned])
     thread.shutdown(wait=False)
 
-    def made() -> Album:
+    def make_album() -> Album:
         try:
             pictures = developed.result()
         except NoPictureError as error:
@@ -71,17 +71,17 @@ def album(result: RunResult, prefix: str) -> Callable[[], Album]:
             )
         )
 
-    return made
+    return make_album
 
 
 class _Views:
     """Surfaces of bodies, surroundings, colours and scale that the pictures of a case share."""
 
     def __init__(self, result: RunResult) -> None:
-        self.result, self.fields, self.places = result, seen(result), places(result)
+        self.result, self.fields, self.places = result, fields_by_body(result), places(result)
         self.surfaces = surfaces(result)
         self.stage = stage(result, next(iter(self.surfaces.values())))
-        self.scale, self.stressed = scale(result), stressed(result)
+        self.scale, self.stressed = scale(result), has_stresses(result)
         self.pose = result.pose(times(result))
         self.limits = (0.0, top(result) / 1e6 if self.stressed else 1.0)
 
@@ -89,7 +89,7 @@ class _Views:
         """Names, pictures and captions."""
         chosen = instants(self.result)
         views = [Shot((*self._bodies(m), *self._surroundings(m)), SIDE, self.limits) for m in chosen]
-        for number, (moment, shot) in enumerate(zip(chosen, framed(views, WIDTH), strict=True), start=1):
+        for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
             yield f"view-{number}", shot, self._caption(moment)
         if self.stressed:
             yield self._close(of_the_peak(self.result))
@@ -152,7 +152,7 @@ class _Views:
         at = float(self.result.along[0])
         tail = [_piece(block, PAD, np.array([at, 0.0, 0.0])) for block in self.stage.tail]
         near = [_piece(block, MOVING) for block in self.stage.near]
-        (shot,) = framed([Shot((*bodies, *tail, *near), SIDE)], WIDTH)
+        (shot,) = frame_shots([Shot((*bodies, *tail, *near), SIDE)], WIDTH)
         cells, vertices = (
             sum(len(getattr(fields, of)) for fields in self.fields.values()) for of in ("cells", "points")
         )
@@ -164,7 +164,7 @@ class _Views:
         deformed = f"displacements {plain(self.scale)} times their size"
         stress = f", largest von Mises stress {quantity(moment.peak, 'Pa')}" if self.stressed else ""
         length = f"{moment.extension:.2f}{SPACE}m"
-        out = f"{length} beyond the mouth" if alone(self.result) else f"A reach of {length}"
+        out = f"{length} beyond the mouth" if is_alone(self.result) else f"A reach of {length}"
         return f"{out}, at {moment.t:.2f}{SPACE}s{stress}; {deformed}."
 
 

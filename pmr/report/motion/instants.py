@@ -34,19 +34,19 @@ class Moment:
     peak: float
 
 
-def seen(result: RunResult) -> dict[str, Fields]:
+def fields_by_body(result: RunResult) -> dict[str, Fields]:
     """Fields of all bodies that have some; all at the same times."""
     return {name: body.fields for name, body in result.bodies.items() if body.fields is not None}
 
 
 def times(result: RunResult) -> Array:
     """Times of the fields, (F,) s."""
-    return next(iter(seen(result).values())).t
+    return next(iter(fields_by_body(result).values())).t
 
 
-def stressed(result: RunResult) -> bool:
+def has_stresses(result: RunResult) -> bool:
     """Whether there are stresses."""
-    return any(fields.von_mises for fields in seen(result).values())
+    return any(fields.von_mises for fields in fields_by_body(result).values())
 
 
 def instants(result: RunResult) -> list[Moment]:
@@ -55,13 +55,13 @@ def instants(result: RunResult) -> list[Moment]:
     Without stresses that of the largest displacement; one moment alone where the mouth rests.
     """
     s, t = positions(result), times(result)
-    weight = _peaks(result) if stressed(result) else _size(result)
+    weight = _peaks(result) if has_stresses(result) else _size(result)
     parts = np.clip(((s - s.min()) / max(np.ptp(s), 1e-12) * EXTENSIONS).astype(int), 0, EXTENSIONS - 1)
     named = _named_frame(result)
     frames = [
         _largest(weight, inside, named) for part in np.unique(parts) if len(inside := np.flatnonzero(parts == part))
     ]
-    largest = weight if stressed(result) else np.zeros_like(weight)
+    largest = weight if has_stresses(result) else np.zeros_like(weight)
     chosen = sorted(frames)
     return [Moment(k, float(t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k])) for k in chosen]
 
@@ -72,7 +72,7 @@ def of_the_peak(result: RunResult) -> Moment:
     Fields may be kept at fewer times than stresses.
     """
     t, s, named = times(result), positions(result), _named_peak(result).get("t")
-    largest = _peaks(result) if stressed(result) else _size(result)
+    largest = _peaks(result) if has_stresses(result) else _size(result)
     k = int(np.argmax(largest)) if named is None else int(np.argmin(np.abs(t - named)))
     return Moment(k, float(t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k]))
 
@@ -82,7 +82,7 @@ def place_of_the_peak(result: RunResult, moment: Moment) -> tuple[str, Array]:
 
     Where it has none: the middle of the cell with the largest stress at a moment.
     """
-    fields, peak = seen(result), _named_peak(result)
+    fields, peak = fields_by_body(result), _named_peak(result)
     if "position" in peak and (body := peak.get("section", next(iter(fields)))) in fields:
         return body, np.array(peak["position"])
     stresses = {
@@ -126,7 +126,7 @@ def positions(result: RunResult) -> Array:
 def places(result: RunResult) -> dict[str, Array]:
     """How far along x each body is drawn at the times of the fields, (F,) m: the mouth, or a base's tail, is at 0."""
     if result.reach is None:
-        return {name: -positions(result) for name in seen(result)}
+        return {name: -positions(result) for name in fields_by_body(result)}
     return {name: along for name, (_, along) in result.travelling.items()}
 
 
@@ -143,7 +143,7 @@ def scale(result: RunResult) -> float:
 
 def top(result: RunResult) -> float:
     """The stress in Pa that the last colour stands for, whose quarters are short numbers; few cells ever exceed it."""
-    cells = [stress_of(fields).max(axis=0) for fields in seen(result).values() if fields.von_mises]
+    cells = [stress_of(fields).max(axis=0) for fields in fields_by_body(result).values() if fields.von_mises]
     most = float(np.quantile(np.concatenate(cells), ALMOST_ALL))
     if most <= 0.0:
         return 1.0
@@ -154,11 +154,11 @@ def top(result: RunResult) -> float:
 
 def _peaks(result: RunResult) -> Array:
     """The largest stress of all bodies at each time, (F,) Pa."""
-    each = [stress_of(fields).max(axis=1) for fields in seen(result).values() if fields.von_mises]
+    each = [stress_of(fields).max(axis=1) for fields in fields_by_body(result).values() if fields.von_mises]
     return np.asarray(np.max(each, axis=0))
 
 
 def _size(result: RunResult) -> Array:
     """The largest displacement of all bodies at each time, (F,) m."""
-    each = [np.linalg.norm(fields.displacement, axis=2).max(axis=1) for fields in seen(result).values()]
+    each = [np.linalg.norm(fields.displacement, axis=2).max(axis=1) for fields in fields_by_body(result).values()]
     return np.asarray(np.max(each, axis=0))

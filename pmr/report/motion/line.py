@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from pmr.report import space
 from pmr.report.columns import Line, lines, rings
-from pmr.report.decimation import onto, packed, speeds, spread
+from pmr.report.decimation import onto, pack, speeds, spread
 from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS, of_sections
-from pmr.report.figures.timeline import drawn
+from pmr.report.figures.timeline import in_order
 from pmr.report.numbers import plain, quantity, round_number
-from pmr.report.subject import Acting, alone, fixtures, length, loads, offsets
+from pmr.report.subject import Acting, fixtures, is_alone, length, loads, offsets
 from pmr.results import RunResult
 
 FRAMES = 1500
@@ -34,22 +34,22 @@ def motion(result: RunResult) -> dict[str, Any]:
     frames, axis = spread(len(t), FRAMES), lines(result, response)
     motions = {
         name: [of.moved(model_response) for of in lines(result, model_response)]
-        for name, model_response in drawn(result).items()
+        for name, model_response in in_order(result).items()
     }
     every = [deflection for of in motions.values() for deflection in of]
     largest, end = max(float(np.abs(deflection).max()) for deflection in every), length(result)
-    low, high = min(float(deflection.min()) for deflection in every), max(float(moved.max()) for moved in every)
+    low, high = min(float(deflection.min()) for deflection in every), max(float(w.max()) for w in every)
     return {
         "length": end,
-        "label": "x in m" if alone(result) else "along the boom in m",
+        "label": "x in m" if is_alone(result) else "along the boom in m",
         "largest": largest,
         "reach": [low, high],
-        "scale": round_number((REACH if alone(result) else shapes.REACH) * end / largest) if largest > 0.0 else 1.0,
+        "scale": round_number((REACH if is_alone(result) else shapes.REACH) * end / largest) if largest > 0.0 else 1.0,
         "times": [float(t[0]), float(t[-1])],
         "frames": len(frames),
         "lanes": [_lane(result, name, frames) for name in motions],
         "pads": _pads(result, axis, frames),
-        "s": packed(result.along[frames]),
+        "s": pack(result.along[frames]),
         "offsets": offsets(result),
         "supports": [{"at": fixture.at, "kind": fixture.kind} for fixture in fixtures(result)],
         "loads": [
@@ -58,7 +58,7 @@ def motion(result: RunResult) -> dict[str, Any]:
                 "section": [of.body for of in axis].index(load.body),
                 "at": load.at,
                 "direction": load.direction,
-                "values": packed(load.values[frames]),
+                "values": pack(load.values[frames]),
             }
             for load in loads(result)
             if load.direction != "aside"
@@ -86,10 +86,10 @@ def in_space(result: RunResult) -> dict[str, Any]:
     beams = _lane(result, "reduced", frames)["beams"]
     for beam, of in zip(beams, axis, strict=True):
         points = spread(len(of.x), POINTS)
-        beam["v"] = packed(
+        beam["v"] = pack(
             aside[of.body][:, points][frames] if of.body in aside else np.zeros((len(frames), len(points)))
         )
-    luffing, slewing = (packed(angle.value(t[frames])) for angle in frame.angles)
+    luffing, slewing = (pack(angle.value(t[frames])) for angle in frame.angles)
     return {
         "largest": largest,
         "scale": scale,
@@ -99,8 +99,8 @@ def in_space(result: RunResult) -> dict[str, Any]:
         "luffing": luffing,
         "slewing": slewing,
         "beams": beams,
-        "side": _reached([drawn_axis.side for drawn_axis in drawn_axes]),
-        "plan": _reached([drawn_axis.plan for drawn_axis in drawn_axes]) if space.slews(result) else None,
+        "side": _extent([drawn_axis.side for drawn_axis in drawn_axes]),
+        "plan": _extent([drawn_axis.plan for drawn_axis in drawn_axes]) if space.slews(result) else None,
         "pads": _pads(result, axis, frames),
         "loads": _forces(result, axis, frames),
         "speeds": speeds(float(t[-1] - t[0])),
@@ -121,12 +121,12 @@ def _forces(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> l
         largest = float(np.linalg.norm(vectors, axis=1).max()) or 1.0
         section = [of.body for of in axis].index(body)
         drawn_forces.append(
-            {"name": name, "section": section, "at": parts[0].at, "force": packed(vectors.ravel() / largest)}
+            {"name": name, "section": section, "at": parts[0].at, "force": pack(vectors.ravel() / largest)}
         )
     return drawn_forces
 
 
-def _reached(views: list[NDArray[np.float64]]) -> list[float]:
+def _extent(views: list[NDArray[np.float64]]) -> list[float]:
     """Least and largest places (S, n, 2) across and up, those of the pivot included."""
     every = np.concatenate([np.zeros((1, 2)), *(view.reshape(-1, 2) for view in views)])
     return [float(end) for k in (0, 1) for end in (every[:, k].min(), every[:, k].max())]
@@ -145,9 +145,9 @@ def _lane(result: RunResult, name: str, frames: NDArray[np.int64]) -> dict[str, 
             "width": 3 + 3 * (len(lines_of_model) - 1 - k) if of.body else pen.width,
             "dash": pen.dash,
             "x": of.x[points].round(6).tolist(),
-            "w": packed(onto(t, response.t, of.moved(response)[:, points])[frames]),
+            "w": pack(onto(t, response.t, of.moved(response)[:, points])[frames]),
         }
-        beams.append(beam | ({"tail": packed(onto(t, response.t, of.tail)[frames])} if of.body else {}))
+        beams.append(beam | ({"tail": pack(onto(t, response.t, of.tail)[frames])} if of.body else {}))
     return {"label": pen.label, "beams": beams}
 
 
@@ -159,15 +159,15 @@ def _pads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> lis
         {
             "section": names.index(ring.body),
             "way": 1 if ring.above else -1,
-            "at": packed(ring.at[frames]),
-            "force": packed(ring.force[frames] / largest),
+            "at": pack(ring.at[frames]),
+            "force": pack(ring.force[frames] / largest),
         }
         for ring in rings_of_run
         if ring.body in names
     ]
 
 
-def said(data: dict[str, Any]) -> str:
+def scale_words(data: dict[str, Any]) -> str:
     """The exaggeration in words."""
     if data["largest"] == 0.0:
         return "Nothing moves across the axis."

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.decimation import packed, speeds
+from pmr.report.decimation import pack, speeds
 from pmr.report.figures.canvas import RAMP
-from pmr.report.motion.instants import of_the_peak, places, positions, scale, seen, stress_of, times, top
+from pmr.report.motion.instants import fields_by_body, of_the_peak, places, positions, scale, stress_of, times, top
 from pmr.report.motion.surface import Surface, surfaces
 from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import percent, plain
@@ -55,7 +55,7 @@ def player(result: RunResult) -> dict[str, Any]:
         "speeds": speeds(float(t[-1] - t[0])),
         "first": of_the_peak(result).frame,
         "length": length(result),
-        "path": packed(positions(result)),
+        "path": pack(positions(result)),
         "scale": scale(result),
         "bodies": shown,
         "back": back,
@@ -74,21 +74,21 @@ def _pose(result: RunResult) -> dict[str, Any] | None:
         return None
     bodies, alongs = surfaces(result), places(result)
     ends = [
-        pose.places(np.array([body_surface.points.min(axis=0), body_surface.points.max(axis=0)]) + _ahead(alongs[name]))
+        pose.places(np.array([body_surface.points.min(axis=0), body_surface.points.max(axis=0)]) + _axial(alongs[name]))
         for name, body_surface in bodies.items()
     ]
     every = np.concatenate([np.zeros((1, 3)), *(places.reshape(-1, 3) for places in ends)])
     low, high = every.min(axis=0), every.max(axis=0)
     return {
-        "rotation": packed(pose.rotation.ravel()),
-        "origin": packed(pose.origin.ravel()),
+        "rotation": pack(pose.rotation.ravel()),
+        "origin": pack(pose.origin.ravel()),
         "centre": ((low + high) / 2.0).tolist(),
         "size": float(np.linalg.norm(high - low)),
-        "angles": [packed(np.rad2deg(angle.value(times(result)))) for angle in _angles(result)],
+        "angles": [pack(np.rad2deg(angle.value(times(result)))) for angle in _angles(result)],
     }
 
 
-def _ahead(along: Array) -> Array:
+def _axial(along: Array) -> Array:
     """Places (F, 1, 3) m along x."""
     return np.asarray(along[:, None, None] * np.array([1.0, 0.0, 0.0]))
 
@@ -98,22 +98,22 @@ def _angles(result: RunResult) -> tuple[SignalBase, ...]:
 
 
 def _body(result: RunResult, name: str, surface: Surface, along: Array, most: int) -> dict[str, Any]:
-    fields = seen(result)[name]
-    motion, lost = compressed(surface.moved(fields, fields.displacement).reshape(len(fields.t), -1), most)
+    fields = fields_by_body(result)[name]
+    motion, lost = compress(surface.moved(fields, fields.displacement).reshape(len(fields.t), -1), most)
     stress = stress_of(fields)[:, surface.cell] / top(result) if fields.von_mises else None
     return {
-        "points": packed(surface.points.ravel()),
+        "points": pack(surface.points.ravel()),
         "triangles": _indices(surface.triangles),
         "edges": _indices(surface.edges),
         "faces": len(surface.faces),
-        "along": packed(along),
+        "along": pack(along),
         "motion": motion,
-        "stress": None if stress is None else compressed(stress, most)[0],
+        "stress": None if stress is None else compress(stress, most)[0],
         "lost": lost,
     }
 
 
-def said(data: dict[str, Any]) -> str:
+def drawing_sentence(data: dict[str, Any]) -> str:
     """How the motion is drawn, in a sentence; empty without a player."""
     if not data:
         return ""
@@ -122,7 +122,7 @@ def said(data: dict[str, Any]) -> str:
     return f"Displacements are drawn {plain(data['scale'])} times their size, from {shapes} out {lost} of the motion."
 
 
-def compressed(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, Any], float]:
+def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, Any], float]:
     """Coefficients and shapes of frames (F, n), and the share of them (RMS) that is left out."""
     X = frames.astype(float)
     squares, vectors = np.linalg.eigh(X @ X.T)
@@ -133,8 +133,8 @@ def compressed(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str,
     A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(count)])  # of two directions the same one everywhere
     shapes = A.T @ X
     lost = float(np.sqrt(squares[count:].sum() / squares.sum())) if squares[0] > 0.0 else 0.0
-    each = [packed(shape) for shape in shapes]
-    return {"count": count, "coefficients": [packed(column) for column in A.T], "shapes": each}, lost
+    each = [pack(shape) for shape in shapes]
+    return {"count": count, "coefficients": [pack(column) for column in A.T], "shapes": each}, lost
 
 
 def _indices(values: NDArray[np.int64]) -> str:

@@ -59,7 +59,7 @@ class Shot:
     up: Vector = (0.0, 0.0, 1.0)
 
 
-def framed(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list[Shot]:
+def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list[Shot]:
     """The shots from the same side on the same scale, so wide that each sees `margin` m around everything in any.
 
     From bottom to top each sees what is in itself.

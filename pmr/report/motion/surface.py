@@ -103,7 +103,7 @@ def _tube(fields: Fields, box: Box | None) -> Surface:
     thin = np.array([(-_THIN, -_THIN), (_THIN, -_THIN), (_THIN, _THIN), (-_THIN, _THIN)]) / 2.0
     count = len(fields.points)
     corners = np.tile([side.start for side in box.sides] if box else thin, (count, 1, 1))
-    if box and box.varying:
+    if box and box.variations:
         corners = np.array([[side.start for side in box.profile_at(float(x)).sides] for x in fields.points[:, 0]])
     around = corners.shape[1]
     vertex, lever = np.repeat(np.arange(count), around), corners.reshape(-1, 2)

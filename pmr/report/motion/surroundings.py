@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.motion.surface import Surface
-from pmr.report.subject import alone
+from pmr.report.subject import is_alone
 from pmr.results import RunResult
 from pmr.results.pads import THICK, pad_corners
 from pmr.scene.box import Box
@@ -45,7 +45,7 @@ class Stage:
 
 def stage(result: RunResult, body: Surface) -> Stage:
     """The surroundings of a body, at s = 0."""
-    if not alone(result):
+    if not is_alone(result):
         return Stage((), (), ())
     low, high, box = body.points.min(axis=0), body.points.max(axis=0), result.scene.body.box
     rings_by_motion = {

@@ -8,7 +8,7 @@ from functools import partial
 
 from pmr.report.blocks import Block, Grid
 from pmr.report.numbers import SPACE, length, percent, quantity, significant
-from pmr.report.studies.names import called, number_of
+from pmr.report.studies.names import number_of, run_name
 from pmr.studies.results import RunRecord
 
 #: A word for each row; the names of the figures that it is the largest of, in either direction; how it is printed.
@@ -31,7 +31,7 @@ def block(runs: Sequence[RunRecord]) -> Block | None:
     if len(rows) < 2:
         return None
     caption = "Over the whole run, in either direction; times and places are below and in runs.csv."
-    return Block("At a glance", grids=(Grid(caption, ("", *map(called, runs)), tuple(rows)),))
+    return Block("At a glance", grids=(Grid(caption, ("", *map(run_name, runs)), tuple(rows)),))
 
 
 def columns(runs: Sequence[RunRecord]) -> dict[str, list[str]]:

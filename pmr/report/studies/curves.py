@@ -14,7 +14,7 @@ from matplotlib.ticker import NullLocator
 
 from pmr.report.figures.canvas import WIDE, log_axis, sheet
 from pmr.report.numbers import Unit, plain, power_of_ten, unit_for
-from pmr.report.studies.names import TIME, called, having, key_words, quantity_of, unit_of, value_of
+from pmr.report.studies.names import TIME, key_words, quantity_of, run_name, runs_with, unit_of, value_of
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 
@@ -89,13 +89,13 @@ def _curves(done: Sequence[RunRecord], over: str) -> list[tuple[dict[str, Any], 
     """Runs that differ in nothing but the parameter `over`, and how they are drawn."""
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
-        groups.setdefault(called(run, over) if len(run.parameters) > 1 else "", []).append(run)
+        groups.setdefault(run_name(run, over) if len(run.parameters) > 1 else "", []).append(run)
     return [(dots(k, 3.0) | {"label": name}, group) for k, (name, group) in enumerate(groups.items())]
 
 
 def _points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> tuple[list[float], list[float]]:
     """Values of a figure in the unit of its axis, in the order of their places."""
-    points = sorted((places[run.key], value_of(run, name) / quantity_of(name).size) for run in having(group, name))
+    points = sorted((places[run.key], value_of(run, name) / quantity_of(name).size) for run in runs_with(group, name))
     return [x for x, _ in points], [y for _, y in points]
 
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from pmr.report.blocks import Block, Chapter, Grid, Table
-from pmr.report.document import ReportFiles, dated, render, write
+from pmr.report.document import ReportFiles, render, with_date, write
 from pmr.report.numbers import SPACE, quantity
 from pmr.report.studies import runs, sections
 from pmr.report.studies.finished import FinishedStudy, studies_in
-from pmr.report.studies.names import called
+from pmr.report.studies.names import run_name
 from pmr.report.studies.statements import comparison
 
 
@@ -32,7 +32,7 @@ def page(folder: Path) -> str:
     chapters = [chapter(study, f"study-{number}") for number, study in enumerate(studies, start=1)]
     chapters.append(_provenance(summary, studies))
     return render(
-        "study_report.html", str(summary["title"]), chapters, kind=dated("Study report", [summary]), introduction=()
+        "study_report.html", str(summary["title"]), chapters, kind=with_date("Study report", [summary]), introduction=()
     )
 
 
@@ -67,6 +67,6 @@ def chapter(study: FinishedStudy, anchor: str) -> Chapter:
     published = comparison(study)
     if published.rows and not any(block.errors for block in content.blocks):
         content = replace(content, blocks=[*content.blocks, Block("Beside the publication", errors=published)])
-    unfinished = [f"{called(run)} ({run.status}: {run.reason})" for run in study.unfinished]
+    unfinished = [f"{run_name(run)} ({run.status}: {run.reason})" for run in study.unfinished]
     warnings = [warning.line(len(study.results.runs)) for warning in study.results.warnings]
     return replace(content, unfinished=unfinished, warnings=[text[:1].upper() + text[1:] for text in warnings])

@@ -94,17 +94,17 @@ def _columns(
         tables.append(
             Table("Von Mises' stress", tuple((str(name), quantity(float(value), "Pa")) for name, value in probes))
         )
-    direction, of, bent = arrays["at.direction.names"], arrays["at.bent.section"], _rounded(arrays["at.bent"][n])
+    direction, of, bent = arrays["at.direction.names"], arrays["at.bent.section"], _zero_round_off(arrays["at.bent"][n])
     for d, way in (("z", "upwards"), ("y", "to the left")):
         if (direction == d).any():
             deflections = [float(bent[(of == k) & (direction == d)][-1]) for k in range(len(sections))]
             tips = tuple((name, quantity(value, "m")) for name, value in zip(sections, deflections, strict=True))
             tables.append(Table(f"Tips of sections, across the boom {way}", tips))
-    forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _rounded(arrays["at.forces"][n]), strict=True)
+    forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
     some = tuple((str(name), quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES)
     return [tables, [Table("Forces, positive where they push", some)]] if some else [tables]
 
 
-def _rounded(values: Array) -> Array:
+def _zero_round_off(values: Array) -> Array:
     """Replace what is round-off beside the largest value by zero."""
     return np.where(np.abs(values) < ROUND_OFF * np.abs(values).max(initial=0.0), 0.0, values)

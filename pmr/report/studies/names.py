@@ -42,7 +42,7 @@ class Quantity:
         if value is None:
             return "–"
         if isinstance(value, bool | str):
-            return worded(value)
+            return value_words(value)
         return plain(value) if isinstance(value, int) else self.printed(number(value))
 
 
@@ -55,7 +55,7 @@ def key_words(key: str) -> str:
     )
 
 
-def worded(value: Scalar) -> str:
+def value_words(value: Scalar) -> str:
     """A value that was chosen, in words."""
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -90,7 +90,7 @@ def heading(key: str) -> str:
     return f"{key_words(key)} in {unit}" if unit else key_words(key)
 
 
-def called(run: RunRecord, left_out: str = "") -> str:
+def run_name(run: RunRecord, left_out: str = "") -> str:
     """A run by what distinguishes it, but for one of its parameters."""
     words = []
     for key, value in run.parameters.items():
@@ -98,11 +98,11 @@ def called(run: RunRecord, left_out: str = "") -> str:
         if key == left_out:
             continue
         if key in ("case", "scene"):
-            words.append(worded(value))
+            words.append(value_words(value))
         elif isinstance(value, int) and not isinstance(value, bool):
-            words.append(f"{worded(value)} {key_words(key)}")
+            words.append(f"{value_words(value)} {key_words(key)}")
         else:
-            words.append(f"{key_words(key)} {worded(value)}" + (f"{SPACE}{unit}" if unit else ""))
+            words.append(f"{key_words(key)} {value_words(value)}" + (f"{SPACE}{unit}" if unit else ""))
     return ", ".join(words) or run.key
 
 
@@ -139,14 +139,14 @@ def quantity_of(name: str) -> Quantity:
     }.get(name, Quantity(name.replace("_", " ").replace(".", ", ")))
 
 
-def having(runs: Iterable[RunRecord], name: str) -> list[RunRecord]:
+def runs_with(runs: Iterable[RunRecord], name: str) -> list[RunRecord]:
     """Runs in which a figure is a number."""
     return [run for run in runs if number_of(run.figures.get(name)) is not None]
 
 
 def differs(runs: Iterable[RunRecord], name: str) -> bool:
     """Whether a figure is known of several runs and not the same in all of them."""
-    return len({quantity_of(name).cell(run.figures[name]) for run in having(runs, name)}) > 1
+    return len({quantity_of(name).cell(run.figures[name]) for run in runs_with(runs, name)}) > 1
 
 
 def value_of(run: RunRecord, name: str) -> float:
@@ -165,7 +165,7 @@ def case_name(scene: str) -> str:
     return f"{name} case" if scene.startswith("paper_") else name
 
 
-def listed(words: Iterable[str]) -> str:
+def list_words(words: Iterable[str]) -> str:
     """``a, b and c``."""
     *most, last = words
     return f"{', '.join(most)} and {last}" if most else last

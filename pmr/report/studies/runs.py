@@ -11,17 +11,17 @@ from pmr.report.studies.curves import over_parameter, over_seconds
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.names import (
     TIME,
-    called,
     differs,
-    having,
     heading,
     key_words,
-    listed,
+    list_words,
     number_of,
     quantity_of,
+    run_name,
+    runs_with,
     unit_of,
     value_of,
-    worded,
+    value_words,
 )
 from pmr.studies.results import RunRecord
 
@@ -40,12 +40,12 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     """Headline, figures where something was varied by number, and tables of all runs."""
     runs = study.results.runs
     done = [run for run in runs if run.status == "done"]
-    error = next((name for name in ERRORS if having(done, name)), None)
+    error = next((name for name in ERRORS if runs_with(done, name)), None)
     glance = at_a_glance.block(side_by_side.few(runs))
     return Chapter(
         anchor=prefix,
         title=study.title,
-        opening=_opening(runs),
+        opening=_opening_sentence(runs),
         headline=_headline(len(runs), done, error),
         key_numbers=list(_key_numbers(done, error)),
         blocks=[
@@ -57,52 +57,52 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     )
 
 
-def _opening(runs: Sequence[RunRecord]) -> str:
+def _opening_sentence(runs: Sequence[RunRecord]) -> str:
     """How many runs, and over what, with the values of what takes few."""
     parts = []
     for key in dict.fromkeys(key for run in runs for key in run.parameters):
-        values = list(dict.fromkeys(worded(run.parameters.get(key)) for run in runs))
+        values = list(dict.fromkeys(value_words(run.parameters.get(key)) for run in runs))
         if 1 < len(values) <= MOST_VALUES:
             unit = unit_of(key)
             parts.append(f"{key_words(key)} ({', '.join(values)}{f'{SPACE}{unit}' if unit else ''})")
         elif len(values) > 1:
             parts.append(f"{key_words(key)} ({len(values)} values)")
     count = f"{len(runs)} runs" if len(runs) != 1 else "One run"
-    return f"{count} over {listed(parts)}." if parts else ""
+    return f"{count} over {list_words(parts)}." if parts else ""
 
 
 def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
     finished_text = f"{len(done)} of {count} runs are there." if len(done) < count or error is None else ""
     if error is None:
         return finished_text
-    ordered = sorted(having(done, error), key=lambda run: value_of(run, error))
+    ordered = sorted(runs_with(done, error), key=lambda run: value_of(run, error))
     best, worst, what = ordered[0], ordered[-1], quantity_of(error)
     if len(ordered) < 2:
         return finished_text
     return (
-        f"The {what.label} is {what.cell(best.figures[error])} at least ({called(best)}) and "
-        f"{what.cell(worst.figures[error])} at most ({called(worst)}). {finished_text}".rstrip()
+        f"The {what.label} is {what.cell(best.figures[error])} at least ({run_name(best)}) and "
+        f"{what.cell(worst.figures[error])} at most ({run_name(worst)}). {finished_text}".rstrip()
     )
 
 
 def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNumber]:
     """Errors at most and at best, what is largest of all."""
     for name in (error, "max_error", "max_displacement", "largest_force"):
-        if name is None or not (runs_with_figure := having(done, name)):
+        if name is None or not (runs_with_figure := runs_with(done, name)):
             continue
         what, ordered = quantity_of(name), sorted(runs_with_figure, key=lambda run: value_of(run, name))  # noqa: B023
         best, worst = ordered[0], ordered[-1]
         if not differs(runs_with_figure, name):
             yield KeyNumber(what.cell(worst.figures[name]), what.label, "in all runs")
         elif name in (error, "max_error"):
-            note = f"at best {what.cell(best.figures[name])}, {called(best)}"
+            note = f"at best {what.cell(best.figures[name])}, {run_name(best)}"
             yield KeyNumber(what.cell(worst.figures[name]), f"{what.label}, at most", note)
         else:
-            yield KeyNumber(what.cell(worst.figures[name]), what.label, called(worst))
+            yield KeyNumber(what.cell(worst.figures[name]), what.label, run_name(worst))
     timed = [run for run in done if run.seconds.get(TIME)]
     if timed and _cost_differs(timed):
         fastest = min(timed, key=lambda run: run.seconds[TIME])
-        yield KeyNumber(quantity_of(TIME).cell(fastest.seconds[TIME]), "fastest simulation", called(fastest))
+        yield KeyNumber(quantity_of(TIME).cell(fastest.seconds[TIME]), "fastest simulation", run_name(fastest))
 
 
 def _cost_differs(runs: Sequence[RunRecord]) -> bool:
@@ -112,12 +112,12 @@ def _cost_differs(runs: Sequence[RunRecord]) -> bool:
 
 def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Iterator[Block]:
     """Errors and sizes over the parameter that has the most numbers, and over the seconds that simulations take."""
-    over = varied(done)
+    over = varied_parameter(done)
     if over is None:
         return
     drawn = list[tuple[Drawing, ...]]()
     ranges = [name for name in dict.fromkeys(n for run in done for n in run.figures) if name.endswith(".range")]
-    shown = [name for name in (error, *BESIDE, *ranges[:1]) if name and differs(done, name) and _seen(done, name)]
+    shown = [name for name in (error, *BESIDE, *ranges[:1]) if name and differs(done, name) and _is_visible(done, name)]
     if shown:
         other_parameters = {key_words(key) for key in done[0].parameters if key != over}
         apart = f", a curve for each {' and '.join(sorted(other_parameters))}" if other_parameters else ""
@@ -126,7 +126,7 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
             name, panels = f"{prefix}-varied{k // MOST_PANELS or ''}", shown[k : k + MOST_PANELS]
             drawn.append((drawing(name, over_parameter, caption, done, over, panels),))
     timed = [run for run in done if run.seconds.get(TIME)]
-    if error and len(having(timed, error)) > 1 and _cost_differs(timed):
+    if error and len(runs_with(timed, error)) > 1 and _cost_differs(timed):
         label = quantity_of(error).label.capitalize()
         caption = f"{label} over the time that one simulation of the reduced model takes."
         drawn.append((drawing(f"{prefix}-seconds", over_seconds, caption, timed, over, error),))
@@ -134,13 +134,13 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         yield Block(f"Over the {key_words(over)}", tuple(drawn))
 
 
-def _seen(runs: Sequence[RunRecord], name: str) -> bool:
+def _is_visible(runs: Sequence[RunRecord], name: str) -> bool:
     """Whether a curve shows that a figure differs: errors are drawn by their powers of ten."""
-    values = [value_of(run, name) for run in having(runs, name)]
+    values = [value_of(run, name) for run in runs_with(runs, name)]
     return name.startswith(("errors", "max_error")) or max(values) - min(values) > VISIBLE * max(map(abs, values))
 
 
-def varied(done: Sequence[RunRecord]) -> str | None:
+def varied_parameter(done: Sequence[RunRecord]) -> str | None:
     """The parameter over which figures are drawn: coordinates, or else the one that takes the most numbers."""
     counts = {
         key: len({number_of(run.parameters[key]) for run in done})
@@ -159,7 +159,7 @@ def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
     A column for each of a few runs, else a row; then of more figures than fit those stay in which runs differ.  A kind
     of study that has none of these shows its own figures.
     """
-    heads, error = _varied_keys(runs), next((name for name in ERRORS if having(runs, name)), None)
+    heads, error = _varied_keys(runs), next((name for name in ERRORS if runs_with(runs, name)), None)
     cells_by_name = {quantity_of(error).label: [_cell(run, error) for run in runs]} if error else {}
     cells_by_name |= at_a_glance.columns(runs)
     if len(cells_by_name) < 2:
@@ -168,7 +168,7 @@ def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
     caption = f"{more} figures, with times and places, stand in runs.csv."
     if len(runs) <= columns - 2:  # the first column is as wide as two
         lines = [(name, *cells) for name, cells in cells_by_name.items()][:rows]
-        return Grid(caption, ("", *map(called, runs)), tuple(lines))
+        return Grid(caption, ("", *map(run_name, runs)), tuple(lines))
     differ = [name for name, cells in cells_by_name.items() if len(set(cells)) > 1]
     first = [*differ, *(name for name in cells_by_name if name not in differ)][: max(columns - len(heads), 1)]
     lines = [(*_names(run, heads), *(cells_by_name[name][k] for name in first)) for k, run in enumerate(runs[:rows])]
@@ -185,7 +185,7 @@ def _headings(keys: Sequence[str]) -> tuple[str, ...]:
 
 
 def _names(run: RunRecord, keys: Sequence[str]) -> list[str]:
-    return [worded(run.parameters.get(key)) for key in keys] or [run.key]
+    return [value_words(run.parameters.get(key)) for key in keys] or [run.key]
 
 
 def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pmr.report.blocks import Block, Grid
 from pmr.report.numbers import SPACE, Unit, plain, significant, unit_for
-from pmr.report.studies.names import PLACES, called, number_of
+from pmr.report.studies.names import PLACES, number_of, run_name
 from pmr.studies.engine.task import Scalar
 from pmr.studies.results import RunRecord
 
@@ -43,7 +43,7 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
         "Frequencies": (f"In Hz, while pads and sliders rest{_stretch(done)}.", _frequencies(done)),
         "Probes": ("Least … largest, and the largest range of a load cycle.", _probes(done)),
     }
-    head = ("", *(called(run) for run in done))
+    head = ("", *(run_name(run) for run in done))
     for heading, (caption, rows) in tables.items():
         if rows:
             yield Block(heading, grids=(Grid(caption, head, tuple(rows)),))
@@ -72,7 +72,7 @@ def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
     rows = []
     for key in keys:
         _, place, number = key.split(".")
-        cells = (_printed(run.figures.get(key), 1.0) for run in runs)
+        cells = (_format_value(run.figures.get(key), 1.0) for run in runs)
         rows.append((f"frequency {number}, {PLACES[place]}", *cells))
     return rows
 
@@ -98,7 +98,7 @@ def _probes(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
                 continue
             of = f"{name} in {unit.name}" if unit.name != "1" else name
             rows.append((of, *(_span(run, f"probes.{name}", unit.size) for run in runs)))
-            ranges = (_printed(run.figures.get(f"probes.{name}.range"), unit.size) for run in runs)
+            ranges = (_format_value(run.figures.get(f"probes.{name}.range"), unit.size) for run in runs)
             rows.append((f"{SPACE}{SPACE}range", *ranges))
     return rows
 
@@ -118,10 +118,10 @@ def _values(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]
 def _span(run: RunRecord, name: str, size: float) -> str:
     figures: Mapping[str, Scalar] = run.figures
     least, most = figures.get(f"{name}.min"), figures.get(f"{name}.max")
-    first = "" if least is None else f"{_printed(least, size)}{SPACE}…{SPACE}"
-    return f"{first}{_printed(most, size)}"
+    first = "" if least is None else f"{_format_value(least, size)}{SPACE}…{SPACE}"
+    return f"{first}{_format_value(most, size)}"
 
 
-def _printed(value: Scalar, size: float) -> str:
+def _format_value(value: Scalar, size: float) -> str:
     number = number_of(value)
     return "–" if number is None else significant(number / size, 3)

@@ -37,7 +37,7 @@ def comparison(study: Compared) -> ErrorTable:
     return ErrorTable(f"Published: {source}.", rows, [*reasons, *study.summary["remarks"]])
 
 
-def formatted(value: Scalar, kind: str) -> str:
+def format_figure(value: Scalar, kind: str) -> str:
     """A figure as its quantity is printed."""
     if isinstance(value, str):
         return combination(value)
@@ -58,10 +58,10 @@ def combination(key: str) -> str:
 
 
 def _row(statement: Statement, figure: Scalar) -> Row:
-    shown = formatted(figure, statement.quantity)
+    shown = format_figure(figure, statement.quantity)
     if statement.value is None:
         return Row(statement.text, "", shown, statement.words or None)
-    printed = statement.words or formatted(statement.value, statement.quantity)
+    printed = statement.words or format_figure(statement.value, statement.quantity)
     mark, deviation = _verdict(statement, figure)
     return Row(statement.text, "", shown, printed, deviation, mark)
 

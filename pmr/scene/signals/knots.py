@@ -64,7 +64,7 @@ class _Knots(SignalBase):
         return np.diff(self.times), np.diff(self.values)
 
     def _coefficients(self) -> Array:
-        """Of the curve between knots, as `_Curve` takes them."""
+        """Coefficients of the curve between knots, in the order of `_Curve`."""
         duration, rise = self._rises
         return np.array([rise / duration, self.values[:-1]])
 
@@ -81,7 +81,7 @@ class _Knots(SignalBase):
         return (Strand(curve.x[:-1], curve.c.T),)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Of what rises or falls all the way between two knots: just before one, round-off may be beyond its value."""
+        """Least and largest value of a signal that rises or falls all the way between two knots."""
         inside = [value for t, value in zip(self.times, self.values, strict=True) if start <= t <= end]
         values = [*self.value([start, end]), *inside]
         return float(min(values)), float(max(values))

@@ -22,7 +22,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.ancf_items import add_force, add_sliding_cable
 from pmr.simulation.exudyn.cable import Cable, curvature, values
 from pmr.simulation.exudyn.items import add_pre_step_function
-from pmr.simulation.exudyn.solver import of_connector, of_nodes, slider_at, solve, solver_settings, stored
+from pmr.simulation.exudyn.solver import of_connector, of_nodes, read_sensor, slider_at, solve, solver_settings
 from pmr.simulation.stepping import Progress, TimeStepping
 
 __all__ = ["Cable", "CableMotion", "energy", "simulate"]
@@ -84,7 +84,7 @@ def simulate(
     sensors.append([of_connector(mbs, items.oJoint)])
     place = slider_at(lambda t: s[round(t / stepping.step)])
     seconds = solve(mbs, _settings(cable, stepping), place, progress)
-    stored_values = [[stored(mbs, sensor, stepping, place) for sensor in group] for group in sensors]
+    stored_values = [[read_sensor(mbs, sensor, stepping, place) for sensor in group] for group in sensors]
     q, v, joint = (np.stack(group, axis=1) for group in stored_values)
     return CableMotion(
         t=excitation.times,

@@ -19,17 +19,17 @@ Array = NDArray[np.float64]
 
 
 def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
-    """The same items, and the object that couples them with the body."""
+    """Add the object that couples the items of a boom with the body that carries it."""
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)
     key, found = None, (np.empty(0),) * 3
 
-    def at(t: float, q: Any, q_t: Any) -> tuple[Array, Array, Array]:
+    def evaluate(t: float, q: Any, q_t: Any) -> tuple[Array, Array, Array]:
         nonlocal key, found
         x, rate = np.array(q), np.array(q_t)
-        asked = (t, x.tobytes(), rate.tobytes())
-        if asked != key:  # mass and forces are asked for one after the other
-            key, found = asked, base.at(t, x, rate, np.array(inputs.loads(t)))
+        arguments = (t, x.tobytes(), rate.tobytes())
+        if arguments != key:  # mass and forces are asked for one after the other
+            key, found = arguments, base.at(t, x, rate, np.array(inputs.loads(t)))
         return found
 
     name = f"{mbs.GetMarker(items.mSystem)['name']}Base"
@@ -38,11 +38,11 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
             name=name,
             nodeNumbers=nodes,
             massMatrix=np.zeros((count, count)),
-            massMatrixUserFunction=lambda mbs, t, item, q, q_t: at(t, q, q_t)[0],
-            forceUserFunction=lambda mbs, t, item, q, q_t: at(t, q, q_t)[1],
+            massMatrixUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t)[0],
+            forceUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t)[1],
             # beside what an extension stores, inertia decides within a step
             jacobianUserFunction=lambda mbs, t, item, q, q_t, factor, factor_t: exu.MatrixContainer(
-                factor * at(t, q, q_t)[2]
+                factor * evaluate(t, q, q_t)[2]
             ),
         )
     )
@@ -53,26 +53,26 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
 
 
 def _with_rows(mbs: Any, items: SystemItems, base: Base, extending: Extending) -> SystemItems:
-    """The same items, and a connector for rigid contacts along extensions that are coordinates."""
+    """Add a connector for rigid contacts along extensions that are coordinates."""
     k, n = base.count, base.boom.size
 
     def split(t: float, z: Any) -> tuple[Array, Array]:
         """Extensions and coordinates, of a marker's, which has those of reference, too."""
-        own = np.array(z)
-        return base.extended(t, own[k + n :] - base.paths.reference, own[k + n :]).value, own[k : k + n]
+        z_array = np.array(z)
+        return base.extended(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
 
-    def moved(t: float, z: Any) -> Array:
-        found = extending.moved(*split(t, z))
-        return np.hstack([np.zeros((len(found), k)), found[:, :n], found[:, n:] @ base.paths.along])
+    def gap_derivative(t: float, z: Any) -> Array:
+        derivative = extending.moved(*split(t, z))
+        return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
 
     name = f"{mbs.GetMarker(items.mSystem)['name']}Extended"
     marker = mbs.AddMarker(MarkerObjectODE2Coordinates(name=name, objectNumber=items.oBase))
-    found = with_contacts(
+    connected = with_contacts(
         mbs,
         replace(items, mSystem=marker),
         extending.rigid,
         scalingMarker0=np.zeros((len(extending.rigid), 1)),  # its height is the number of rows
         constraintUserFunction=lambda mbs, t, item, q, q_t, velocity: extending.gap(*split(t, q)),
-        jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: moved(t, q),
+        jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: gap_derivative(t, q),
     )
-    return replace(found, mSystem=items.mSystem)
+    return replace(connected, mSystem=items.mSystem)

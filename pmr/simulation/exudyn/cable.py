@@ -46,7 +46,7 @@ class Cable:
         return np.clip(np.ceil(x / self.element_length - _ON_NODE).astype(int) - 1, 0, self.elements - 1)
 
     def right_elements(self, x: Array) -> NDArray[np.int64]:
-        """The same with the right one at a node."""
+        """Number of the element at x, the right one at a node."""
         return np.clip(np.floor(x / self.element_length + _ON_NODE).astype(int), 0, self.elements - 1)
 
 

@@ -44,29 +44,29 @@ class Contacts:
         return self.sprung(self.rows(x))
 
     def sprung(self, rows: ContactRows) -> Array:
-        """The same, of rows (T, ...) of those that give way."""
+        """Stiffness by the springs of contacts that give way, of their rows (T, ...)."""
         K, B = self._equations.K, self._equations.B
         answers = self._answers(rows, np.concatenate([rows.C, -rows.H], axis=2))
         return np.asarray(np.hstack([K, B]) + rows.C.transpose(0, 2, 1) @ answers)
 
     def rows(self, x: Array) -> ContactRows:
-        """Of those that give way at x (T, k) m."""
+        """Rows of the contacts that give way at places x (T, k) m."""
         return self.giving(self._equations.rows(x))
 
     def giving(self, rows: ContactRows) -> ContactRows:
-        """Of all contacts none but those that give way, at one place or some."""
+        """Rows of the contacts that give way, out of those of all, at one place or several."""
         gives = self.gives
         return ContactRows(rows.C[..., gives, :], rows.F[..., gives, :][..., gives], rows.H[..., gives, :], rows.X)
 
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
-        """Of those that give way, (T, m') N, at T places; a SimulationError if which are closed is not settled."""
+        """Forces (T, m') N of contacts that give way, at T places; a SimulationError if they are not settled."""
         motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
         if not self.push:
             return np.asarray(self._answers(rows, motion[:, :, None])[:, :, 0])
-        return np.array([self.pressed(rows.at(k), one) for k, one in enumerate(motion)]).reshape(motion.shape)
+        return np.array([self.pressed(rows.at(k), gaps) for k, gaps in enumerate(motion)]).reshape(motion.shape)
 
     def pressed(self, rows: ContactRows, motion: Array) -> Array:
-        """The same (m',) at one place, where the contacts move by C q + H f (m',) m."""
+        """Forces (m',) N at one place of contacts that give way and would move by C q + H f (m',) m."""
         try:
             forces, self.closed = solve_contact(rows.F, motion - self._clearance, self._pushes, self.closed)
         except ContactError as error:
@@ -111,13 +111,13 @@ class Motion:
 
 @dataclass(frozen=True)
 class Balance:
-    """What is stored, (N,) J, and the work done since t = 0, (N,) J."""
+    """Energy that is stored, (N,) J, and work done since t = 0, (N,) J."""
 
     stored: Array
     work: Array
 
 
-def followed(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
+def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
     """Fills in the forces of contacts that give way, and balances the energy, some thousand times at once.
 
     Where pads rub these forces are known.
@@ -133,21 +133,21 @@ def followed(equations: Equations, contacts: Contacts, motion: Motion) -> Balanc
         if not part.friction.shape[1]:
             part.forces[:, g] = contacts.forces(giving, part.q, part.f)
         with np.errstate(over="ignore", invalid="ignore"):
-            stored[steps], done = _balanced(equations, rows, part)
+            stored[steps], done = _energy_and_work(equations, rows, part)
         work[steps][1:] = work[first] + np.cumsum(done)
     return Balance(stored, work)
 
 
-def _balanced(equations: Equations, rows: ContactRows, motion: Motion) -> tuple[Array, Array]:
-    """What is stored (T,) and the work of each step (T - 1,), both in J, with the contacts at T places."""
+def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) -> tuple[Array, Array]:
+    """Stored energy (T,) and work of each step (T - 1,), both in J, with the contacts at T places."""
     q, f, forces = motion.q, motion.f, motion.forces
-    given, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)
-    stored = half_form(equations.M, motion.v) + half_form(equations.K, q) + dot(forces, bent / 2.0 - given)
-    moved = np.asarray(q @ equations.B) + f @ equations.assembly.energy - np.einsum("tmi,tm->ti", rows.H, forces)
+    load_gaps, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)
+    stored = half_form(equations.M, motion.v) + half_form(equations.K, q) + dot(forces, bent / 2.0 - load_gaps)
+    at_loads = np.asarray(q @ equations.B) + f @ equations.assembly.energy - np.einsum("tmi,tm->ti", rows.H, forces)
     C, H, F = (np.diff(part, axis=0) for part in (rows.C, rows.H, rows.F))
     turned = np.einsum("tmn,tn->tm", C, mean(q)) + np.einsum("tmi,ti->tm", H, mean(f))
     turned -= np.einsum("tmn,tn->tm", F, mean(forces)) / 2.0
-    work = dot(mean(f), np.diff(moved, axis=0)) + dot(mean(forces), turned)
+    work = dot(mean(f), np.diff(at_loads, axis=0)) + dot(mean(forces), turned)
     if equations.system.terms:
         work += dot(mean(equations.assembly.term_forces(q, motion.v, motion.c)), np.diff(q, axis=0))
     if motion.friction.shape[1]:

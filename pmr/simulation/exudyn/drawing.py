@@ -54,7 +54,7 @@ def add_drawing(mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) 
 
 
 class Drawn:
-    """What of a boom is drawn in the state that Exudyn shows."""
+    """Drawing of a boom in the state that Exudyn shows."""
 
     def __init__(self, mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) -> None:
         self._mbs, self._items, self._scene, self._scale = mbs, items, scene, scale
@@ -63,52 +63,54 @@ class Drawn:
         self._place = np.array(place)
 
     def axes(self) -> list[Array]:
-        """Of each section the points (k, 3) m of its axis, in the mbs' axes."""
+        """Points (k, 3) m of each section's axis, in the axes of the mbs."""
         return [rings[:, 0] for rings in self._rings([np.zeros((1, 1, 2))] * len(self.tubes))]
 
     def graphics(self) -> list[dict[str, Any]]:
         """Exudyn's graphics data."""
-        found = []
+        triangulated = []
         for number, rings in enumerate(self._rings([tube.outline for tube in self.tubes])):
             k, c, _ = rings.shape
             a = (c * np.arange(k - 1)[:, None] + np.arange(c)).ravel()
             b = (c * np.arange(k - 1)[:, None] + (np.arange(c) + 1) % c).ravel()
             triangles = np.vstack([np.column_stack([a, b, b + c]), np.column_stack([a, b + c, a + c])])
             color = list(COLORS[number % len(COLORS)])
-            found.append(graphics.FromPointsAndTrigs(rings.reshape(-1, 3), triangles, color))
-        return found
+            triangulated.append(graphics.FromPointsAndTrigs(rings.reshape(-1, 3), triangles, color))
+        return triangulated
 
     def _rings(self, outlines: list[Array]) -> list[Array]:
-        """Of each section its outline (k or 1, c, 2) m across it at all places, (k, c, 3) m."""
+        """Outlines (k, c, 3) m at all places of each section, from those (k or 1, c, 2) m across it."""
         shown = exu.ConfigurationType.Visualization
         t = self._mbs.systemData.GetTime(shown)
         outputs, (origin, R, extended) = self._watched.outputs(t, shown), self._posture(t, shown)
-        found, observed = list[Array](), self._items.equations.assembly.observed.values()
+        rings_of_sections, observed = list[Array](), self._items.equations.assembly.observed.values()
         for tube, outline, X, at in zip(self.tubes, outlines, np.cumsum(extended), observed, strict=True):
             rings = np.zeros((len(tube.x), outline.shape[1], 3))
             rings[:, :, 0] = X + tube.x[:, None]
             rings[:, :, 1:] = outline
             for axis, numbers in tube.across.items():
                 rings[:, :, axis] += self._scale * outputs[at][numbers][:, None]
-            found.append(origin + (rings + self._place) @ R.T)
-        return found
+            rings_of_sections.append(origin + (rings + self._place) @ R.T)
+        return rings_of_sections
 
     def _posture(self, t: float, shown: Any) -> tuple[Array, Array, Array]:
-        """Of the pivot the place (3,) m and the axes (3, 3), and how far the sections are out, the base first."""
+        """Place (3,) m and axes (3, 3) of the pivot, and extensions of the sections, the base first."""
         base, kind, names = self._items.base, exu.OutputVariableType.Coordinates, self._scene.names
         if base is None:
             s = self._items.inputs.paths(t)
             R = np.eye(3) if self._scene.frame is None else self._scene.frame.rotation(np.array([t]))[0]
             return np.zeros(3), R, np.array([0.0, *(s[name] for name in names[1:])])
         x = np.array(self._mbs.GetNodeOutput(base.node, kind, shown))
-        z = np.array([one for n in base.paths.nodes for one in np.atleast_1d(self._mbs.GetNodeOutput(n, kind, shown))])
+        z = np.array(
+            [value for n in base.paths.nodes for value in np.atleast_1d(self._mbs.GetNodeOutput(n, kind, shown))]
+        )
         _, _, _, R = base.kinematics(x, 0.0 * x)
         return base.origin(x), R, base.extended(t, z, 0.0 * z).value[: len(names)]
 
 
 def tubes(scene: Scene, system: System) -> list[Tube]:
     """One for each section, from the base out."""
-    found = []
+    sections = []
     for number, body in enumerate(system.bodies.values()):
         kinds, units = kinds_of(body), units_of(body)
         along = {
@@ -127,6 +129,6 @@ def tubes(scene: Scene, system: System) -> list[Tube]:
         box = member_at(scene, number).part.body.box
         thin = THIN * np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
         outline = [thin if box is None else [side.start for side in box.profile_at(at).sides] for at in x]
-        across = {axis: np.array([numbers[one] for one in x]) for axis, numbers in along.items() if numbers}
-        found.append(Tube(np.array(x), across, np.array(outline)))
-    return found
+        across = {axis: np.array([numbers[place] for place in x]) for axis, numbers in along.items() if numbers}
+        sections.append(Tube(np.array(x), across, np.array(outline)))
+    return sections

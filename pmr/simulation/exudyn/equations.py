@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 class Equations:
-    """Of a system, on the n coordinates that its supports leave free; x are the places of its contacts' sides in m."""
+    """Equations of a system on the n coordinates that its supports leave free, with its sides at x m."""
 
     def __init__(self, system: System) -> None:
         self.system, self.assembly = system, Assembly(system)
@@ -71,9 +71,9 @@ class Equations:
 
     def whole(self, name: str, values: Array) -> Array:
         """Coordinates (T, n') of one body out of all (T, n), those that supports hold among them."""
-        found = np.zeros((len(values), self.system.bodies[name].size))
-        found[:, self.assembly.free[name]] = values[:, self.assembly.coordinates[name]]
-        return found
+        coordinates = np.zeros((len(values), self.system.bodies[name].size))
+        coordinates[:, self.assembly.free[name]] = values[:, self.assembly.coordinates[name]]
+        return coordinates
 
     def start(
         self, s: Mapping[str, float], rates: Mapping[str, float], initial: Mapping[str, InitialState]
@@ -82,9 +82,9 @@ class Equations:
         x, places = self.at(s)[0], [side.place for side in self.system.sides]
         x_rate = np.array([0.0 if place.path is None else place.rate * rates[place.path] for place in places])
         free = self.assembly.free
-        found = consistent_start(self.assembly, x, x_rate, initial)
-        return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in found.items()}
+        states = consistent_start(self.assembly, x, x_rate, initial)
+        return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in states.items()}
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
-        """What the system asks of a simulator where its places lead along x (T, sides) m."""
+        """Needs of the system in a simulator where its places follow x (T, sides) m."""
         return needs_of(self.system, ~np.any(self.assembly.along(x[:1]).F[0], axis=1), x, rho_inf)

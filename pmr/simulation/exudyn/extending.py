@@ -47,11 +47,11 @@ def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -
             mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ np.array(loads))
         return True
 
-    return steps.updated(mbs, items, update)
+    return steps.attach_update(mbs, items, update)
 
 
 class Extending:
-    """What acts between coordinates q (n,) and extensions s (S,) m: forces, their stiffness, and rigid rows."""
+    """Forces, stiffness and rigid rows between coordinates q (n,) and extensions s (S,) m."""
 
     def __init__(
         self, equations: Equations, contacts: Contacts, boom: FreeBase, paths: Paths, along: ChangingRows
@@ -66,39 +66,39 @@ class Extending:
         ]
 
     def at(self, s: Array, q: Array, f: Array) -> tuple[Array, Array]:
-        """Of extensions s (S,) m, coordinates q (n,) and loads f (i,): (n + S,) N and (n + S, n + S) N/m."""
+        """Forces (n + S,) and their stiffness (n + S, n + S) at extensions s (S,) m, under loads f (i,) N."""
         n, S, numbers = len(q), len(s), self._numbers
         near = self._along.at(s)
         now, slopes = self._contacts.giving(near.rows), self._contacts.giving(near.slopes)
         C, F, H = (A[numbers] for A in (slopes.C, slopes.F, slopes.H))
         forces = self._contacts.pressed(now, now.C @ q + now.H @ f)
-        moved, bent = C @ q + H @ f, F @ forces  # (e, m)
-        found, K = np.zeros(n + S), np.zeros((n + S, n + S))
-        found[:n], found[n + numbers] = -now.C.T @ forces, -moved @ forces + bent @ forces / 2.0
+        gaps, bent = C @ q + H @ f, F @ forces  # (e, m)
+        total, K = np.zeros(n + S), np.zeros((n + S, n + S))
+        total[:n], total[n + numbers] = -now.C.T @ forces, -gaps @ forces + bent @ forces / 2.0
         closed = self._contacts.closed
         w = np.hstack([now.C, np.zeros((len(forces), S))])
-        w[:, n + numbers] = (moved - bent).T
+        w[:, n + numbers] = (gaps - bent).T
         w = w[closed]
         K += w.T @ np.linalg.solve(now.F[np.ix_(closed, closed)], w)
         K[:n, n + numbers] += (forces @ C).T
         K[n + numbers, :n] += forces @ C
         for load, k, G in self._leaning:
             push, l, Gq = f[load], s[k], G @ q
-            found[:n] -= push / l * Gq
-            found[n + k] += push / l**2 * (q @ Gq) / 2.0
+            total[:n] -= push / l * Gq
+            total[n + k] += push / l**2 * (q @ Gq) / 2.0
             K[:n, :n] += push / l * G
             K[:n, n + k] -= push / l**2 * Gq
             K[n + k, :n] -= push / l**2 * Gq
             K[n + k, n + k] += push / l**3 * (q @ Gq)
-        return found, K
+        return total, K
 
     def gap(self, s: Array, q: Array) -> Array:
-        """Of rigid contacts, C(s) q (m,) m."""
+        """Gaps C(s) q (m,) m of rigid contacts."""
         return np.asarray(self._along.at(s).rows.C[self.rigid] @ q)
 
     def moved(self, s: Array, q: Array) -> Array:
-        """Its derivative by q and s, (m, n + S)."""
+        """Derivative (m, n + S) of the gaps of rigid contacts by q and s."""
         near, numbers = self._along.at(s), self._numbers
-        found = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
-        found[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
-        return found
+        derivative = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
+        derivative[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
+        return derivative

@@ -46,8 +46,8 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
     Sparse matrices of which contacts give way, but none only pushes, are handed on to `add_with_multipliers`: springs
     would fill the stiffness anew in every step.
     """
-    n, contacts, known = equations.size, Contacts(equations, inputs), Friction.of(equations.system.contacts)
-    springs = bool(contacts.gives.any()) and not contacts.push and known is None
+    n, contacts, friction = equations.size, Contacts(equations, inputs), Friction.of(equations.system.contacts)
+    springs = bool(contacts.gives.any()) and not contacts.push and friction is None
     if springs and equations.sparse:
         return add_with_multipliers(mbs, equations, inputs, start)
     rigid = np.flatnonzero(contacts.rigid)
@@ -58,18 +58,18 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
         B = system(t)[:, n:] if springs else equations.B
         return np.asarray(B @ np.array(inputs.loads(t)))
 
-    steps, given = Steps(held=bool(len(rigid))), {"forceVector": force(0.0)}
-    finish: Callable[[Any, SystemItems, float], None] = nothing
-    rubbing = None if known is None else Rubbing(equations, contacts, known)
+    steps, parameters = Steps(held=bool(len(rigid))), {"forceVector": force(0.0)}
+    finish: Callable[[Any, SystemItems, float], None] = do_nothing
+    rubbing = None if friction is None else Rubbing(equations, contacts, friction)
     if rubbing is not None:
-        own, finish = _rubbing(rubbing, equations, inputs, steps, start)
-        given |= own
+        friction_parameters, finish = _friction_parameters(rubbing, equations, inputs, steps, start)
+        parameters |= friction_parameters
     elif contacts.push:
-        given |= _pushing(contacts, equations, inputs, steps)
+        parameters |= _pushing_parameters(contacts, equations, inputs, steps)
     else:
-        given["jacobianUserFunction"] = nothing_beyond_matrices(equations, steps)
+        parameters["jacobianUserFunction"] = nothing_beyond_matrices(equations, steps)
     K = system(0.0)[:, :n] if springs else None
-    items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **given), rigid, scalingMarker1=rows(0.0))
+    items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **parameters), rigid, scalingMarker1=rows(0.0))
     items = replace(items, rubbing=rubbing)
     place_set, loads_set = inputs.number(0.0), inputs.loads(0.0)
 
@@ -78,20 +78,20 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
         finish(mbs, items, t)
         inputs.begin(t)
         place, loads = inputs.number(t), inputs.loads(t)
-        moved = place != place_set
-        if moved and len(rigid):
+        changes = place != place_set
+        if changes and len(rigid):
             mbs.SetObjectParameter(items.oContacts, "scalingMarker1", rows(t))
-        if moved and springs:
+        if changes and springs:
             mbs.SetObjectParameter(items.oSystem, "stiffnessMatrix", system(t)[:, :n])
-        if loads != loads_set or (moved and springs):
+        if loads != loads_set or (changes and springs):
             mbs.SetObjectParameter(items.oSystem, "forceVector", force(t))
         place_set, loads_set = place, loads
         return True
 
-    return steps.updated(mbs, items, update)
+    return steps.attach_update(mbs, items, update)
 
 
-def _pushing(contacts: Contacts, equations: Equations, inputs: Inputs, steps: Steps) -> dict[str, Any]:
+def _pushing_parameters(contacts: Contacts, equations: Equations, inputs: Inputs, steps: Steps) -> dict[str, Any]:
     """Forces of contacts that give way, some of which only push, as functions of the coordinates."""
     n, m = equations.size, int(contacts.gives.sum())
 
@@ -101,30 +101,30 @@ def _pushing(contacts: Contacts, equations: Equations, inputs: Inputs, steps: St
 
     table = inputs.along(side_by_side, m * (n + m + equations.B.shape[1]))
 
-    def settled(t: float, q: Any) -> tuple[ContactRows, Array]:
-        found = table(t)
-        rows = ContactRows(found[:, :n], found[:, -m:], found[:, n:-m], np.empty((0, m)))
+    def contact_forces(t: float, q: Any) -> tuple[ContactRows, Array]:
+        entries = table(t)
+        rows = ContactRows(entries[:, :n], entries[:, -m:], entries[:, n:-m], np.empty((0, m)))
         return rows, contacts.pressed(rows, rows.C @ np.asarray(q) + rows.H @ np.array(inputs.loads(t)))
 
     def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
-        rows, forces = settled(t, q)
+        rows, forces = contact_forces(t, q)
         return -rows.C.T @ forces
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
         steps.check(t)
-        rows, _ = settled(t, q)
+        rows, _ = contact_forces(t, q)
         stiffness = factor * contacts.stiffness(rows)
         return matrix(sp.csr_matrix(stiffness) if equations.sparse else stiffness)
 
     return {"forceUserFunction": force, "jacobianUserFunction": jacobian}
 
 
-def _rubbing(
+def _friction_parameters(
     rubbing: Rubbing, equations: Equations, inputs: Inputs, steps: Steps, start: Start
 ) -> tuple[dict[str, Any], Callable[[Any, SystemItems, float], None]]:
-    """The same where pads rub; and what ends a step before another one to t begins."""
+    """Forces of contacts where pads rub, as functions; and the function that ends a step."""
     known: tuple[int, Rows] | None = None
-    begun = np.concatenate([one.q for one in start.values()])
+    begun = np.concatenate([state.q for state in start.values()])
     reached, loads = 0.0, np.array(inputs.loads(0.0))
     nodes = exu.OutputVariableType.Coordinates
 
@@ -142,15 +142,15 @@ def _rubbing(
         at, inertia = rows(t), rubbing.inertia(t)
         if t <= 0.0:  # where Exudyn asks for the accelerations at the start
             begin(np.asarray(q))
-        found = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)) + inertia)
+        friction = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)) + inertia)
         # what contacts answer to inertia is in the mass of the base and the coordinates
-        return found.w - at.giving.C.T @ (found.multipliers[rubbing.gives] - rubbing.answers(at, inertia))
+        return friction.w - at.giving.C.T @ (friction.multipliers[rubbing.gives] - rubbing.answers(at, inertia))
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
         steps.check(t)
         at = rows(t)
-        found = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)) + rubbing.inertia(t))
-        stiffness = factor * rubbing.stiffness(at, found)
+        friction = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)) + rubbing.inertia(t))
+        stiffness = factor * rubbing.stiffness(at, friction)
         return matrix(sp.csr_matrix(stiffness) if equations.sparse else stiffness)
 
     def finish(mbs: Any, items: SystemItems, t: float) -> None:
@@ -170,8 +170,8 @@ def _rubbing(
     return {"forceUserFunction": force, "jacobianUserFunction": jacobian}, finish
 
 
-def nothing(mbs: Any, items: SystemItems, t: float) -> None:
-    """Where a step leaves nothing for the next one."""
+def do_nothing(mbs: Any, items: SystemItems, t: float) -> None:
+    """End a step that leaves nothing for the next one."""
 
 
 def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
@@ -197,7 +197,7 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
         return C, F, -H @ np.array(inputs.loads(t))
 
     C, F, offset = parts(0.0)
-    q, forces = np.concatenate([one.q for one in start.values()]), np.zeros(m)
+    q, forces = np.concatenate([state.q for state in start.values()]), np.zeros(m)
     forces[gives] = np.linalg.solve(F[np.ix_(gives, gives)], (C @ q - offset)[gives])
     steps = Steps(held=bool(m))
     jacobian, force = nothing_beyond_matrices(equations, steps), equations.B @ np.array(inputs.loads(0.0))
@@ -227,7 +227,7 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
         mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ np.array(inputs.loads(t)))
         return True
 
-    return steps.updated(mbs, items, update)
+    return steps.attach_update(mbs, items, update)
 
 
 def add_with_callbacks(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
@@ -255,7 +255,7 @@ def add_with_callbacks(mbs: Any, equations: Equations, inputs: Inputs, start: St
 
 
 def _counts(equations: Equations) -> tuple[int, int]:
-    """Of contacts and inputs."""
+    """Number of contacts, and of inputs."""
     return len(equations.system.contacts), equations.B.shape[1]
 
 

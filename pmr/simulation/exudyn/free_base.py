@@ -41,7 +41,7 @@ from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.extending import Extending
 from pmr.simulation.exudyn.inputs import Driving, Inputs
 from pmr.simulation.exudyn.paths import NodeCoordinate, Paths, check_path
-from pmr.simulation.floating import Extended, Moments, Motion, crossing
+from pmr.simulation.floating import Extended, Moments, Motion, skew
 from pmr.simulation.free_base import FreeBase
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
@@ -53,7 +53,7 @@ NOTHING = np.zeros(0)
 
 @dataclass(frozen=True)
 class OnBody:
-    """Where a boom sits: its pivot and its axes on a rigid body of the mbs, whose coordinates then carry the boom."""
+    """Pivot and axes of a boom on a rigid body of the mbs, whose coordinates then carry the boom."""
 
     body: Any  # number of an ObjectRigidBody, such as CreateRigidBody returns
     scene: Scene  # of the system: pivot, sections, weight
@@ -89,12 +89,12 @@ class Base:
         if carrier["objectType"] != "RigidBody":
             raise InputError("Exudyn", "objectType", carrier["objectType"], "a rigid body is allowed to carry a boom")
         self.node = carrier["nodeNumber"]
-        known = mbs.GetNode(self.node)
-        kind = known["nodeType"]
+        node = mbs.GetNode(self.node)
+        kind = node["nodeType"]
         if kind not in ROTATIONS:
             allowed = f"a rigid body with a node {' or '.join(ROTATIONS)} is allowed"
             raise InputError("Exudyn", "nodeType", kind, allowed)
-        self.reference, self._rotations = np.array(known["referenceCoordinates"]), ROTATIONS[kind]
+        self.reference, self._rotations = np.array(node["referenceCoordinates"]), ROTATIONS[kind]
         self._gravity = on.scene.gravity.signal if on.scene.gravity else None
         contacts = Contacts(equations, inputs)
         self.paths = Paths(mbs, on.scene, paths, self.boom.aside)
@@ -106,7 +106,7 @@ class Base:
 
     @property
     def count(self) -> int:
-        """Of the body's coordinates."""
+        """Number of the body's coordinates."""
         return len(self.reference)
 
     def weight(self, t: float) -> float:
@@ -114,7 +114,7 @@ class Base:
         return 0.0 if self._gravity is None else float(self._gravity.value(t))
 
     def origin(self, x: Array) -> Array:
-        """Where the pivot is, (3,) m, with the body's coordinates x."""
+        """Place of the pivot, (3,) m, with the body's coordinates x."""
         angles = (x + self.reference)[3:]
         return (x + self.reference)[:3] + np.array(self._rotations.matrix(angles)) @ np.array(self._on.place)
 
@@ -123,11 +123,11 @@ class Base:
         return self.paths.at(t, z, z_t)
 
     def moments(self, at: Extended) -> Moments:
-        """With what contacts that give way answer to inertia."""
+        """Moments of the sections, with the response to inertia of contacts that give way."""
         return self._answering.moments(at)
 
     def answers(self, s: Array) -> Answers:
-        """What inputs do where paths are at s (P,) m, with the contacts that give way.
+        """Response to inputs with the paths at s (P,) m, with the contacts that give way.
 
         Rigid ones, and pads that only push, are left out.
         """
@@ -135,31 +135,31 @@ class Base:
 
     def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, Motion, Array]:
         """Lambda (6, k), gamma (6,), the motion of the boom's frame without weight, and its rotation (3, 3)."""
-        angles, c, A = (x + self.reference)[3:], crossing(np.array(self._on.place)), self._on.axes
+        angles, c, A = (x + self.reference)[3:], skew(np.array(self._on.place)), self._on.axes
         R, G = np.array(self._rotations.matrix(angles)), np.array(self._rotations.velocity(angles))
-        omega, left = G @ rate[3:], self._rotations.remainder(angles, rate[3:])
-        found = np.zeros((6, len(x)))
-        found[:3, :3], found[:3, 3:], found[3:, 3:] = (R @ A).T, -A.T @ c @ G, A.T @ G
-        gamma = np.append(-A.T @ (c @ left + crossing(omega) @ c @ omega), A.T @ left)
-        return found, gamma, Motion(A.T @ omega, np.zeros(3)), R @ A
+        omega, remainder = G @ rate[3:], self._rotations.remainder(angles, rate[3:])
+        turned = np.zeros((6, len(x)))
+        turned[:3, :3], turned[:3, 3:], turned[3:, 3:] = (R @ A).T, -A.T @ c @ G, A.T @ G
+        gamma = np.append(-A.T @ (c @ remainder + skew(omega) @ c @ omega), A.T @ remainder)
+        return turned, gamma, Motion(A.T @ omega, np.zeros(3)), R @ A
 
     def inertia(self, mbs: Any, t: float) -> Array:
         """Loads (i,) by which the body's present motion and the weight accelerate the boom at t s.
 
         They press on contacts that give way at once, but for pads that only push: zero with these.
         """
-        found = np.zeros(self._inputs)
+        loads = np.zeros(self._inputs)
         if not self._gives:
-            return found
+            return loads
         of = exu.OutputVariableType
         nodes, kinds = (self.node, *self.paths.nodes), (of.Coordinates, of.Coordinates_t, of.Coordinates_tt)
-        own = [[np.atleast_1d(mbs.GetNodeOutput(node, kind)) for node in nodes] for kind in kinds]
-        x, rate, second = (one[0] for one in own)
-        z, z_t, z_tt = (np.concatenate([NOTHING, *one[1:]]) for one in own)
+        states = [[np.atleast_1d(mbs.GetNodeOutput(node, kind)) for node in nodes] for kind in kinds]
+        x, rate, second = (state[0] for state in states)
+        z, z_t, z_tt = (np.concatenate([NOTHING, *state[1:]]) for state in states)
         turned, gamma, motion, R = self.kinematics(x, rate)
         motion, extended = replace(motion, weight=self.weight(t) * R[2]), self.extended(t, z, z_t)
         extended = replace(extended, second=extended.second + self.paths.along @ z_tt)
-        return self.boom.inertia(motion, turned @ second + gamma, extended, found)
+        return self.boom.inertia(motion, turned @ second + gamma, extended, loads)
 
     def at(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array, Array]:
         """Mass (N, N), force (N,) and stiffness (N, N) that are added, of coordinates and rates (N,).
@@ -177,8 +177,8 @@ class Base:
         stiffness = np.zeros((k + n, k + n))
         force[:6] += self.boom.loads(loads, extended)
         if self.extending is not None:
-            own, K = self.extending.at(extended.value, q, loads)
-            force[6:] += own
+            pushes, K = self.extending.at(extended.value, q, loads)
+            force[6:] += pushes
             force[6 + n :] += self.boom.pulls(loads)
             inner = L[6:, k:]
             stiffness = scipy.linalg.block_diag(np.zeros((k, k)), inner.T @ K @ inner)
@@ -186,14 +186,14 @@ class Base:
 
 
 def _value(driving: Any, mbs: Any, t: float) -> float:
-    """Of a signal or function."""
+    """Value of a signal or function at t s."""
     return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
 
 def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
     """The loads, and those at zero by which a frame would accelerate the boom: its base does so."""
     nothing = Constant(amount=0.0)
-    return dict(loads) | {one: nothing for one in system.input_names if INERTIA in one}
+    return dict(loads) | {name: nothing for name in system.input_names if INERTIA in name}
 
 
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
@@ -203,18 +203,18 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
     """
     for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))
-    nothing, found = Constant(amount=0.0), dict[str, Driving]()
-    for one in frame_terms(on.scene):
-        found[one.name] = nothing
-        if one.of in ("load", "cylinder load"):
-            found[one.name] = loads.get(input_of(one.carried or one.bodies[0], one.component), nothing)
-        if one.of == "cylinder load":
-            path = paths.get(on.scene.names[one.number])
+    nothing, amplitudes = Constant(amount=0.0), dict[str, Driving]()
+    for term in frame_terms(on.scene):
+        amplitudes[term.name] = nothing
+        if term.of in ("load", "cylinder load"):
+            amplitudes[term.name] = loads.get(input_of(term.carried or term.bodies[0], term.component), nothing)
+        if term.of == "cylinder load":
+            path = paths.get(on.scene.names[term.number])
             free = isinstance(path, NodeCoordinate)
-            found[one.name] = nothing if free else partial(_pushed, found[one.name], path)
-    return found
+            amplitudes[term.name] = nothing if free else partial(_cylinder_load, amplitudes[term.name], path)
+    return amplitudes
 
 
-def _pushed(load: Any, extension: Any, mbs: Any, t: float) -> float:
+def _cylinder_load(load: Any, extension: Any, mbs: Any, t: float) -> float:
     """Minus what a cylinder pushes with against a load along it, over its length, N/m."""
     return _value(load, mbs, t) / _value(extension, mbs, t)

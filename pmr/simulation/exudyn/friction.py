@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError, SimulationError
 from pmr.simulation.exudyn.contacts import Contacts, Motion
 from pmr.simulation.exudyn.equations import Equations
-from pmr.simulation.grip import Grip, slid
+from pmr.simulation.grip import Grip, slide
 from pmr.system.contact_rows import ContactRows
 from pmr.system.friction import Friction
 
@@ -52,20 +52,20 @@ class Found:
 class Rubbing:
     """A system's friction from step to step; an InputError is raised where a pad that rubs does not give way."""
 
-    def __init__(self, equations: Equations, contacts: Contacts, known: Friction) -> None:
+    def __init__(self, equations: Equations, contacts: Contacts, friction: Friction) -> None:
         system = equations.system
-        for pad in known.pads:
+        for pad in friction.pads:
             if contacts.rigid[pad]:
                 allowed = (
                     "more than 0 m/N, or residual flexibility, is allowed: Exudyn finds friction by what gives way"
                 )
                 raise InputError("system", f"contacts.{system.contact_names[pad]}.compliance", 0.0, allowed)
-        self._equations, self._contacts, self.known = equations, contacts, known
+        self._equations, self._contacts, self.known = equations, contacts, friction
         #: Of loads at t s, what the motion of the base makes of them, (i,) N: nothing on the ground.
         self.inertia: Callable[[float], Array] = lambda t: np.zeros(equations.B.shape[1])
         self._joints = [
             next((k, side.place) for k, side in enumerate(system.sides) if side.place.path == joint)
-            for joint in known.joints
+            for joint in friction.joints
         ]
         self.grip = Grip()
 
@@ -82,76 +82,76 @@ class Rubbing:
 
     def answers(self, rows: Rows, f: Array) -> Array:
         """F^-1 H f (m',) N of contacts that give way, to loads f (i,)."""
-        given = rows.giving.H @ f
-        return np.asarray(np.linalg.solve(rows.giving.F, given)) if f.any() else given
+        displacements = rows.giving.H @ f
+        return np.asarray(np.linalg.solve(rows.giving.F, displacements)) if f.any() else displacements
 
     def begin(self, rows: Rows, q: Array, f: Array) -> None:
         """Stand at rest without friction, at coordinates q (n,) under loads f (i,) N."""
-        self.grip = Grip.begun(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
+        self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
 
     def found(self, rows: Rows, q: Array, f: Array) -> Found:
         """At the end of the present step, with coordinates q (n,) under loads f (i,) N.
 
         A SimulationError is raised where friction does not settle.
         """
-        known, grip, gap = self.known, self.grip, np.zeros(len(self._contacts.gives))
+        friction, grip, gap = self.known, self.grip, np.zeros(len(self._contacts.gives))
         diagonal = np.zeros(len(gap))
         diagonal[self._contacts.gives] = np.diag(rows.giving.F)
         for _ in range(LIMIT):
-            multipliers, given = self._multipliers(rows, q, f, gap), grip
-            grip = slid(known, self.grip, known.totals(given.forces), rows.s, multipliers, np.diag(diagonal))
-            moments = known.moments(grip.forces, multipliers)
-            old, gap = gap, known.gaps(grip.forces) - rows.answers @ moments
-            limits = known.coefficients * np.abs(multipliers[known.pads])
-            most = known.gaps(limits) + np.abs(rows.answers) @ np.abs(known.moments(limits, multipliers))
+            multipliers, last = self._multipliers(rows, q, f, gap), grip
+            grip = slide(friction, self.grip, friction.totals(last.forces), rows.s, multipliers, np.diag(diagonal))
+            moments = friction.moments(grip.forces, multipliers)
+            old, gap = gap, friction.gaps(grip.forces) - rows.answers @ moments
+            limits = friction.coefficients * np.abs(multipliers[friction.pads])
+            most = friction.gaps(limits) + np.abs(rows.answers) @ np.abs(friction.moments(limits, multipliers))
             if np.abs(gap - old).max() <= CONVERGED * most.max():
                 return Found(multipliers, grip, rows.slopes.T @ moments, gap)
-        raise SimulationError(f"friction of the pads along {', '.join(known.joints)} does not settle")
+        raise SimulationError(f"friction of the pads along {', '.join(friction.joints)} does not settle")
 
-    def followed(self, motion: Motion) -> Motion:
-        """With what friction does, and the forces of contacts that give way, from step to step."""
+    def add_friction(self, motion: Motion) -> Motion:
+        """Motion with friction and the forces of contacts that give way, from step to step."""
         rows = self.rows(motion.x[:1])
         self.begin(rows, motion.q[0], motion.f[0])
         begun = self._multipliers(rows, motion.q[0], motion.f[0], 0.0)
-        kept = [Found(begun, self.grip, np.zeros(motion.q.shape[1]), np.zeros(len(begun)))]
+        steps = [Found(begun, self.grip, np.zeros(motion.q.shape[1]), np.zeros(len(begun)))]
         for k in range(1, len(motion.q)):
             if np.any(motion.x[k] != motion.x[k - 1]):
                 rows = self.rows(motion.x[k : k + 1])
-            kept.append(self.found(rows, motion.q[k], motion.f[k]))
-            self.grip = kept[-1].grip
+            steps.append(self.found(rows, motion.q[k], motion.f[k]))
+            self.grip = steps[-1].grip
         forces = motion.forces.copy()
-        forces[:, self.gives] = np.array([one.multipliers[self.gives] for one in kept])
+        forces[:, self.gives] = np.array([step.multipliers[self.gives] for step in steps])
         return replace(
             motion,
             forces=forces,
-            friction=np.array([one.grip.forces for one in kept]),
-            w=np.array([one.w for one in kept]),
-            gap=np.array([one.gap for one in kept]),
+            friction=np.array([step.grip.forces for step in steps]),
+            w=np.array([step.w for step in steps]),
+            gap=np.array([step.gap for step in steps]),
         )
 
-    def stiffness(self, rows: Rows, found: Found) -> Array:
-        """What all of these forces change by with q, (n, n) N/m: of closed contacts, of pads that stick and slide."""
-        known, multipliers, m = self.known, found.multipliers, len(self.gives)
-        f, F, C, M = found.grip.forces, np.zeros((m, m)), np.zeros((m, rows.slopes.shape[1])), np.zeros((m, m))
+    def stiffness(self, rows: Rows, state: Found) -> Array:
+        """Derivative (n, n) N/m by q of the forces of closed contacts, and of pads that stick and slide."""
+        friction, multipliers, m = self.known, state.multipliers, len(self.gives)
+        f, F, C, M = state.grip.forces, np.zeros((m, m)), np.zeros((m, rows.slopes.shape[1])), np.zeros((m, m))
         F[np.ix_(self.gives, self.gives)], C[self.gives] = rows.giving.F, rows.giving.C
-        slides = np.abs(f) >= known.coefficients * np.abs(multipliers[known.pads])
-        way = known.coefficients * np.sign(f) * slides
-        M[known.pads, known.pads] = known.arms * way  # dm / dlambda
-        for j, (c, gives) in enumerate(zip(known.cylinders, known.gives, strict=True)):
+        slides = np.abs(f) >= friction.coefficients * np.abs(multipliers[friction.pads])
+        way = friction.coefficients * np.sign(f) * slides
+        M[friction.pads, friction.pads] = friction.arms * way  # dm / dlambda
+        for j, (c, gives) in enumerate(zip(friction.cylinders, friction.gives, strict=True)):
             if gives > 0.0:
-                own = slice(known.first[j], known.first[j + 1])
-                pads, grip = known.pads[own], known.stiffness[own] * ~slides[own]
+                of_joint = slice(friction.first[j], friction.first[j + 1])
+                pads, grip = friction.pads[of_joint], friction.stiffness[of_joint] * ~slides[of_joint]
                 softened = gives / (1.0 + gives * grip.sum())
                 F[c, c] += softened - gives
-                F[c, pads] += softened * way[own] * np.sign(multipliers[pads])
-                M[pads, c] = -known.arms[own] * np.sign(multipliers[pads]) * grip * softened
+                F[c, pads] += softened * way[of_joint] * np.sign(multipliers[pads])
+                M[pads, c] = -friction.arms[of_joint] * np.sign(multipliers[pads]) * grip * softened
         F -= rows.answers @ M
         closed = np.flatnonzero(self.gives)[self._contacts.closed]
         answers = np.linalg.solve(F[np.ix_(closed, closed)], C[closed])
         return np.asarray((C - M.T @ rows.slopes)[closed].T @ answers)
 
     def _multipliers(self, rows: Rows, q: Array, f: Array, gap: Array | float) -> Array:
-        found, gives = np.zeros(len(self._contacts.gives)), self._contacts.gives
-        gaps = np.broadcast_to(gap, found.shape)[gives]
-        found[gives] = self._contacts.pressed(rows.giving, rows.giving.C @ q + rows.giving.H @ f - gaps)
-        return found
+        multipliers, gives = np.zeros(len(self._contacts.gives)), self._contacts.gives
+        gaps = np.broadcast_to(gap, multipliers.shape)[gives]
+        multipliers[gives] = self._contacts.pressed(rows.giving, rows.giving.C @ q + rows.giving.H @ f - gaps)
+        return multipliers

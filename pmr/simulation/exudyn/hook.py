@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.simulation.exudyn.free_base import Base
 from pmr.simulation.exudyn.items import SystemItems, add_coordinates
-from pmr.simulation.floating import crossing
+from pmr.simulation.floating import skew
 from pmr.simulation.start import InitialState
 
 Array = NDArray[np.float64]
@@ -81,9 +81,9 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
         raise InputError("Exudyn", "on", None, "a boom on a rigid body is allowed to carry a hook")
     items.equations.system.ensure_frictionless("Exudyn, a boom with a hook")
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
-    known = [mbs.GetNode(node) for node in nodes]
-    start = np.concatenate([one["initialCoordinates"] for one in known])
-    rates = np.concatenate([one[next(key for key in RATES if key in one)] for one in known])
+    node_data = [mbs.GetNode(node) for node in nodes]
+    start = np.concatenate([node["initialCoordinates"] for node in node_data])
+    rates = np.concatenate([node[next(key for key in RATES if key in node)] for node in node_data])
     joint = _Joint(base, items, loads, start)
     place, velocity = joint.start(start, rates)
     name = f"{mbs.GetMarker(items.mSystem)['name']} {loads[2]}"
@@ -130,17 +130,17 @@ class _Joint:
         if unknown := [name for name in loads if name not in names]:
             raise InputError("system", "loads", ", ".join(unknown), f"{', '.join(names)} are allowed")
         self._base, self._inputs, self._on = base, items.inputs, [names.index(name) for name in loads]
-        owner = next(k for k, one in enumerate(base.boom.boom.sections) if one.loads[:, self._on].any())
+        owner = next(k for k, section in enumerate(base.boom.boom.sections) if section.loads[:, self._on].any())
         work = base.boom.boom.sections[owner].loads[:, self._on]
         turned = work[3:]  # r x e_j
         self._r, self._section = np.array([turned[2, 1], turned[0, 2], turned[1, 0]]), owner
-        there = crossing(self._r)
-        if not (np.allclose(work[:3], np.eye(3)) and np.allclose(turned, there, atol=1e-9)):
+        expected = skew(self._r)
+        if not (np.allclose(work[:3], np.eye(3)) and np.allclose(turned, expected, atol=1e-9)):
             allowed = "forces along x, y and z at one place are allowed"
             raise InputError("system", "loads", ", ".join(loads), allowed)
-        known = base.answers(self._split(0.0, start)[2])
-        values, vectors = np.linalg.eigh(known.E[np.ix_(self._on, self._on)])
-        stiff = vectors[:, values <= ROUND_OFF * max(known.E.max(), TINY)]
+        answers = base.answers(self._split(0.0, start)[2])
+        values, vectors = np.linalg.eigh(answers.E[np.ix_(self._on, self._on)])
+        stiff = vectors[:, values <= ROUND_OFF * max(answers.E.max(), TINY)]
         self._firm = stiff @ stiff.T  # onto the directions in which nothing gives way at once
         self._scale = float(values[-1]) if values[-1] > 0.0 else 1.0
         self._shortened = list(base.boom.shortened_by(loads[0]))
@@ -153,16 +153,16 @@ class _Joint:
         return z[:k], z[k : k + n], self._base.extended(t, z[k + n :], z[k + n :]).value
 
     def _displacements(self, z: Array) -> Array:
-        """Those of all nodes but w and hook, of coordinates as a marker has them: with those of reference."""
-        found, k, paths = z[6:].copy(), self._base.count, self._base.paths
-        found[:k] -= self._base.reference
-        found[len(found) - len(paths.reference) :] -= paths.reference
-        return found
+        """Displacements of all nodes but w and hook, out of coordinates that include those of reference."""
+        coordinates, k, paths = z[6:].copy(), self._base.count, self._base.paths
+        coordinates[:k] -= self._base.reference
+        coordinates[len(coordinates) - len(paths.reference) :] -= paths.reference
+        return coordinates
 
     def _gives(self, s: Array) -> tuple[Array, Array]:
         """E_h (3, 3) m/N, and its derivative by the paths (P, 3, 3)."""
-        known, on = self._base.answers(s), np.ix_(self._on, self._on)
-        return known.E[on], known.E_slope[:, *on]
+        answers, on = self._base.answers(s), np.ix_(self._on, self._on)
+        return answers.E[on], answers.E_slope[:, *on]
 
     def given(self, t: float, z: Array) -> tuple[Array, Array]:
         """Force (N,) and stiffness (N, N) of what w stores, and of what holds it where nothing gives way."""
@@ -178,23 +178,23 @@ class _Joint:
 
     def _bent(self, s: Array, q: Array) -> tuple[Array, Array]:
         """G q (n,), and the derivative (P,) of q^T G q / 2 by the paths."""
-        found, by = np.zeros_like(q), np.zeros_like(s)
+        bent, by = np.zeros_like(q), np.zeros_like(s)
         for k, G in self._shortened:
             l, Gq = (1.0 if k is None else s[k]), G @ q
-            found += Gq / l
+            bent += Gq / l
             if k is not None:
                 by[k] -= q @ Gq / l**2 / 2.0
-        return found, by
+        return bent, by
 
     def _unbent(self, t: float, q: Array, s: Array, R: Array) -> tuple[Array, Array, Array]:
-        """Where the place is from O in the boom's axes with nothing on the hook, (3,) m; by q (3, n) and s (3, P)."""
-        known, e = self._base.answers(s), np.array([1.0, 0.0, 0.0])
-        moved, (bent, by) = known.B[:, self._on].T, self._bent(s, q)
-        beside = self._base.boom.weight(self._base.weight(t) * R[2], len(known.E)) + np.array(self._inputs.loads(t))
+        """Place (3,) m from O in the boom's axes with an empty hook; its derivatives by q (3, n) and s (3, P)."""
+        answers, e = self._base.answers(s), np.array([1.0, 0.0, 0.0])
+        rows, (bent, by) = answers.B[:, self._on].T, self._bent(s, q)
+        loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
         carried = np.arange(len(s)) <= self._section
-        at = self._base.boom.boom.place + e * (s @ carried - bent @ q / 2.0) + self._r + moved @ q
-        sliding = (known.B_slope[:, :, self._on].transpose(0, 2, 1) @ q + known.E_slope[:, self._on] @ beside).T
-        return at + known.E[self._on] @ beside, moved - np.outer(e, bent), sliding + np.outer(e, carried - by)
+        at = self._base.boom.boom.place + e * (s @ carried - bent @ q / 2.0) + self._r + rows @ q
+        sliding = (answers.B_slope[:, :, self._on].transpose(0, 2, 1) @ q + answers.E_slope[:, self._on] @ loads).T
+        return at + answers.E[self._on] @ loads, rows - np.outer(e, bent), sliding + np.outer(e, carried - by)
 
     def start(self, z: Array, z_t: Array) -> tuple[Array, Array]:
         """Place and velocity in space at t = 0, of nothing on the hook, from all nodes but w and hook."""
@@ -202,8 +202,8 @@ class _Joint:
         x, q, s = self._split(0.0, z)
         turned, _, motion, R = base.kinematics(x, z_t[:k])
         at, by_q, by_s = self._unbent(0.0, q, s, R)
-        moved = by_q @ z_t[k : k + n] + by_s @ base.extended(0.0, z[k + n :], z_t[k + n :]).rate
-        velocity = turned[:3] @ z_t[:k] + crossing(motion.omega) @ at + moved
+        relative = by_q @ z_t[k : k + n] + by_s @ base.extended(0.0, z[k + n :], z_t[k + n :]).rate
+        velocity = turned[:3] @ z_t[:k] + skew(motion.omega) @ at + relative
         return np.asarray(base.origin(x) + R @ at), np.asarray(R @ velocity)
 
     def gap(self, t: float, z: Array) -> Array:
@@ -214,11 +214,11 @@ class _Joint:
         return np.asarray(at - self._unbent(t, q, s, R)[0] - self._gives(s)[0] @ z[:3] / self._scale)
 
     def moved(self, t: float, z: Array) -> Array:
-        """Its derivative (3, N)."""
+        """Derivative (3, N) of the gap of the hook by all coordinates."""
         x, q, s = self._split(t, self._displacements(z))
         turned, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))
-        on_base = crossing(at) @ turned[3:] - turned[:3]
+        on_base = skew(at) @ turned[3:] - turned[:3]
         (E, E_slope), (_, by_q, by_s) = self._gives(s), self._unbent(t, q, s, R)
         along = -(by_s + (E_slope @ z[:3]).T / self._scale) @ self._base.paths.along
         return np.hstack([-E / self._scale, R.T, on_base, -by_q, along])

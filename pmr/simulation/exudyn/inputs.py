@@ -37,7 +37,7 @@ class Inputs(ABC):
 
     @abstractmethod
     def number(self, t: float) -> int:
-        """Of the places at t s; as long as they stay, it does."""
+        """Number of the places at t s; it stays as long as they do."""
 
     @abstractmethod
     def places(self, first: int, count: int) -> Array:
@@ -129,7 +129,7 @@ class SignalInputs(Inputs):
         return self._c
 
     def paths(self, t: float) -> dict[str, float]:
-        """Where each path is, m."""
+        """Coordinate of each path at t s, in m."""
         self.number(t)
         return self.s
 
@@ -144,14 +144,14 @@ class TabulatedInputs(Inputs):
     """
 
     def __init__(self, equations: Equations, excitation: Excitation, lengths: Lengths) -> None:
-        stepping, numbers = excitation.stepping.divided(lengths.finest), lengths.numbers
+        stepping, numbers = excitation.stepping.divide(lengths.finest), lengths.numbers
         fine = excitation.with_stepping(stepping)
         self.x, self.f = equations.visited(fine)[numbers], fine.forces(equations.system.input_names)[numbers]
         self.c = fine.amplitudes(equations.system.term_names)[numbers]
-        moved = np.append(True, np.any(self.x[1:] != self.x[:-1], axis=1))
-        at = (np.cumsum(moved) - 1).tolist()
+        changes = np.append(True, np.any(self.x[1:] != self.x[:-1], axis=1))
+        at = (np.cumsum(changes) - 1).tolist()
         loads, terms = map(tuple, self.f.tolist()), map(tuple, self.c.tolist())
-        self._places, self._step = self.x[moved], stepping.step
+        self._places, self._step = self.x[changes], stepping.step
         self._known = dict(zip(numbers.tolist(), zip(at, loads, terms, strict=True), strict=True))
 
     def begin(self, t: float) -> None:

@@ -35,7 +35,7 @@ Indices = NDArray[np.int64]
 PreStep = Callable[[Any, float], bool]
 
 
-def _nothing(mbs: Any, t: float) -> bool:
+def _do_nothing(mbs: Any, t: float) -> bool:
     return True
 
 
@@ -57,7 +57,7 @@ class SystemItems:
     oBase: Any = None  # ObjectGenericODE2 that couples it with a rigid body; None where it stands on the ground
     contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
     # sets rows and loads to the time t in s; the mbs' pre-step function calls it
-    update: PreStep = _nothing
+    update: PreStep = _do_nothing
     equations: Any = None  # what `add_sensors` needs
     inputs: Any = None
     base: Any = None  # what `add_hook` needs
@@ -65,24 +65,24 @@ class SystemItems:
 
     @property
     def nBody(self) -> Any:  # noqa: N802
-        """Of a body alone."""
+        """Node of a body alone."""
         (node,) = self.nBodies.values()
         return node
 
     @property
     def mBody(self) -> Any:  # noqa: N802
-        """Of a body alone."""
+        """Marker of a body alone."""
         (marker,) = self.mBodies.values()
         return marker
 
     @property
     def oBody(self) -> Any:  # noqa: N802
-        """What carries a body alone."""
+        """Object of a body alone."""
         return self.oSystem
 
     @property
     def oSlider(self) -> Any:  # noqa: N802
-        """What holds its rigid rows."""
+        """Connector of the rigid rows of a body alone."""
         return self.oContacts
 
 
@@ -111,9 +111,9 @@ def add_bodies(
     name = f"system{mbs.systemData.NumberOfObjects()}"
     called = {body: f"{name} {body}".strip() for body in equations.system.bodies}
     nodes = {body: add_coordinates(mbs, called[body], start[body]) for body in called}
-    given = {"massMatrix": equations.M, "stiffnessMatrix": equations.K if K is None else K}
-    given |= {"dampingMatrix": equations.D} if _has_entries(equations.D) else {}
-    matrices = {key: matrix(A) for key, A in given.items()}
+    of_bodies = {"massMatrix": equations.M, "stiffnessMatrix": equations.K if K is None else K}
+    of_bodies |= {"dampingMatrix": equations.D} if _has_entries(equations.D) else {}
+    matrices = {key: matrix(A) for key, A in of_bodies.items()}
     oSystem = mbs.AddObject(ObjectGenericODE2(name=name, nodeNumbers=list(nodes.values()), **matrices, **parameters))
     ground = mbs.AddNode(NodePointGround(name=f"{name}Ground"))
     return SystemItems(
@@ -145,7 +145,7 @@ def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:
 def with_contacts(
     mbs: Any, items: SystemItems, contacts: Indices, mOther: Any = None, **parameters: Any
 ) -> SystemItems:
-    """The same items and a vector connector for `contacts` between the marker `mOther` (the ground) and all bodies."""
+    """Add a connector for `contacts` between the marker `mOther` (the ground) and all bodies."""
     if not len(contacts):
         return items
     name = f"{mbs.GetMarker(items.mSystem)['name']}Contacts"
@@ -163,9 +163,9 @@ class Steps:
 
     def __init__(self, held: bool) -> None:
         self._held, self._reached = held, 0.0
-        self._update: PreStep = _nothing
+        self._update: PreStep = _do_nothing
 
-    def updated(self, mbs: Any, items: SystemItems, update: PreStep) -> SystemItems:
+    def attach_update(self, mbs: Any, items: SystemItems, update: PreStep) -> SystemItems:
         """The items, with ``update(mbs, t)`` called before each step that ends at t."""
         self._update = update
         add_pre_step_function(mbs, self._begin)

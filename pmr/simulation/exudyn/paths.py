@@ -28,16 +28,16 @@ class NodeCoordinate:
     number: int = 0  # of its coordinates
 
     def __call__(self, mbs: Any, t: float) -> float:
-        """Where it is now, or begins; an InputError if the node has no such coordinate."""
-        known = mbs.GetNode(self.node)
-        size = len(known["referenceCoordinates"])
+        """Coordinate of the node now, or at the start; an InputError if it has no such coordinate."""
+        node = mbs.GetNode(self.node)
+        size = len(node["referenceCoordinates"])
         if not 0 <= self.number < size:
             allowed = f"a number from 0 to {size - 1} of the node's coordinates is allowed"
             raise InputError("Exudyn", "NodeCoordinate.number", self.number, allowed)
-        own = known["initialCoordinates"]
+        displacements = node["initialCoordinates"]
         if mbs.systemData.ODE2Size():
-            own = mbs.GetNodeOutput(self.node, exu.OutputVariableType.Coordinates)
-        return float(known["referenceCoordinates"][self.number] + np.atleast_1d(own)[self.number])
+            displacements = mbs.GetNodeOutput(self.node, exu.OutputVariableType.Coordinates)
+        return float(node["referenceCoordinates"][self.number] + np.atleast_1d(displacements)[self.number])
 
 
 def check_path(name: str, path: Any) -> None:
@@ -66,7 +66,7 @@ class Paths:
         first = dict(zip(self.nodes, np.cumsum([0, *sizes]).tolist(), strict=False))
         #: d s / d z (P, m), of the extensions, the base's 0 first, by the m coordinates of the nodes
         self.along = np.zeros((len(self.names), sum(sizes)))
-        self.reference = np.array([one for node in self.nodes for one in mbs.GetNode(node)["referenceCoordinates"]])
+        self.reference = np.array([value for node in self.nodes for value in mbs.GetNode(node)["referenceCoordinates"]])
         for name, path in self.free.items():
             self.along[self.names.index(name), first[path.node] + path.number] = 1.0
         self._known = np.zeros((3, len(self.names)))

@@ -24,15 +24,15 @@ Array = NDArray[np.float64]
 
 
 def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> SystemItems:
-    """The same items, and those of coordinates without inertia, if there are any."""
+    """Add items for coordinates without inertia, if there are any."""
     still, reached, begun = equations.quasi_static, 0.0, False
     if not len(still):
         return items
 
     def diagonal(values: Any) -> Any:
-        found = np.zeros(equations.size)
-        found[still] = values
-        return matrix(sp.diags(found, format="csr") if equations.sparse else np.diag(found))
+        diagonal = np.zeros(equations.size)
+        diagonal[still] = values
+        return matrix(sp.diags(diagonal, format="csr") if equations.sparse else np.diag(diagonal))
 
     empty, inertia = diagonal(0.0), diagonal(1.0)
     name = f"{mbs.GetMarker(items.mSystem)['name']}QuasiStatic"
@@ -70,7 +70,7 @@ def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> Sys
 
 def rates(equations: Equations, t: Array, q: Array, v: Array) -> Array:
     """Rates (T, n), of coordinates without inertia by the differences of q (T, n) at the times t (T,) s."""
-    still, found = equations.quasi_static, v.copy()
-    found[:, still] = 0.0
-    found[1:, still] = np.diff(q[:, still], axis=0) / np.diff(t)[:, None]
-    return found
+    still, changed = equations.quasi_static, v.copy()
+    changed[:, still] = 0.0
+    changed[1:, still] = np.diff(q[:, still], axis=0) / np.diff(t)[:, None]
+    return changed

@@ -13,13 +13,13 @@ from pmr.scene.simulators import refuse
 from pmr.simulation import balance
 from pmr.simulation.contact_step import as_made, contact_frequency
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, followed
+from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, balance_energy
 from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
 from pmr.simulation.exudyn.friction import Rubbing
 from pmr.simulation.exudyn.inputs import TabulatedInputs
 from pmr.simulation.exudyn.quasi_static import rates, with_quasi_static
-from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, solve, solver_settings, stored
+from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, read_sensor, solve, solver_settings
 from pmr.simulation.exudyn.terms import with_terms
 from pmr.simulation.lengths import Lengths
 from pmr.simulation.modal import LARGEST
@@ -48,7 +48,7 @@ def lengths(system: System, excitation: Excitation, initial: Mapping[str, Initia
 
 
 class Run:
-    """Of a system under an excitation, in the parts of each step that its schedule says, or that contacts take."""
+    """Simulation of a system under an excitation, each step in the parts of its schedule or of contacts."""
 
     def __init__(
         self, system: System, excitation: Excitation, initial: Mapping[str, InitialState], formulation: Formulation
@@ -75,7 +75,7 @@ class Run:
     def trajectory(self, progress: Progress | None) -> SystemTrajectory:
         """Take all steps."""
         linear = exu.LinearSolverType.EigenSparse if self._equations.sparse else exu.LinearSolverType.EigenDense
-        chosen = solver_settings(self._excitation.stepping.divided(self._lengths.finest), linear)
+        chosen = solver_settings(self._excitation.stepping.divide(self._lengths.finest), linear)
         chosen.timeIntegration.numberOfSteps = self._lengths.steps
         chosen.timeIntegration.newton.useModifiedNewton = self._formulation == "callbacks-modified-newton"
         change(chosen.timeIntegration.newton, self._excitation.options.newton)
@@ -83,17 +83,17 @@ class Run:
         seconds = solve(self._mbs, chosen, self._describe, progress, times)
         motion, contacts = self._motion(), Contacts(self._equations, self._inputs)
         if self._friction is not None:
-            motion = Rubbing(self._equations, contacts, self._friction).followed(motion)
-        balanced = followed(self._equations, contacts, motion)
+            motion = Rubbing(self._equations, contacts, self._friction).add_friction(motion)
+        balanced = balance_energy(self._equations, contacts, motion)
         return self._trajectory(motion, balanced, seconds)
 
     def _describe(self, t: float) -> str:
-        """Where the paths lead at a time in s."""
+        """Text with the coordinates of the paths at t s."""
         at = ((name, float(path.value(t))) for name, path in self._excitation.paths.items())
         return ", ".join(f"{name} at {s:g} m" for name, s in at)
 
     def _motion(self) -> Motion:
-        """What the sensors stored; forces of contacts that give way are still zero where they have no multiplier."""
+        """Motion as the sensors stored it; forces of contacts that give way without multipliers are zero."""
         q, v = (np.hstack([self._stored(sensor) for sensor in sensors]) for sensors in self._of_nodes)
         forces = np.zeros((len(q), len(self.system.contacts)))
         if self._of_contacts is not None:
@@ -103,7 +103,7 @@ class Run:
         return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c, none, none, none)
 
     def _stored(self, sensor: Any) -> Array:
-        return stored(self._mbs, sensor, self._lengths, self._describe)
+        return read_sensor(self._mbs, sensor, self._lengths, self._describe)
 
     def _trajectory(self, motion: Motion, balanced: Balance, seconds: float) -> SystemTrajectory:
         """From all parts of all steps."""
@@ -115,12 +115,12 @@ class Run:
         balance.refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving))
         reaching, rubbed = motion.forces[ends], {}
         forces, energy, work = reaching, balanced.stored[ends], balanced.work[ends]
-        if (known := self._friction) is not None:
+        if (pads := self._friction) is not None:
             friction = motion.friction[ends]
-            forces = reaching + known.along(friction)
-            of_cylinders = known.stored(friction, forces)
+            forces = reaching + pads.along(friction)
+            of_cylinders = pads.stored(friction, forces)
             energy, work = energy + of_cylinders, work + of_cylinders
-            rubbed = {"friction": friction, "moments": known.moments(friction, forces)}
+            rubbed = {"friction": friction, "moments": pads.moments(friction, forces)}
         within = np.maximum.reduceat(motion.forces[1:], ends[:-1], axis=0)
         bodies = {
             name: Trajectory(
@@ -135,9 +135,9 @@ class Run:
             for name in system.bodies
         }
         peaks = np.where(pushes, np.vstack([forces[:1], within]), forces)
-        made = np.concatenate([[1], parts])
+        parts_of_steps = np.concatenate([[1], parts])
         c = motion.c[ends] if system.terms else None
         return SystemTrajectory(
-            t, bodies, forces, peaks, motion.f[ends], energy, work, seconds, surplus, made, amplitudes=c,
+            t, bodies, forces, peaks, motion.f[ends], energy, work, seconds, surplus, parts_of_steps, amplitudes=c,
             rates=self._excitation.rates, **rubbed,
         )  # fmt: skip

@@ -39,36 +39,36 @@ class Watched:
 
     def forces(self, t: float, configuration: Any) -> Array:
         """Lambda (m,) N, with their friction; of rigid contacts the current ones, for there are no others."""
-        found, _, grip = self._settled(t, self._coordinates(configuration))
-        return found if grip is None else found + self._items.rubbing.known.along(grip)
+        multipliers, _, grip = self._contact_state(t, self._coordinates(configuration))
+        return multipliers if grip is None else multipliers + self._items.rubbing.known.along(grip)
 
     def outputs(self, t: float, configuration: Any) -> Array:
         """Y = O q + W f - X lambda (o,), and what moments of friction move."""
         equations, q = self._items.equations, self._coordinates(configuration)
-        found, rows, grip = self._settled(t, q)
-        y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - rows.X @ found
+        multipliers, rows, grip = self._contact_state(t, q)
+        y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - rows.X @ multipliers
         if grip is not None:
             turned = equations.assembly.turned(self._items.inputs.at(t)[0])
-            y = y + turned @ self._items.rubbing.known.moments(grip, found)
+            y = y + turned @ self._items.rubbing.known.moments(grip, multipliers)
         return np.asarray(y)
 
     def _loads(self, t: float) -> Array:
-        """With those by which a base that moves accelerates the boom, (i,)."""
-        found, base = np.array(self._items.inputs.loads(t)), self._items.base
-        return found if base is None else found + base.inertia(self._mbs, t)
+        """Loads (i,), with those by which a base that moves accelerates the boom."""
+        loads, base = np.array(self._items.inputs.loads(t)), self._items.base
+        return loads if base is None else loads + base.inertia(self._mbs, t)
 
-    def _settled(self, t: float, q: Array) -> tuple[Array, ContactRows, Array | None]:
+    def _contact_state(self, t: float, q: Array) -> tuple[Array, ContactRows, Array | None]:
         """Lambda without friction, the rows, and what pads hold; None where none rubs."""
-        equations, inputs, found = self._items.equations, self._items.inputs, np.zeros(len(self._rest))
+        equations, inputs, multipliers = self._items.equations, self._items.inputs, np.zeros(len(self._rest))
         x, f, rubbing, grip = inputs.at(t), self._loads(t), self._items.rubbing, None
         if self._held:
-            found[self._held] = self._mbs.GetObjectOutput(self._items.oContacts, exu.OutputVariableType.Force)
+            multipliers[self._held] = self._mbs.GetObjectOutput(self._items.oContacts, exu.OutputVariableType.Force)
         if rubbing is not None:
             at = rubbing.found(rubbing.rows(x), q, f)
-            found[self._rest], grip = at.multipliers[self._rest], at.grip.forces
+            multipliers[self._rest], grip = at.multipliers[self._rest], at.grip.forces
         elif self._rest.any():
-            found[self._rest] = self._contacts.forces(self._contacts.rows(x), q[None], f[None])[0]
-        return found, equations.rows(x).at(0), grip
+            multipliers[self._rest] = self._contacts.forces(self._contacts.rows(x), q[None], f[None])[0]
+        return multipliers, equations.rows(x).at(0), grip
 
     def _coordinates(self, configuration: Any) -> Array:
         kind, nodes = exu.OutputVariableType.Coordinates, self._items.nBodies.values()
@@ -79,14 +79,14 @@ def add_sensors(mbs: Any, items: SystemItems) -> SystemSensors:
     """Sensors of a system that `add_system` added: y = O q + W f - X lambda, and lambda, whenever they are written."""
     watched, equations = Watched(mbs, items), items.equations
 
-    def pushed(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
+    def write_forces(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
         return watched.forces(t, configuration)
 
-    def moved(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
+    def write_outputs(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> Any:
         return watched.outputs(t, configuration)
 
-    both = [
-        mbs.AddSensor(SensorUserFunction(sensorNumbers=[], factors=[], sensorUserFunction=one, storeInternal=True))
-        for one in (moved, pushed)
+    added = [
+        mbs.AddSensor(SensorUserFunction(sensorNumbers=[], factors=[], sensorUserFunction=function, storeInternal=True))
+        for function in (write_outputs, write_forces)
     ]
-    return SystemSensors(both[0], equations.system.output_names, both[1], equations.system.contact_names)
+    return SystemSensors(added[0], equations.system.output_names, added[1], equations.system.contact_names)

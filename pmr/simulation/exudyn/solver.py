@@ -50,10 +50,10 @@ def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
 
     An InputError is raised where Exudyn knows no such setting, or refuses the value.
     """
-    known = [name for name, value in newton.GetDictionary().items() if not isinstance(value, Mapping)]
+    names = [name for name, value in newton.GetDictionary().items() if not isinstance(value, Mapping)]
     for name, value in settings.items():
-        if name not in known:
-            raise InputError("scene", f"simulation.newton.{name}", value, f"one of {', '.join(known)} is allowed")
+        if name not in names:
+            raise InputError("scene", f"simulation.newton.{name}", value, f"one of {', '.join(names)} is allowed")
         try:
             setattr(newton, name, value)
         except exu.ExudynError as error:
@@ -129,7 +129,7 @@ def of_connector(mbs: Any, connector: Any) -> Any:
     return mbs.AddSensor(SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))
 
 
-def stored(mbs: Any, sensor: Any, stepping: TimeStepping | Lengths, place: Callable[[float], str]) -> Array:
+def read_sensor(mbs: Any, sensor: Any, stepping: TimeStepping | Lengths, place: Callable[[float], str]) -> Array:
     """Values (T, c) that a sensor stored, one row a step or a part of it, t = 0 included.
 
     A SimulationError is raised where steps are missing or a value is not finite.
@@ -158,7 +158,7 @@ def _warnings_logged() -> Iterator[None]:
 
 
 def slider_at(position: Callable[[float], float]) -> Callable[[float], str]:
-    """Where a slider is, in words, from its path coordinate in m at a time in s."""
+    """Function of t in s that says in words where a slider is, from its path coordinate in m."""
     return lambda t: f"slider at {position(t):g} m"
 
 

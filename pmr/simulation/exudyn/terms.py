@@ -17,17 +17,17 @@ from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function, matr
 
 
 def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Inputs) -> SystemItems:
-    """The same items, and those of the system's terms, if it has any."""
+    """Add the object of the system's terms, if it has any."""
     if not equations.system.terms:
         return items
     assembly, sparse, known = equations.assembly, equations.sparse, inputs.amplitudes(0.0)
 
     def matrices(c: tuple[float, ...]) -> dict[str, Any]:
-        found = {
+        entries = {
             "stiffnessMatrix": assembly.stiffness(c) - assembly.K,
             "dampingMatrix": assembly.damping(c) - assembly.D,
         }
-        return {key: matrix(A if sparse else A.toarray()) for key, A in found.items()}
+        return {key: matrix(A if sparse else A.toarray()) for key, A in entries.items()}
 
     empty = matrix(0.0 * assembly.M if sparse else 0.0 * assembly.M.toarray())
     name = f"{mbs.GetMarker(items.mSystem)['name']}Terms"
@@ -43,10 +43,10 @@ def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Input
 
     def vary(mbs: Any, t: float) -> bool:
         nonlocal known
-        found = inputs.amplitudes(t)
-        if found != known:
-            known = found
-            for key, value in matrices(found).items():
+        amplitudes = inputs.amplitudes(t)
+        if amplitudes != known:
+            known = amplitudes
+            for key, value in matrices(amplitudes).items():
                 mbs.SetObjectParameter(oTerms, key, value)
         return True
 

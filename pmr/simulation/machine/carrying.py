@@ -38,7 +38,7 @@ def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Exc
         inputs[at] = column
     pushed = [getattr(of, axis) or Constant(amount=0.0) for of in (machine.force, machine.moment) for axis in "xyz"]
     weight = np.zeros(len(t)) if scene.gravity is None else scene.gravity.signal.value(t)
-    shortened = [one.G for one in boom.shortened]
+    shortened = [term.G for term in boom.shortened]
     return Machine(
         axes=np.array([frame.drivers.index(axis) for axis in AXES], np.int32),
         free=np.isin(DIRECTIONS, machine.free).astype(np.int32),
@@ -60,7 +60,8 @@ def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Exc
         rotating=modes.T @ boom.rotating @ modes,
         carried=modes.T @ boom.carried @ modes,
         of_shortened=np.array(
-            [(one.section, one.over, -1 if one.cylinder is None else one.cylinder) for one in boom.shortened], np.int32
+            [(term.section, term.over, -1 if term.cylinder is None else term.cylinder) for term in boom.shortened],
+            np.int32,
         ).reshape(-1, 3),
         shortened=modes.T @ np.array(shortened).reshape(-1, boom.size, boom.size) @ modes,
         motions=np.ascontiguousarray(np.moveaxis(frame.motions(excitation, t), -1, 0)),
@@ -75,7 +76,7 @@ def modes_in_bodies(form: SystemForm, size: int) -> Array:
     """Coordinates of the assembled bodies of unit modes, (n, r')."""
     assembly = Assembly(form.system)
     modes = np.zeros((assembly.size, size))
-    blocks = [one.X[assembly.free[name]] for name, one in form.forms.items()]
+    blocks = [modal.X[assembly.free[name]] for name, modal in form.forms.items()]
     modes[:, form.used] = scipy.linalg.block_diag(*blocks)
     return modes
 

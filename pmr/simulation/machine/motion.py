@@ -82,7 +82,7 @@ class MachineRun:
         self._given, self._first = base_motions(scene, np.zeros(1))[0], machine.motions[0].copy()
         self._angles = [moving.drivers.index(angle) for angle in OF_BASE]
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
-        begun = [[getattr(of, one) for one in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
+        begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
         self._begun = np.array(begun) * units(scene)  # (2, 6): of free directions, with rates
         self._inertial = [system.input_names[k] for k in machine.inertial] if self._free.any() else []
         self.carried, self._in_balance = Carried(state, machine), scene.start == "equilibrium"
@@ -109,16 +109,16 @@ class MachineRun:
         )
 
     def _begin(self) -> None:
-        """Where springs carry what stands on them if all begins in equilibrium; accelerations are of all together."""
+        """Start in equilibrium on the springs of the machine, with the accelerations of all together."""
         motion, states = self._given.copy(), dict[str, InitialState]()
         motion[:2, self._free] += self._begun[:, self._free]
         if self._in_balance:
             motion = self._balanced(motion)
-            states = self._resting(motion[0])
+            states = self._rest_states(motion[0])
         x_rate = rates_of_places(self._system, self._excitation)
         self.carried.start(motion, *start_modes(self.form, self._x[0], x_rate, states))
 
-    def _resting(self, place: Array) -> dict[str, InitialState]:
+    def _rest_states(self, place: Array) -> dict[str, InitialState]:
         """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest there (6,)."""
         motions, states = self._first.copy(), dict[str, InitialState]()
         motions[0, self._angles] = place[3:]
@@ -137,15 +137,15 @@ class MachineRun:
             return motion
         nothing, place = np.zeros(self._kernel.modes), motion[0].copy()
 
-        def needed(at: Array) -> Array:
+        def forces_at(at: Array) -> Array:
             place[sprung] = at
-            z, _ = start_modes(self.form, self._x[0], np.zeros_like(self._x[0]), self._resting(place))
+            z, _ = start_modes(self.form, self._x[0], np.zeros_like(self._x[0]), self._rest_states(place))
             return self.carried.needed(np.vstack([place, np.zeros((2, 6))]), z, nothing, nothing)[sprung]
 
         at = place[sprung].copy()
         for _ in range(TRIALS):
-            now = needed(at)
-            slope = np.array([(needed(at + step) - now) / DIFFERENCE for step in DIFFERENCE * np.eye(len(at))]).T
+            now = forces_at(at)
+            slope = np.array([(forces_at(at + step) - now) / DIFFERENCE for step in DIFFERENCE * np.eye(len(at))]).T
             change = np.linalg.solve(slope, now)
             at = at - change
             if np.abs(change).max() <= ROUND_OFF * max(1.0, np.abs(at).max()):

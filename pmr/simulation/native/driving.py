@@ -69,18 +69,18 @@ class Drivers:
         self._begun, self._begun_rows = motions.copy(), rows.copy()  # where the last step ended
 
         # numbers of motions by their names, and within what numbers and their changes are taken at once
-        whole = (-LARGEST, LARGEST, 2.0 * LARGEST, LARGEST)
+        unlimited = (-LARGEST, LARGEST, 2.0 * LARGEST, LARGEST)
         limits = [(low, high, JUMP * (high - low), (high - low) / step) for low, high in self._ranges]
         self._limits: Limits = {name: (k, *limits[k]) for name, k in self._path_numbers.items()}
-        self._limits_of_loads: Limits = {name: (k, *whole) for name, k in self._load_numbers.items()}
+        self._limits_of_loads: Limits = {name: (k, *unlimited) for name, k in self._load_numbers.items()}
         turn = (-WHOLE_TURN, WHOLE_TURN, JUMP * WHOLE_TURN, LARGEST)
         self._limits_of_frame: Limits = {
-            name: (k, *(turn if k in self._angles else whole)) for name, k in self._frame_numbers.items()
+            name: (k, *(turn if k in self._angles else unlimited)) for name, k in self._frame_numbers.items()
         }
 
     @property
     def places(self) -> dict[str, float]:
-        """Where the paths stand, in m by their names."""
+        """Coordinates of the paths in m, by their names."""
         return {path: self._values[k] for path, k in self._path_numbers.items() if isinstance(path, str)}
 
     def take_path(self, s: Values) -> None:

@@ -44,14 +44,14 @@ class SystemForm:
 
     @cached_property
     def columns(self) -> dict[str, slice]:
-        """Where the modes of each body stand among all of the kernel's, which fill bodies up to whole registers."""
+        """Columns of each body's modes among all of the kernel's, which pad bodies to whole registers."""
         sizes = {name: form.body.size for name, form in self.forms.items()}
         starts = np.cumsum([0, *map(round_up, sizes.values())]).tolist()
         return {name: slice(at, at + size) for at, (name, size) in zip(starts, sizes.items(), strict=False)}
 
     @property
     def used(self) -> NDArray[np.int64]:
-        """Where modes stand among all of the kernel's, (r,)."""
+        """Columns (r,) of modes among all of the kernel's."""
         return np.concatenate([np.arange(part.start, part.stop) for part in self.columns.values()])
 
     @cached_property
@@ -61,7 +61,7 @@ class SystemForm:
 
     @cached_property
     def frame(self) -> MovingFrame | None:
-        """What drives inputs and terms where the system's scene has a frame; None where that drives others."""
+        """Frame that drives inputs and terms, of the system's scene; None where that drives others."""
         try:
             return MovingFrame.of(self.system)
         except InputError:

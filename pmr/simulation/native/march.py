@@ -94,7 +94,7 @@ class March:
             self._signals = Signals(self._drivers if self._frame is None else self._frame.signals)
         except NotImplementedError:
             self._frame = self._signals = None
-        zero = self.sampled(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
+        zero = self.sample_drivers(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
         self._start: tuple[Any, ...] = ("rest", zero)
         if initial is None and excitation.start == "equilibrium":
             self._start = ("equilibrium", zero)
@@ -105,7 +105,7 @@ class March:
             modes = start_modes(form, self.x[0], rates_of_places(system, excitation), initial)
             self._start = ("given", zero, *modes)
         if error := self.begin():
-            raise self._failed(error, 0)
+            raise self._failure(error, 0)
 
     def begin(self) -> StepError | None:
         """Bring the state to t = 0; the error where that fails."""
@@ -126,7 +126,7 @@ class March:
         """
         paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
 
-        def taken(first: int, steps: Steps) -> None:
+        def record_block(first: int, steps: Steps) -> None:
             nonlocal least
             at = slice(first, first + len(steps.z))
             self._stored[at], self._work[at] = steps.energy.T
@@ -134,7 +134,7 @@ class March:
             least = max(least, balance.round_off(self.form.mobility, loads, float(self.t[1])))
             take(first, steps)
 
-        seconds = self.observe(1, taken, progress)
+        seconds = self.observe(1, record_block, progress)
         surplus = balance.surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
         balance.refuse_growth(surplus, "march", self._growing)
         return Ended(seconds, surplus)
@@ -151,13 +151,13 @@ class March:
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
-        record = Record(self.form.kernel, most + 1, self._recorded)
+        record = Record(self.form.kernel, most + 1, self._recorded_names)
         room = self._room(record)
 
         def advance(first: int, last: int) -> None:
             self._advance((first - 1) * every, last - first, every, record)
 
-        def taken(first: int, last: int) -> None:
+        def hand_over(first: int, last: int) -> None:
             steps = room.at(slice(last - first + 1))
             self._check_finite(steps.z, first - 1, every)
             for forces in (steps.multipliers, steps.peaks):
@@ -168,11 +168,11 @@ class March:
                 if array is not None:
                     array[0] = array[last - first]
 
-        return in_blocks(count + 1, most, self.finest, advance, taken, progress) - self._sampling
+        return in_blocks(count + 1, most, self.finest, advance, hand_over, progress) - self._sampling
 
     @property
-    def _recorded(self) -> tuple[str, ...]:
-        """What is recorded of each step."""
+    def _recorded_names(self) -> tuple[str, ...]:
+        """Names of the arrays that are recorded of each step."""
         of_parts = ("peaks", "parts") if self.finest > 1 else ()
         impulses = ("impulses",) if self.pushing.any() else ()
         friction = ("friction",) if self.form.kernel.pads else ()
@@ -184,7 +184,7 @@ class March:
         for name, array in arrays.items():
             if name != "impulses":
                 array[0] = getattr(self.state, "multipliers" if name == "peaks" else name)
-        if "parts" in self._recorded:
+        if "parts" in self._recorded_names:
             record.parts[0] = 1
             arrays["parts"] = record.parts
         return Steps(**arrays)
@@ -201,27 +201,27 @@ class March:
         except StepError as error:
             if error.failure == Failure.NOT_FINITE:
                 self._check_finite(record["z"][: rows + 1], first // every, every)
-            raise self._failed(error, self.state.step_number + 1) from None
+            raise self._failure(error, self.state.step_number + 1) from None
 
     def _advance_sampled(
         self, first: int, steps: int, every: int, schedule: NDArray[np.int32] | None, record: Record
     ) -> None:
-        """The same with samples of the drivers, at as many parts of each step as it needs."""
+        """Advance by samples of the drivers, at as many parts of each step as it needs."""
         taken, per = 0, self.state.settings.parts[0]
         while taken < steps:
-            rest = -taken % every  # steps up to the next one that is recorded, where a call ended between two
-            count, each = (every * max(1, max(FINE, TIMES // per) // every), every) if rest == 0 else (rest - 1, rest)
-            if rest == 1:
+            skip = -taken % every  # steps up to the next one that is recorded, where a call ended between two
+            count, each = (every * max(1, max(FINE, TIMES // per) // every), every) if skip == 0 else (skip - 1, skip)
+            if skip == 1:
                 count = each = 1
             end = min(steps, taken + count)
-            own = None if schedule is None else schedule[taken:end]
-            if own is not None:
-                per = int(np.lcm.reduce(own))
-            u = self.sampled(first + taken, first + end, per)
-            done, needed = self.state.advance_sampled(u, per, record, 1 + taken // every, each, own)
+            parts = None if schedule is None else schedule[taken:end]
+            if parts is not None:
+                per = int(np.lcm.reduce(parts))
+            u = self.sample_drivers(first + taken, first + end, per)
+            done, needed = self.state.advance_sampled(u, per, record, 1 + taken // every, each, parts)
             taken, per = taken + done, needed or max(self.state.settings.parts[0], per // 2)
 
-    def sampled(self, first: int, last: int, per: int) -> Array:
+    def sample_drivers(self, first: int, last: int, per: int) -> Array:
         """Drivers (., N) of some steps at `per` equal parts of each."""
         begun = perf_counter()
         t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
@@ -229,7 +229,7 @@ class March:
         self._sampling += perf_counter() - begun
         return u
 
-    def _failed(self, error: StepError, step: int) -> SimulationError:
+    def _failure(self, error: StepError, step: int) -> SimulationError:
         modal = self.form.modal
         at = {path: self._s[step, k] for k, path in enumerate(self._paths)}
         return failed_at(self._where(step), self.form, error, modal.coordinates(at))

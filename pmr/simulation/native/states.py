@@ -58,10 +58,10 @@ def static_start(system: System, excitation: Excitation) -> dict[str, InitialSta
     """Every body at rest in equilibrium with the loads at t = 0; errors as for `equilibrium`."""
     assembly, states = Assembly(system), {}
     f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
-    found = equilibrium(assembly, places(system, excitation)[0], f, c).q
+    coordinates = equilibrium(assembly, places(system, excitation)[0], f, c).q
     for name, body in system.bodies.items():
         q = np.zeros(body.size)
-        q[assembly.free[name]] = found[assembly.coordinates[name]]
+        q[assembly.free[name]] = coordinates[assembly.coordinates[name]]
         states[name] = InitialState(q, np.zeros(body.size))
     return states
 
@@ -69,7 +69,7 @@ def static_start(system: System, excitation: Excitation) -> dict[str, InitialSta
 def start_of(
     system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
 ) -> Mapping[str, InitialState]:
-    """Of each body at t = 0: what is given, else at rest or in equilibrium, as the excitation says."""
+    """State of each body at t = 0: the given one, else at rest or in equilibrium, as the excitation says."""
     if initial is not None or excitation.start == "rest":
         return initial or {}
     return static_start(system, excitation)
@@ -93,5 +93,5 @@ def reason(system: System, error: StepError, x: Array) -> str:
 
 
 def places_of(paths: Sequence[str], s: Array) -> str:
-    """Where the paths lead, s (P,) m, in words."""
+    """Text that says where the paths are, s (P,) m."""
     return "".join(f", {path} at {at:g} m" for path, at in zip(paths, s, strict=False))

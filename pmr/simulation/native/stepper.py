@@ -38,7 +38,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import DENSE
 from pmr.simulation.native.states import failed_at, places_of, start_modes, static_start
 from pmr.simulation.needs import needs_of
-from pmr.simulation.recorded import Recorded, recorded
+from pmr.simulation.recorded import Recorded, read_scene
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
@@ -127,7 +127,7 @@ class Stepper:
         every = range(len(system.output_names))
         chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
         moving = MovingFrame.of(system)
-        scene = recorded(system, "stepper") if "scene" in system.provenance else None
+        scene = read_scene(system, "stepper") if "scene" in system.provenance else None
         if moving is None:
             system.ensure_without_terms("stepper")
         elif set(moving.paths) != set(self._ranges):
@@ -142,9 +142,9 @@ class Stepper:
         if moving is not None:
             bound.motions[:] = moving.start
             paths, loads, of_frame = moving.paths, moving.loads, (*moving.angles, *moving.axes)
-        whole = settings.parts == (1,)
+        undivided = settings.parts == (1,)
         driven = paths, loads, of_frame
-        self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not whole)
+        self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not undivided)
         self._drivers.take_path(s)
         if scene is not None and moving is None:
             self._drivers.take_loads(scene.first_loads)
@@ -156,7 +156,7 @@ class Stepper:
         self._start(initial, static=scene is not None and scene.static)
         self._drivers.end_step()
         # what is written and read at once in each step: a single load, the only path of whole steps
-        self._in_parts, alone = moving is None and not whole, moving is None and whole
+        self._in_parts, alone = moving is None and not undivided, moving is None and undivided
         low, high = next(iter(self._ranges.values()), (1.0, 0.0))
         self._low, self._high, self._jump = (
             (low, high, JUMP * (high - low)) if alone and len(paths) == 1 else (1.0, 0.0, 0.0)
@@ -218,8 +218,8 @@ class Stepper:
     @property
     def outputs(self) -> Array:
         """All of `output_names`, at present."""
-        moved, forces = self._state.outputs()
-        return np.concatenate([moved[: len(self._system.output_names)], forces])
+        values, forces = self._state.outputs()
+        return np.concatenate([values[: len(self._system.output_names)], forces])
 
     @property
     def time(self) -> float:
@@ -242,7 +242,7 @@ class Stepper:
 
     @property
     def v(self) -> Array:
-        """Their rates (n,)."""
+        """Rates (n,) of the coordinates."""
         return np.concatenate([state.v for state in self.states.values()])
 
     @property
@@ -316,7 +316,7 @@ class Stepper:
         return Excitation(still, loads, TimeStepping(self._step, self._step, self._rho_inf), terms=terms)
 
     def _levels(self, parts: int, scene: Recorded | None) -> tuple[tuple[int, ...], float]:
-        """Of how many parts a step may be made, and the frequency in rad/s of contacts that only push."""
+        """Numbers of parts that a step may be made in, and frequency in rad/s of contacts that only push."""
         modal = self._form.modal
         if np.isnan(modal.clearance).all():
             return (1,), 0.0

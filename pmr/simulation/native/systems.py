@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import applied, columns, select_rows
+from pmr.constraints.polynomials import apply_table, columns, select_rows
 from pmr.simulation.blocks import Block, Ended, Recorder, Take
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
@@ -64,14 +64,14 @@ def simulate_form(
     progress: Progress | None = None,
     every: int = 1,
 ) -> SystemTrajectory:
-    """The same of a system in modal form, by default from the start of the excitation; simulations share its kernel."""
+    """Simulate a system in modal form, by default from the excitation's start; simulations share its kernel."""
     recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
     march = March(form, excitation, initial)
     return recorder.trajectory(follow(march, excitation, recorder, progress))
 
 
 def follow(march: March, excitation: Excitation, take: Take, progress: Progress | None = None) -> Ended:
-    """The same of a simulation under that excitation; nothing is recorded, `take` gets some thousand steps at a time.
+    """Simulate and record nothing: `take` gets some thousand steps at a time.
 
     Where rows only push, a step may be made in parts (`pmr.simulation.contact_step`), of which `take` gets the last.
     Errors as for `pmr.simulation.SystemSimulator`; that of a motion that grows comes at the end.
@@ -80,15 +80,15 @@ def follow(march: March, excitation: Excitation, take: Take, progress: Progress 
     pushing, rubbing, combined = ~np.isnan(system.clearance), Friction.of(system.contacts), form.combined
     P, i = form.kernel.paths, form.kernel.inputs
 
-    def taken(first: int, steps: Steps) -> None:
-        def at(rows: Indices | slice) -> SystemTrajectory:
+    def hand_over(first: int, steps: Steps) -> None:
+        def trajectory_at(rows: Indices | slice) -> SystemTrajectory:
             some, numbers = steps.at(rows), np.arange(first, first + len(steps.z))[rows]
             t, f, motions, pressed = march.t[numbers], some.friction, {}, combined.forces(some.multipliers)
             forces = form.forces(some.multipliers, f)
             of_cylinders = 0.0 if rubbing is None or f is None else rubbing.stored(f, forces)
-            for name, one in form.forms.items():
+            for name, modal in form.forms.items():
                 columns, x = form.columns[name], march.x[numbers][:, system.sides_of(name)]
-                q, v = some.z[:, columns] @ one.X.T, some.v[:, columns] @ one.X.T
+                q, v = some.z[:, columns] @ modal.X.T, some.v[:, columns] @ modal.X.T
                 motions[name] = Trajectory(t, q, v, system.pressed(name, pressed), x, seconds=0.0)
             return SystemTrajectory(
                 t=t,
@@ -108,9 +108,9 @@ def follow(march: March, excitation: Excitation, take: Take, progress: Progress 
                 rates=np.column_stack([np.empty((len(t), 0)), *(path.rate(t) for path in paths)]),
             )
 
-        take(Block(first, len(steps.z), at))
+        take(Block(first, len(steps.z), trajectory_at))
 
-    return march.run(taken, progress)
+    return march.run(hand_over, progress)
 
 
 def observe(
@@ -125,11 +125,11 @@ def observe(
     """
     march, system = March(form, excitation), form.system
     count, chosen = excitation.stepping.steps // every + 1, by_body(system, outputs)
-    sizes = {name: len(np.arange(system.bodies[name].outputs.shape[0])[own]) for name, own in chosen.items()}
+    sizes = {name: len(np.arange(system.bodies[name].outputs.shape[0])[which]) for name, which in chosen.items()}
     y, forces, evaluated = np.empty((count, sum(sizes.values()))), np.empty((count, len(system.contacts))), 0.0
     rubbing, P = Friction.of(system.contacts), form.kernel.paths
 
-    def taken(first: int, steps: Steps) -> None:
+    def record_outputs(first: int, steps: Steps) -> None:
         nonlocal evaluated
         begun, rows = perf_counter(), slice(first, first + len(steps.z))
         numbers, column, load = np.arange(rows.start, rows.stop) * every, 0, P
@@ -141,14 +141,14 @@ def observe(
             x, f = march.x[numbers][:, system.sides_of(name)], steps.drivers[:, inputs]
             turned = None if moments is None else system.pressed(name, moments)
             deformed = deformation(system, name, x, system.pressed(name, pressed), f, which, turned)
-            own = slice(column, column + sizes[name])
-            y[rows, own] = steps.z[:, form.columns[name]] @ form.forms[name].body.outputs[which].T
+            columns = slice(column, column + sizes[name])
+            y[rows, columns] = steps.z[:, form.columns[name]] @ form.forms[name].body.outputs[which].T
             if deformed is not None:
-                y[rows, own] += deformed
-            column, load = own.stop, inputs.stop
+                y[rows, columns] += deformed
+            column, load = columns.stop, inputs.stop
         evaluated += perf_counter() - begun
 
-    seconds = march.observe(every, taken)
+    seconds = march.observe(every, record_outputs)
     return Observation(march.t[::every], y, forces, seconds + evaluated)
 
 
@@ -159,7 +159,7 @@ def displacements(
 
     These are numbered from one body to the next, ascending.
     """
-    found, first = {}, 0
+    outputs_of_bodies, first = {}, 0
     for name, chosen in by_body(system, outputs).items():
         body, motion = system.bodies[name], trajectory.bodies[name]
         last = first + len(body.input_names)
@@ -167,9 +167,9 @@ def displacements(
         loads = trajectory.loads[:, first:last]
         deformed = deformation(system, name, motion.s, motion.multipliers, loads, chosen, turned)
         O = body.outputs[chosen]
-        moved = np.asarray((O @ motion.q.T).T) if sp.issparse(O) else motion.q @ O.T
-        found[name], first = moved if deformed is None else moved + deformed, last
-    return found
+        from_modes = np.asarray((O @ motion.q.T).T) if sp.issparse(O) else motion.q @ O.T
+        outputs_of_bodies[name], first = from_modes if deformed is None else from_modes + deformed, last
+    return outputs_of_bodies
 
 
 def by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
@@ -178,7 +178,7 @@ def by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices 
     if outputs is None:
         return dict.fromkeys(system.bodies, slice(None))
     split = np.split(np.asarray(outputs, np.int64), np.searchsorted(outputs, ends[1:-1]))
-    return {name: own - first for name, own, first in zip(system.bodies, split, ends, strict=False)}
+    return {name: numbers - first for name, numbers, first in zip(system.bodies, split, ends, strict=False)}
 
 
 def deformation(
@@ -196,24 +196,24 @@ def deformation(
     their friction (`pmr.system.friction`), which do X' times as much.
     """
     body = system.bodies[name]
-    own = [side.place for side in system.sides if side.place.body == name]
+    points = [side.place for side in system.sides if side.place.body == name]
     if system.on_one_path:  # all rows stand where one of them moves
         if body.flexibility is None:
             return None
-        rows, moving = [body.row_names.index(one.row) for one in own], [one.path is not None for one in own]
+        rows, moving = [body.row_names.index(one.row) for one in points], [one.path is not None for one in points]
         X = select_rows(columns(body.flexibility.outputs, rows), chosen)
         s = x[:, moving.index(True)] if any(moving) else np.full(len(x), body.domain[0])
-        return np.asarray(loads @ body.flexibility.direct[chosen].T - applied(X, s, multipliers))
-    known = None if body.carriers is None else body.carriers.flexibility
-    if known is None:
+        return np.asarray(loads @ body.flexibility.direct[chosen].T - apply_table(X, s, multipliers))
+    residual = None if body.carriers is None else body.carriers.flexibility
+    if residual is None:
         return None
-    found, X = np.asarray(loads @ known.direct[chosen].T), known.outputs.T[:, chosen]
+    direct, X = np.asarray(loads @ residual.direct[chosen].T), residual.outputs.T[:, chosen]
     if not X.shape[1]:
-        return found
+        return direct
     shares, touched = list[Array](), list[Indices]()
     for derivative, acting in ((0, multipliers), *([] if moments is None else [(1, -moments)])):
-        staying = np.zeros((len(own), X.shape[1]))
-        for k, (place, at) in enumerate(zip(own, x.T, strict=True)):
+        staying = np.zeros((len(points), X.shape[1]))
+        for k, (place, at) in enumerate(zip(points, x.T, strict=True)):
             stays = bool((at == at[0]).all())
             on, weights = system.row(place).on_carriers(at[:1] if stays else at, derivative)
             if stays:
@@ -221,11 +221,11 @@ def deformation(
             else:
                 shares.append(weights * acting[:, k, None])
                 touched.append(on)
-        found -= acting @ staying
-    return found - _summed(np.hstack(shares), np.hstack(touched), X) if shares else found
+        direct -= acting @ staying
+    return direct - _weighted_sum(np.hstack(shares), np.hstack(touched), X) if shares else direct
 
 
-def _summed(weights: Array, touched: Indices, X: Array) -> Array:
+def _weighted_sum(weights: Array, touched: Indices, X: Array) -> Array:
     """(T, o): the rows of X (K, o) that are `touched` (T, d), times their weights (T, d)."""
     ends = np.arange(len(weights) + 1) * weights.shape[1]
     return np.asarray(sp.csr_matrix((weights.ravel(), touched.ravel(), ends), (len(weights), len(X))) @ X)

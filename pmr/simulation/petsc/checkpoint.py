@@ -29,7 +29,7 @@ _DAMAGE = (KeyError, TypeError, ValueError, OverflowError, RecursionError)
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where a simulation is kept from time to time, and from where it goes on if it was cut off.
+    """Folder in which a simulation is stored from time to time, and from which it resumes.
 
     Attributes
     ----------
@@ -99,8 +99,8 @@ def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> Saved | None:
     return saved
 
 
-def _differences(found: Mapping[str, Any], expected: Mapping[str, Any]) -> str:
-    names = [key for key, value in expected.items() if not _same(found.get(key), value)]
+def _differences(stored: Mapping[str, Any], expected: Mapping[str, Any]) -> str:
+    names = [key for key, value in expected.items() if not _same(stored.get(key), value)]
     return ", ".join(names)
 
 

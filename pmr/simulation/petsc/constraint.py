@@ -49,9 +49,9 @@ class Constraint:
         for E in carriers:
             least += E.shape[0] * comm.allreduce(E.shape[1], op=MPI.MAX)
         stored = 8 * least * shared <= STORED_BYTES
-        found = [answers(one, E, comm, stored) for one, E in zip(factor.of_bodies, carriers, strict=True)]
-        self._compliance = PathCompliance([P for P, _ in found], rows)
-        self._stored = [StoredAnswers(local, body, rows) for body, (_, local) in enumerate(found)] if stored else None
+        pairs = [answers(S, E, comm, stored) for S, E in zip(factor.of_bodies, carriers, strict=True)]
+        self._compliance = PathCompliance([P for P, _ in pairs], rows)
+        self._stored = [StoredAnswers(local, body, rows) for body, (_, local) in enumerate(pairs)] if stored else None
         self._at = np.full(len(rows.course.rows), np.nan)
         self.matrix = np.zeros((0, 0))
 
@@ -84,7 +84,7 @@ class Constraint:
         """This rank's rows (n_local,) of S^{-1} C^T lambda."""
         if self._stored is not None:
             return np.concatenate([stored.correction(self.rows, multipliers) for stored in self._stored])
-        return self._factor.solve(self.rows.transposed(multipliers))
+        return self._factor.solve(self.rows.apply_transposed(multipliers))
 
 
 def answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
@@ -93,20 +93,20 @@ def answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -
     E is given as this rank's columns of its transpose, (p, n_local).
     """
     p, n = E.shape
-    P, found = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")
+    P, stored_rows = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")
     for k in range(0, p, BLOCK):
         block = factor.solve_columns(E[k : k + BLOCK].toarray().T)
         P[:, k : k + BLOCK] = E @ block
         if stored:
-            found[:, k : k + BLOCK] = block
+            stored_rows[:, k : k + BLOCK] = block
     comm.Allreduce(MPI.IN_PLACE, P)
-    return (P + P.T) / 2.0, found
+    return (P + P.T) / 2.0, stored_rows
 
 
 def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
     """P of each body."""
     parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
-    return [answers(one, E, system.comm, False)[0] for one, E in parts]
+    return [answers(S, E, system.comm, False)[0] for S, E in parts]
 
 
 def paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:

@@ -29,12 +29,12 @@ class BlockFactor:
 
     def solve(self, right: Array) -> Array:
         """Answer, this rank's rows (n_local,), to one right-hand side given likewise."""
-        found = np.empty_like(right)
-        for factor, at, (given, answer) in zip(self.of_bodies, self._local, self._vectors, strict=True):
-            given.getArray()[:] = right[at]
-            factor.solve(given, answer)
-            found[at] = answer.getArray()
-        return found
+        solution = np.empty_like(right)
+        for factor, at, (load, answer) in zip(self.of_bodies, self._local, self._vectors, strict=True):
+            load.getArray()[:] = right[at]
+            factor.solve(load, answer)
+            solution[at] = answer.getArray()
+        return solution
 
     def solve_columns(self, columns: Array) -> Array:
         """Answers, this rank's rows (n_local, k), to a few right-hand sides given likewise."""

@@ -16,7 +16,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Recording:
-    """What to keep.  Memory is of its order, and that of a few vectors.
+    """Choice of what is recorded.  Memory is of its order, and that of a few vectors.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class History:
         Of the contacts, positive where they push: at t, and the largest within the step that ends there of those that
         only push.
     supports : (T, h) array, N
-        Multipliers of the supports that hold one coordinate, one body after the other (`FullSystem.supported`).
+        Multipliers of the supports that hold one coordinate, one body after the other (`FullSystem.with_supports`).
     residual_position : (T,) array, m
         Largest violation of a row, max |C q - lambda / k|; of one that only pushes, beyond its clearance.
     residual_velocity : (T,) array, m/s

@@ -63,7 +63,7 @@ class Integrator:
         self._terms = terms
         self._system, self._factors = system, factors
         self._q_gain, self._v_gain = factors.z_gain, factors.v_gain
-        self._factor = BlockFactor(system, self._factorised)
+        self._factor = BlockFactor(system, self._factorise)
         self._bodies = [
             _Body(model, factor, self._v_gain, self._q_gain)
             for model, factor in zip(system.models, self._factor.of_bodies, strict=True)
@@ -71,7 +71,7 @@ class Integrator:
         self._b = np.empty(system.local[-1].stop)
         self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing, shared)
 
-    def _factorised(self, model: FullModel) -> AnyFactor:
+    def _factorise(self, model: FullModel) -> AnyFactor:
         S = effective_matrix(model, self._v_gain, self._q_gain)
         factor = factor_for_steps(S, "M + dv D + dq K")
         S.destroy()
@@ -102,14 +102,14 @@ class Integrator:
                 free = self._free(scaled, ahead.v, f)
             b = free if w is None else free + self._factor.solve(w)
             motion = self._q_gain * self.constraint.rows.apply(b)
-            motion, total, flag = _summed(self._system.comm, motion, float(b.sum()), flag)
+            motion, total, flag = _sum_over_ranks(self._system.comm, motion, float(b.sum()), flag)
             if not np.isfinite(total):
                 raise SimulationError("not finite")
             multipliers = self.constraint.multipliers(motion - rubbed.gap)
             b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
             if w is not None:
                 times += 1
-                grip = self._terms.slid(state.grip, rubbed, c, multipliers, self.constraint.matrix)
+                grip = self._terms.slide(state.grip, rubbed, c, multipliers, self.constraint.matrix)
                 new = self._terms.rubbed(self.constraint.rows, multipliers, grip)
                 new_w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + new.force
                 if not (self._terms.settled(w, new_w, times, new) and self._terms.at_rest(rubbed, new)):
@@ -128,7 +128,7 @@ class Integrator:
         return State(self._q_gain * b, v, a, acceleration, multipliers, pushing.share, grip), flag
 
     def _predict(self, state: State) -> Prediction:
-        """Without the new acceleration."""
+        """Prediction of the next state without the new acceleration."""
         c, a, acceleration = self._factors, state.a, state.acceleration
         return Prediction(
             q=state.q + c.h * state.v + c.z_from_share * a + c.z_from_force * acceleration,
@@ -139,8 +139,8 @@ class Integrator:
     def _free(self, scaled: Array, v: Array, f: Array) -> Array:
         """Free of the rows' forces: b_free; this rank's rows, overwritten by the next call."""
         system = self._system
-        for body, at, given in zip(self._bodies, system.local, system.inputs, strict=True):
-            self._b[at] = body.free(scaled[at], v[at], f[given])
+        for body, at, inputs in zip(self._bodies, system.local, system.inputs, strict=True):
+            self._b[at] = body.free(scaled[at], v[at], f[inputs])
         return self._b
 
     def destroy(self) -> None:
@@ -149,7 +149,7 @@ class Integrator:
 
 
 class _Body:
-    """What one body's coordinates become by themselves."""
+    """Next state of one body's coordinates by themselves."""
 
     def __init__(self, model: FullModel, factor: AnyFactor, v_gain: float, q_gain: float) -> None:
         self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
@@ -185,7 +185,7 @@ class _Damped:
         return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
 
 
-def _summed(comm: MPI.Comm, motion: Array, total: float, flag: bool) -> tuple[Array, float, bool]:
+def _sum_over_ranks(comm: MPI.Comm, motion: Array, total: float, flag: bool) -> tuple[Array, float, bool]:
     """Sums over the ranks, in one message."""
     summed = np.concatenate([motion, [total, float(flag)]])
     comm.Allreduce(MPI.IN_PLACE, summed)

@@ -49,9 +49,9 @@ class PartedSteps:
     def __init__(self, system: FullSystem, lengths: Lengths, fine: Sampled, pushing: Pushing, first: int) -> None:
         self._lengths, self._fine, self._pushing = lengths, fine, pushing
         terms = Terms(system)
-        self.rows, found = paths(system, fine.x, first * lengths.finest), np.unique(lengths.parts).tolist()
+        self.rows, sizes = paths(system, fine.x, first * lengths.finest), np.unique(lengths.parts).tolist()
         self._integrators = {
-            parts: Integrator(system, lengths.factors(parts), self.rows, pushing, terms, len(found)) for parts in found
+            parts: Integrator(system, lengths.factors(parts), self.rows, pushing, terms, len(sizes)) for parts in sizes
         }
 
     def step(self, number: int, state: State, due: bool, recorder: Recorder) -> tuple[State, bool]:

@@ -83,8 +83,8 @@ class _Run:
         self, system: FullSystem, excitation: Excitation, recording: Recording, initial: Mapping[str, InitialState]
     ) -> None:
         self._begin, self._contacts = time.perf_counter(), len(system.contacts)
-        self._system, self._initial, self._excitation = system.supported(), initial, excitation
-        self._at = sampled(self._system, excitation)
+        self._system, self._initial, self._excitation = system.with_supports(), initial, excitation
+        self._at = sample_excitation(self._system, excitation)
         self._needs = needs_of(self._system, self._system.compliance.rigid, self._at.x, excitation.stepping.rho_inf)
         refuse("petsc", self._needs, REFERENCE)
         self._recorder = Recorder(self._system, excitation.stepping, recording)
@@ -100,11 +100,11 @@ class _Run:
         """Take all steps that a checkpoint has not."""
         recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:
-            own = identity(self._system, self._excitation, self._at, recorder, self._initial)
-            keeper = Keeper(checkpoint, self._system, own)
-        found = keeper.load(recorder, self._lengths.parts) if keeper else None
-        reached = found or self._started()
-        steps = self._steps(reached, found is not None)
+            run_identity = identity(self._system, self._excitation, self._at, recorder, self._initial)
+            keeper = Keeper(checkpoint, self._system, run_identity)
+        checkpointed = keeper.load(recorder, self._lengths.parts) if keeper else None
+        reached = checkpointed or self._started()
+        steps = self._steps(reached, checkpointed is not None)
         preparation, begin = time.perf_counter() - self._begin, time.perf_counter()
         stride, state = max(1, T // REPORTS), reached.state
         for step in range(reached.step + 1, T + 1):
@@ -127,12 +127,12 @@ class _Run:
         return Reached(0, 0.0, state, self._lengths.parts)
 
     def _steps(self, reached: Reached, resumed: bool) -> PartedSteps:
-        """What takes the steps from there on, in the parts with which the simulation began."""
+        """Stepper from the reached state on, in the parts with which the simulation began."""
         system, recorder, state, mass = self._system, self._recorder, reached.state, self._mass
         lengths = replace(self._lengths, parts=reached.parts)
         fine, begun = self._at, reached.step * lengths.finest
         if lengths.finest > 1:
-            fine = sampled(system, self._excitation.with_stepping(lengths.stepping.divided(lengths.finest)))
+            fine = sample_excitation(system, self._excitation.with_stepping(lengths.stepping.divide(lengths.finest)))
         if mass is not None and not self._needs.pushing:
             mass.destroy()
             mass = None
@@ -155,7 +155,7 @@ class _Run:
             raise SimulationError(f"full-order simulation failed at {where}: {error}") from None
 
 
-def sampled(system: FullSystem, excitation: Excitation) -> Sampled:
+def sample_excitation(system: FullSystem, excitation: Excitation) -> Sampled:
     """The excitation at the steps.
 
     Raises

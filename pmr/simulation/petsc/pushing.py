@@ -63,7 +63,7 @@ class Pushing:
         if not opened.any():
             return None
         assert self.mass is not None
-        right = [rows.transposed(np.where(opened, forces, 0.0)) for forces in (self._force, self.share)]
+        right = [rows.apply_transposed(np.where(opened, forces, 0.0)) for forces in (self._force, self.share)]
         self._force, self.share = (np.where(opened, 0.0, forces) for forces in (self._force, self.share))
         force, share = self.mass.solve_columns(np.stack(right, axis=1)).T
         return Prediction(

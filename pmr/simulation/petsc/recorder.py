@@ -58,11 +58,11 @@ class Recorder:
             raise InputError("recording", "outputs", list(self.chosen), f"0 to {count - 1} are allowed")
         if not 1 <= recording.every <= stepping.steps:
             raise InputError("recording", "every", recording.every, f"1 to {stepping.steps} are allowed")
-        wanted = np.asarray(recording.states, float).reshape(-1)
-        if np.any(~((wanted >= 0.0) & (wanted <= stepping.end * (1.0 + 1e-12)))):
-            raise InputError("recording", "states", list(wanted), f"0 to {stepping.end:g} s are allowed")
+        times = np.asarray(recording.states, float).reshape(-1)
+        if np.any(~((times >= 0.0) & (times <= stepping.end * (1.0 + 1e-12)))):
+            raise InputError("recording", "states", list(times), f"0 to {stepping.end:g} s are allowed")
         self.recording, self._system = recording, system
-        self.state_steps = np.unique(np.rint(wanted / stepping.step).astype(np.int64))
+        self.state_steps = np.unique(np.rint(times / stepping.step).astype(np.int64))
         outputs = sp.block_diag([local_csr(model.outputs).T for model in system.models], format="csr")
         self._outputs: sp.csr_matrix = outputs[self.chosen]
         inputs = [local_csr(model.inputs).T for model in system.models]
@@ -72,8 +72,8 @@ class Recorder:
         self._vectors = [model.K.createVecs() for model in system.models]
         T, m = stepping.steps // recording.every + 1, len(system.contacts)
         self.multipliers, self.peaks = np.zeros((T, m)), np.zeros((T, m))
-        known = Friction.of(system.contacts)
-        self.friction, self._friction = np.zeros((T, 0 if known is None else len(known.pads))), known
+        friction = Friction.of(system.contacts)
+        self.friction, self._friction = np.zeros((T, 0 if friction is None else len(friction.pads))), friction
         self._pushes, self._peak = bool(np.any(~np.isnan(system.clearance))), np.full(m, -np.inf)
         self._ends = np.cumsum([len(self.chosen), m, m])
         self.sums = np.zeros((T, self._ends[-1] + 4))
@@ -122,12 +122,12 @@ class Recorder:
 
     def _energy(self, state: State, f: Array) -> tuple[float, float, float]:
         def half_form(matrices: Sequence[PETSc.Mat], x: Array) -> float:
-            found = 0.0
+            energy = 0.0
             for A, at, (right, product) in zip(matrices, self._system.local, self._vectors, strict=True):
                 right.getArray()[:] = x[at]
                 A.mult(right, product)
-                found += float(x[at] @ product.getArray()) / 2.0
-            return found
+                energy += float(x[at] @ product.getArray()) / 2.0
+            return energy
 
         motion = self._inputs @ state.q if self._now is None else self._now.motion
         return half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)
@@ -136,27 +136,27 @@ class Recorder:
         """All of it; collective."""
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)
-        y, motion, drift, rest = np.split(sums, self._ends, axis=1)
-        ropes, pushes = system.lengthened(at.x[every]), ~np.isnan(system.clearance)
+        y, motion, drift, energies_of_steps = np.split(sums, self._ends, axis=1)
+        ropes, pushes = system.rope_coordinates(at.x[every]), ~np.isnan(system.clearance)
         forces, of_cylinders = self.multipliers, np.zeros(len(sums))
-        if (known := self._friction) is not None:
-            forces = forces + known.along(self.friction)
-            of_cylinders = known.stored(self.friction, forces)
-        given = system.compliance.moved(forces, ropes)
-        violation = motion - given - np.where(pushes, system.clearance, 0.0)
+        if (pads := self._friction) is not None:
+            forces = forces + pads.along(self.friction)
+            of_cylinders = pads.stored(self.friction, forces)
+        deflections = system.compliance.moved(forces, ropes)
+        violation = motion - deflections - np.where(pushes, system.clearance, 0.0)
         open_now = pushes & (self.multipliers <= 0.0)
         violation = np.where(open_now, np.maximum(violation, 0.0), violation)
         if not system.compliance.rigid.all():
             drift = np.full_like(drift, np.nan)
-        energies, found = None, np.nan
+        energies, surplus = None, np.nan
         if self.recording.energies:
-            strain = rest[:, 1] + balance.dot(forces, given) / 2.0
-            energies = Energy(rest[:, 0], strain, rest[:, 2])
+            strain = energies_of_steps[:, 1] + balance.dot(forces, deflections) / 2.0
+            energies = Energy(energies_of_steps[:, 0], strain, energies_of_steps[:, 2])
             if self._balanced:
                 least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
-                work = np.cumsum(rest[:, 3]) + of_cylinders
+                work = np.cumsum(energies_of_steps[:, 3]) + of_cylinders
                 work[1:] += np.cumsum(system.compliance.work(forces, ropes))
-                found = balance.surplus(rest[:, 0] + strain, work, least, since_start=bool(pushes.any()))
+                surplus = balance.surplus(energies_of_steps[:, 0] + strain, work, least, since_start=bool(pushes.any()))
         return History(
             t=at.t[every],
             s=at.s[every],
@@ -169,17 +169,17 @@ class Recorder:
             residual_velocity=np.abs(drift).max(axis=1, initial=0.0),
             energy=energies,
             states={
-                name: States(at.t[self.state_steps], at.s[self.state_steps], self.q[:, own], self.v[:, own])
-                for name, own in zip(system.bodies, system.local, strict=True)
+                name: States(at.t[self.state_steps], at.s[self.state_steps], self.q[:, rows], self.v[:, rows])
+                for name, rows in zip(system.bodies, system.local, strict=True)
             },
             seconds=seconds,
             preparation=preparation,
-            surplus=found,
+            surplus=surplus,
         )
 
     def _of_bodies(self, y: Array) -> dict[str, Array]:
-        own = zip(self._system.bodies, self._system.observed, strict=True)
-        return {name: y[:, (self.chosen >= at.start) & (self.chosen < at.stop)] for name, at in own}
+        columns = zip(self._system.bodies, self._system.observed, strict=True)
+        return {name: y[:, (self.chosen >= at.start) & (self.chosen < at.stop)] for name, at in columns}
 
     def _mobility(self) -> Array:
         """B^T diag(M)^-1 B, (i, i) in 1/kg; collective."""

@@ -28,7 +28,7 @@ _SPREAD = tuple(field.name for field in fields(State) if field.name not in ("mul
 def identity(
     system: FullSystem, excitation: Excitation, at: Sampled, recorder: Recorder, initial: Mapping[str, InitialState]
 ) -> dict[str, Any]:
-    """What distinguishes this simulation from others; collective.  Of each matrix it has one product.
+    """Digests that distinguish this simulation from others, one product of each matrix; collective.
 
     Path and loads count in the middle of steps, too, which may be made in parts.
     """
@@ -46,7 +46,7 @@ def identity(
         "outputs": recorder.chosen.tolist(),
         "states": recorder.state_steps.tolist(),
     }
-    start, given = whole_start(system, initial), system.compliance
+    start, compliance = whole_start(system, initial), system.compliance
     varying = [term.value(between) for term in excitation.terms.values()]
     of_terms = {"terms": _digest(repr(system.term_names).encode(), at.c, *varying)} if at.c.size else {}
     return {
@@ -57,14 +57,14 @@ def identity(
         "recording": _digest(repr(sorted(recording.items())).encode()),
         "initial state": _digest(start.q, start.v),
         "rows": [float(value) for value in rows],
-        "contacts": _digest(given.constant, given.slopes, system.clearance, *_of_friction(system)),
+        "contacts": _digest(compliance.constant, compliance.slopes, system.clearance, *_of_friction(system)),
         "matrices": [float(value) for value in system.comm.allreduce(np.array(forms))],
     }
 
 
 @dataclass(frozen=True)
 class Reached:
-    """Where a simulation stands after `step` steps, which took `seconds` of wall time.
+    """State of a simulation after `step` steps, which took `seconds` of wall time.
 
     A reduced model that is made again may ask for other `parts` (T,) of the steps: those of the start are kept.
     """
@@ -84,21 +84,21 @@ class Keeper:
         self._last = time.monotonic()
 
     def due(self) -> bool:
-        """Whether it is time to save; asked on rank 0 alone."""
+        """True on rank 0 when it is time to save."""
         return self._comm.rank == 0 and time.monotonic() - self._last >= self._checkpoint.seconds
 
     def save(self, reached: Reached, recorder: Recorder) -> None:
         """Save everything after a step."""
         gathered, state = self._system.gathered, reached.state
-        whole = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}
-        whole |= {"states.q": gathered(recorder.q), "states.v": gathered(recorder.v)}
-        whole["sums"] = self._comm.reduce(recorder.sums)
+        arrays = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}
+        arrays |= {"states.q": gathered(recorder.q), "states.v": gathered(recorder.v)}
+        arrays["sums"] = self._comm.reduce(recorder.sums)
         if self._comm.rank == 0:
-            whole |= {"multipliers": state.multipliers, "share": state.share, "parts": reached.parts}
-            whole |= {"recorded.multipliers": recorder.multipliers, "recorded.peaks": recorder.peaks}
-            whole |= {"recorded.friction": recorder.friction}
-            whole |= {f"grip.{name}": array for name, array in vars(state.grip).items()}
-            save(self._checkpoint, Saved(reached.step, reached.seconds, self._identity, whole))
+            arrays |= {"multipliers": state.multipliers, "share": state.share, "parts": reached.parts}
+            arrays |= {"recorded.multipliers": recorder.multipliers, "recorded.peaks": recorder.peaks}
+            arrays |= {"recorded.friction": recorder.friction}
+            arrays |= {f"grip.{name}": array for name, array in vars(state.grip).items()}
+            save(self._checkpoint, Saved(reached.step, reached.seconds, self._identity, arrays))
         self._last = time.monotonic()
 
     def load(self, recorder: Recorder, parts: NDArray[np.int64]) -> Reached | None:
@@ -109,10 +109,10 @@ class Keeper:
         InputError
             If the file is damaged or belongs to another simulation.
         """
-        found = self._comm.bcast(on_first(self._comm, lambda: load(self._checkpoint, self._identity)))
-        if found is None:
+        checkpoint = self._comm.bcast(on_first(self._comm, lambda: load(self._checkpoint, self._identity)))
+        if checkpoint is None:
             return None
-        arrays, mine = found.arrays, self._system.mine
+        arrays, mine = checkpoint.arrays, self._system.mine
         recorder.q[:], recorder.v[:] = mine(arrays["states.q"]), mine(arrays["states.v"])
         recorder.multipliers[:], recorder.peaks[:] = arrays["recorded.multipliers"], arrays["recorded.peaks"]
         recorder.friction[:] = arrays.get("recorded.friction", recorder.friction)
@@ -120,13 +120,13 @@ class Keeper:
         recorder.sums[:] = arrays["sums"] if self._comm.rank == 0 else 0.0
         spread = {name: mine(arrays[name]) for name in _SPREAD}
         state = State(**spread, multipliers=arrays["multipliers"], share=arrays["share"], grip=grip)
-        return Reached(found.step, found.seconds, state, arrays.get("parts", parts))
+        return Reached(checkpoint.step, checkpoint.seconds, state, arrays.get("parts", parts))
 
 
 def _of_friction(system: FullSystem) -> list[Any]:
-    """What tells the friction of its pads; nothing without."""
-    known = Friction.of(system.contacts)
-    return [] if known is None else [known.pads, known.coefficients, known.stiffness, known.arms]
+    """Arrays that define the friction of a system's pads; empty without friction."""
+    friction = Friction.of(system.contacts)
+    return [] if friction is None else [friction.pads, friction.coefficients, friction.stiffness, friction.arms]
 
 
 def _digest(*parts: Any) -> str:

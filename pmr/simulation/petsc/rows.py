@@ -28,7 +28,7 @@ Indices = NDArray[np.int64]
 
 
 class Course:
-    """Where paths lead the sides of a system's contacts, x (T, q) m.
+    """Places x (T, q) m of the sides of a system's contacts along its paths.
 
     Attributes
     ----------
@@ -55,8 +55,8 @@ class Course:
         self.on = [np.flatnonzero(self.body == body).tolist() for body in range(len(names))]
         self.interval, self.distance = np.zeros(x.shape, np.int32), np.zeros(x.shape)
         for k, row in enumerate(self.rows):
-            found = np.searchsorted(row.breaks, x[:, k], side="right") - 1
-            self.interval[:, k] = np.clip(found, 0, len(row.breaks) - 2)
+            intervals = np.searchsorted(row.breaks, x[:, k], side="right") - 1
+            self.interval[:, k] = np.clip(intervals, 0, len(row.breaks) - 2)
             self.distance[:, k] = x[:, k] - row.breaks[self.interval[:, k]]
 
     def touched(self, body: int) -> Indices:
@@ -138,22 +138,22 @@ class PathRows:
 
     def slopes(self, q: Array) -> Array:
         """This rank's part (q,) of dc/dx q of each side, with its sign."""
-        values = (self._lowered @ self.Gamma) * (self._E @ q)
+        values = (self._power_derivatives @ self.Gamma) * (self._E @ q)
         return np.asarray(np.bincount(self.layout.side_of_entry, values, len(self.course.rows)), float)
 
     @property
-    def _lowered(self) -> Array:
+    def _power_derivatives(self) -> Array:
         """Derivatives (c,) of the powers."""
         exponents = self.layout.exponents
         return np.asarray(exponents * self.x ** np.maximum(exponents - 1, 0))
 
-    def transposed(self, multipliers: Array) -> Array:
+    def apply_transposed(self, multipliers: Array) -> Array:
         """This rank's rows (n_local,) of C^T lambda."""
         return np.asarray(self._E.T @ ((self.X @ self.Gamma) * multipliers[self.layout.contact_of_entry]))
 
     def transposed_slopes(self, moments: Array) -> Array:
         """This rank's rows (n_local,) of what moments (m,) do that turn the sides of contacts, (dC/dx)^T moments."""
-        return np.asarray(self._E.T @ ((self._lowered @ self.Gamma) * moments[self.layout.contact_of_entry]))
+        return np.asarray(self._E.T @ ((self._power_derivatives @ self.Gamma) * moments[self.layout.contact_of_entry]))
 
     def of_contacts(self, values: Array) -> Array:
         """Sums (m,) over the sides of each contact, of values (q,)."""
@@ -218,11 +218,11 @@ class StoredAnswers:
 
 def contact_rows(system: FullSystem, x: Array, rates: Array | None = None) -> sp.csr_matrix:
     """C (m, n) with the sides at x (q,) m, on whole vectors; or its time derivative where they move at `rates` (q,)."""
-    bodies, found = list(system.bodies), sp.csr_matrix((len(system.contacts), system.size))
+    bodies, rows = list(system.bodies), sp.csr_matrix((len(system.contacts), system.size))
     weight = [1.0] * len(x) if rates is None else rates.tolist()
     for side, row, at, rate in zip(system.sides, system.side_rows, x, weight, strict=True):
         c = (side.sign * rate * row.at(at, int(rates is not None))).tocoo()
         columns = system.whole[bodies.index(side.place.body)].start + c.col
         entries = (c.data, (np.full(len(columns), side.contact), columns))
-        found = found + sp.csr_matrix(entries, found.shape)
-    return found
+        rows = rows + sp.csr_matrix(entries, rows.shape)
+    return rows

@@ -29,7 +29,7 @@ from pmr.simulation.native.systems import static_start as equilibrium
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.petsc.terms import Terms
-from pmr.simulation.start import InitialState, check_impulse, check_position, checked, row_drift
+from pmr.simulation.start import InitialState, check_impulse, check_position, check_state, row_drift
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class State:
 
 @dataclass(frozen=True)
 class Onset:
-    """What acts at t = 0: places (q,) m of the sides, their rates, loads f (i,) N, amplitudes c (K,) of terms."""
+    """Places x (q,) m of the sides, their rates, loads f (i,) N and amplitudes c (K,) of terms at t = 0."""
 
     x: Array
     rates: Array
@@ -94,7 +94,7 @@ def starting_state(
     if mass is None:
         nothing = np.zeros_like(q)
         return State(
-            q, v, nothing, nothing.copy(), multipliers, multipliers.copy(), _gripped(system, onset, multipliers)
+            q, v, nothing, nothing.copy(), multipliers, multipliers.copy(), _initial_grip(system, onset, multipliers)
         )
     C, soft, pushes = contact_rows(system, onset.x), ~system.compliance.rigid, ~np.isnan(system.clearance)
     excess = C @ start.q - np.nan_to_num(system.clearance)
@@ -105,12 +105,12 @@ def starting_state(
     force = _forces(system, onset.f, q, v) + Terms(system).forces(q, v, onset.c)
     force -= system.mine((C.T @ multipliers)[None])[0]
     acceleration, multipliers[~soft] = held.acceleration(force)
-    share, grip = np.where(pushes, multipliers, 0.0), _gripped(system, onset, multipliers)
+    share, grip = np.where(pushes, multipliers, 0.0), _initial_grip(system, onset, multipliers)
     return State(q, v, acceleration.copy(), acceleration, multipliers, share, grip)
 
 
-def _gripped(system: FullSystem, onset: Onset, multipliers: Array) -> Grip:
-    return Grip.begun(system.contacts, onset.c[len(system.term_names) :], multipliers)
+def _initial_grip(system: FullSystem, onset: Onset, multipliers: Array) -> Grip:
+    return Grip.at_start(system.contacts, onset.c[len(system.term_names) :], multipliers)
 
 
 def moves_at_once(system: FullSystem, onset: Onset, initial: Mapping[str, InitialState]) -> bool:
@@ -129,7 +129,7 @@ def whole_start(system: FullSystem, initial: Mapping[str, InitialState]) -> Init
         If a size is wrong.
     """
     parts = [
-        checked(initial[name], model.size) if name in initial else InitialState.at_rest(model.size)
+        check_state(initial[name], model.size) if name in initial else InitialState.at_rest(model.size)
         for name, model in system.bodies.items()
     ]
     return InitialState(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "v")))
@@ -137,10 +137,10 @@ def whole_start(system: FullSystem, initial: Mapping[str, InitialState]) -> Init
 
 def _forces(system: FullSystem, f: Array, q: Array, v: Array) -> Array:
     """This rank's rows of B f - D v - K q."""
-    found = np.empty_like(q)
-    for (model, given), at in zip(_inputs(system), system.local, strict=True):
-        found[at] = local_csr(model.inputs) @ f[given] - product(model.D, v[at]) - product(model.K, q[at])
-    return found
+    forces = np.empty_like(q)
+    for (model, inputs), at in zip(_inputs(system), system.local, strict=True):
+        forces[at] = local_csr(model.inputs) @ f[inputs] - product(model.D, v[at]) - product(model.K, q[at])
+    return forces
 
 
 def _inputs(system: FullSystem) -> list[tuple[FullModel, slice]]:

@@ -22,7 +22,7 @@ from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
 from pmr.kernel.laws import FixedPoint
 from pmr.simulation.failures import describe_divergence
-from pmr.simulation.grip import Grip, slid
+from pmr.simulation.grip import Grip, slide
 from pmr.simulation.petsc.rows import PathRows
 from pmr.system.friction import Friction
 
@@ -39,7 +39,7 @@ MOST_DIRECTIONS = 16
 
 @dataclass(frozen=True)
 class Rubbed:
-    """What friction adds: forces on this rank's coordinates (n_local,) N, sums (J,) N of joints, gaps (m,) m."""
+    """Friction: forces on this rank's coordinates (n_local,) N, sums (J,) N of joints, gaps (m,) m."""
 
     force: Array | float
     sums: Array
@@ -56,9 +56,9 @@ class Terms:
         self._parts = list[tuple[int, Any, Product | None, Product | None]]()
         names = list(system.bodies)
         for number, term in enumerate(system.terms):
-            own = [np.arange(at.start, at.stop) for at in (system.local[names.index(name)] for name in term.bodies)]
+            rows = [np.arange(at.start, at.stop) for at in (system.local[names.index(name)] for name in term.bodies)]
             stiffness, damping = (_product(system, term.bodies, A) for A in (term.stiffness, term.damping))
-            self._parts.append((number, np.concatenate(own), stiffness, damping))
+            self._parts.append((number, np.concatenate(rows), stiffness, damping))
         self._largest = self._first = self._widest = 0.0
         self._friction = Friction.of(system.contacts)
         self._iteration: FixedPoint | None = None
@@ -68,41 +68,41 @@ class Terms:
 
     def forces(self, q: Array, v: Array, c: Array) -> Array:
         """W = -sum_k c_k (V_k v + G_k q), this rank's rows (n_local,), of q and v given likewise."""
-        found = np.zeros_like(q)
+        forces = np.zeros_like(q)
         for number, at, stiffness, damping in self._parts:
-            for multiplied, moved in ((stiffness, q), (damping, v)):
+            for multiplied, state in ((stiffness, q), (damping, v)):
                 if multiplied is not None:
-                    found[at] -= c[number] * multiplied(moved[at])
-        return found
+                    forces[at] -= c[number] * multiplied(state[at])
+        return forces
 
     def rubbed(self, rows: PathRows, multipliers: Array, grip: Grip) -> Rubbed:
-        """What friction does where the rows stand, under multipliers (m,)."""
+        """Friction with the rows where they stand, under multipliers (m,)."""
         if self._friction is None:
             return Rubbed(0.0, np.zeros(0), np.zeros(len(multipliers)))
-        known, limits = self._friction, self._friction.coefficients * np.abs(multipliers[self._friction.pads])
-        moments, most = known.moments(grip.forces, multipliers), np.abs(known.moments(limits, multipliers))
-        self._widest = max(self._widest, float(known.gaps(limits).max(initial=0.0)))
+        friction, limits = self._friction, self._friction.coefficients * np.abs(multipliers[self._friction.pads])
+        moments, most = friction.moments(grip.forces, multipliers), np.abs(friction.moments(limits, multipliers))
+        self._widest = max(self._widest, float(friction.gaps(limits).max(initial=0.0)))
         at_limits = float(np.sum(rows.transposed_slopes(most) ** 2))
-        force, sums = rows.transposed_slopes(moments), known.totals(grip.forces)
-        return Rubbed(force, sums, known.gaps_of(sums), at_limits)
+        force, sums = rows.transposed_slopes(moments), friction.totals(grip.forces)
+        return Rubbed(force, sums, friction.gaps_of(sums), at_limits)
 
-    def slid(self, old: Grip, given: Rubbed, c: Array, multipliers: Array, matrix: Array) -> Grip:
-        """What pads hold after a step, found under what is `given`, to the joints' places behind the amplitudes c."""
+    def slide(self, old: Grip, rubbed: Rubbed, c: Array, multipliers: Array, matrix: Array) -> Grip:
+        """Friction of the pads after a step, at the joints' places, which stand behind the amplitudes c."""
         if self._friction is None:
             return old
-        return slid(self._friction, old, given.sums, c[len(self._names) :], multipliers, matrix)
+        return slide(self._friction, old, rubbed.sums, c[len(self._names) :], multipliers, matrix)
 
     def begin_step(self) -> None:
         """Begin an iteration anew: at a step, and where contacts that open change what it leads to."""
         if self._iteration is not None:
             self._iteration.restart()
 
-    def extrapolate(self, w: Array, given: Rubbed, new_w: Array, new: Rubbed) -> tuple[Array, Rubbed]:
+    def extrapolate(self, w: Array, old: Rubbed, new_w: Array, new: Rubbed) -> tuple[Array, Rubbed]:
         """The forces and the friction of the next iteration, from those of this one and what follows from them."""
         size, first = len(w), self._comm.rank == 0  # sums of joints count once
         if self._iteration is None:
             self._iteration = FixedPoint(size + len(new.sums), MOST_DIRECTIONS, self._comm.allreduce)
-        x, phi = (np.append(force, first * rubbed.sums) for force, rubbed in ((w, given), (new_w, new)))
+        x, phi = (np.append(force, first * rubbed.sums) for force, rubbed in ((w, old), (new_w, new)))
         following = self._iteration.next(x, phi)
         if self._friction is None:
             return following, new
@@ -117,7 +117,7 @@ class Terms:
     def settled(self, old: Array, new: Array, times: int, rubbed: Rubbed) -> bool:
         """Whether the forces no longer change; a SimulationError is raised where they diverge or never settle."""
         sums = self._comm.allreduce(np.array([np.sum((new - old) ** 2), np.sum(new**2), rubbed.at_limits]), MPI.SUM)
-        change, size, at_limits = (float(np.sqrt(one)) for one in sums)
+        change, size, at_limits = (float(np.sqrt(total)) for total in sums)
         largest = max(self._largest, size, at_limits)
         if not change > (ACCEPTED if times >= LIMIT else CONVERGED) * largest:
             self._largest = largest
@@ -140,12 +140,12 @@ def _product(system: FullSystem, bodies: tuple[str, ...], A: Any) -> Product | N
     mine = np.concatenate([at + np.arange(model.size)[model.share] for at, model in zip(first, models, strict=False)])
     rows = sp.csr_matrix(A)
     moving = np.unique(rows.indices)
-    here, there = np.isin(mine, moving), np.searchsorted(moving, mine)
+    is_local, positions = np.isin(mine, moving), np.searchsorted(moving, mine)
     of_mine = rows[mine][:, moving]
 
-    def multiplied(x: Array) -> Array:
-        whole = np.zeros(len(moving))
-        whole[there[here]] = x[here]
-        return np.asarray(of_mine @ system.comm.allreduce(whole, MPI.SUM))
+    def multiply(x: Array) -> Array:
+        vector = np.zeros(len(moving))
+        vector[positions[is_local]] = x[is_local]
+        return np.asarray(of_mine @ system.comm.allreduce(vector, MPI.SUM))
 
-    return multiplied
+    return multiply

@@ -22,7 +22,7 @@ from pmr.errors import InputError
 from pmr.simulation.statics.equilibrium import ROUND_OFF_OF_K, saddle_point_solver
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
-from pmr.system.terms import added
+from pmr.system.terms import add_terms
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
@@ -62,17 +62,17 @@ class Held:
         self._assembly, self._rows = assembly, rows
 
     def factors(self, coefficients: Mapping[str, float], count: int = 1) -> Array:
-        """As `buckling_factors`."""
+        """Buckling factors (count,), as `buckling_factors` has them."""
         G = geometric_stiffness(self._assembly, coefficients)
-        found = np.full(count, np.inf)
+        values = np.full(count, np.inf)
         if G.nnz:
             if self._assembly.size <= DENSE_UP_TO:
                 shares = np.linalg.eigvalsh(-(self._root.T @ (G @ self._root)))
             else:
                 shares = _largest(self._solve, self._rows, G, self._answer, count)
             shares = np.sort(shares[shares > ROUND_OFF * np.abs(shares).max()])[::-1][:count]
-            found[: len(shares)] = 1.0 / shares
-        return found
+            values[: len(shares)] = 1.0 / shares
+        return values
 
     @cached_property
     def _solve(self) -> Solve:
@@ -80,7 +80,7 @@ class Held:
 
     @cached_property
     def _answer(self) -> Array:
-        """What answers a load without any symmetry (n,); an InputError is raised where round-off alone resists it."""
+        """Response (n,) to a load without symmetry; an InputError is raised where round-off alone resists it."""
         K, load = self._assembly.K, np.random.default_rng(3).standard_normal(self._assembly.size)
         q = self._solve(np.concatenate([load, np.zeros(len(self._rows.F))]))[: len(load)]
         if not q @ load >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q)):  # NaN too
@@ -104,7 +104,7 @@ def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -
         if name not in terms:
             raise InputError("system", "terms", name, f"{', '.join(terms) or 'no names'} are allowed")
     some = [terms[name] for name in coefficients]
-    return added(sp.csr_matrix((assembly.size,) * 2), some, "stiffness", [*coefficients.values()])
+    return add_terms(sp.csr_matrix((assembly.size,) * 2), some, "stiffness", [*coefficients.values()])
 
 
 def _largest(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:

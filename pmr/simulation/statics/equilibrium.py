@@ -69,17 +69,17 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
     K, softest = assembly.stiffness(() if c is None else c), _lowest(assembly, contacts.rows)
     push = assembly.B @ f
     almost = contacts.solve(K + ALMOST_FREE * softest * assembly.M, push)
-    found = contacts.solve_closed(K, push, almost.closed)
-    if contacts.confirm(found, almost, K):
-        return found
+    candidate = contacts.solve_closed(K, push, almost.closed)
+    if contacts.confirm(candidate, almost, K):
+        return candidate
     if assembly.terms and c is not None and np.any(c):
         almost = Equilibrium(np.zeros(assembly.size), almost.forces, contacts.all_closed)
         for share in np.repeat(SHARES, STEPS):
             floor = share * softest * assembly.M
             almost = contacts.solve(K + floor, push + floor @ almost.q, almost.closed, FEW)
-            found = contacts.solve_closed(K, push, almost.closed)
-            if contacts.confirm(found, almost, K):
-                return found
+            candidate = contacts.solve_closed(K, push, almost.closed)
+            if contacts.confirm(candidate, almost, K):
+                return candidate
         equilibrium(assembly, x, f)  # refused for its contacts where these do not hold it without terms either
         allowed = "axial forces below those that buckle the boom on the pads that are closed at the start are allowed"
         raise InputError("system", "contacts", None, f"{allowed} with second order; without it these pads hold it")
@@ -107,39 +107,39 @@ class _Contacts:
         closed = self.all_closed if closed is None else closed
         search = ContactSearch()
         for _ in range(limit):
-            found = self.solve_closed(K, push, closed)
-            wrong = self._wrong(found)
+            state = self.solve_closed(K, push, closed)
+            wrong = self._wrong(state)
             if not wrong.any():
                 break
             closed = search.change(closed, wrong)
-        return found
+        return state
 
     def solve_closed(self, K: sp.csr_matrix, push: Array, closed: Mask) -> Equilibrium:
-        """With the given contacts closed; not finite where these hold nothing or depend on each other."""
+        """Equilibrium with some contacts closed; not finite where they hold nothing or depend on each other."""
         forces, n = np.zeros(len(closed)), self._assembly.size
         right = np.concatenate([push, (self._clearance - self._motion)[closed]])
         solution = saddle_point_solver(K, self.rows.of(closed))(right)
         forces[closed] = solution[n:]
         return Equilibrium(solution[:n], forces, closed)
 
-    def confirm(self, found: Equilibrium, almost: Equilibrium, K: sp.csr_matrix) -> bool:
+    def confirm(self, state: Equilibrium, almost: Equilibrium, K: sp.csr_matrix) -> bool:
         """Whether an equilibrium stands by K alone, where `almost` is the same with a little more than K."""
-        q, closed, forces = found.q, found.closed, found.forces.copy()
+        q, closed, forces = state.q, state.closed, state.forces.copy()
         if self._clearance[closed].any():  # as if the contacts that are closed had been so from the start
             F = self.rows.F[np.ix_(closed, closed)]
             forces[closed] += np.linalg.lstsq(F, self._clearance[closed], rcond=None)[0]
         unchanged = np.abs(q - almost.q).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
         stored = q @ (K @ q) + forces @ self.rows.F @ forces
         stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q))
-        return bool(unchanged and stiff and not self._wrong(found).any())
+        return bool(unchanged and stiff and not self._wrong(state).any())
 
-    def _wrong(self, found: Equilibrium) -> Mask:
+    def _wrong(self, state: Equilibrium) -> Mask:
         """Contacts that pull although they only push, or would have to push although they are open."""
-        rows, q, forces = self.rows, found.q, found.forces
+        rows, q, forces = self.rows, state.q, state.forces
         motion = rows.C @ q + self._motion - rows.F @ forces
         size = np.abs(rows.C) @ np.abs(q) + self._clearance
-        pulls = found.closed & self._pushes & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
-        return np.asarray(pulls | ~found.closed & (motion - self._clearance > ROUND_OFF * size))
+        pulls = state.closed & self._pushes & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
+        return np.asarray(pulls | ~state.closed & (motion - self._clearance > ROUND_OFF * size))
 
 
 def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array], Array]:
@@ -167,7 +167,7 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
 
 
 def _sparse_factor(matrix: sp.csc_matrix) -> Callable[[Array], Array] | None:
-    """What solves for right sides; None where it is singular."""
+    """Sparse LU factor, as a function of right sides; None where the matrix is singular."""
     try:
         return spla.splu(matrix).solve
     except RuntimeError:
@@ -175,7 +175,7 @@ def _sparse_factor(matrix: sp.csc_matrix) -> Callable[[Array], Array] | None:
 
 
 def _dense_factor(matrix: Array) -> Callable[[Array], Array] | None:
-    """The same; a sparse factor of a few equations takes as long as one of a hundred."""
+    """Dense LU factor, as a function of right sides; None where singular.  Quicker below some hundred rows."""
     factor, pivots, singular = dgetrf(matrix)
     return None if singular else lambda right: dgetrs(factor, pivots, right)[0]
 

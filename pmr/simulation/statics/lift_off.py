@@ -31,7 +31,7 @@ MOST = 100
 
 @dataclass(frozen=True)
 class Rope:
-    """What hoists."""
+    """Hoisting rope."""
 
     stiffness: float  # N/m
     speed: float  # m/s
@@ -47,15 +47,15 @@ class _Forced:
         inertia, self._shapes = scipy.linalg.eigh(M, K)
         some = inertia > len(K) * np.finfo(float).eps * inertia[-1]
         self._w = np.where(some, 1.0 / np.sqrt(np.where(some, inertia, 1.0)), 0.0)
-        self._constant, self._growing = (self._shapes.T @ one for one in f)
-        q, v = (self._shapes.T @ (K @ one) for one in start)
+        self._constant, self._growing = (self._shapes.T @ vector for vector in f)
+        q, v = (self._shapes.T @ (K @ vector) for vector in start)
         self._amplitude = np.where(some, q - self._constant - self._growing * since, 0.0)
         self._rate = np.where(some, (v - self._growing) / np.where(some, self._w, 1.0), 0.0)
         self._since = since
         self.period = 2.0 * np.pi * float(np.sqrt(inertia[-1]))
 
     def along(self, row: Array, t: Array) -> Array:
-        """What a row (n,) measures at times (T,)."""
+        """Values (T, ...) that a row (n,) measures at times (T,)."""
         of, angle = row @ self._shapes, self._w * (t[:, None] - self._since)
         free = np.cos(angle) @ (of * self._amplitude) + np.sin(angle) @ (of * self._rate)
         return np.asarray(free + of @ self._constant + t * (of @ self._growing))

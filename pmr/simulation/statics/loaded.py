@@ -43,7 +43,7 @@ MOST_SETS, ALMOST_FREE = 200, 1e-8
 
 @dataclass(frozen=True)
 class Equations:
-    """What acts at one place, without the load and by a unit of it."""
+    """Forces and matrices at one place, without the load and by a unit of it."""
 
     M: Array  # (n, n)
     K: Array  # (n, n)
@@ -65,7 +65,7 @@ class Equations:
 
 @dataclass(frozen=True)
 class State:
-    """What a load makes: outputs (o,), contact forces (m,), and the form that it has; not finite where none stands."""
+    """Outputs (o,), contact forces (m,) and form under a load; not finite where no equilibrium exists."""
 
     load: float
     outputs: Array
@@ -79,7 +79,7 @@ class State:
 
 @dataclass(frozen=True)
 class States:
-    """The same of several loads."""
+    """Equilibria under several loads."""
 
     load: Array  # (p,)
     outputs: Array  # (p, o)
@@ -101,8 +101,8 @@ class States:
         return cls(np.full(count, state.load), outputs, forces, np.ones(count, dtype=bool), (state.form,) * count)
 
     def some(self, which: Mask) -> States:
-        """Those that are chosen."""
-        forms = tuple(form for form, one in zip(self.forms, which.tolist(), strict=True) if one)
+        """Equilibria that a mask (p,) selects."""
+        forms = tuple(form for form, chosen in zip(self.forms, which.tolist(), strict=True) if chosen)
         return States(self.load[which], self.outputs[which], self.forces[which], self.stands[which], forms)
 
     def split(self, lengths: Iterable[int]) -> Iterator[States]:
@@ -133,7 +133,7 @@ class Form:
         e, n = equations, len(equations.K)
         K, every = e.K + e.G[0], closed.all()
         self._C, self._F, self._X = (e.C, e.F, e.X) if every else (e.C[closed], e.F[:, closed][closed], e.X[:, closed])
-        matrix, units = _bordered(K, self._C, self._F)
+        matrix, units = _border_matrix(K, self._C, self._F)
         self.held, self.critical = False, 0.0
         try:
             Z = units[:, None] * np.linalg.inv(matrix) * units
@@ -164,14 +164,14 @@ class Form:
         z = [Z @ np.concatenate([b, g[closed]]) for b, g in zip(e.b, e.g, strict=True)]
         # contacts are closed where C q - F lambda = g: the rest is how far that fails
         none = np.zeros(len(e.by_load))
-        rest = [
+        remainders = [
             np.concatenate([direct, np.zeros(m), -g[pushes], none]) for direct, g in zip(e.direct, e.g, strict=True)
         ]
-        self._linear = [R @ one + more for one, more in zip(z, rest, strict=True)]
+        self._linear = [R @ response + more for response, more in zip(z, remainders, strict=True)]
         Y = (R @ Z[:, :n]) @ e.G[1]
-        self._bent = [Y @ one[:n] for one in z]
+        self._bent = [Y @ response[:n] for response in z]
         self._modal = np.ascontiguousarray((Y @ U).T)
-        self._on_modes = [U.T @ (e.G[1] @ one[:n]) for one in z]
+        self._on_modes = [U.T @ (e.G[1] @ response[:n]) for response in z]
 
     def responses(self, loads: Array) -> Array:
         """Under loads (p,): outputs, forces, and how contacts that push move beyond their gaps, (p, o + m + d).
@@ -185,22 +185,22 @@ class Form:
         stands = self.stands(loads)
         P = np.where(stands, loads, 0.0)[:, None]
         amplitudes = P * (u0 + P * u1) / (1.0 + P * self.eta)
-        found = r0 + P * (r1 - y0 - P * y1 + amplitudes @ self._modal)
-        found[~stands] = np.nan
+        values = r0 + P * (r1 - y0 - P * y1 + amplitudes @ self._modal)
+        values[~stands] = np.nan
         o, count = len(self.equations.outputs), len(self.equations.by_load)
-        last = found.shape[1] - count
-        found[:, o - count : o] += P * found[:, last:]
-        return np.asarray(found[:, :last])
+        last = values.shape[1] - count
+        values[:, o - count : o] += P * values[:, last:]
+        return np.asarray(values[:, :last])
 
     def stands(self, loads: Array) -> Mask:
         """Under which loads (p,) it stands."""
         return np.asarray(loads < self.critical)
 
     @cached_property
-    def _unstressed(self) -> tuple[Array, Array, Array, Array]:
+    def _unstressed_flexibility(self) -> tuple[Array, Array, Array, Array]:
         """Geometric stiffness on the root L of the unstressed flexibility, both parts; L; what loads press contacts."""
         e, n = self.equations, len(self.equations.K)
-        matrix, units = _bordered(e.K, self._C, self._F)
+        matrix, units = _border_matrix(e.K, self._C, self._F)
         Z = np.linalg.inv(matrix)
         size, Q = np.linalg.eigh((Z[:n, :n] + Z[:n, :n].T) / 2.0)
         some = size > len(size) * np.finfo(float).eps * size[-1]
@@ -224,12 +224,12 @@ class Form:
 
     def buckled(self, load: float, count: int = 1) -> Array:
         """Contact forces (count, m) of the shapes in which it buckles first, the largest of each 1."""
-        N0, N1, L, on_contacts = self._unstressed
+        N0, N1, L, on_contacts = self._unstressed_flexibility
         _, Y = np.linalg.eigh(N0 + load * N1)
         G = self.equations.G[0] + load * self.equations.G[1]
-        found = np.zeros((count, len(self.closed)))
-        found[:, self.closed] = (on_contacts @ (G @ (L @ Y[:, :count]))).T
-        return np.asarray(found / np.maximum(np.abs(found).max(axis=1, keepdims=True), np.finfo(float).tiny))
+        forces = np.zeros((count, len(self.closed)))
+        forces[:, self.closed] = (on_contacts @ (G @ (L @ Y[:, :count]))).T
+        return np.asarray(forces / np.maximum(np.abs(forces).max(axis=1, keepdims=True), np.finfo(float).tiny))
 
     @cached_property
     def condensed(self) -> Condensed:
@@ -252,7 +252,7 @@ class Form:
         free = Free(C[rigid])
         M, G0, G1 = (np.zeros_like(K) for _ in range(3))
         M[:n, :n], G0[:n, :n], G1[:n, :n] = e.M, *e.G
-        M, K, G0, G1 = (free.on(one) for one in (M, K, G0, G1))
+        M, K, G0, G1 = (free.on(matrix) for matrix in (M, K, G0, G1))
         Z = free.basis
         return Condensed(M, K, (G0, G1), Z[n:], Z[:n], (Z.T @ pressing)[:, :m])
 
@@ -287,7 +287,7 @@ class Form:
         return first_singular(on.K - square * on.M, on.G[1] - square * on.place.T @ on.place, near, up_to)
 
 
-def _bordered(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
+def _border_matrix(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
     """The matrix of a structure that is held, and what the unknowns are to be multiplied with, in similar units."""
     n, scale = len(K), float(np.abs(K).max()) or 1.0
     matrix, units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
@@ -316,12 +316,12 @@ class Loaded:
         return self._states[load]
 
     def states(self, loads: Sequence[float]) -> States:
-        """The same under several loads: at once where no contact may open."""
+        """Equilibria under several loads: all at once where no contact may open."""
         if not self.both_ways:
             return States.of([self.state(load) for load in loads])
         o, m, form, load = len(self.equations.outputs), len(self.equations.pushes), self._closed, np.array(loads)
-        found = form.responses(load)
-        return States(load, found[:, :o], found[:, o : o + m], form.stands(load), (form,) * len(loads))
+        responses = form.responses(load)
+        return States(load, responses[:, :o], responses[:, o : o + m], form.stands(load), (form,) * len(loads))
 
     @cached_property
     def _closed(self) -> Form:

@@ -46,7 +46,7 @@ class Swing:
     steady: tuple[Array, Array]  # (o,) and (m,): where the deceleration has lasted for long
 
 
-def stopping(form: Form, load: float, acting: Acting, duration: float) -> Swing | None:
+def stopping_swing(form: Form, load: float, acting: Acting, duration: float) -> Swing | None:
     """How a structure swings under a `load` in kg; None where it does not stand under it."""
     if not form.held or not 0.0 <= load < form.critical:
         return None
@@ -83,10 +83,10 @@ def _at_rest(form: Form, load: float, loads: list[Array]) -> tuple[Array, Array]
     n, scale = len(K), float(np.abs(K).max()) or 1.0
     units = np.concatenate([np.ones(n), np.full(len(C), scale)])[:, None]
     matrix = np.block([[K, scale * C.T], [scale * C, -(scale**2) * F]])
-    found = units * np.linalg.solve(matrix, units * np.vstack([loads[0], loads[1][closed]]))
-    forces = np.zeros((len(closed), found.shape[1]))
-    forces[closed] = found[n:]
-    outputs = e.outputs @ found[:n] - e.X @ forces + loads[2]
+    solution = units * np.linalg.solve(matrix, units * np.vstack([loads[0], loads[1][closed]]))
+    forces = np.zeros((len(closed), solution.shape[1]))
+    forces[closed] = solution[n:]
+    outputs = e.outputs @ solution[:n] - e.X @ forces + loads[2]
     if len(e.by_load):
-        outputs[-len(e.by_load) :] += load * (e.by_load @ found[:n])
+        outputs[-len(e.by_load) :] += load * (e.by_load @ solution[:n])
     return outputs, forces

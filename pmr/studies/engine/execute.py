@@ -75,7 +75,7 @@ def _answer(order: Order, memory: _Memory, notes: _Notes) -> Answer:
         result = function(order.arguments, needs)
         seconds = {"task": time.perf_counter() - begin} | dict(result.seconds)
         warnings = tuple(dict.fromkeys((*result.warnings, *notes.found)))
-        result = TaskResult(_checked(result.record), result.arrays, seconds, warnings)
+        result = TaskResult(_check_record(result.record), result.arrays, seconds, warnings)
         store.write(order.digest, Stored(order.key, result))
     except (Exception, SystemExit) as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
@@ -89,7 +89,7 @@ def _function(address: str) -> TaskFunction:
     return function
 
 
-def _checked(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
+def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
     """Plain Python scalars, all finite."""
     plain: dict[str, Scalar] = {}
     for name, value in record.items():

@@ -22,7 +22,7 @@ from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.postures import HOOK, with_hook
 from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
-from pmr.studies.charting import allowed, governing, in_doubt, lowest, postures, sequence
+from pmr.studies.charting import allowed, governing_limit, in_doubt, lowest, postures, sequence
 from pmr.studies.engine.task import Plan, Scalar, Task, number
 from pmr.studies.figures import boom_arguments
 from pmr.studies.limits import STABILITY, Limit
@@ -50,7 +50,7 @@ class Range(_Table):
     )
 
     @model_validator(mode="after")
-    def _ascending(self) -> Self:
+    def _check_order(self) -> Self:
         if self.most < self.least:
             raise of_key("most", self.most, f"at least {self.least:g}, which is `least`, is allowed")
         return self
@@ -117,7 +117,7 @@ class Study(StudyBase):
     def _named_apart(self) -> Self:
         for what, names in (
             ("limits", [entry.name for entry in self.limits]),
-            ("cases", [one.name for one in self.cases]),
+            ("cases", [case.name for case in self.cases]),
         ):
             if len(set(names)) < len(names) or (what == "limits" and STABILITY in names):
                 raise ValueError(f"names of {what} must differ, and {STABILITY!r} is there without being asked for")
@@ -151,11 +151,11 @@ class Study(StudyBase):
         if self.error_bars:
             shared["model"] = Task("model", richer_model, boom | {"at": at}, cost=20.0)
         needs = {name: task.key for name, task in shared.items()}
-        asked: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars} | boom
-        asked |= {
+        row_arguments: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars} | boom
+        row_arguments |= {
             "limits": [limit.model_dump(mode="json") for limit in self.limits],
-            "cases": [case.acting(self.classes) for case in self._in_service],
-            "left": [case.acting(self.classes) for case in self._left],
+            "cases": [case.acting_amounts(self.classes) for case in self._in_service],
+            "left": [case.acting_amounts(self.classes) for case in self._left],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
             "stops": [{"of": stop.of, "speed": stop.speed * unit, "within": stop.within} for stop in self.stops],
             "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
@@ -163,14 +163,14 @@ class Study(StudyBase):
         runs = []
         for k, row in enumerate(rows):
             parameters: dict[str, Scalar] = {f"extension.{name}": value for name, value in row.items()}
-            arguments = asked | {"rows": [k * size, (k + 1) * size]}
+            arguments = row_arguments | {"rows": [k * size, (k + 1) * size]}
             runs.append(Task(f"row{k + 1}", allowed, arguments, needs, parameters))
         return Plan(tuple(runs), tuple(shared.values()))
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
         table = self.table(results)
         names, load = self.names, table["load"]
-        least, doubt = governing(load), in_doubt(load, table["error"], self.up_to).any(axis=1)
+        least, doubt = governing_limit(load), in_doubt(load, table["error"], self.up_to).any(axis=1)
         figures: dict[str, Scalar] = {"points": len(load), "limits": len(names), "in_doubt": int(doubt.sum())}
         for k, name in enumerate(names):
             figures |= {
@@ -240,7 +240,7 @@ class Study(StudyBase):
         points = [point for point, is_done in zip(self._points, np.repeat(done, self._size), strict=True) if is_done]
         table, names = self.table(results), self.names
         load, error = table["load"], table["error"]
-        least, doubt = governing(load), in_doubt(load, error, self.up_to)
+        least, doubt = governing_limit(load), in_doubt(load, error, self.up_to)
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         heads = [f"extension {name} [m]" for name in self._scene.names[1:]]
@@ -323,7 +323,7 @@ class Study(StudyBase):
         scene = scene.model_copy(update={"frame": frame})
         load_names = {load.name for part in scene.sections for load in part.loads} - {HOOK}
         for k, case in enumerate(self.cases):
-            case.checked(f"cases[{k}]", load_names, self.classes)
+            case.check_loads(f"cases[{k}]", load_names, self.classes)
         if any(stop.of == "slewing" for stop in self.stops) and frame.slewing is None:
             raise InputError("study", "stops", "slewing", "a scene whose [frame] has a slewing angle is allowed")
         self._class_factor  # noqa: B018  (refuses a class that is not there)

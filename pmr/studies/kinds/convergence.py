@@ -73,15 +73,15 @@ class Study(StudyBase):
         for count in self.full:
             needs = {"finest": finest} if count != self.full[-1] else {}
             parameters: dict[str, Scalar] = {"approach": "full", "elements": count}
-            one = booms.meshed(boom, count)
-            runs.append(sections.task(f"full-{count}", sections.full_tip, one, parameters, needs))
+            refined = booms.with_elements(boom, count)
+            runs.append(sections.task(f"full-{count}", sections.full_tip, refined, parameters, needs))
         return Plan(tuple(runs))
 
     def _runs(self, scene: scenes.Scene, approach: str, elements: tuple[int, ...]) -> list[Task]:
         function = {"ancf": cable_tip, "full": beam_tip}[approach]
         runs = []
         for count in elements:
-            meshed = _driven(scene).model_copy(update={"mesh": scenes.MeshChoice(elements=count)})
+            meshed = _without_reduction(scene).model_copy(update={"mesh": scenes.MeshChoice(elements=count)})
             arguments = shared.scene_arguments(meshed)
             needs = {"finest": f"{approach}-{elements[-1]}"} if count != elements[-1] else {}
             parameters: dict[str, Scalar] = {"approach": approach, "elements": count}
@@ -90,17 +90,17 @@ class Study(StudyBase):
         return runs
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        scene, found = scenes.load_any(self.scene), dict[str, Scalar]()
-        counts = {one.mesh.elements for one in scene.bodies.values()}
-        asked = {"ancf": scene.compare.ancf_elements, "full": counts.pop() if len(counts) == 1 else None}
-        for approach, chosen in asked.items():
+        scene, record = scenes.load_any(self.scene), dict[str, Scalar]()
+        counts = {body.mesh.elements for body in scene.bodies.values()}
+        choices = {"ancf": scene.compare.ancf_elements, "full": counts.pop() if len(counts) == 1 else None}
+        for approach, chosen in choices.items():
             runs = [run for run in results.runs if run.parameters["approach"] == approach]
             if not runs:
                 continue
             errors = {run.parameters["elements"]: run.figures["e_abs"] for run in runs}
-            found[f"chosen.{approach}"] = errors.get(chosen)
-            found[f"least.{approach}"] = min(error for error in errors.values() if error is not None)
-        return found
+            record[f"chosen.{approach}"] = errors.get(chosen)
+            record[f"least.{approach}"] = min(error for error in errors.values() if error is not None)
+        return record
 
 
 def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -108,8 +108,8 @@ def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     scene = shared.scene_of(arguments)
     system = shared.full_system(scene)
     response = respond(system, run_from_start(system, Excitation.of(scene)))
-    found = _compared(response.of("tip")[:, -1], system.bodies[ALONE].size, needs)
-    return replace(found, warnings=warnings_of_response(scene, system, response))
+    result = _compare_tip(response.of("tip")[:, -1], system.bodies[ALONE].size, needs)
+    return replace(result, warnings=warnings_of_response(scene, system, response))
 
 
 def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -119,11 +119,11 @@ def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
     cable = scene.model_copy(update={"compare": compared})
     motion = simulate_cable(cable, [scene.alone.length], Excitation.of(scene))
-    found = _compared(motion.displacement[:, -1], COORDINATES_PER_NODE * (elements + 1), needs)
-    return replace(found, warnings=tuple(hints(scene)))
+    result = _compare_tip(motion.displacement[:, -1], COORDINATES_PER_NODE * (elements + 1), needs)
+    return replace(result, warnings=tuple(hints(scene)))
 
 
-def _compared(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> TaskResult:
+def _compare_tip(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> TaskResult:
     record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]
@@ -131,7 +131,7 @@ def _compared(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> Ta
     return TaskResult(record, {"tip": tip})
 
 
-def _driven(scene: scenes.Scene) -> scenes.Scene:
+def _without_reduction(scene: scenes.Scene) -> scenes.Scene:
     """The scene without what the full model's motion does not depend on: reduction, comparison, choice of simulator."""
     update = {"compare": scenes.Compare(against=()), "simulation": scenes.Simulation()}
     return shared.with_reduction(scene.model_copy(update=update), scenes.Reduction())

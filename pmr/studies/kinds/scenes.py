@@ -47,7 +47,7 @@ class Study(StudyBase):
         for point in self._points():
             scene = self._scene(point)
             second_order = scene.frame is not None and scene.frame.second_order
-            if len(scene.sections) > 1 or second_order or scene.ordered is not None or candidates(scene):
+            if len(scene.sections) > 1 or second_order or scene.goal is not None or candidates(scene):
                 runs.append(Task(point.key, run_boom_case, boom_arguments(scene), {}, point.parameters))
                 continue
             needs = shared.modes_tasks(scene) | {"frequencies": shared.frequencies_task(scene)}

@@ -28,11 +28,11 @@ from pmr.scene import Scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.studies import bases, booms, sections, shared, subjects
-from pmr.studies.bases import observed, stepped
+from pmr.studies.bases import observe, scale_step
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.studies.tolerances import TOLERANCES, holding
+from pmr.studies.tolerances import TOLERANCES, coarsest_within
 from pmr.system.body import length_outputs
 from pmr.system.system import System
 
@@ -76,25 +76,25 @@ class Study(StudyBase):
                 continue
             scene = without_axial(scenes.load(file))
             self._check_steps(scene.time.steps)
-            given = shared.scene_arguments(scene) | {"steps": sorted(self.steps, reverse=True)}
-            truth = Task(key_of(f"truth-{file.stem}-{given['hash']}"), reference, given, cost=5.0)
+            common = shared.scene_arguments(scene) | {"steps": sorted(self.steps, reverse=True)}
+            truth = Task(key_of(f"truth-{file.stem}-{common['hash']}"), reference, common, cost=5.0)
             truths.append(truth)
             for method in self.methods:
-                asked = scene.model_copy(update={"reduction": bases.reduction(scene, method, max(self.coordinates))})
-                arguments = given | shared.scene_arguments(asked)
+                reduced = scene.model_copy(update={"reduction": bases.reduction(scene, method, max(self.coordinates))})
+                arguments = common | shared.scene_arguments(reduced)
                 arguments |= {"method": method, "coordinates": sorted(self.coordinates)}
                 needs, parameters = {"truth": truth.key}, {"scene": file.stem, "method": method}
                 runs.append(Task(key_of(f"{file.stem},{method}"), errors, arguments, needs, parameters, cost=5.0))
-            arguments = given | {"radii": list(self.radii)}
+            arguments = common | {"radii": list(self.radii)}
             parameters = {"scene": file.stem, "method": "radii"}
             runs.append(Task(key_of(f"{file.stem},radii"), dissipated, arguments, {"truth": truth.key}, parameters))
             if scene.body.profile is not None and scene.mesh.file is None:
-                arguments, parameters = given | {"elements": list(self.elements)}, parameters | {"method": "elements"}
+                arguments, parameters = common | {"elements": list(self.elements)}, parameters | {"method": "elements"}
                 runs.append(Task(key_of(f"{file.stem},elements"), meshed, arguments, {"truth": truth.key}, parameters))
         return Plan(tuple(runs), tuple(truths))
 
     def _check_steps(self, count: int) -> None:
-        ratios = [count / max(self.steps), *(max(self.steps) / one for one in self.steps)]
+        ratios = [count / max(self.steps), *(max(self.steps) / factor for factor in self.steps)]
         if any(ratio != round(ratio) for ratio in ratios) or 1.0 not in self.steps:
             allowed = f"1 and factors that divide the largest, and that one the {count} steps, are allowed"
             raise InputError("study", "steps", list(self.steps), allowed)
@@ -104,7 +104,7 @@ class Study(StudyBase):
         steps, largest = sorted(self.steps, reverse=True), booms.reduced_to(boom, max(self.coordinates))
         truth = sections.task(f"truth-{name}-{boom.hash}", sections.finest, boom, {}, {}, steps=steps)
         runs = []
-        for method in (one for one in self.methods if one in sections.BASES):
+        for method in (basis for basis in self.methods if basis in sections.BASES):
             more = {"steps": steps, "basis": method, "coordinates": sorted(self.coordinates)}
             parameters, needs = {"scene": name, "method": method}, {"truth": truth.key}
             runs.append(
@@ -113,13 +113,13 @@ class Study(StudyBase):
         return truth, runs
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        found: dict[str, Scalar] = {}
+        record: dict[str, Scalar] = {}
         for run in results.runs:
             scene, method = run.parameters["scene"], run.parameters["method"]
             for tolerance in TOLERANCES if method in self.methods else ():
-                best = holding(run.figures, tolerance)
-                found[f"{scene}.{method}.{tolerance:g}"] = None if best is None else f"{best[0]} x {best[1]:g}"
-        return found
+                best = coarsest_within(run.figures, tolerance)
+                record[f"{scene}.{method}.{tolerance:g}"] = None if best is None else f"{best[0]} x {best[1]:g}"
+        return record
 
 
 def without_axial(scene: Scene) -> Scene:
@@ -136,9 +136,10 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     Figures: ``step``, what its own step is off by, as a fraction.  Warnings are those of a run with the scene's step.
     """
     scene, steps = shared.scene_of(arguments), arguments["steps"]
-    form, given, finest = modal_form(shared.body_of(scene)), Excitation.of(scene), FINER * steps[-1]
+    form, excitation, finest = modal_form(shared.body_of(scene)), Excitation.of(scene), FINER * steps[-1]
     coarser, y = (
-        observed(form, stepped(given, factor * finest), round(steps[0] / (factor * finest))) for factor in (2.0, 1.0)
+        observe(form, scale_step(excitation, factor * finest), round(steps[0] / (factor * finest)))
+        for factor in (2.0, 1.0)
     )
     case = bases.Case.of(scene)
     system = System.of(case.full)
@@ -167,18 +168,18 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     moving = np.abs(case.excitation.path_rate) > 0.0
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
     record |= {"scene step": scene.time.step, "steps": scene.time.steps}
-    for r, one in tried:
+    for r, simulate in tried:
         names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]
         record |= dict.fromkeys((*names, f"reduction.{r}", f"energy.{r}"))
         for factor, name in zip(arguments["steps"], names, strict=True):
             every = round(arguments["steps"][0] / factor)
             try:
-                found = one(stepped(case.excitation, factor), every)
-                record[name] = relative_error(found.displacement, truth.arrays["y"])
+                motion = simulate(scale_step(case.excitation, factor), every)
+                record[name] = relative_error(motion.displacement, truth.arrays["y"])
             except (SimulationError, InputError):
                 continue
         try:
-            runs = [one(case.excitation, 1) for _ in range(REPEATS)]
+            runs = [simulate(case.excitation, 1) for _ in range(REPEATS)]
         except (SimulationError, InputError):
             continue
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / scene.time.steps
@@ -191,11 +192,11 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
 def dissipated(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: ``rho.<radius>.<factor>``, e_NRMS of many free modes with other spectral radii, against the reference."""
     scene, truth = shared.scene_of(arguments), needs["truth"].arrays["y"]
-    form, given, record = modal_form(_many(scene)), Excitation.of(scene), dict[str, Scalar]()
+    form, excitation, record = modal_form(_many(scene)), Excitation.of(scene), dict[str, Scalar]()
     for radius in arguments["radii"]:
         for factor in arguments["steps"]:
-            stepping = TimeStepping(given.stepping.end, given.stepping.step * factor, radius)
-            y = observed(form, given.with_stepping(stepping), round(arguments["steps"][0] / factor))
+            stepping = TimeStepping(excitation.stepping.end, excitation.stepping.step * factor, radius)
+            y = observe(form, excitation.with_stepping(stepping), round(arguments["steps"][0] / factor))
             record[f"rho.{radius:g}.{factor:g}"] = relative_error(y, truth)
     return TaskResult(record, warnings=needs["truth"].warnings)
 
@@ -209,7 +210,7 @@ def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
 
     def tip(count: int) -> Array:
         finer = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"elements": count})})
-        return observed(modal_form(_many(finer)), Excitation.of(finer), 1)[:, -1:]
+        return observe(modal_form(_many(finer)), Excitation.of(finer), 1)[:, -1:]
 
     finest, record = tip(2 * max(arguments["elements"])), dict[str, Scalar]()
     for count in arguments["elements"]:

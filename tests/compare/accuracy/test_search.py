@@ -11,7 +11,7 @@ from alone import outputs, trials
 from oracle import enriched, flexible, full_body
 
 from pmr.compare import estimate as estimates
-from pmr.compare.accuracy.search import best_within, reach, reasons, thin_out, within
+from pmr.compare.accuracy.search import best_within, is_within, reach, reasons, thin_out
 from pmr.compare.accuracy.trials import FINER, Sizes, Trial, Trials
 from pmr.compare.outputs import Floors, Outputs, differences
 from pmr.errors import GrowthError
@@ -36,7 +36,7 @@ def found_by(tried: Trials, tolerance: float):
     """The trial that a tolerance gives, from six coordinates and the given step on."""
     allowed = dict.fromkeys(tried.wanted, tolerance)
     trial = reach(tried, tried.own, tried.excitation.stepping.steps, allowed)
-    return thin_out(tried, trial, allowed, tried.coarsest()) if within(trial, allowed) else trial
+    return thin_out(tried, trial, allowed, tried.coarsest()) if is_within(trial, allowed) else trial
 
 
 def true_errors(tried: Trials, sizes: Sizes, steps: int) -> float:
@@ -57,12 +57,12 @@ def test_the_tolerance_holds_and_three_coordinates_fewer_do_not(kinds: tuple[str
     tried = trials(RICH, driven(), kinds)
     trial = found_by(tried, tolerance)
     true = true_errors(tried, trial.sizes, trial.steps)
-    assert within(trial, dict.fromkeys(kinds, tolerance)) and true <= max(trial.total.values()) <= tolerance
+    assert is_within(trial, dict.fromkeys(kinds, tolerance)) and true <= max(trial.total.values()) <= tolerance
     fewer = trial.sizes[0] - 3
     if fewer >= 1:
         assert true_errors(tried, (fewer,), 8000) > tolerance / 2.0  # margins and the step have the rest
     if trial.steps > tried.coarsest():
-        assert not within(tried.judge(trial.sizes, trial.steps // 2), dict.fromkeys(kinds, tolerance))
+        assert not is_within(tried.judge(trial.sizes, trial.steps // 2), dict.fromkeys(kinds, tolerance))
 
 
 @pytest.mark.slow
@@ -112,7 +112,7 @@ def test_a_step_that_is_too_coarse_is_not_taken_for_too_few_coordinates(monkeypa
     tried = trials(MODEL, driven())
     trial = found_by(tried, 0.01)
     assert all(steps >= 4000 for _, steps in resolved)
-    assert within(trial, {"beam": 0.01, "tip": 0.01}) and trial.sizes == (7,) and trial.steps == 8000
+    assert is_within(trial, {"beam": 0.01, "tip": 0.01}) and trial.sizes == (7,) and trial.steps == 8000
 
 
 def test_coordinates_are_doubled_and_those_that_can_be_spared_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,7 +131,7 @@ def test_a_step_whose_error_is_not_settled_is_shortened(monkeypatch: pytest.Monk
     trial = found_by(tried, 0.01)
     assert trial.settled and trial.steps == 4000
     judged_by(monkeypatch, lambda *_: 1e-4, lambda *_: 1e-4, lambda *_: False)
-    assert not within(found_by(tried, 0.01), {"beam": 0.01, "tip": 0.01})
+    assert not is_within(found_by(tried, 0.01), {"beam": 0.01, "tip": 0.01})
 
 
 def test_its_own_step_is_not_refused_where_more_modes_grow_with_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ from alone import trials
 from tolerance_scenes import KINDS, tolerance_scene, with_tolerance
 
 from pmr.compare.outputs import Floors, Outputs, differences
-from pmr.compare.runs import observed
+from pmr.compare.runs import outputs_from
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
@@ -186,7 +186,7 @@ def _full_motion(form: ModalForm, scene: Scene, model: ReducedModel, steps: int,
     given = Excitation.of(scene)
     excitation = given.with_stepping(TimeStepping(scene.time.end, scene.time.end / steps, RHO))
     seen = one_body.observe(form, excitation, every=steps // times)
-    found, rows = observed(System.of(form.body), seen.y, seen.multipliers), len(model.row_names)
+    found, rows = outputs_from(System.of(form.body), seen.y, seen.multipliers), len(model.row_names)
     return replace(found, force=found.force[:, -rows:])  # rigid holds are rows of the full model alone
 
 

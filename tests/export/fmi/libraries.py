@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import Contents, contents
 from pmr.reduced.model import ReducedModel
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -45,7 +45,9 @@ class Library:
 
 def library(model: ReducedModel, folder: Path, version: str) -> Library:
     """The FMU of a body alone."""
-    return loaded(contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version), folder, version)
+    return loaded(
+        contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version), folder, version
+    )
 
 
 def loaded(unit: Contents, folder: Path, version: str) -> Library:

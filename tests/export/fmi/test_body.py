@@ -26,7 +26,7 @@ from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
@@ -59,7 +59,7 @@ def provided(model: ReducedModel, path: SignalBase, loads: tuple[SignalBase, ...
 
 def described(model: ReducedModel, version: str) -> Contents:
     """What an FMU of it holds."""
-    return contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version)
+    return contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version)
 
 
 def model_of(kind: str) -> ReducedModel:
@@ -148,7 +148,7 @@ def test_co_simulation_is_march(made: Made) -> None:
 
 def test_from_step_to_step_its_inputs_have_the_signals_values_and_rates(made: Made) -> None:
     """Led on by the rates that it carries it is the run, whose parts of steps follow the signals."""
-    scene, (values, _), (moved, _, forces) = recorded(System.of(made.model), "model"), made.names(), made.observed()
+    scene, (values, _), (moved, _, forces) = read_scene(System.of(made.model), "model"), made.names(), made.observed()
     given = made.library.named("input")
     carried = reference(Drivers.of(System.of(made.model)), scene)
     instance, found, shown = Instance(made.library), [], np.round(carried.t / STEP).astype(int)
@@ -365,7 +365,7 @@ def test_a_scene_that_starts_in_equilibrium_is_an_fmu_that_does() -> None:
     (start,) = [v.attrib["start"] for v in root.iter("Enumeration")]
     assert start == "1"
     first = np.loadtxt(found.texts["resources/reference_out.csv"].splitlines(), delimiter=",", skiprows=1)[0, 1:]
-    system, scene = System.of(model), recorded(System.of(model), "model")
+    system, scene = System.of(model), read_scene(System.of(model), "model")
     assembly = Assembly(system)
     f, x = scene.first_loads, system.coordinates({SLIDER: scene.excitation.s[0, 0]})
     state = equilibrium(assembly, x, f)

@@ -24,7 +24,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -102,7 +102,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     scene = load_any(WORKFLOWS / "crane.toml", changes)
     found = pmr.reduce(scene)
     system = System.load(found.system.save(tmp_path_factory.mktemp("system") / "system.npz"))
-    texts = contents(system, recorded(system, "system.npz"), "crane", version)
+    texts = contents(system, read_scene(system, "system.npz"), "crane", version)
     library = loaded(texts, tmp_path_factory.mktemp("fmu"), version)
     return Made(found.scene, system, Drivers.of(system), library, texts.texts)
 
@@ -113,11 +113,11 @@ def driven(made: Made, instance: Instance) -> dict[str, Any]:
     motions = values.reshape(4, n)[:3]
     frame = made.frame
     return {
-        "s": {path: motions[:, k] for path, k in zip(frame.paths, made.drivers.numbered(frame.paths), strict=True)},
-        "F": {load: motions[0, k] for load, k in zip(frame.loads, made.drivers.numbered(frame.loads), strict=True)},
+        "s": {path: motions[:, k] for path, k in zip(frame.paths, made.drivers.numbers_of(frame.paths), strict=True)},
+        "F": {load: motions[0, k] for load, k in zip(frame.loads, made.drivers.numbers_of(frame.loads), strict=True)},
         "frame": {
             name: motions[:, k]
-            for name, k in zip(made.drivers.motions, made.drivers.numbered(made.drivers.motions), strict=True)
+            for name, k in zip(made.drivers.motions, made.drivers.numbers_of(made.drivers.motions), strict=True)
         },
     }
 

@@ -16,7 +16,7 @@ from pmr.pipeline import reduce
 from pmr.reduction.bodies import Reduction
 from pmr.scene import load_any
 from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.friction import Friction
 from pmr.system.system import System
 
@@ -51,7 +51,7 @@ class Made:
         assert isinstance(found, Reduction)
         self.system = System.load(found.system.save(folder / "system.npz"))
         self.library: Library = loaded(
-            contents(self.system, recorded(self.system, "system.npz"), "boom", version), folder, version
+            contents(self.system, read_scene(self.system, "system.npz"), "boom", version), folder, version
         )
         self.pushes = not np.isnan(self.system.clearance).all()
         t = STEP * np.arange(STEPS + 1)
@@ -60,7 +60,7 @@ class Made:
         load = np.array([TIP * np.sin(0.5 * w * t), TIP * 0.5 * w * np.cos(0.5 * w * t)])
         names, paths = self.system.input_names, self.system.paths
         constant = np.array([np.broadcast_to(one, t.shape) for one in (1.0, 0.0)])
-        gravity = recorded(self.system, "system.npz").first_loads
+        gravity = read_scene(self.system, "system.npz").first_loads
         #: Value and rate (2, T) of each input of the FMU, paths before loads
         self.given = np.array(
             [path if k == 0 else constant for k in range(len(paths))]

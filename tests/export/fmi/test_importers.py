@@ -31,7 +31,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import systems
 from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import force_outputs
 from pmr.system.system import System
@@ -110,7 +110,7 @@ def test_fmpy_finds_nothing_and_steps_as_march_does(exported: Exported, fmpy: Pa
     file = str(exported.files[version])
     assert under(fmpy, "validate", file) == []
     found = under(fmpy, "steps", file)
-    assert found["steps"] == recorded(System.of(exported.model), "model").excitation.stepping.steps
+    assert found["steps"] == read_scene(System.of(exported.model), "model").excitation.stepping.steps
     assert found["m"] < 1e-9
     assert found["N"] < 1e-3
 
@@ -122,7 +122,7 @@ def test_a_boom_steps_under_fmpy_as_march_does(sections: str, version: str, fmpy
     file = fmu.write_fmu(found.system.save(tmp_path / "system.npz"), tmp_path / "boom.fmu", version, PLATFORMS[:1])
     assert under(fmpy, "validate", str(file)) == []
     seen = under(fmpy, "steps", str(file))
-    assert seen["steps"] == recorded(found.system, "system").excitation.stepping.steps
+    assert seen["steps"] == read_scene(found.system, "system").excitation.stepping.steps
     assert seen["m"] < 1e-9
     assert (
         seen["N"] < 1e-1
@@ -160,7 +160,7 @@ def test_another_importer_steps_as_march_does(exported: Exported, fmpy: Path) ->
 @pytest.mark.parametrize("version", fmu.VERSIONS)
 def test_model_exchange_under_cvode(exported: Exported, fmpy: Path, version: str, tmp_path: Path) -> None:
     """Against march with a hundredth of the step, which is off by some 1e-7 m itself."""
-    excitation = recorded(System.of(exported.model), "model").excitation
+    excitation = read_scene(System.of(exported.model), "model").excitation
     stepping, moved = excitation.stepping, np.flatnonzero(~force_outputs(exported.model))
     fine = excitation.with_stepping(TimeStepping(stepping.end, stepping.step / 100.0, 1.0))
     seen = one_body.observe(modal_form(exported.model), fine, moved.tolist(), every=100)
@@ -212,7 +212,7 @@ def test_the_boom_of_the_manual_is_driven_under_fmpy(fmpy: Path, tmp_path: Path)
     fmu.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "three.fmu", platforms=PLATFORMS[:1])
     done = subprocess.run([str(fmpy), "-c", drive], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    known = recorded(system, "system")
+    known = read_scene(system, "system")
     t, h = known.excitation.times, known.excitation.stepping.step
     s = 0.6 + 0.4 * np.sin(np.pi * t) ** 2
     acceleration = np.diff(np.append(np.diff(s) / h, 0.0), prepend=0.0) / h

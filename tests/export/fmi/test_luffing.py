@@ -11,7 +11,7 @@ from export.fmi.libraries import Instance, loaded
 
 import pmr
 from pmr.export.fmi.fmu import contents
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.system import System
 
 
@@ -20,7 +20,7 @@ def test_the_cylinder_carries_the_weight_at_each_angle(tmp_path: Path) -> None:
     """The arm is the height of the triangle of pivot, foot and lug over the cylinder; how it changes with the angle."""
     found = pmr.reduce(raised({"kind": "smooth_ramp", "times": [0.0, 2.0], "values": [0.3, 0.9]}))
     system = System.load(found.reduced.save(tmp_path / "reduced.npz"))
-    library = loaded(contents(system, recorded(system, "reduced.npz"), "boom", "3"), tmp_path, "3")
+    library = loaded(contents(system, read_scene(system, "reduced.npz"), "boom", "3"), tmp_path, "3")
     output = "reaction_of_pivot_cylinder"
 
     def pressed(angle: float) -> float:

@@ -24,7 +24,7 @@ from pmr.scene.signals import Ramp
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import systems
-from pmr.simulation.recorded import Recorded, of_boom, recorded
+from pmr.simulation.recorded import Recorded, of_boom, read_scene
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
@@ -96,7 +96,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     scene, changes, version = KINDS[request.param]
     found = reduced(scene, *changes)
     system = System.load(found.system.save(tmp_path_factory.mktemp("system") / "system.npz"))
-    texts = contents(system, recorded(system, "system.npz"), "boom", version)
+    texts = contents(system, read_scene(system, "system.npz"), "boom", version)
     return Made(found.scene, system, loaded(texts, tmp_path_factory.mktemp("fmu"), version))
 
 
@@ -141,7 +141,7 @@ def test_with_rates_of_its_signals_a_boom_on_pads_that_push_is_the_run(made: Mad
     """Steps in as many parts as the run makes, and what it finds in them; a kink within a step is all that is left."""
     if np.isnan(made.system.clearance).all():
         return
-    scene = recorded(made.system, "system")
+    scene = read_scene(made.system, "system")
     carried = reference(Drivers.of(made.system), scene)
     run = systems.simulate(made.system, scene.excitation, systems.static_start(made.system, scene.excitation))
     assert 1.0 < run.parts[1:].mean() < 32.0
@@ -433,7 +433,7 @@ def test_what_a_file_does_not_hold_is_said_in_one_line(two: Reduction) -> None:
         ({"scene": {**scene, "sections": [*others, {**fly, "joint": {**fly["joint"], "extension": file}}]}}, "numbers"),
     ):
         with pytest.raises(InputError, match=rf"system.npz: provenance.scene.*{said}|system.npz: {said}") as refused:
-            recorded(replace(two.system, provenance=wrong), "system.npz")
+            read_scene(replace(two.system, provenance=wrong), "system.npz")
         assert "\n" not in str(refused.value)
 
 
@@ -441,6 +441,6 @@ def test_a_section_whose_mesh_is_in_a_file_needs_no_such_file(two: Reduction) ->
     scene = two.system.provenance["scene"]
     sections = [{**part, "mesh": {"file": "elsewhere.msh"}} for part in scene["sections"]]
     system = replace(two.system, provenance={"scene": {**scene, "sections": sections}})
-    found, expected = (recorded(one, "system.npz").excitation for one in (system, two.system))
+    found, expected = (read_scene(one, "system.npz").excitation for one in (system, two.system))
     np.testing.assert_array_equal(found.s, expected.s)
     np.testing.assert_array_equal(found.f, expected.f)

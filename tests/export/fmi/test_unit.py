@@ -17,7 +17,7 @@ from pmr.kernel.kernel import Kernel, Settings, State
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SmoothRamp
 from pmr.simulation.modal import modal_form
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import read_scene
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ VERSIONS = pytest.mark.parametrize("version", ["2", "3"])
 
 
 def unit_of(model: ReducedModel, version: str = "3") -> Contents:
-    return contents(System.of(model), recorded(System.of(model), "model.npz"), "body", version)
+    return contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version)
 
 
 def model(last: float) -> ReducedModel:

@@ -15,7 +15,7 @@ from pmr.fem.distributed import tall
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import truncated
+from pmr.reduced.truncation import truncate
 from pmr.reduction.basis import Basis, modal_basis
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
 from pmr.reduction.residual.model import FLOOR, flexible_model, section_model
@@ -112,14 +112,14 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     scene = load_scene("simple_residual", [NO_ANCF, "reduction.coordinates=60"])
     model = full_model(scene)
     from pmr.reduction.residual.operator import ResidualFlexibility
-    from pmr.reduction.residual.tables import load_flexibility, meeting, tables
+    from pmr.reduction.residual.tables import load_flexibility, load_pairs, tables
 
     modes = free_modes(model, 60)
     found = flexible_model(FreeBody(model), modal_basis(modes), {})
     V = np.array(modes.S.getDenseArray())
     shared = Rows(model.rows.rows[2:], model.size).shared.refined(found.rows.x)
     residual = ResidualFlexibility(FreeBody(model), V)
-    plain = tables(load_flexibility(residual, shared.carriers, meeting(shared, len(model.input_names))), shared)
+    plain = tables(load_flexibility(residual, shared.carriers, load_pairs(shared, len(model.input_names))), shared)
     assert found.flexibility and np.array_equal(found.flexibility.rows.c, plain.rows.c)
 
 
@@ -149,7 +149,7 @@ def test_clearances_come_along_and_a_rigid_support_that_only_pushes_stays_a_row(
     assert np.sum(modes.omega == 0.0) == 2  # free in y and in rotation
     found = flexible_model(FreeBody(model), modal_basis(modes), {})
     assert found.row_names == ("support z at 0 m", "slider")
-    for smaller in (found, truncated(found, 4)):
+    for smaller in (found, truncate(found, 4)):
         assert np.array_equal(smaller.row_clearance, [1e-3, np.nan], equal_nan=True)
 
 

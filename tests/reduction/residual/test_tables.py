@@ -12,7 +12,7 @@ from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.pipeline import reduce
 from pmr.reduction.residual.operator import ResidualFlexibility
-from pmr.reduction.residual.tables import BLOCK, check_memory, load_flexibility, meeting, tables
+from pmr.reduction.residual.tables import BLOCK, check_memory, load_flexibility, load_pairs, tables
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 
@@ -50,7 +50,7 @@ def test_tables_are_exact_between_and_on_their_breaks(case) -> None:
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
     shared = Rows(rows, full.size).shared.refined(breaks)
-    found = tables(load_flexibility(residual, shared.carriers, meeting(shared, 2)), shared)
+    found = tables(load_flexibility(residual, shared.carriers, load_pairs(shared, 2)), shared)
     body = full.comm.bcast(full.gather())
     O, B = body.outputs.toarray(), body.B
     assert found.rows.c.shape == (7, len(breaks) - 1, 2, 2) and found.inputs.c.shape[0] == 4
@@ -68,7 +68,7 @@ def test_the_sliders_flexibility_is_symmetric_and_positive(case) -> None:
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
     shared = Rows(rows, full.size).shared.refined(breaks)
-    G = tables(load_flexibility(residual, shared.carriers, meeting(shared, 2)), shared).rows
+    G = tables(load_flexibility(residual, shared.carriers, load_pairs(shared, 2)), shared).rows
     assert np.array_equal(G.c, G.c.swapaxes(2, 3))
     s = np.linspace(*full.rows.domain, 301)[1:]
     assert np.linalg.eigvalsh(G(s))[:, 0].min() > 0.0
@@ -79,7 +79,7 @@ def test_pairs_of_loads_grow_as_the_mesh_and_not_as_its_square(load_scene) -> No
     for elements in (30, 60):
         full = full_model(load_scene("paper_simple", ["compare.against=[]", f"mesh.elements={elements}"]))
         shared = Rows(full.rows.rows[2:], full.size).shared.aligned(full.rows.domain)
-        found.append(meeting(shared, 1).nnz)
+        found.append(load_pairs(shared, 1).nnz)
     assert 1.9 < found[1] / found[0] < 2.1
 
 

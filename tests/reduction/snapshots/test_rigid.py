@@ -20,7 +20,7 @@ from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure
 from pmr.pipeline import run
 from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
-from pmr.reduction.snapshots.free_modes import _beside, free_modes
+from pmr.reduction.snapshots.free_modes import _remove_rigid_modes, free_modes
 from pmr.scene import Damping
 from pmr.scene.members import member_at
 from pmr.scene.structures import PointMass
@@ -153,7 +153,7 @@ def test_modes_without_the_rigid_ones_are_refused() -> None:
     modes = eigensolver(held, "dense").lowest(held.rows.domain[0], 6)
     upper = replace(modes, omega=modes.omega[3:], phi=modes.phi[:, 3:])
     with pytest.raises(ConvergenceError, match="hides 2 rigid-body modes"):
-        _beside(held, rigid_modes(model), upper)
+        _remove_rigid_modes(held, rigid_modes(model), upper)
 
 
 def test_a_model_that_does_not_know_its_motions_says_so() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pmr.report.decimation import spread
-from pmr.report.motion.line import FRAMES, POINTS, motion, said
+from pmr.report.motion.line import FRAMES, POINTS, motion, scale_words
 from pmr.results import RunResult
 
 
@@ -50,7 +50,7 @@ def test_long_motion_is_thinned(make_result) -> None:
 
 def test_exaggeration_is_round_and_said(data: dict[str, Any]) -> None:
     assert data["scale"] == 5.0  # 5 m * 0.1 / 0.05005 m, rounded down
-    assert said(data) == "Deflection is drawn 5 times its size; it reaches 50.0\u00a0mm."
+    assert scale_words(data) == "Deflection is drawn 5 times its size; it reaches 50.0\u00a0mm."
 
 
 def test_resting_beam_is_no_error(make_result) -> None:
@@ -58,7 +58,7 @@ def test_resting_beam_is_no_error(make_result) -> None:
     result.responses["reduced"].displacement[:] = 0.0
     data = motion(result)
     assert data["scale"] == 1.0
-    assert said(data) == "Nothing moves across the axis."
+    assert scale_words(data) == "Nothing moves across the axis."
 
 
 def test_playback_speed_is_one_of_the_choices(data: dict[str, Any]) -> None:

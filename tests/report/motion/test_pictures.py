@@ -16,7 +16,7 @@ from pmr.report.document import page as render
 from pmr.report.motion import album as pictures
 from pmr.report.motion import renderer as studio
 from pmr.report.motion.album import album
-from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, framed
+from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, frame_shots
 from pmr.report.sections import chapter as case
 
 SQUARE = Piece(np.array([(0.0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]), np.array([(0, 1, 2, 3)]), np.array([1.0]))
@@ -25,7 +25,7 @@ SHOT = Shot((SQUARE,), (0.0, -1.0, 0.0), (0.0, 1.0), centre=(0.5, 0.0, 0.5), hei
 
 def test_all_shots_of_a_side_have_one_scale_and_hold_what_they_show() -> None:
     high = Piece(SQUARE.points * (1.0, 1.0, 3.0), SQUARE.faces)
-    one, two = framed([SHOT, Shot((high,), SHOT.direction)], width=100, margin=0.5)
+    one, two = frame_shots([SHOT, Shot((high,), SHOT.direction)], width=100, margin=0.5)
     assert one.size == (100, 100) and two.size == (100, 200)
     assert (one.height, two.height) == pytest.approx((2.0, 4.0))
     assert one.centre == pytest.approx((0.5, 0.0, 0.5)) and two.centre == pytest.approx((0.5, 0.0, 1.5))

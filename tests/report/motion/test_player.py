@@ -13,7 +13,7 @@ import pytest
 from pmr.report.document import page as render
 from pmr.report.motion import album as pictures
 from pmr.report.motion import player as players
-from pmr.report.motion.player import compressed, player, said
+from pmr.report.motion.player import compress, drawing_sentence, player
 from pmr.report.motion.renderer import NoPictureError
 from pmr.report.motion.surface import surface
 from pmr.report.sections import chapter as case
@@ -62,9 +62,9 @@ def test_the_page_gets_what_the_surface_has(boom_in_motion: RunResult, data: dic
 def test_few_shapes_hold_a_motion_that_needs_few_and_no_more_than_there_is_room_for() -> None:
     t, x = np.linspace(0.0, 1.0, 40)[:, None], np.linspace(0.0, 1.0, 300)
     frames = (np.sin(9.0 * t) * x + 0.1 * np.cos(20.0 * t) * x**2).astype(np.float32)
-    packed, lost = compressed(frames, 3000)
+    packed, lost = compress(frames, 3000)
     assert packed["count"] == 2 and lost < 1e-4
-    packed, lost = compressed(frames, 300)
+    packed, lost = compress(frames, 300)
     assert packed["count"] == 1 and 0.01 < lost < 0.2
     found = np.linalg.norm(frames_of(packed) - frames) / np.linalg.norm(frames)
     assert found == pytest.approx(lost, rel=1e-2)
@@ -88,11 +88,13 @@ def test_without_fields_with_one_time_or_too_many_faces_nothing_is_played(
     assert player(boom) == player(replace(boom_in_motion, bodies={"": BodyResult(None, once)})) == {}
     monkeypatch.setattr(players, "MOST_FACES", 10)
     assert player(boom_in_motion) == {}
-    assert said({}) == ""
+    assert drawing_sentence({}) == ""
 
 
 def test_scale_and_what_is_left_out_are_said(data: dict[str, Any]) -> None:
-    assert said(data).startswith("Displacements are drawn 50 times their size, from one shape that leaves out ")
+    assert drawing_sentence(data).startswith(
+        "Displacements are drawn 50 times their size, from one shape that leaves out "
+    )
 
 
 def test_script_reads_what_is_there(data: dict[str, Any]) -> None:

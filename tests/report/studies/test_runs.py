@@ -9,8 +9,8 @@ import pytest
 
 from pmr.report.blocks import Chapter
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.names import called, heading, key_words, quantity_of, unit_of
-from pmr.report.studies.runs import MOST_COLUMNS, content, overview, varied
+from pmr.report.studies.names import heading, key_words, quantity_of, run_name, unit_of
+from pmr.report.studies.runs import MOST_COLUMNS, content, overview, varied_parameter
 from pmr.studies.results import RunRecord, StudyResults
 
 BEAM, TIP = "errors.reduced_vs_full.beam", "errors.reduced_vs_full.tip"
@@ -78,10 +78,10 @@ def test_runs_are_called_by_what_was_varied() -> None:
     one = run(
         "key", {"case": "fine-inertia", "reduction.coordinates": 10, "time.step": 0.001, "reduction.flexibility": True}
     )
-    assert called(one) == "fine-inertia, 10 coordinates, time step 0.001\u00a0s, flexibility yes"
-    assert called(one, "reduction.coordinates") == "fine-inertia, time step 0.001\u00a0s, flexibility yes"
-    assert called(run("alone", {})) == "alone"
-    assert called(run("key", {"body.model": "beam3d"})) == "model beam in space"
+    assert run_name(one) == "fine-inertia, 10 coordinates, time step 0.001\u00a0s, flexibility yes"
+    assert run_name(one, "reduction.coordinates") == "fine-inertia, time step 0.001\u00a0s, flexibility yes"
+    assert run_name(run("alone", {})) == "alone"
+    assert run_name(run("key", {"body.model": "beam3d"})) == "model beam in space"
     assert (key_words("mesh.boundary_size"), heading("time.step")) == ("boundary size", "time step in s")
 
 
@@ -235,7 +235,7 @@ def test_the_time_of_a_simulation_counts_where_something_decides_it() -> None:
     ],
 )  # fmt: skip
 def test_what_is_drawn_over(values: list[dict], over: str | None) -> None:
-    assert varied([run(str(k), parameters, {}) for k, parameters in enumerate(values)]) == over
+    assert varied_parameter([run(str(k), parameters, {}) for k, parameters in enumerate(values)]) == over
 
 
 def test_without_numbers_there_are_tables_alone() -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from pmr.report.marks import BETTER, DIFFERENT, SAME, WITHIN, WORSE, Mark
-from pmr.report.studies.statements import _row, combination, formatted
+from pmr.report.studies.statements import _row, combination, format_figure
 from pmr.studies.study import Statement
 
 
@@ -19,7 +19,7 @@ from pmr.studies.study import Statement
     ],
 )
 def test_figures_are_printed_as_their_quantity(value: float | str, kind: str, text: str) -> None:
-    assert formatted(value, kind) == text
+    assert format_figure(value, kind) == text
 
 
 def test_only_combinations_are_written_as_such() -> None:

@@ -311,7 +311,7 @@ def test_free_in_space_a_machine_of_march_moves_as_it_but_for_the_step() -> None
             update={"gravity": None}
         )
         found = machine_motion(scene, turret.system).values
-        turned = Turning.rocked([tuple(found[:, :, 3 + j]) for j in range(3)]).rotation
+        turned = Turning.from_rocking([tuple(found[:, :, 3 + j]) for j in range(3)]).rotation
         apart.append([np.abs(found[0, :, :3] - place + place[0]).max(), np.abs(turned - R).max()])
     coarse, fine = np.array(apart)
     assert np.all(coarse < 1e-5)

@@ -84,7 +84,7 @@ def test_a_boom_that_knows_its_scene_starts_in_equilibrium_under_its_weight(syst
 
 
 def test_a_boom_that_starts_at_rest_does_so_step_by_step(boom: Scene, system: System) -> None:
-    at_rest = replace(system, provenance=boom.model_copy(update={"start": "rest"}).recorded)
+    at_rest = replace(system, provenance=boom.model_copy(update={"start": "rest"}).provenance)
     stepper = Stepper(at_rest, STEP, [0.6, 2.0])
     assert not stepper.q.any()
 

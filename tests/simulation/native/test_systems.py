@@ -202,7 +202,7 @@ def test_newtons_law_where_pads_let_go_in_parts_of_steps(rho_inf: float) -> None
     found = from_statics(system, given)
     assert found.parts is not None and found.impulses is not None and len(set(found.parts)) > 3
     assert np.count_nonzero(np.diff((found.forces > 0.0).astype(int), axis=0) < 0) > 3
-    fine = given.with_stepping(given.stepping.divided(int(found.parts.max()))).forces(system.input_names)
+    fine = given.with_stepping(given.stepping.divide(int(found.parts.max()))).forces(system.input_names)
     for name in ("1", "2"):
         momentum, force = momenta(system, found, name)[:, 0], loading(boom, system, fine, name)[:, :1]
         gave = impulses(given.stepping, found.parts, force)[:, 0]

@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 from pmr.simulation.statics.loaded import Equations, Form, Loaded
-from pmr.studies.searches import Search, first_load, searched
+from pmr.studies.searches import Search, first_load, run_searches
 from pmr.system.definite import Free, first_singular, root
 
 Array = np.ndarray
@@ -79,7 +79,7 @@ def test_a_pad_with_a_gap_carries_from_the_load_on_that_closes_it() -> None:
         assert state.outputs[0] == pytest.approx(moved, rel=1e-12)
         assert state.forces[0] == pytest.approx(force, rel=1e-12)
     search = first_load(1e3, at_once=False)
-    assert searched(loaded, {"pad": (lambda states: states.forces[:, 0] / 30.0, search)}) == {
+    assert run_searches(loaded, {"pad": (lambda states: states.forces[:, 0] / 30.0, search)}) == {
         "pad": pytest.approx(50.0, rel=1e-12)
     }
 

@@ -24,7 +24,7 @@ def test_progress_in_one_line() -> None:
 def test_a_log_gets_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     now = 100.0
     monkeypatch.setattr("pmr.cli.study.time.monotonic", lambda: now)
-    with cli_study._watching() as watch:
+    with cli_study._watch() as watch:
         for _ in range(100):
             now += 1.0
             watch(Progress(1, 0, 2, now - 100.0, now))

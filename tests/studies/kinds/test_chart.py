@@ -16,7 +16,7 @@ from finished import WORKFLOWS, finished
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.errors.plugins import offered
+from pmr.errors.plugins import plugin_objects
 from pmr.report.studies.document import page
 from pmr.scene import load_any
 from pmr.studies import files, shared
@@ -140,7 +140,7 @@ def test_cases_are_made_of_classes_and_winds(small: StudyResults, folder: Path) 
     project = files.load(folder / "study.toml")
     study = project.parts[0].study
     assert isinstance(study, Study)
-    calm, gust, storm = (case.acting(study.classes) for case in study.cases)
+    calm, gust, storm = (case.acting_amounts(study.classes) for case in study.cases)
     assert calm["load"] == 1.0 and calm["loads"] == {}
     assert gust["load"] == pytest.approx(1.27) and gust["loads"] == {"gust": pytest.approx(-500.0)}
     assert storm["load"] == 0.0 and storm["loads"] == {"gust": pytest.approx(-2000.0)}
@@ -306,7 +306,7 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
     points = "[pmr.limits]\nlargest pad = own_limits:largest_pad\nnothing = own_limits:nothing\n"
     (info / "entry_points.txt").write_text(points)
     monkeypatch.syspath_prepend(tmp_path)
-    offered.cache_clear()
+    plugin_objects.cache_clear()
     (tmp_path / "scene.toml").write_text(SCENE)
     try:
         finished(tmp_path, STUDY.replace("[[cases]]", f"{ASKED}\n[[cases]]", 1))
@@ -316,7 +316,7 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
         with pytest.raises(InputError, match="own.function = 'nowhere': one of largest pad, nothing is allowed"):
             limit.check(load_any(tmp_path / "scene.toml"))
     finally:
-        offered.cache_clear()
+        plugin_objects.cache_clear()
 
 
 @pytest.mark.parametrize(

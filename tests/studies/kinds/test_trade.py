@@ -54,7 +54,7 @@ def test_the_reference_is_the_full_model_with_a_far_shorter_step(small: StudyRes
     body = shared.model_of(scene).gather()
     assert body is not None
     runs = [
-        one_body.observe(modal_form(body), bases.stepped(Excitation.of(scene), h), every=round(2.0 / h)).y
+        one_body.observe(modal_form(body), bases.scale_step(Excitation.of(scene), h), every=round(2.0 / h)).y
         for h in (0.125, 1 / 32)
     ]
     assert number(figures(small)["pod"]["reference"]) == pytest.approx(nrms(*runs), rel=0.5)
@@ -77,9 +77,9 @@ def test_what_holds_a_tolerance_holds_it_with_shorter_steps_too() -> None:
         "total.8.1": 0.02,
         "total.8.0.5": 0.004,
     }
-    assert tolerances.holding(found, 0.01) == (8, 0.5)
-    assert tolerances.holding(found, 0.02) == (4, 1.0)
-    assert tolerances.holding(found, 0.001) is None
+    assert tolerances.coarsest_within(found, 0.01) == (8, 0.5)
+    assert tolerances.coarsest_within(found, 0.02) == (4, 1.0)
+    assert tolerances.coarsest_within(found, 0.001) is None
 
 
 def test_steps_that_do_not_meet_are_refused(tmp_path: Path) -> None:

@@ -92,12 +92,12 @@ def forces_of(rows, motion):
     """Forces (m,) in N of contacts that give way and would move by C q + H f (m,) m; which of them are closed."""
     F, gives = rows.F, np.any(rows.F, axis=1)
     pushes, b = gives & ~np.isnan(CLEARANCE), motion - np.nan_to_num(CLEARANCE)
-    both, closed = gives & ~pushes, gives.copy()
+    bilateral, closed = gives & ~pushes, gives.copy()
     if pushes.any():  # F = L L^T of those that push: least squares |L^T lambda - L^-1 b| with lambda >= 0
-        held = np.linalg.solve(F[both][:, both], np.column_stack([F[both][:, pushes], b[both]]))
-        rest = np.column_stack([F[pushes][:, pushes], b[pushes]]) - F[pushes][:, both] @ held
-        L = np.linalg.cholesky(rest[:, :-1])
-        closed[pushes] = nnls(L.T, np.linalg.solve(L, rest[:, -1]))[0] > 0.0
+        held = np.linalg.solve(F[bilateral][:, bilateral], np.column_stack([F[bilateral][:, pushes], b[bilateral]]))
+        compliance = np.column_stack([F[pushes][:, pushes], b[pushes]]) - F[pushes][:, bilateral] @ held
+        L = np.linalg.cholesky(compliance[:, :-1])
+        closed[pushes] = nnls(L.T, np.linalg.solve(L, compliance[:, -1]))[0] > 0.0
     forces = np.zeros(len(b))
     forces[closed] = np.linalg.solve(F[closed][:, closed], b[closed])
     return forces, closed
@@ -150,8 +150,8 @@ def add_system(mbs, paths, loads, start):
     if rigid.any():
         ground = mbs.AddMarker(eii.MarkerNodeCoordinates(nodeNumber=mbs.AddNode(eii.NodePointGround())))
         bodies = mbs.AddMarker(eii.MarkerObjectODE2Coordinates(objectNumber=oSystem))
-        both = dict(markerNumbers=[ground, bodies], scalingMarker1=at(0.0).rows.C[rigid])
-        oRigid = mbs.AddObject(eii.ObjectConnectorCoordinateVector(**both))
+        connector = dict(markerNumbers=[ground, bodies], scalingMarker1=at(0.0).rows.C[rigid])
+        oRigid = mbs.AddObject(eii.ObjectConnectorCoordinateVector(**connector))
 
     def update(mbs, t):
         # Called once before each step, with the time at its end: there the equations have to hold.

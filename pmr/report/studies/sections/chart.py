@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from pmr.errors.text import rounded
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, drawing
-from pmr.report.figures.load_chart import Chart, load_chart, pointed
+from pmr.report.figures.load_chart import Chart, load_chart, pointer_cells
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.governing import Parts, pages
 from pmr.studies import charting
 from pmr.studies.cases import LoadCase
-from pmr.studies.charting import governing
+from pmr.studies.charting import governing_limit
 from pmr.studies.limits import STABILITY
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     parts = [study.results.arrays(run.key) for run in study.results.runs]
     table = _least_over_slewing(study, parts)
     load = np.where(np.isnan(table["load"]), np.inf, table["load"])
-    which = governing(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
+    which = governing_limit(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
     if not np.isfinite(least).any():  # the picture would be empty, and so would the tables of all places
         limits, cases = Block("Limits", grids=(_limits(study, names),)), Block("Load cases", grids=(_cases(study),))
@@ -54,8 +54,8 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         "A pointer on the picture shows values."
     )
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
-    texts = [_said(study, table, chart, error, number) for number in range(least.size)]
-    shown = f"{SCREEN}{pointed(chart, texts)}{END_OF_SCREEN}</svg>"
+    texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
+    shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
     return Chapter(
         anchor=prefix,
@@ -92,7 +92,7 @@ def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Arra
     return table
 
 
-def _said(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, error: Array, number: int) -> str:
+def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: Chart, error: Array, number: int) -> str:
     i, k = divmod(number, chart.load.shape[1])
     radius, height = chart.place[i, k]
     lines = [f"radius {radius:.2f} m, height {height:.2f} m"]
@@ -151,11 +151,11 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
         "Equilibrium to second order with the contacts that are closed: axial forces of weight and load bend what is "
         "bent. All factors are those of the study. A machine tips with the load at the deflected tip.",
         bars,
-        *_hoisting(study),
+        *_hoisting_sentences(study),
     ]
 
 
-def _hoisting(study: FinishedStudy) -> list[str]:
+def _hoisting_sentences(study: FinishedStudy) -> list[str]:
     """By how much more than its weight a load pulls that is lifted off the ground; nothing where that is not asked."""
     hoist, figures = study.asked.get("hoist"), study.figures
     if not hoist or "hoist.most" not in figures:
@@ -213,7 +213,7 @@ def _cases(study: FinishedStudy) -> Grid:
     rows = []
     for content in study.asked["cases"]:
         case = LoadCase.model_validate(content)
-        hoisted = case.hoisting(study.asked["classes"])
+        hoisted = case.hoisting_factor(study.asked["classes"])
         load = (
             f"{case.load:g}"
             if case.hoisting_class is None

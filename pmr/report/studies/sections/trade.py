@@ -52,7 +52,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
                 ((drawing(f"{prefix}-fronts", fronts, fronts_caption, study),),),
                 grids=(_offline(study),),
             ),
-            Block("What holds a tolerance", grids=tuple(_holding(study, scene) for scene in study.scenes)),
+            Block("What holds a tolerance", grids=tuple(_tolerance_grid(study, scene) for scene in study.scenes)),
             Block(energy, grids=tuple(_energies(study, scene) for scene in study.scenes[:2])),
         ],
     )
@@ -92,14 +92,14 @@ def _panel(ax: Axes, study: FinishedStudy, scene: str) -> list[tuple[float, floa
     every = []
     for i, method in enumerate(NAMES):
         for run in study.runs(scene=scene, method=method):
-            if shown := front(_timed(run)):
+            if shown := front(_times_and_errors(run)):
                 ax.plot(*np.array(shown).T, **dots(i, 2.2))
                 every += shown
     ax.set_title(scene.replace("_", " "), loc="left", pad=3.0)
     return every
 
 
-def _timed(run: RunRecord) -> list[tuple[float, float]]:
+def _times_and_errors(run: RunRecord) -> list[tuple[float, float]]:
     """Milliseconds and errors of all models and steps of a method: a step costs the same, however long it is."""
     steps = run.figures.get("steps")
     return [
@@ -109,7 +109,7 @@ def _timed(run: RunRecord) -> list[tuple[float, float]]:
     ]
 
 
-def _holding(study: FinishedStudy, scene: str) -> Grid:
+def _tolerance_grid(study: FinishedStudy, scene: str) -> Grid:
     rows = []
     for method, name in NAMES.items():
         cells = [study.figures.get(f"{scene}.{method}.{tolerance:g}") for tolerance in TOLERANCES]
