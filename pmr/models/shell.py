@@ -252,7 +252,7 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
 
 
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
-    """Thickness in the middle of each cell of a box as it is `drawn`, (C,) m."""
+    """Thickness in the middle of each cell of a box as `draw_box` draws it, (C,) m."""
     boom = draw_box(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
     thickness = np.full(len(middle), box.plate)
