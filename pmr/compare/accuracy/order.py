@@ -92,8 +92,8 @@ def _join_models(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
 class Search:
     """The search for the model and the step that a scene orders; `trial` is the best one so far.
 
-    `models` are those of the prepared scene (`prepare_scene`) by body, on free modes.  Raises InputError if errors of these models, or
-    of the outputs that are asked for, can't be estimated, or if nothing is within the scene's budget.
+    `models` are those of the scene from `prepare_scene` by body, on free modes.  Raises InputError if errors of these
+    models, or of the outputs that are asked for, can't be estimated, or if nothing is within the scene's budget.
     """
 
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
