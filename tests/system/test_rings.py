@@ -11,8 +11,8 @@ import pytest
 import pmr
 from pmr import scene as scenes
 from pmr.compare.simulated import excitation_in
+from pmr.kernel import data
 from pmr.simulation import Excitation
-from pmr.simulation.native import form as forms
 from pmr.simulation.native import systems
 from pmr.system.rings import Combined, combine_rings
 from pmr.system.system import System
@@ -58,7 +58,7 @@ def test_a_ring_of_pads_of_a_beam_is_three_contacts(
         by_themselves.append(one)
         return Combined(one)
 
-    monkeypatch.setattr(forms, "combine_rings", uncombined)
+    monkeypatch.setattr(data, "combine_rings", uncombined)
     all_of = systems.simulate(system, excitation, systems.start_of(system, excitation))
     assert by_themselves
     assert fewer.forces == pytest.approx(all_of.forces, abs=1e-9 * np.abs(all_of.forces).max())
