@@ -45,7 +45,8 @@ class Callbacks(ctypes.Structure):
 library = ctypes.CDLL(str(next(Path(folder.name, "binaries", "linux64").iterdir())))
 library.fmi2Instantiate.restype = c_void_p
 guid = re.search(r'guid="([^"]*)"', said)[1].encode()
-unit = c_void_p(library.fmi2Instantiate(b"beam", c_int(1), c_char_p(guid), c_char_p(b""), byref(Callbacks()), 0, 0))
+resources = Path(folder.name, "resources").resolve().as_uri().encode()  # where its data is
+unit = c_void_p(library.fmi2Instantiate(b"beam", c_int(1), guid, resources, byref(Callbacks()), 0, 0))
 
 
 def put(**values: float) -> None:
