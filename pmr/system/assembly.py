@@ -19,6 +19,8 @@ from pmr.system.system import System
 from pmr.system.terms import Term, add_terms
 
 Array = NDArray[np.float64]
+#: Flexibilities of contacts below this share of the largest are round-off of rigid ones.
+ROUND_OFF = 1e-16
 
 #: (rad/s)^2: what nothing holds is not singular with it.
 SHIFT = 1.0
@@ -138,7 +140,9 @@ class Assembly:
         for name, body in system.bodies.items():
             if on := system.sides_of(name):
                 (self._add_tables if body.carriers is None else self._add_carried)(name, on, x.T[on], rows)
-        return ContactRows(C, (F + F.transpose(0, 2, 1)) / 2.0, H, X)
+        F = (F + F.transpose(0, 2, 1)) / 2.0
+        F[np.abs(F) <= ROUND_OFF * np.abs(F).max(axis=(1, 2), keepdims=True, initial=0.0)] = 0.0
+        return ContactRows(C, F, H, X)
 
     def slopes(self, x: Array) -> Array:
         """dC/dx (m, n) of the contacts with their places at x (sides,) m, of bodies on carriers."""
