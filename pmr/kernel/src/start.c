@@ -75,7 +75,7 @@ static int solve_dense(int n, const double *A, double *x, double *room)
 
 /* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F.  Residual flexibility
    that is so small a share of what a step adds to it, z_gain C S^-1 C^T, is round-off. */
-#define ROUND_OFF_OF_STEP 1e-13
+#define ROUND_OFF_OF_STEP 1e-11
 static int is_rigid(const pmr_state *st, int k)
 {
     const pmr_system *y = st->system;
