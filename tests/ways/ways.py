@@ -320,10 +320,7 @@ def script(subject: Subject) -> None:
     """The script's own simulation of what `pmr run` leaves, without pmr."""
     target = subject.out("export-exudyn") / FORMATS["exudyn"].file_name
     command("export", str(subject.system_file), "--to", "exudyn", "--out", str(target))
-    read = runpy.run_path(str(target))
-    model = read["read_model"](target.with_name(read["MODEL"]))
-    wanted = [read[name] for name in ("PATHS", "LOADS", "END", "STEP", "RHO_INF", "START", "PARTS")]
-    _, found = read["simulate"](model, *wanted)
+    _, found = runpy.run_path(str(target))["simulate"]()
     of_length = np.concatenate([length_outputs(body) for body in subject.system.bodies.values()])
     moved, expected = found[:, of_length], subject.response.displacement
     np.testing.assert_allclose(
