@@ -56,6 +56,8 @@ def test_a_program_steps_alike_on_other_systems(target: str, tmp_path: Path) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_library_for_each_system(target: str, tmp_path: Path) -> None:
+    if target.endswith("windows") and os.environ.get("PMR_SWEEP") != "full":
+        pytest.skip("zig makes its library for Windows first: PMR_SWEEP=full takes it")
     source, library = tmp_path / "one.c", tmp_path / f"one{TARGETS[target].library}"
     exported = "__declspec(dllexport)" if target.endswith("windows") else '__attribute__((visibility("default")))'
     source.write_text(f"#include <math.h>\n{exported} double cube_root(double x) {{ return cbrt(x); }}\n")
