@@ -92,7 +92,7 @@ setup: .venv/.ready .venv/.kernel ## install what is missing or changed: Debian 
 	@touch $@
 
 # The kernel in C, in place, where its sources have changed.
-KERNEL_SOURCES := $(wildcard pmr/kernel/src/*.[ch]) pmr/kernel/build.py setup.py
+KERNEL_SOURCES := $(wildcard pmr/kernel/src/*.[ch] pmr/export/fmi/source/*.[ch]) pmr/kernel/build.py tools/cross.py setup.py
 .venv/.kernel: $(KERNEL_SOURCES) | .venv/.ready
 	@.venv/bin/python setup.py -q build_ext --inplace
 	@touch $@

@@ -57,6 +57,13 @@ def add(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
     return TaskResult({"total": total})
 
 
+def edit(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    """Edit a file, as someone does while a study runs."""
+    with open(arguments["file"], "a") as file:
+        file.write("\n")
+    return TaskResult()
+
+
 def fail(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
     raise SimulationError("step 17:\n the bearing broke")
 

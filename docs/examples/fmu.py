@@ -11,7 +11,7 @@ With FMPy one line is enough: ``fmpy simulate beam.fmu --interface-type CoSimula
 import ctypes
 import re
 import zipfile
-from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from ctypes import byref, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

@@ -70,12 +70,13 @@ def study(
 
         mpiexec -n 9 python -m mpi4py.futures -m pmr study coordinates    (8 workers)
     """
+    from pmr.scene.workflows import experiments
     from pmr.studies import files
     from pmr.studies.call import compute, save
     from pmr.studies.results import TABLES
 
     file = found_file(study_file)
-    if file.suffix == ".py":
+    if file in experiments().values():
         _run_experiment(file, out_dir, jobs, overrides or [], only or [], listed)
     if listed:
         for name in files.load(file, overrides or ()).runs:

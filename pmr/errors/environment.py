@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from importlib import metadata, util
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ UNLAUNCHED = {
 }
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
+_PMR = Path(__file__).parents[1]
 _NUMERICAL = ("numpy", "scipy", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
 
 
@@ -173,11 +174,16 @@ def commit() -> str | None:
     return head.stdout.strip() + (" with changes" if changed.stdout.strip() else "")
 
 
-@cache
 def sources() -> Mapping[str, str]:
-    """Texts of pmr's modules, by path within pmr, as they were when this process asked first."""
-    root = Path(__file__).parents[1]
-    return {file.relative_to(root).as_posix(): file.read_text(encoding="utf-8") for file in sorted(root.rglob("*.py"))}
+    """Texts of pmr's sources, in Python and C, by path within pmr, as they are now."""
+    files = sorted(file for kind in ("*.py", "*.c", "*.h") for file in _PMR.rglob(kind))
+    return _read(tuple((file, file.stat().st_mtime_ns) for file in files))
+
+
+@lru_cache(1)
+def _read(files: tuple[tuple[Path, int], ...]) -> Mapping[str, str]:
+    """Texts of files, each with the time at which it was changed last."""
+    return {file.relative_to(_PMR).as_posix(): file.read_text(encoding="utf-8") for file, _ in files}
 
 
 def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:

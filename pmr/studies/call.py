@@ -13,12 +13,13 @@ from pmr.studies.engine.graph import open_nodes
 from pmr.studies.engine.pools import Pool
 from pmr.studies.engine.runner import Watch, run
 from pmr.studies.engine.store import Store
+from pmr.studies.engine.worker import NOT_COMPUTING
 from pmr.studies.files import Project
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import StudyBase
 
-#: What no result depends on, so that a change there computes nothing again; a task counts the module of its function.
-NOT_COMPUTING = ("report/", "study_report/", "studies/kinds/", "cli", "console")
+#: What digests of results leave out, so that a change there computes nothing again: a task's own one has its module.
+LEFT_OUT = (*NOT_COMPUTING, "studies/kinds/")
 #: Keys of study files that name files: where these lie is of no interest to readers of a summary.
 FILES = {"scene", "scenes"}
 
@@ -45,7 +46,7 @@ class Outcome:
 
 def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
     """Compute what is not there yet; results of tasks go into a folder of `folder`, no table is written."""
-    store, code = Store(folder / "tasks"), environment.code_digest(environment.sources(), NOT_COMPUTING)
+    store, code = Store(folder / "tasks"), environment.code_digest(environment.sources(), LEFT_OUT)
     store.prepare()
     nodes = open_nodes([part.plan for part in project.parts], code, store.sound)
     failures = run(nodes, store, pool, watch)

@@ -110,6 +110,7 @@ def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: 
 
 BAD = [
     (["nowhere.toml"], "nowhere.toml: no such study file"),
+    ([__file__], "not valid TOML"),
     ([str(COORDINATES), "--set", "grid.reduction.modes=[0]"], "--set: grid.reduction.modes = 0: input should be"),
     ([str(COORDINATES), "--out", "pyproject.toml"], "a folder that can be written to"),
     ([str(COORDINATES), "--only", "coordinates=10"], "no such run; did you mean 'basis="),

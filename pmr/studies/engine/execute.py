@@ -23,10 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pmr.errors import environment
 from pmr.studies.engine.store import Store, Stored
 from pmr.studies.engine.task import Scalar, TaskFunction, TaskResult
-from pmr.studies.engine.worker import Answer, Order
+from pmr.studies.engine.worker import Answer, Order, code_of_tasks
 
 OTHER_CODE = "pmr was edited since the study was planned, or is another one on this machine; call the study again"
 REMEMBERED = 256 * 2**20  # bytes of results that a child remembers for the next tasks that need them
@@ -64,7 +63,7 @@ def main() -> None:
 
 def _answer(order: Order, memory: _Memory, notes: _Notes) -> Answer:
     start = time.perf_counter()
-    if order.code not in ("", environment.code_digest(environment.sources())):
+    if order.code not in ("", code_of_tasks()):
         return Answer("failed", 0.0, OTHER_CODE)
     notes.found.clear()
     try:
@@ -76,6 +75,8 @@ def _answer(order: Order, memory: _Memory, notes: _Notes) -> Answer:
         seconds = {"task": time.perf_counter() - begin} | dict(result.seconds)
         warnings = tuple(dict.fromkeys((*result.warnings, *notes.found)))
         result = TaskResult(_check_record(result.record), result.arrays, seconds, warnings)
+        if order.code not in ("", code_of_tasks()):  # modules that the task imported may be those of the edited files
+            return Answer("failed", time.perf_counter() - start, OTHER_CODE)
         store.write(order.digest, Stored(order.key, result))
     except (Exception, SystemExit) as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())

@@ -8,12 +8,11 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
 
-from pmr.errors import environment
 from pmr.errors.text import duration
 from pmr.studies.engine.graph import Node, Ready
 from pmr.studies.engine.pools import Pool
 from pmr.studies.engine.store import Store
-from pmr.studies.engine.worker import Answer, Order
+from pmr.studies.engine.worker import Answer, Order, code_of_tasks
 
 WATCH_EVERY = 1.0  # s
 NAMED = 4  # tasks that a line of progress names
@@ -58,7 +57,7 @@ def run(
 
     `watch` is called with the progress whenever a task ends, and every second.
     """
-    ready, state = Ready(nodes), _State(nodes)
+    ready, state, code = Ready(nodes), _State(nodes), code_of_tasks()
     running: dict[Future[Answer], Node] = {}
     alone: deque[Node] = deque()
     while ready or alone or running:
@@ -67,10 +66,10 @@ def run(
             if node.task.alone:
                 alone.append(node)
             else:
-                running[pool.submit(_order(node, store))] = node
+                running[pool.submit(_order(node, store, code))] = node
         if alone and not running:
             node = alone.popleft()
-            running[pool.submit(_order(node, store))] = node
+            running[pool.submit(_order(node, store, code))] = node
             wait(running)
         finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
         for future in [
@@ -97,9 +96,8 @@ def _answer(future: Future[Answer]) -> Answer:
         return Answer("failed", 0.0, " ".join(f"{type(error).__name__}: {error}".split()))
 
 
-def _order(node: Node, store: Store) -> Order:
+def _order(node: Node, store: Store, code: str) -> Order:
     task = node.task
-    code = environment.code_digest(environment.sources())
     return Order(task.key, node.digest, task.address, task.arguments, node.needs, str(store.folder), code)
 
 

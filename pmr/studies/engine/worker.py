@@ -19,10 +19,14 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from pmr.errors import environment
+
 #: Libraries read these when they are loaded.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 #: By these a process takes itself for a rank of its parent's MPI job.
 OF_MPI = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
+#: What no task computes with, by the beginnings of paths within pmr.
+NOT_COMPUTING = ("report/", "cli/")
 PATIENCE = 10.0  # s for a child to leave by itself
 #: What a child runs: it finds modules where its parent does.
 START = "import sys; sys.path[:] = sys.argv[1:]; from pmr.studies.engine.execute import main; main()"
@@ -33,7 +37,7 @@ LAST_LINES = 20  # that a child which dies leaves behind
 class Order:
     """A task as text: what to call, with what, and where results are.
 
-    `code` is the digest of the code that it was planned by; empty where any will do.
+    `code` is the digest of the code that it was planned by, see `code_of_tasks`; empty where any will do.
     """
 
     key: str
@@ -43,6 +47,11 @@ class Order:
     needs: Mapping[str, str]  # name for the function -> digest
     store: str
     code: str = ""
+
+
+def code_of_tasks() -> str:
+    """Digest of the code that tasks compute with, as it stands in its files now."""
+    return environment.code_digest(environment.sources(), NOT_COMPUTING)
 
 
 @dataclass(frozen=True)
@@ -97,15 +106,15 @@ class Worker:
                 self._child.wait()
 
     def _start(self) -> subprocess.Popen[str]:
-        environment = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
-        environment |= dict.fromkeys(ONE_THREAD, "1")
+        variables = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
+        variables |= dict.fromkeys(ONE_THREAD, "1")
         self._child = subprocess.Popen(
             [sys.executable, "-c", START, *self._path],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._log,
             text=True,
-            env=environment,
+            env=variables,
         )
         return self._child
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,11 +11,12 @@ import pytest
 import study_tasks
 from waiting import is_alive, wait_until
 
+import pmr
 from pmr.errors import environment
-from pmr.studies.engine.execute import _Memory
+from pmr.studies.engine.execute import OTHER_CODE, _Memory
 from pmr.studies.engine.store import Store, Stored
 from pmr.studies.engine.task import TaskResult
-from pmr.studies.engine.worker import Order, Worker
+from pmr.studies.engine.worker import Order, Worker, code_of_tasks
 
 SLEEPER = """
 import sys
@@ -49,15 +51,28 @@ def test_a_worker_goes_on_with_another_child(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_task_that_other_code_was_planned_by_is_refused(tmp_path: Path) -> None:
-    """As where a file is edited while a study begins: no result stands under the name of the other code."""
-    worker, planned = Worker(sys.path), environment.code_digest(environment.sources())
-    edited = environment.code_digest({**environment.sources(), "errors/environment.py": ""})
-    codes = (edited, planned)
-    orders = [Order("square", code, "study_tasks:square", {"x": 3}, {}, str(tmp_path), code) for code in codes]
-    assert [worker.run(order).status for order in orders] == ["failed", "done"]
-    assert [Store(tmp_path).sound(code) for code in codes] == [False, True]
+def test_what_is_edited_while_a_study_runs_gives_no_result_under_the_name_of_the_old_code(tmp_path: Path) -> None:
+    """Neither a task that begins after the edit nor one that went on during it, and imported what was edited."""
+    copy, store = tmp_path / "copy", Store(tmp_path / "tasks")
+    shutil.copytree(Path(pmr.__file__).parent, copy / "pmr", ignore=shutil.ignore_patterns("__pycache__"))
+    edited = {"file": str(copy / "pmr" / "kernel" / "src" / "scheme.c")}
+    store.prepare()
+    planned, worker = code_of_tasks(), Worker([str(copy), *sys.path])
+    orders = [
+        Order(name, name, f"study_tasks:{name}", arguments, {}, str(store.folder), planned)
+        for name, arguments in (("square", {"x": 3}), ("edit", edited), ("add", {}))
+    ]
+    answers = [worker.run(order) for order in orders]
     worker.close()
+    assert [answer.reason for answer in answers] == ["", OTHER_CODE, OTHER_CODE]
+    assert [store.sound(order.digest) for order in orders] == [True, False, False]
+
+
+@pytest.mark.parametrize(("file", "counts"), [("report/blocks.py", False), ("kernel/src/scheme.c", True)])
+def test_the_code_of_tasks_is_what_computes(file: str, counts: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    code, sources = code_of_tasks(), environment.sources()
+    monkeypatch.setattr(environment, "sources", lambda: {**sources, file: "edited"})
+    assert file in sources and (code_of_tasks() != code) == counts
 
 
 @pytest.mark.slow
