@@ -6,9 +6,10 @@ import os
 import signal
 import threading
 from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -29,29 +30,35 @@ class BackgroundReport:
 
     def __enter__(self) -> BackgroundReport:
         if has_free_core():
-            self._pool = ProcessPoolExecutor(1, get_context("spawn"), _follow_parent)
-            self._pool.submit(_load)
+            pool = ProcessPoolExecutor(1, get_context("spawn"), _follow_parent)
+            with suppress(OSError):  # no process can be started: this one draws
+                pool.submit(_load)
+                self._pool = pool
         return self
 
     def __exit__(self, *error: object) -> None:
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
+            for process in active_children():  # a run that was refused does not wait for what it no longer needs
+                process.terminate()
 
     def draw(self, result: RunResult) -> None:
         """Let the figures of a result be drawn, which do not show ``budget`` of its summary."""
         if self._pool is not None:
-            self._drawn.append(self._pool.submit(_draw, result))
+            with suppress(BrokenExecutor):  # the process was killed: `write` draws
+                self._drawn.append(self._pool.submit(_draw, result))
 
     def write(self, results: Sequence[RunResult], folder: Path) -> ReportFiles:
         """Write the report of all results, in the order of `draw`: see `pmr.report.document.write_report`."""
-        if self._pool is None:
-            from pmr.report.document import write_report
+        with suppress(BrokenExecutor):
+            if self._pool is not None:
+                for drawn in self._drawn:
+                    drawn.result()
+                self._pool.submit(_write, folder.absolute(), [result.summary for result in results]).result()
+                return ReportFiles.within(folder)
+        from pmr.report.document import write_report
 
-            return write_report(results, folder)
-        for drawn in self._drawn:
-            drawn.result()
-        self._pool.submit(_write, folder.absolute(), [result.summary for result in results]).result()
-        return ReportFiles.within(folder)
+        return write_report(results, folder)
 
 
 def has_free_core() -> bool:

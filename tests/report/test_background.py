@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import multiprocessing.context
 import os
 import signal
 import subprocess
@@ -11,7 +13,7 @@ from pathlib import Path
 import pytest
 from waiting import PATIENCE, wait_until
 
-from pmr.errors import environment
+from pmr.errors import InputError, environment
 from pmr.report.background import BackgroundReport, has_free_core
 from pmr.report.document import page, with_date
 from pmr.report.sections import chapter
@@ -20,7 +22,7 @@ from pmr.results import RunResult
 MEASURED = {"model": {"beside": None, "reason": "not measured: this says so last"}}
 KILLED = """
 import multiprocessing, sys, time
-from pmr.errors import environment
+from pmr.errors import InputError, environment
 from pmr.report.background import BackgroundReport
 
 environment.cores = lambda: 2
@@ -29,6 +31,13 @@ if __name__ == "__main__":
         print(multiprocessing.active_children()[0].pid, flush=True)
         time.sleep(600.0)
 """
+
+
+def end_children() -> None:
+    """Kill what this process started, as a system does that has no memory left, and wait until it is seen."""
+    for process in multiprocessing.active_children():
+        process.kill()
+        process.join(PATIENCE)
 
 
 @pytest.fixture
@@ -65,6 +74,42 @@ def test_without_another_process_this_one_writes_the_report(boom: RunResult, tmp
     with BackgroundReport() as report:
         report.draw(boom)
         assert report.write([boom], tmp_path).html.read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+@pytest.mark.parametrize("killed", ["before it draws", "before it writes"])
+@pytest.mark.usefixtures("two_cores", "undrawn")
+def test_where_the_other_process_is_killed_this_one_writes_the_report(
+    killed: str, boom: RunResult, tmp_path: Path
+) -> None:
+    with BackgroundReport() as report:
+        if killed == "before it draws":
+            end_children()
+        report.draw(boom)
+        if killed == "before it writes":
+            end_children()
+        assert report.write([boom], tmp_path).html.read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_a_run_that_is_refused_does_not_wait_for_the_other_process() -> None:
+    with pytest.raises(InputError), BackgroundReport():
+        (process,) = multiprocessing.active_children()
+        raise InputError("scene.toml", "time.end", -1.0, "more than 0 is allowed")
+    wait_until(lambda: not process.is_alive())
+    assert process.exitcode == -signal.SIGTERM
+
+
+@pytest.mark.usefixtures("two_cores", "undrawn")
+def test_where_no_process_can_be_started_this_one_writes_the_report(
+    boom: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(process: object) -> None:
+        raise BlockingIOError("Resource temporarily unavailable")
+
+    monkeypatch.setattr(multiprocessing.context.SpawnProcess, "start", refuse)
+    with BackgroundReport() as report:
+        report.draw(boom)
+        assert report.write([boom], tmp_path).html.is_file()
 
 
 @pytest.mark.slow
