@@ -17,6 +17,7 @@ from pmr.compare.errors import ROUND_OFF
 from pmr.constraints.rows import Row
 from pmr.errors import SimulationError
 from pmr.reduced.carriers import CarriedRows
+from pmr.results.quantities import with_unit
 from pmr.system.body import Trajectory
 from pmr.system.system import System, SystemTrajectory
 
@@ -84,7 +85,7 @@ def scatter(peaks: Sequence[float]) -> str:
 
     Empty where they have the same to three digits.
     """
-    least, most = (f"{1e-3 * find(peaks):.3g} kN" for find in (min, max))
+    least, most = (with_unit(find(peaks), "N") for find in (min, max))
     if least == most:
         return ""
     return (

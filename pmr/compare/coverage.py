@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
+from pmr.results.quantities import QUANTITIES
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
 
@@ -44,13 +45,9 @@ JUMPS = (
 DAMPED = 0.05
 #: Why there is none of what richer models disagree on, by kind of output.
 UNSETTLED = {
-    kind: f"{what}, because pads lift off and close again and the motion depends on the exact time of impacts"
-    for kind, what in {
-        "pad_force": "forces",
-        "cylinder_force": "forces of cylinders",
-        "velocity": "velocities",
-        "probe": "what probes measure",
-    }.items()
+    kind: f"{QUANTITIES[kind].label}, because pads lift off and close again and the motion depends on the exact time "
+    "of impacts"
+    for kind in ("pad_force", "cylinder_force", "velocity", "probe")
 }
 #: Share of a load's changes, by RMS, that may lie above the enrichment modes.
 BEYOND = 0.05

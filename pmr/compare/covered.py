@@ -9,21 +9,10 @@ import numpy as np
 
 from pmr.compare import forces
 from pmr.results import Response
+from pmr.results.quantities import QUANTITIES
+from pmr.results.response import ROUND_OFF
 from pmr.scene import Scene
 
-#: Share of the largest force below which others are round-off.
-NOTHING = 1e-9
-#: Figures that runs state, by what parts of a budget call their errors.
-FIGURES = {
-    "pad_force": "pad forces",
-    "cylinder_force": "cylinder forces",
-    "support_force": "forces of supports that give way",
-    "reaction": "reactions of rigid supports",
-    "velocity": "velocities",
-    "frequency": "natural frequencies",
-    "stress": "stresses",
-    "probe": "what probes measure",
-}
 #: Error of a reduction, or of forces by the time step, from which a figure is far off.
 FAR = 0.1
 
@@ -35,8 +24,8 @@ def figures(scene: Scene, response: Response) -> list[str]:
         key: max(float(np.abs(history).max(initial=0.0)) for history in each.values())
         for key, each in histories.items()
     }
-    bearing = {kind for (kind, _), size in sizes.items() if size > NOTHING * max(sizes.values())}
-    stated = [kind for kind in FIGURES if kind in bearing] + ["frequency"]
+    bearing = {kind for (kind, _), size in sizes.items() if size > ROUND_OFF * max(sizes.values())}
+    stated = [kind for kind in QUANTITIES if kind in bearing] + ["frequency"]
     stated += ["stress"] * (scene.recovery is not None and scene.recovery.stress)
     return stated + ["probe"] * any(output.kind == "probe" for output in response.outputs)
 
@@ -44,9 +33,9 @@ def figures(scene: Scene, response: Response) -> list[str]:
 def not_covered(scene: Scene, response: Response, part: Mapping[str, Any], exact: Collection[str] = ()) -> list[str]:
     """Figures of a run of which a `part` of the budget has no error, in words; those that are `exact` need none."""
     stated = figures(scene, response)
-    return [FIGURES[kind] for kind in stated if part.get(kind) is None and kind not in exact]
+    return [QUANTITIES[kind].label for kind in stated if part.get(kind) is None and kind not in exact]
 
 
 def unsettled_forces(kinds: Sequence[str]) -> list[str]:
     """Kinds of forces that go on changing with smaller steps, in words."""
-    return [f"{FIGURES[kind]} beyond the figure stated: smaller steps go on changing them" for kind in kinds]
+    return [f"{QUANTITIES[kind].label} beyond the figure stated: smaller steps go on changing them" for kind in kinds]

@@ -8,13 +8,11 @@ from typing import Any
 from pmr.compare import covered
 from pmr.compare.model_part import error
 from pmr.errors.text import rounded
+from pmr.results.quantities import QUANTITIES
 from pmr.results.reduction_error import reduction_error
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.members import members
-
-#: What warnings call the figures that are off.
-CALLED = covered.FIGURES | {"beam": "displacements", "tip": "displacements of the tip"}
 
 
 def warnings_of_reduction(summary: Mapping[str, Any]) -> list[str]:
@@ -23,7 +21,7 @@ def warnings_of_reduction(summary: Mapping[str, Any]) -> list[str]:
     far = {kind: error for kind, error in errors.items() if error > covered.FAR}
     if not far:
         return []
-    errors_text = ", ".join(f"{_percent(error)} in {CALLED[kind]}" for kind, error in far.items())
+    errors_text = ", ".join(f"{_percent(error)} in {QUANTITIES[kind].label}" for kind, error in far.items())
     return [f"the reduced model is off by {errors_text} ({source}): it has too few coordinates, or its motion grows"]
 
 
@@ -45,5 +43,5 @@ def warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
     if scene.goal is None and isinstance(mesh, Mapping) and mesh:
         kind, most = max(mesh.items(), key=lambda item: item[1])
         if most > allowed:
-            where = CALLED.get(kind, kind)
+            where = QUANTITIES[kind].label
             yield f"the mesh is off by up to {rounded(100.0 * most)} % in {where}, {beyond}; a finer one is closer"

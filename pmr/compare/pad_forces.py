@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pmr.compare.summary import Part
 from pmr.results import Response
 from pmr.results.extremes import Extremes
+from pmr.results.quantities import with_unit
 from pmr.results.tables import reaction_extremes
 from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_of, friction_of, reaction_of
@@ -189,7 +190,7 @@ def _of_ring(ring: PadRing, pulling: Mapping[str, Extremes], response: Response)
     pads = f"{len(pulling)} of {len(ring.places)} pads of the ring {ring.name} pull"
     if len(pulling) == 1:
         pads = f"one of {len(ring.places)} pads of the ring {ring.name} pulls"
-    worst = f"{most} with up to {newton(-load.least)} {response.when(load.t_least, load.s_least)}"
+    worst = f"{most} with up to {with_unit(-load.least, 'N')} {response.when(load.t_least, load.s_least)}"
     most_of_all = "most of all " if len(pulling) > 1 else ""
     return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
 
@@ -204,8 +205,8 @@ def _of_joints(held: Sequence[Contact], pulling: Mapping[str, Extremes], respons
     joints, these = ("joints", "these sections") if len(names) > 1 else ("joint", "this section")
     return (
         f"pads in the {joints} of {', '.join(names)} hold both ways and pull: {most} with up to "
-        f"{newton(-pulling[most].least)} {response.when(pulling[most].t_least)}{more}; if they can only push, set "
-        f"unilateral = true in {keys} of {these}"
+        f"{with_unit(-pulling[most].least, 'N')} {response.when(pulling[most].t_least)}{more}; if they can only push, "
+        f"set unilateral = true in {keys} of {these}"
     )
 
 
@@ -252,8 +253,3 @@ def _kink_warnings(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
         "cylinder and pad forces there depends on the step, on stiffnesses and on the number of coordinates, so size "
         "nothing by them (cylinders in summary.json have all impulses; a smooth_ramp has no kinks)"
     ]
-
-
-def newton(force: float) -> str:
-    """A force as it is said."""
-    return f"{force / 1e3:.3g} kN" if force >= 1e3 else f"{force:.3g} N"

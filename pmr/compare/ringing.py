@@ -19,6 +19,7 @@ from pmr.compare.errors import Pair, relative_error
 from pmr.compare.spectrum import band_of, error_below
 from pmr.errors.text import rounded
 from pmr.results import Response
+from pmr.results.quantities import label_of_error
 from pmr.system.system import Joined
 
 Array = NDArray[np.float64]
@@ -26,12 +27,6 @@ Array = NDArray[np.float64]
 #: Share of a force from which on its ringing is said, and its error may be that of the reference.
 RINGING = 0.02
 ALTERNATES = "change their sign with every step"
-_QUANTITIES = {
-    "pad_force": "forces of sliders and pads",
-    "pad_force_between_kinks": "forces of pads between kinks",
-    "cylinder_force": "forces of cylinders",
-    "cylinder_force_between_kinks": "forces of cylinders between kinks",
-}
 
 
 def causes(rigid: Sequence[str]) -> str:
@@ -105,7 +100,7 @@ def warnings(not_judged: Mapping[str, NotJudged], rigid: Sequence[str] = ()) -> 
     if not not_judged:
         return []
     named = [
-        f"{_QUANTITIES.get(name, name)}, of which {rounded(100.0 * unjudged.alternating)} % {ALTERNATES} "
+        f"{label_of_error(name)}, of which {rounded(100.0 * unjudged.alternating)} % {ALTERNATES} "
         f"(below {rounded(unjudged.band)} Hz, where the body moves, the error is {rounded(100.0 * unjudged.below)} %)"
         for name, unjudged in not_judged.items()
     ]

@@ -18,19 +18,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.pad_forces import PULLED, newton
+from pmr.compare.pad_forces import PULLED
 from pmr.compare.summary import Part
 from pmr.results import Response
 from pmr.results.extremes import Extremes
+from pmr.results.quantities import with_unit
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.names import cylinder_of
 from pmr.scene.ropes import drive_rows, longest, rope_shares
 
 Array = NDArray[np.float64]
-
-#: Share of the largest force of all that is round-off in a rope's.
-ROUND_OFF = 1e-9
 
 
 def forces(scene: Scene, response: Response) -> dict[str, Array]:
@@ -55,7 +53,7 @@ def part(scene: Scene, response: Response) -> Part:
     if len(scene.sections) < 2:
         return Part()
     along, rows, slack = scene.along(response.t), list[Mapping[str, Any]](), list[str]()
-    round_off = max(response.force_round_off, ROUND_OFF * float(np.abs(response.slider_force).max(initial=0.0)))
+    round_off = response.force_floor
     for name, force in forces(scene, response).items():
         number = scene.names.index(name)
         follows = scene.joint(number).follows
@@ -69,7 +67,7 @@ def part(scene: Scene, response: Response) -> Part:
             row |= {"length": length, "stiffness": rope.strands * rope.EA / length}
         rows.append(row)
         if (rope or follows) and -extremes.least > max(PULLED * extremes.most, round_off):
-            most = f"{newton(-extremes.least)} {response.when(extremes.t_least)}"
+            most = f"{with_unit(-extremes.least, 'N')} {response.when(extremes.t_least)}"
             slack.append(
                 f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "
                 "rope that pulls the section in"

@@ -27,13 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare import forces
-from pmr.compare.covered import FAR, FIGURES
+from pmr.compare.covered import FAR
 from pmr.compare.errors import relative_error
 from pmr.compare.halved_steps import Ladder, Runs, Sampled, Stepped
 from pmr.compare.outputs import Floors, differences
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
 from pmr.results import Response
+from pmr.results.quantities import QUANTITIES
 from pmr.scene.signals import SignalBase
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.stepping import TimeStepping
@@ -196,7 +197,9 @@ def warnings(
     h = stepping.step
     if step_error_of_run.beam <= LIMIT and step_error_of_run.settled:
         far = [
-            f"{_percent(error)} in {FIGURES[kind]}" for kind, error in step_error_of_run.others.items() if error > FAR
+            f"{_percent(error)} in {QUANTITIES[kind].label}"
+            for kind, error in step_error_of_run.others.items()
+            if error > FAR
         ]
         return [
             f"the time step of {h:.4g} s is off by {', '.join(far)}, as steps of {step_error_of_run.finest:.2g} s show"

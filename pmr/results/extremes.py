@@ -16,6 +16,15 @@ SMALLEST = 0.01
 
 
 @dataclass(frozen=True)
+class Extreme:
+    """Value of a history with the time in s and the path coordinate in m at which it has it."""
+
+    value: float
+    t: float
+    s: float
+
+
+@dataclass(frozen=True)
 class Extremes:
     """Smallest and largest value of a history, the times in s and the path coordinates in m at which it has them."""
 
@@ -32,6 +41,26 @@ class Extremes:
         first, last = int(np.argmin(values)), int(np.argmax(values))
         low, high = float(values[first]), float(values[last])
         return cls(low, float(t[first]), float(s[first]), high, float(t[last]), float(s[last]))
+
+    @property
+    def lowest(self) -> Extreme:
+        """The smallest value."""
+        return Extreme(self.least, self.t_least, self.s_least)
+
+    @property
+    def highest(self) -> Extreme:
+        """The largest value."""
+        return Extreme(self.most, self.t_most, self.s_most)
+
+    @property
+    def largest(self) -> Extreme:
+        """The value of the largest size, with its sign."""
+        return self.highest if self.most >= -self.least else self.lowest
+
+    @property
+    def size(self) -> float:
+        """The largest absolute value."""
+        return abs(self.largest.value)
 
     @classmethod
     def from_summary(cls, summary: Mapping[str, float]) -> Extremes:

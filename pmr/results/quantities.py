@@ -1,8 +1,8 @@
-r"""Quantities by which a boom is judged, each computed from the columns that simulators and states at rest have.
+r"""The table of quantities: what results state, what it is called, in which unit, with which sign, and how it follows.
 
-A column has a name, a kind (`pmr.results.outputs`) and a unit.  A `Quantity` chooses columns by kind and name, and
-makes one value of their values at each time or state: of a run's `Response` as of a load chart's states.  So a limit
-of a chart and the figure of a run are one function.
+Summaries, warnings, tables, pages, studies and load charts ask this table (`QUANTITIES`, by the keys of summaries and
+studies).  A quantity that can limit a load chart has a `Measure`: one value of all columns at each time or state, of a
+run's `Response` as of a load chart's states.  So a limit of a chart and the figure of a run are one function.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.results.extremes import Extreme, Extremes
 from pmr.results.response import Response
 from pmr.scene.built import force_of, reaction_of
 from pmr.scene.names import cylinder_of
@@ -28,6 +29,8 @@ Measure = Callable[[Array], Array]
 
 #: Direction in the name of a support's row: ``base pivot x``, ``base support z at 2 m``.
 DIRECTION = re.compile(r" r?[xyz](?= (?:at|on) |$)")
+#: SI prefixes of values in sentences.
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 REACTION, PIVOT, FORCE = reaction_of(""), reaction_of(f"{AT_PIVOT} "), force_of("")
 #: Von Mises' stress squared by the components that models have.
 MISES: Mapping[tuple[str, ...], Array] = {
@@ -100,18 +103,67 @@ def values_of(response: Response) -> Array:
     return np.hstack([part for part in parts if part is not None])
 
 
+#: How the columns that a limit looks at, by their names, make one value; None where there are none of them.
+MeasureOf = Callable[[Columns, Callable[[str], bool]], Measure | None]
+
+
 @dataclass(frozen=True)
 class Quantity:
-    """A figure by which a boom is judged; a larger value is worse.
+    """Quantity that results state.
 
-    `measure` returns how it follows from the columns, None where none of them belongs to it; it gets a function that
-    says which names it looks at.
+    Attributes
+    ----------
+    key : str
+        In summaries, studies and options, such as ``"pad_force"``.
+    label : str
+        Name in the plural, as in "off by 3 % in pad forces".
+    unit : str
+    place : str
+        What it belongs to: ``"section"``, ``"tip"``, ``"pad"``, ``"cylinder"``, ``"rope"``, ``"support"``,
+        ``"machine"``, ``"ground"``, ``"probe"`` or ``"boom"``.
+    kinds : tuple of str
+        Kinds of the columns of a response that hold it (`pmr.results.outputs.KINDS`).
+    reported : str
+        Name of the one figure that is reported of it, such as ``"largest pad force"``; empty where none is.
+    extreme : ``"size"``, ``"most"`` or ``"least"``
+        Which of its values that is: the largest without its sign, the largest, or the smallest.
+    sign : str
+        What it does where it is positive; empty where it has no sign, or those of the axes.
+    limit : str
+        Key of a load chart's limit on it; empty where charts have none.
+    measure : function, optional
+        How a chart's columns make the value that is limited; a larger one is worse.
     """
 
     key: str
     label: str
     unit: str
-    measure: Callable[[Columns, Callable[[str], bool]], Measure | None]
+    place: str
+    kinds: tuple[str, ...] = ()
+    reported: str = ""
+    extreme: str = "size"
+    sign: str = ""
+    limit: str = ""
+    measure: MeasureOf | None = None
+
+    def histories(self, response: Response) -> dict[str, Array]:
+        """Columns (T,) of a response that hold it, by their names; of pads that only push the peaks within steps."""
+        outputs = enumerate(response.outputs)
+        return {output.name: response.column(k) for k, output in outputs if output.kind in self.kinds}
+
+    def value(self, extremes: Extremes) -> Extreme:
+        """The extreme that is reported."""
+        return {"size": extremes.largest, "most": extremes.highest, "least": extremes.lowest}[self.extreme]
+
+    def text(self, value: float) -> str:
+        """A value of it with its unit in a sentence, such as ``"12.5 kN"``."""
+        return with_unit(value, self.unit)
+
+
+def with_unit(value: float, unit: str) -> str:
+    """A value with three digits and its unit, from a thousand on with a prefix."""
+    size, prefix = next(((size, name) for size, name in _PREFIXES if abs(value) >= size), (1.0, ""))
+    return f"{value / size:.3g} {prefix}{unit}"
 
 
 def _largest(numbers: Sequence[int]) -> Measure | None:
@@ -188,20 +240,81 @@ def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
     return _largest([k for k in columns.at_pivot().values() if columns.names[k] == CYLINDER])
 
 
-#: All of them, by the keys of a chart's limits.
-QUANTITIES = {
-    one.key: one
-    for one in (
-        Quantity("stress", "von Mises' stress at probes", "Pa", _stress),
-        Quantity("field", "von Mises' stress of walls", "Pa", _stress),
-        Quantity("pad", "force of a pad", "N", _forces("pad")),
-        Quantity("cylinder", "force of a cylinder that moves sections", "N", _cylinders),
-        Quantity("rope", "force of a rope, or of the cylinder that moves sections on ropes", "N", _ropes),
-        Quantity("support", "force of a support", "N", _supports),
-        Quantity("luffing", "force of the luffing cylinder", "N", _luffing_measure),
-        Quantity("deflection", "deflection of the tip", "m", _deflection),
+#: Which way forces of what moves a section, or raises the boom, are positive.
+PUSHES = "pushes"
+
+#: All quantities, by their keys.
+QUANTITIES: Mapping[str, Quantity] = {
+    quantity.key: quantity
+    for quantity in (
+        # motion
+        Quantity("beam", "displacements", "m", "section", ("beam", "tip")),
+        Quantity(
+            "tip", "displacements of the tip", "m", "tip", ("tip",), "largest deflection of the tip",
+            limit="deflection", measure=_deflection,
+        ),
+        Quantity("largest", "largest displacement", "m", "section", ("beam", "tip"), "largest displacement"),
+        Quantity("velocity", "velocities", "m/s", "section"),
+        Quantity("frequency", "natural frequencies", "Hz", "boom", (), "lowest natural frequency", "least"),
+        # forces within the boom
+        Quantity(
+            "pad_force", "pad forces", "N", "pad", ("pad",), "largest pad force",
+            sign="pushes the sections apart, or the body inwards", limit="pad", measure=_forces("pad"),
+        ),
+        Quantity(
+            "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),
+            "largest force of a cylinder that extends", sign=PUSHES, limit="cylinder", measure=_cylinders,
+        ),
+        Quantity("rope_force", "rope forces", "N", "rope", (), "largest rope force", limit="rope", measure=_ropes),
+        Quantity(
+            "luffing_force", "forces of the luffing cylinder", "N", "cylinder", (),
+            "largest force of the luffing cylinder", sign=PUSHES, limit="luffing", measure=_luffing_measure,
+        ),
+        # forces on what holds it
+        Quantity("support_force", "forces of supports that give way", "N", "support", ("support",)),
+        Quantity("reaction", "reactions of rigid supports", "N", "support", ("reaction",)),
+        Quantity(
+            "support", "forces of supports", "N", "support", ("support", "reaction"), "largest force of a support",
+            limit="support", measure=_supports,
+        ),
+        Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),
+        Quantity(
+            "machine_force", "forces on the machine", "N", "machine", (), "largest force of the boom on its machine"
+        ),
+        Quantity(
+            "machine_moment", "moments on the machine", "N m", "machine", (),
+            "largest moment of the boom on its machine, about the pivot",
+        ),
+        Quantity(
+            "ground_force", "forces on the ground", "N", "ground", (), "largest force of the machine on the ground"
+        ),
+        Quantity(
+            "ground_moment", "moments on the ground", "N m", "ground", (), "largest moment of the machine on the ground"
+        ),
+        # strength
+        Quantity(
+            "stress", "stresses", "Pa", "section", (), "largest von Mises stress", "most",
+            limit="stress", measure=_stress,
+        ),
+        Quantity("field", "stresses of walls", "Pa", "section", limit="field", measure=_stress),
+        Quantity("probe", "what probes measure", "", "probe", ("probe",)),
+        Quantity(
+            "utilisation", "stresses over yield stresses", "1", "section", (), "largest stress over yield stress",
+            "most",
+        ),
+        Quantity("damage", "damage by fatigue", "1", "probe", (), "largest damage by fatigue", "most"),
+        Quantity("buckling", "buckling factors", "1", "boom", (), "buckling factor", "least"),
     )
-}
+}  # fmt: skip
+#: How a load chart measures them, by the keys of its limits.
+MEASURES = {quantity.limit: quantity.measure for quantity in QUANTITIES.values() if quantity.measure is not None}
+
+
+def label_of_error(name: str) -> str:
+    """Name of what an error of summary.json is of, such as ``pad_force_between_kinks``; outputs have their own name."""
+    key, separator, _ = name.partition("_between_kinks")
+    label = QUANTITIES[key].label if key in QUANTITIES else key
+    return f"{label} between kinks" if separator else label
 
 
 def mises(components: Array, names: Sequence[str]) -> Array:

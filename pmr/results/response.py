@@ -12,6 +12,9 @@ from pmr.results.outputs import Output
 
 Array = NDArray[np.float64]
 
+#: Share of the largest force up to which another one is round-off.
+ROUND_OFF = 1e-9
+
 
 @dataclass(frozen=True)
 class Energy:
@@ -100,6 +103,11 @@ class Response:
         units = ("m",) * len(self.output_names) + ("N",) * forces + self.other_units
         places = (*self.x.tolist(), *[None] * (forces + len(self.other_names)))
         return tuple(map(Output.of, names, self.kinds, self.bodies, places, units))
+
+    @property
+    def force_floor(self) -> float:
+        """Force in N up to which one may be round-off alone, beside the largest of all."""
+        return max(self.force_round_off, ROUND_OFF * float(np.abs(self.slider_force).max(initial=0.0)))
 
     def of(self, kind: str, body: str | None = None, direction: str | None = None) -> Array:
         """All columns of a kind (T, k), of one body or along one direction alone, where these are given."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.results.extremes import Extremes, cycles
-from pmr.results.response import Response
+from pmr.results.response import ROUND_OFF, Response
 from pmr.results.run import RunResult
 from pmr.scene.built import force_of, reaction_of
 from pmr.scene.names import ALONE, named
@@ -29,8 +29,6 @@ FORCE_OF, REACTION_OF = force_of(""), reaction_of("")
 
 #: What a body without regions is called where others have them.
 WHOLE = "whole body"
-#: Share of the largest reaction up to which another one is round-off.
-ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from pmr.errors import InputError
-from pmr.results.quantities import QUANTITIES, Columns, Measure, fits
+from pmr.results.quantities import MEASURES, Columns, Measure, fits
 from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.scene.ropes import rope_shares
@@ -150,7 +150,7 @@ class Limit(Hinted):
 
     def measure(self, columns: Columns) -> Measure:
         """The amount of which `most` is allowed, from values of these columns; an InputError is raised without any."""
-        measure = QUANTITIES[self.of].measure(columns, self.looks_at)
+        measure = MEASURES[self.of](columns, self.looks_at)
         if measure is None:
             probes = [probe for probe in columns.stresses() if FIELD not in probe] if self.of == "stress" else []
             raise self._unknown_name(probes)

@@ -92,7 +92,7 @@ def test_a_reference_that_rings_is_not_booked_on_the_reduced_model(load_scene) -
     assert rung["no_reference"] == {} and rung["errors"]["reduced_vs_full"]["beam"] < 1e-3
     assert all("pad_force" not in rung[kind]["reduced_vs_full"] for kind in ("errors", "absolute_errors"))
     assert rung["not_judged"]["pad_force"]["alternating"] > 0.5 > 10.0 * rung["not_judged"]["pad_force"]["below"]
-    [warning] = [line for line in rung["warnings"] if line.startswith("the full model is no reference of forces")]
+    [warning] = [line for line in rung["warnings"] if line.startswith("the full model is no reference of pad forces")]
     assert "rho_inf = 0.8 or less" in warning
     assert ("slider force", "not judged") in [(row.place, row.here) for row in errors.rows(found[0.97])]
     assert "slider force is" not in " ".join(point.text for point in sentences.points(found[0.97]))

@@ -1,0 +1,97 @@
+"""The table of quantities, beside the columns of a response, a scene's keys and numbers by hand."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from pmr.results import Energy, Response
+from pmr.results.extremes import Extreme, Extremes
+from pmr.results.outputs import KINDS
+from pmr.results.quantities import MEASURES, QUANTITIES, label_of_error, with_unit
+from pmr.scene.asked import OutputKind
+
+
+def response() -> Response:
+    """Two displacements, a pad that lifts off, a cylinder and a reaction over three times."""
+    t = np.array([0.0, 1.0, 2.0])
+    return Response(
+        t=t,
+        x=np.array([1.0, 2.0]),
+        displacement=np.array([[0.0, 0.0], [1e-3, -2e-3], [2e-3, -4e-3]]),
+        energy=Energy(t, t, t),
+        slider_force=np.array([[5.0, -7.0], [3.0, -8.0], [0.0, 4.0]]),
+        residual_position=t,
+        residual_velocity=t,
+        seconds=1.0,
+        output_names=("z at 1 m", "tip z"),
+        output_units=("m", "m"),
+        force_names=("force of pad", "force of cylinder of fly"),
+        force_peaks=np.array([[5.0, -7.0], [6.0, -8.0], [0.0, 4.0]]),
+        others=t[:, None],
+        other_names=("reaction of base z",),
+        other_units=("N",),
+        kinds=("beam z", "tip z", "pad", "cylinder", "reaction"),
+        bodies=("base", "fly", "fly", "fly", "base"),
+    )
+
+
+def test_each_quantity_stands_once_and_is_of_kinds_that_responses_have() -> None:
+    assert [quantity.key for quantity in QUANTITIES.values()] == list(QUANTITIES)
+    labels = [quantity.label for quantity in QUANTITIES.values()]
+    assert len(set(labels)) == len(labels) and all(labels)
+    assert {kind for quantity in QUANTITIES.values() for kind in quantity.kinds} <= set(KINDS)
+    assert set(get_args(OutputKind)) <= QUANTITIES.keys()
+    limited = [quantity.limit for quantity in QUANTITIES.values() if quantity.limit]
+    assert sorted(limited) == sorted(MEASURES)
+
+
+@pytest.mark.parametrize(
+    ("key", "columns"),
+    [
+        ("beam", {"z at 1 m": [0.0, 1e-3, 2e-3], "tip z": [0.0, -2e-3, -4e-3]}),
+        ("tip", {"tip z": [0.0, -2e-3, -4e-3]}),
+        ("pad_force", {"force of pad": [5.0, 6.0, 0.0]}),
+        ("cylinder_force", {"force of cylinder of fly": [-7.0, -8.0, 4.0]}),
+        ("reaction", {"reaction of base z": [0.0, 1.0, 2.0]}),
+        ("frequency", {}),
+    ],
+)
+def test_its_histories_are_the_columns_of_its_kinds_with_the_peaks_of_forces(
+    key: str, columns: dict[str, list[float]]
+) -> None:
+    histories = QUANTITIES[key].histories(response())
+    assert {name: values.tolist() for name, values in histories.items()} == columns
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("cylinder_force", Extreme(-8.0, 1.0, 20.0)),
+        ("stress", Extreme(4.0, 2.0, 30.0)),
+        ("frequency", Extreme(-8.0, 1.0, 20.0)),
+    ],
+)
+def test_the_extreme_that_is_reported_has_its_sign_time_and_place(key: str, value: Extreme) -> None:
+    extremes = Extremes.of(np.array([-7.0, -8.0, 4.0]), np.array([0.0, 1.0, 2.0]), np.array([10.0, 20.0, 30.0]))
+    assert QUANTITIES[key].value(extremes) == value and extremes.size == 8.0
+
+
+def test_errors_between_kinks_and_of_outputs_have_a_name() -> None:
+    assert label_of_error("pad_force_between_kinks") == "pad forces between kinks"
+    assert label_of_error("tip") == "displacements of the tip"
+    assert label_of_error("weld stress xx") == "weld stress xx"
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(12.34, "N", "12.3 N"), (12340.0, "N", "12.3 kN"), (-2.5e6, "N", "-2.5 MN"), (3.2e9, "Pa", "3.2 GPa")],
+)
+def test_a_value_in_a_sentence_has_three_digits_and_a_prefix(value: float, unit: str, text: str) -> None:
+    assert with_unit(value, unit) == text
+
+
+def test_forces_below_a_billionth_of_the_largest_are_round_off() -> None:
+    assert response().force_floor == pytest.approx(8e-9, rel=1e-12)
