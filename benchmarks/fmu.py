@@ -17,7 +17,7 @@ from pmr.export.fmi.fmu import PLATFORMS, write
 from pmr.export.fmi.variables import ORDERS
 from pmr.pipeline import reduce
 from pmr.scene import load_any
-from pmr.simulation.recorded import read_scene
+from pmr.simulation.moving import read_scene
 from pmr.system.body import force_outputs
 from pmr.system.system import System
 

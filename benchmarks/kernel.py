@@ -20,10 +20,10 @@ from pmr.kernel.kernel import Record
 from pmr.pipeline import reduce
 from pmr.scene import load_any
 from pmr.simulation.excitation import Excitation
+from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
-from pmr.simulation.recorded import read_scene
 from pmr.system.system import System
 
 SCENES = ("evolved_residual", "boom_beam", "boom_two", "boom_three", "boom_four", "boom_three_shell", "crane")

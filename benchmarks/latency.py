@@ -82,7 +82,7 @@ import json, sys, time, warnings
 import pmr
 from pmr.simulation.machine.motion import machine_motion
 from pmr.simulation.moving import MovingFrame
-from pmr.simulation.recorded import read_scene
+from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 warnings.simplefilter("ignore")
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.files import records
 from pmr.scene import Scene, load_any
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, with_hook
+from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, Stands, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.charting import allowed, postures

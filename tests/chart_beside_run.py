@@ -23,9 +23,9 @@ from pmr.scene.pivot import CYLINDER
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
 from pmr.simulation.native import systems
-from pmr.simulation.pivot import with_forces_on_machine
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, with_hook
+from pmr.simulation.reactions import with_forces_on_machine
 from pmr.simulation.statics.loaded import States
+from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place
 from pmr.studies.charting import allowed, postures

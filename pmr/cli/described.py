@@ -60,7 +60,7 @@ def _frequencies(system: System) -> dict[str, str]:
     import numpy as np
 
     from pmr.errors import InputError, SimulationError
-    from pmr.simulation.recorded import path_ranges
+    from pmr.simulation.moving import path_ranges
     from pmr.system.assembly import Assembly
 
     rows, ranges = dict[str, str](), path_ranges(system)

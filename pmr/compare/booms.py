@@ -14,8 +14,7 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
-from pmr.simulation.columns import column_names
-from pmr.simulation.support_reactions import is_reaction
+from pmr.simulation.reactions import column_names, is_reaction
 from pmr.system.contacts import named
 from pmr.system.system import Joined
 

@@ -12,7 +12,7 @@ from pmr.errors.environment import needed
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation import Excitation
-from pmr.simulation.exudyn.cable import Cable
+from pmr.simulation.exudyn.ancf import Cable
 
 if TYPE_CHECKING:
     from pmr.simulation.exudyn import ancf

@@ -37,7 +37,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend, is_modal
 from pmr.results import Response
 from pmr.simulation import Excitation
-from pmr.simulation.columns import column_names
+from pmr.simulation.reactions import column_names
 from pmr.system.body import length_outputs
 from pmr.system.contacts import ALONE, named
 from pmr.system.system import System, SystemTrajectory

@@ -29,9 +29,9 @@ from pmr.results import Response
 from pmr.scene import Reduction, Scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.excitation import places
-from pmr.simulation.found import moves_by_itself
+from pmr.simulation.frame_motion import moves_by_itself
 from pmr.simulation.modal import modal_form
-from pmr.simulation.pivot import with_forces_on_machine
+from pmr.simulation.reactions import with_forces_on_machine
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE
 from pmr.system.system import System, SystemTrajectory

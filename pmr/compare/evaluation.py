@@ -15,10 +15,9 @@ from pmr.results import Energy, Response
 from pmr.scene.built import force_of, friction_of
 from pmr.scene.names import ALONE
 from pmr.simulation.balance import blocks, potential
-from pmr.simulation.blocks import Ended
-from pmr.simulation.columns import column_names
 from pmr.simulation.native import systems
-from pmr.simulation.support_reactions import on_rows, with_support_reactions
+from pmr.simulation.reactions import column_names, on_rows, with_support_reactions
+from pmr.simulation.stepping import Ended
 from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, with_inertia
 from pmr.system.contacts import named
 from pmr.system.friction import Friction

@@ -31,7 +31,7 @@ from pmr.scene.frame_terms import FrameTerm, frame_terms
 from pmr.scene.names import input_of
 from pmr.simulation import Excitation
 from pmr.simulation.balance import dot, mean
-from pmr.simulation.turning import Turning
+from pmr.simulation.frame_motion import Turning
 from pmr.system.body import SlidingBody
 from pmr.system.system import System, SystemTrajectory
 from pmr.system.terms import Term

@@ -31,8 +31,7 @@ from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.resolution import is_aliased
-from pmr.simulation.stepping import TimeStepping
+from pmr.simulation.stepping import TimeStepping, is_aliased
 from pmr.system.body import length_outputs
 from pmr.system.system import System, SystemTrajectory
 

@@ -3,8 +3,8 @@ r"""The cylinder that raises a boom: its force along itself, its length and its 
 .. math::
     L(\varphi) = |R(\varphi)\, r_1 - r_0|, \qquad F = \mathfrak M / \tfrac{dL}{d\varphi}, \qquad P = F\, \dot L
 
-with the moment M of all that the boom presses on its machine with about the pivot (`pmr.simulation.pivot`): whatever
-holds the base in the scene, the pivot turns freely and the cylinder alone keeps the angle.
+with the moment M of all that the boom presses on its machine with about the pivot (`pmr.simulation.reactions`):
+whatever holds the base in the scene, the pivot turns freely and the cylinder alone keeps the angle.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.built import reaction_of
-from pmr.simulation.found import Found, Samples
+from pmr.simulation.frame_motion import Found, Samples
 
 MACHINE = "machine"
 

@@ -12,7 +12,7 @@ from pmr.results import Frequencies
 from pmr.scene import Scene
 from pmr.scene.frame import BaseMotion
 from pmr.simulation import Excitation
-from pmr.simulation.turning import Turning
+from pmr.simulation.frame_motion import Turning
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -26,12 +26,11 @@ from pmr.scene.members import member_at
 from pmr.scene.names import ALONE
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping, contact_step, exudyn
-from pmr.simulation.blocks import Block, Recorder
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
-from pmr.simulation.pivot import with_forces_on_machine
-from pmr.simulation.stepping import Progress
+from pmr.simulation.reactions import with_forces_on_machine
+from pmr.simulation.stepping import Block, Progress, Recorder
 from pmr.system.states import BodyStates, states_of
 from pmr.system.system import System, SystemTrajectory
 

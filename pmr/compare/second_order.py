@@ -26,7 +26,7 @@ from pmr.scene.frame_terms import AXIAL, stress_terms
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
 from pmr.simulation.frame import term_signals
-from pmr.simulation.statics.buckling import Held
+from pmr.simulation.statics.equilibrium import Held
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.frame_terms import terms_of

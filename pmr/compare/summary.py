@@ -17,7 +17,8 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.hints import hints
 from pmr.scene.names import ALONE
-from pmr.simulation import Excitation, resolution
+from pmr.simulation import Excitation
+from pmr.simulation.stepping import overshoots, unseen
 from pmr.system.system import System
 
 
@@ -127,7 +128,7 @@ def impacts(system: System, excitation: Excitation, responses: Mapping[str, Resp
 def sampling(excitation: Excitation) -> Part:
     """Warnings about path and loads that the steps do not resolve."""
     signals, stepping = excitation.signals, excitation.stepping
-    return Part(warnings=resolution.unseen(signals, stepping) + resolution.overshoots(signals, stepping))
+    return Part(warnings=unseen(signals, stepping) + overshoots(signals, stepping))
 
 
 def reliability(missing: Mapping[str, str], responses: Mapping[str, Response], system: System) -> Part:

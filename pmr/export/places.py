@@ -13,7 +13,7 @@ from pmr.errors import InputError
 from pmr.export.formats import Options
 from pmr.reduced.model import ReducedModel
 from pmr.scene.names import ALONE
-from pmr.simulation.recorded import path_ranges
+from pmr.simulation.moving import path_ranges
 from pmr.simulation.state_space import StateSpace, state_space
 from pmr.system.saved import read
 from pmr.system.system import System

@@ -31,12 +31,11 @@ from pmr.scene.frame_terms import frame_terms
 from pmr.scene.names import ALONE
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.excitation import Excitation, places
-from pmr.simulation.needs import needs_of
 from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows
-from pmr.simulation.pivot import with_forces_on_machine
+from pmr.simulation.reactions import Supports, with_forces_on_machine, with_reactions
+from pmr.simulation.refusals import needs_of
 from pmr.simulation.stepping import Progress, TimeStepping
-from pmr.simulation.support_reactions import Supports, with_reactions
 from pmr.system.assembly import Assembly
 from pmr.system.frame_terms import terms_of
 from pmr.system.friction import Friction

@@ -18,9 +18,8 @@ from pmr.scene.members import EXTENSION, members
 from pmr.scene.names import SLIDER as SLIDER
 from pmr.scene.names import input_of
 from pmr.scene.signals import SignalBase
-from pmr.simulation.acceleration import Acceleration
-from pmr.simulation.found import found_inputs
 from pmr.simulation.frame import inertia_loads, load_signals, term_signals
+from pmr.simulation.frame_motion import Acceleration, found_inputs
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, Joined
 

@@ -32,9 +32,16 @@ from pmr.scene.names import input_of
 from pmr.scene.section import Direction
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Floats, Strand
-from pmr.simulation.acceleration import Acceleration
-from pmr.simulation.products import Product, Products, Quantity, evaluate, of_field, of_rotation
-from pmr.simulation.turning import Turning
+from pmr.simulation.frame_motion import (
+    Acceleration,
+    Product,
+    Products,
+    Quantity,
+    Turning,
+    evaluate,
+    of_field,
+    of_rotation,
+)
 
 Array = NDArray[np.float64]
 #: In which the least and the largest amplitude are looked for.
@@ -80,7 +87,7 @@ class OfFrame(SignalBase):
 
 
 class Amplitude(OfFrame):
-    """A sum of products of what drives the frame (`pmr.simulation.products`)."""
+    """A sum of products of what drives the frame (`pmr.simulation.frame_motion`)."""
 
     @property
     @abstractmethod

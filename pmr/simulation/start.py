@@ -12,13 +12,15 @@ is M-orthogonally, as an impulse of the sliders would do it:
 
 Eich: Convergence results for a coordinate projection method applied to mechanical systems with algebraic
 constraints, SIAM Journal on Numerical Analysis 30, 1993.
+
+What pads hold by friction (`pmr.system.friction`) from step to step, by the law of the compiled loop.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,9 +29,12 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.kernel.laws import JointCylinder, slide_pads
 from pmr.reduced.model import ReducedModel
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody, WithRows
+from pmr.system.contacts import Contact
+from pmr.system.friction import Friction
 
 Array = NDArray[np.float64]
 
@@ -165,3 +170,42 @@ def _vector(name: str, values: Any, size: int) -> Array:
 def dense(A: Any) -> Array:
     """A matrix as a dense array."""
     return np.asarray(A.toarray() if sp.issparse(A) else A, dtype=float)
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Friction of n pads in J joints at the end of a step; empty without any."""
+
+    forces: Array = field(default_factory=lambda: np.zeros(0))  # (n,) N
+    s: Array = field(default_factory=lambda: np.zeros(0))  # (J,) m: where the paths lead
+    drives: Array = field(default_factory=lambda: np.zeros(0))  # (J,) N: of the cylinders
+
+    @classmethod
+    def at_start(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
+        """Grip at the start, at s (J,) m, without friction."""
+        law = Friction.of(contacts)
+        if law is None:
+            return cls()
+        return cls(np.zeros(len(law.pads)), s.copy(), np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders]))
+
+
+def slide(law: Friction, old: Grip, sums: Array, s: Array, multipliers: Array, matrix: Array) -> Grip:
+    """Grip after a step to s (J,) m with multipliers (m,) N, solved under joints' friction `sums` (J,) N.
+
+    `matrix` (m, m) is that of the multipliers, of which the diagonal counts.
+    """
+    forces = np.zeros(len(old.forces))
+    driven = np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders])
+    for joint, (c, gives) in enumerate(zip(law.cylinders, law.gives, strict=True)):
+        of_joint = slice(law.first[joint], law.first[joint + 1])
+        cylinder = JointCylinder(gives, matrix[c, c], driven[joint], sums[joint], old.drives[joint])
+        pads, travel = law.pads[of_joint], s[joint] - old.s[joint]
+        forces[of_joint] = slide_pads(
+            law.stiffness[of_joint],
+            law.coefficients[of_joint],
+            multipliers[pads],
+            old.forces[of_joint],
+            travel,
+            cylinder,
+        )
+    return Grip(forces, s, driven + law.totals(forces))

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.postures import HOOK, Postures
 from pmr.simulation.statics.loaded import Loaded, State, States
+from pmr.simulation.statics.postures import HOOK, Postures
 from pmr.studies.limits import Limit
 from pmr.studies.searches import Search, Share, first_load, run_searches
 

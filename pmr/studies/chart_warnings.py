@@ -16,8 +16,8 @@ from pmr.compare.summary import Part, grave
 from pmr.results import Energy, Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of
-from pmr.simulation.postures import Postures
 from pmr.simulation.statics.loaded import State
+from pmr.simulation.statics.postures import Postures
 from pmr.studies.allowed import Place
 from pmr.system.contacts import Contact
 from pmr.system.contacts import Place as ContactPlace

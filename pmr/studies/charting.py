@@ -11,11 +11,19 @@ from numpy.typing import NDArray
 
 from pmr.files import records
 from pmr.scene import Scene
-from pmr.simulation.bent import Bent
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, Stands, acceleration_loads, places_of, unit_loads
-from pmr.simulation.statics.buckling import buckling_factors
-from pmr.simulation.statics.lift_off import Rope, lift_off
+from pmr.simulation.statics.equilibrium import buckling_factors
 from pmr.simulation.statics.loaded import Loaded
+from pmr.simulation.statics.postures import (
+    HOOK,
+    WEIGHT,
+    Bent,
+    Postures,
+    Stands,
+    acceleration_loads,
+    places_of,
+    unit_loads,
+)
+from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.engine.task import TaskResult
 from pmr.studies.field_probes import with_fields

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.results.quantities import mises
-from pmr.simulation.bent import Bent
-from pmr.simulation.postures import Postures
+from pmr.simulation.statics.postures import Bent, Postures
 from pmr.studies.allowed import Place
 from pmr.studies.field_probes import FIELD
 from pmr.studies.limits import Limit

@@ -25,8 +25,8 @@ from pmr.scene import Scene
 from pmr.scene.names import named
 from pmr.scene.ropes import rope_shares
 from pmr.scene.section import Hinted, Usual
-from pmr.simulation.postures import Postures
 from pmr.simulation.statics.loaded import Form, States
+from pmr.simulation.statics.postures import Postures
 from pmr.studies.field_probes import FIELD, WHOLE, bodies_with_field
 from pmr.studies.own_limits import Own, amount_of, check_names, expression_of, function_of
 from pmr.studies.searches import Share

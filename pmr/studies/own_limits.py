@@ -14,8 +14,8 @@ from pmr.errors import InputError, plugins
 from pmr.errors.text import hint
 from pmr.scene import Scene
 from pmr.scene.names import named
-from pmr.simulation.postures import Postures
 from pmr.simulation.statics.loaded import States
+from pmr.simulation.statics.postures import Postures
 from pmr.studies.expressions import Value, entries, value_of
 from pmr.system.from_scene import force_names
 

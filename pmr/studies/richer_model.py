@@ -11,7 +11,7 @@ from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.scene.richer import model_comparison
-from pmr.simulation.postures import Postures, Stands
+from pmr.simulation.statics.postures import Postures, Stands
 from pmr.studies.engine.task import TaskResult
 
 #: Limits of what the richer model has at other places, or not at all.

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from pmr.scene.section import Usual
-from pmr.simulation.postures import HOOK
 from pmr.simulation.statics.loaded import States
-from pmr.simulation.statics.stopping import Acting, stopping_swing
+from pmr.simulation.statics.postures import HOOK
+from pmr.simulation.statics.swings import Acting, stopping_swing
 from pmr.studies.allowed import Place
 from pmr.studies.limits import Limit
 

@@ -4,8 +4,8 @@ r"""A machine that tips over an edge of the polygon it stands on.
     \gamma\, \frac{P\; \hat n \cdot (p + u) \times F_1}{-\hat n \cdot (M - P\, (p + u) \times F_1 + M_m)} = 1
 
 with an edge's direction n, taken about it: M what the boom presses on its machine with at the pivot, as a run has it
-(`pmr.simulation.pivot`), the load's part of it by its force F_1 at the tip p that is displaced by u, and the weight of
-the machine M_m.  All of it in the axes of the base, which may be inclined; the weight acts on the deflected boom.
+(`pmr.simulation.reactions`), the load's part of it by its force F_1 at the tip p that is displaced by u, and the weight
+of the machine M_m.  All of it in the axes of the base, which may be inclined; the weight acts on the deflected boom.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from pmr.errors import InputError
 from pmr.scene.frame import rotation
 from pmr.scene.section import Usual
-from pmr.simulation.postures import HOOK, WEIGHT, Postures
 from pmr.simulation.statics.loaded import States
+from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures
 
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z", "rx", "ry", "rz")

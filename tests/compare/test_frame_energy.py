@@ -15,9 +15,9 @@ from pmr.compare.frame_energy import InSpace, in_space
 from pmr.compare.simulated import excitation_in
 from pmr.results import Response
 from pmr.scene import Scene
+from pmr.simulation.frame_motion import Turning
 from pmr.simulation.native import systems
-from pmr.simulation.pivot import at_pivot
-from pmr.simulation.turning import Turning
+from pmr.simulation.reactions import at_pivot
 from pmr.system.system import System
 
 pytestmark = pytest.mark.slow  # seconds each

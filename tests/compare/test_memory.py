@@ -12,10 +12,10 @@ from pmr.compare.responses import simulate_by
 from pmr.errors import InputError, environment
 from pmr.scene import Scene
 from pmr.simulation import Excitation
-from pmr.simulation.blocks import Recorder
 from pmr.simulation.native import march as marching
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.stepping import Recorder
 from pmr.system.body import FullBody
 from pmr.system.system import System
 

@@ -28,8 +28,8 @@ from pmr.scene.checks import check
 from pmr.scene.joints import Cylinder, Rope
 from pmr.scene.names import cylinder_of
 from pmr.simulation import Excitation
+from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
-from pmr.simulation.recorded import read_scene
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 

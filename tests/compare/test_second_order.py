@@ -10,7 +10,7 @@ from pmr.compare.second_order import TIMES, second_order_effect
 from pmr.fullmodel.build import build_bodies
 from pmr.scene.frame_terms import stress_terms
 from pmr.simulation.frame import term_signals
-from pmr.simulation.statics.buckling import geometric_stiffness
+from pmr.simulation.statics.equilibrium import geometric_stiffness
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
 

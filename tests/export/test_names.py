@@ -25,7 +25,7 @@ from pmr.export.formats import Options, write
 from pmr.kernel.kernel import Kernel
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Sine, SmoothRamp
-from pmr.simulation.recorded import read_scene
+from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 
 MODELS = 200 if os.environ.get("PMR_SWEEP") == "full" else 4

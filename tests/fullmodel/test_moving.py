@@ -41,7 +41,7 @@ from pmr.scene.structures import (
     ShellBody,
     SolidBody,
 )
-from pmr.simulation.statics.buckling import buckling_factors
+from pmr.simulation.statics.equilibrium import buckling_factors
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Place

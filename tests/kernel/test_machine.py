@@ -11,13 +11,12 @@ from pmr.errors import InputError
 from pmr.kernel.carried import Carried
 from pmr.kernel.kernel import Settings, State
 from pmr.scene.machine import DIRECTIONS
-from pmr.simulation.answers import Answering
 from pmr.simulation.floating import Extended, Motion
 from pmr.simulation.floating import State as Moment
-from pmr.simulation.free_base import FreeBase
+from pmr.simulation.frame_motion import Turning
+from pmr.simulation.free_base import Answering, FreeBase
 from pmr.simulation.machine.carrying import modes_in_bodies
 from pmr.simulation.machine.motion import MachineRun
-from pmr.simulation.turning import Turning
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 

@@ -7,7 +7,7 @@ import pytest
 
 from pmr.kernel.signals import Signals
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step, Sum, Table
-from pmr.simulation.acceleration import Acceleration
+from pmr.simulation.frame_motion import Acceleration
 
 KNOTS = {"times": (0.5, 1.0, 2.5, 3.0), "values": (1.0, 4.0, -2.0, 0.5)}
 SIGNALS = {

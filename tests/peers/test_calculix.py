@@ -31,7 +31,7 @@ from pmr.models.shell import Shell
 from pmr.scene.members import member_at
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Plate, ShellBody
-from pmr.simulation.statics.buckling import buckling_factors
+from pmr.simulation.statics.equilibrium import buckling_factors
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE
 from pmr.system.terms import Term

@@ -14,7 +14,7 @@ from peers.test_calculix import HEIGHT, LENGTH, WALL, WIDTH, peer, simpson
 from peers.test_nested import peer as on_pads
 
 from pmr.scene import Scene, load_any
-from pmr.simulation.postures import Postures
+from pmr.simulation.statics.postures import Postures
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.limits import Limit
 

@@ -17,7 +17,7 @@ from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
 from pmr.results import Response
 from pmr.simulation.native import systems
-from pmr.simulation.pivot import at_pivot
+from pmr.simulation.reactions import at_pivot
 
 pytestmark = pytest.mark.slow  # seconds each, the crane's full model half a minute
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -25,7 +25,7 @@ from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.pivot import at_pivot
+from pmr.simulation.reactions import at_pivot
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 

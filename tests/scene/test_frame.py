@@ -15,7 +15,7 @@ from pmr.scene.choice import inertia_fields, model_of
 from pmr.scene.frame import Frame
 from pmr.scene.members import member_at, members
 from pmr.scene.signals import Signal
-from pmr.simulation.turning import Turning
+from pmr.simulation.frame_motion import Turning
 
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
 LUFFING = "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.2, 1.0]}"

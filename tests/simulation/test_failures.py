@@ -1,6 +1,6 @@
 """Words for a start or a step that fails."""
 
-from pmr.simulation.failures import describe_divergence
+from pmr.simulation.refusals import describe_divergence
 from pmr.system.contacts import Contact, Place
 
 

@@ -14,10 +14,9 @@ from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation import Excitation
-from pmr.simulation.acceleration import Acceleration
 from pmr.simulation.floating import Extended, Moments, Motion
+from pmr.simulation.frame_motion import Acceleration, Turning
 from pmr.simulation.free_base import FreeBase
-from pmr.simulation.turning import Turning
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 

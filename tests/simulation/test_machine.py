@@ -14,13 +14,11 @@ from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.scene.machine import DIRECTIONS
 from pmr.simulation import Excitation
-from pmr.simulation.answers import Answering
 from pmr.simulation.floating import Extended, Motion
-from pmr.simulation.found import MachineMotion, in_motion
-from pmr.simulation.free_base import FreeBase
+from pmr.simulation.frame_motion import MachineMotion, Turning, in_motion
+from pmr.simulation.free_base import Answering, FreeBase
 from pmr.simulation.machine.motion import machine_motion
 from pmr.simulation.native import systems
-from pmr.simulation.turning import Turning
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import SystemTrajectory

@@ -10,7 +10,7 @@ import scipy.linalg
 from oracle import full_body, project
 
 from pmr.errors import InputError
-from pmr.simulation import extended, modal
+from pmr.simulation import modal
 from pmr.simulation.modal import diagonalise, modal_form
 from pmr.system.body import FullBody
 
@@ -46,10 +46,10 @@ def product(X: np.ndarray, A: np.ndarray) -> np.ndarray:
 @needs_extended
 def test_products_have_the_digits_of_longer_numbers() -> None:
     """Integers whose products and sums no double holds, but a longer number does, in rows of any size: exact."""
-    random, n = np.random.default_rng(5), 2 * extended.SMALL
+    random, n = np.random.default_rng(5), 2 * modal.SMALL
     A, B = random.integers(-(2**26), 2**26, (2, n, n))
     sizes = 2.0 ** random.integers(-30, 30, (n, 1))
-    found = extended.product(sizes * A.astype(np.longdouble), B.astype(np.longdouble))
+    found = modal.product(sizes * A.astype(np.longdouble), B.astype(np.longdouble))
     assert np.array_equal(found, sizes * (A @ B).astype(np.longdouble))
     assert not np.array_equal(found, sizes * (A.astype(float) @ B.astype(float)))
 

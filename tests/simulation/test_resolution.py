@@ -12,7 +12,7 @@ from pmr.errors import InputError
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import on_path
-from pmr.simulation.resolution import STEPS_A_PERIOD, UNSEEN, is_aliased, overshoots, unseen
+from pmr.simulation.stepping import STEPS_A_PERIOD, UNSEEN, is_aliased, overshoots, unseen
 
 STEPPING = TimeStepping(1.0, 1e-3)
 SLOW = Ramp(times=(0.0, 1.0), values=(0.0, 100.0))

@@ -17,7 +17,7 @@ import pmr
 from pmr.report.studies.document import page
 from pmr.scene import load_any
 from pmr.scene.richer import model_comparison
-from pmr.simulation.postures import Postures, Stands, with_hook
+from pmr.simulation.statics.postures import Postures, Stands, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.figures import boom_arguments

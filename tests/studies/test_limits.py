@@ -21,7 +21,7 @@ from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.postures import HOOK, WEIGHT, Postures, with_hook
+from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, bent_further
 from pmr.studies.charting import MARGIN, governing_limit, in_doubt, lowest

@@ -31,9 +31,8 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.moving import MovingFrame
+from pmr.simulation.moving import MovingFrame, read_scene
 from pmr.simulation.native import systems
-from pmr.simulation.recorded import read_scene
 from pmr.studies.files import kind_names
 from pmr.studies.results import SEPARATOR
 from pmr.system.assembly import Assembly

@@ -22,10 +22,10 @@ from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend, truncate
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.columns import column_names
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.resolution import unseen
+from pmr.simulation.reactions import column_names
+from pmr.simulation.stepping import unseen
 from pmr.system.body import length_outputs, other_outputs
 from pmr.system.contacts import ALONE, named
 from pmr.system.system import System, SystemTrajectory

@@ -23,7 +23,7 @@ from pmr.scene.simulators import Asked, refuse
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.exudyn.equations import Equations
-from pmr.simulation.recorded import Recorded, read_scene
+from pmr.simulation.moving import Recorded, read_scene
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.body import force_outputs

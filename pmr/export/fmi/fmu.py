@@ -24,7 +24,7 @@ from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.resources import system_file
 from pmr.export.fmi.variables import variables
 from pmr.files.whole import replacement
-from pmr.simulation.recorded import Recorded, read_scene
+from pmr.simulation.moving import Recorded, read_scene
 from pmr.system.system import System
 
 VERSIONS = ("2", "3")

@@ -17,12 +17,11 @@ from pmr.export.fmi.variables import STARTS, Variable
 from pmr.scene.built import force_of
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Strand
-from pmr.simulation import cubics
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation, in_order
+from pmr.simulation.moving import Recorded
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.recorded import Recorded
 from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]
@@ -145,8 +144,8 @@ def led_on(drivers: Drivers, excitation: Excitation) -> Array:
         second = np.array([name in (*frame.paths, *frame.angles) for name in frame.drivers])
         orders[0][:, frame_numbers] = at[0].T
         x, a = at[0].T, at[2].T
-        lines = cubics.by_lines(x[:-1], x[1:], h)
-        orders[:, :-1, frame_numbers] = np.where(second, cubics.by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
+        lines = by_lines(x[:-1], x[1:], h)
+        orders[:, :-1, frame_numbers] = np.where(second, by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
         return orders
     signals = [*(excitation.paths[path] for path in drivers.shown_paths)]
     numbers = [*range(len(drivers.shown_paths)), *(drivers.first_load + k for k in range(len(drivers.loads)))]
@@ -154,7 +153,7 @@ def led_on(drivers: Drivers, excitation: Excitation) -> Array:
         orders[0, :, number] = signal.value(t)
         ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink that of what ends there
         x = orders[0, :, number].copy()
-        orders[:, :-1, number] = cubics.by_rates(x[:-1], x[1:], signal.rate(t[:-1]), ended, h)
+        orders[:, :-1, number] = by_rates(x[:-1], x[1:], signal.rate(t[:-1]), ended, h)
     return orders
 
 
@@ -175,3 +174,23 @@ def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable])
 def _csv(names: Sequence[str], rows: Array) -> str:
     lines = [",".join(f'"{name}"' for name in names)]
     return "\n".join([*lines, *(",".join(map(repr, row)) for row in rows.tolist()), ""])
+
+
+def by_rates(begun: Array, ended: Array, begun_rate: Array, ended_rate: Array, h: float) -> Array:
+    """(4, ...): Hermite's, with values and rates (...) at both ends."""
+    mean = (ended - begun) / h
+    second = (6.0 * mean - 4.0 * begun_rate - 2.0 * ended_rate) / h
+    return np.array([begun, begun_rate, second, 6.0 * (begun_rate + ended_rate - 2.0 * mean) / h**2])
+
+
+def by_second_rates(begun: Array, ended: Array, begun_second: Array, ended_second: Array, h: float) -> Array:
+    """(4, ...): with values and second rates (...) at both ends."""
+    third = (ended_second - begun_second) / h
+    rate = (ended - begun) / h - h / 2.0 * begun_second - h**2 / 6.0 * third
+    return np.array([begun, rate, begun_second, third])
+
+
+def by_lines(begun: Array, ended: Array, h: float) -> Array:
+    """(4, ...): straight lines through values (...) at both ends."""
+    rate = (ended - begun) / h
+    return np.array([begun, rate, 0.0 * rate, 0.0 * rate])

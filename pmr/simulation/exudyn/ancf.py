@@ -4,7 +4,21 @@ Large displacements, axial strain and all: it shares nothing but the material da
 mass point that coordinate constraints hold at (s(t), 0) carries the joint.  Pieber, Ntarladima, Winkler,
 Gerstmayr: A Hybrid Arbitrary Lagrangian Eulerian Formulation for the Investigation of the Stability of Pipes
 Conveying Fluid and Axially Moving Beams, Journal of Computational and Nonlinear Dynamics 17, 2022.
+
+A uniform cable and what its ANCF coordinates say at any material point.
+
+.. math::
+    r(x) = \sum_j S_j(\xi)\, q_j, \qquad K = e_3^T \frac{r' \times r''}{|r'|^2}
+
+with the cubic shapes S of position and slope at both ends of an element.  Coordinates of a node: displacement
+(x, y) and change of the slope r' (x, y), relative to the straight cable.  Gerstmayr, Irschik: On the correct
+representation of bending and axial deformation in the absolute nodal coordinate formulation with an elastic
+line approach, Journal of Sound and Vibration 318, 2008.
+
+A cable of ANCF elements with a sliding joint as items of an Exudyn system.
 """
+
+# ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
 
 from __future__ import annotations
 
@@ -14,16 +28,99 @@ from typing import Any
 
 import exudyn as exu
 import numpy as np
+from exudyn.itemInterface import (
+    LoadForceVector,
+    MarkerBodyCable2DCoordinates,
+    MarkerBodyPosition,
+    MarkerNodeCoordinate,
+    MarkerNodePosition,
+    NodeGenericData,
+    NodePoint2D,
+    NodePoint2DSlope1,
+    NodePointGround,
+    ObjectANCFCable2D,
+    ObjectConnectorCoordinate,
+    ObjectJointSliding2D,
+    ObjectMassPoint2D,
+)
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.results import Energy
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.exudyn.ancf_items import add_force, add_sliding_cable
-from pmr.simulation.exudyn.cable import Cable, curvature, values
 from pmr.simulation.exudyn.items import add_pre_step_function
 from pmr.simulation.exudyn.solver import of_connector, of_nodes, read_sensor, slider_at, solve, solver_settings
 from pmr.simulation.stepping import Progress, TimeStepping
+
+#: Position and slope, each in the plane.
+COORDINATES_PER_NODE = 4
+
+#: S of position and slope (over the element's length) at its left and right end, as polynomials in xi / h.
+_SHAPES = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
+#: Distance in element lengths below which a point counts as lying on a node.
+_ON_NODE = 1e-9
+
+
+@dataclass(frozen=True)
+class Cable:
+    """A uniform cable along x from 0 to `length`, pinned at 0."""
+
+    length: float  # m
+    axial_stiffness: float  # EA, N
+    bending_stiffness: float  # EI, N m^2
+    mass_per_length: float  # rho A, kg/m
+    elements: int  # all of the same length
+
+    @property
+    def element_length(self) -> float:
+        """Length of each element, m."""
+        return self.length / self.elements
+
+    def left_elements(self, x: Array) -> NDArray[np.int64]:
+        """Numbers (o,) of the elements that hold the material points x (o,) in m, the left one at a node."""
+        return np.clip(np.ceil(x / self.element_length - _ON_NODE).astype(int) - 1, 0, self.elements - 1)
+
+    def right_elements(self, x: Array) -> NDArray[np.int64]:
+        """Number of the element at x, the right one at a node."""
+        return np.clip(np.floor(x / self.element_length + _ON_NODE).astype(int), 0, self.elements - 1)
+
+
+def values(cable: Cable, q: Array, x: Array) -> Array:
+    """Displacements (T, o, 2) in m at the material points x (o,) in m; or velocities, from nodal velocities.
+
+    q holds the coordinates (or velocities) of all nodes, (T, N, 4).
+    """
+    return _apply(_interpolation(cable, x, cable.left_elements(x), derivative=0), q)
+
+
+def curvature(cable: Cable, q: Array, x: Array) -> Array:
+    """Material curvature K (T, o) in 1/m at x (o,) in m: the mean of both sides where two elements meet."""
+    left, right = (_curvature(cable, q, x, e) for e in (cable.left_elements(x), cable.right_elements(x)))
+    return (left + right) / 2.0
+
+
+def _curvature(cable: Cable, q: Array, x: Array, elements: NDArray[np.int64]) -> Array:
+    slope = np.array([1.0, 0.0]) + _apply(_interpolation(cable, x, elements, derivative=1), q)
+    bend = _apply(_interpolation(cable, x, elements, derivative=2), q)
+    cross = slope[..., 0] * bend[..., 1] - slope[..., 1] * bend[..., 0]
+    return np.asarray(cross / np.sum(slope**2, axis=-1))
+
+
+def _interpolation(cable: Cable, x: Array, elements: NDArray[np.int64], derivative: int) -> Array:
+    """Matrix (o, 2 N) from nodal values and slopes to a derivative at points x (o,) of `elements` (o,)."""
+    h = cable.element_length
+    matrix = np.zeros((len(x), 2 * (cable.elements + 1)))
+    for j, shape in enumerate(_SHAPES):
+        weights = np.polyval(np.polyder(shape, derivative), x / h - elements) / h**derivative
+        matrix[np.arange(len(x)), 2 * elements + j] = weights * (h if j % 2 else 1.0)
+    return matrix
+
+
+def _apply(matrix: Array, q: Array) -> Array:
+    """(T, o, 2) from nodal coordinates q (T, N, 4)."""
+    steps, nodes, _ = q.shape
+    return np.einsum("on,tnc->toc", matrix, q.reshape(steps, 2 * nodes, 2), optimize=True)
+
 
 __all__ = ["Cable", "CableMotion", "energy", "simulate"]
 Array = NDArray[np.float64]
@@ -138,3 +235,72 @@ def _check_on_cable(cable: Cable, key: str, points: Array) -> None:
     outside = (points < 0.0) | (points > cable.length * (1.0 + 1e-12))
     if outside.any():
         raise InputError("scene", key, float(points[outside][0]), f"0 to {cable.length:g} m is allowed")
+
+
+@dataclass(frozen=True)
+class CableItems:
+    """Numbers of the items; forces in N."""
+
+    nNodes: list[Any]  # of NodePoint2DSlope1, from x = 0 on
+    oElements: list[Any]  # of ObjectANCFCable2D
+    oHold: Any  # an ObjectConnectorCoordinate that holds the slider along x; its offset is s(t) - s(0) in m
+    oJoint: Any  # an ObjectJointSliding2D; the second component of its Force is the multiplier normal to the cable
+
+
+def add_sliding_cable(mbs: Any, cable: Cable, s: float) -> CableItems:
+    """Add a straight cable at rest, pinned at x = 0, and a slider at s (m)."""
+    h = cable.element_length
+    nodes = [
+        mbs.AddNode(NodePoint2DSlope1(name=f"cable{i}", referenceCoordinates=[i * h, 0.0, 1.0, 0.0]))
+        for i in range(cable.elements + 1)
+    ]
+    elements = [
+        mbs.AddObject(
+            ObjectANCFCable2D(
+                length=h,
+                massPerLength=cable.mass_per_length,
+                bendingStiffness=cable.bending_stiffness,
+                axialStiffness=cable.axial_stiffness,
+                nodeNumbers=[left, right],
+            )
+        )
+        for left, right in zip(nodes[:-1], nodes[1:], strict=True)
+    ]
+    nGround = mbs.AddNode(NodePointGround(name="ground"))
+    mGround = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nGround, coordinate=0))
+    for direction in (0, 1):
+        _fix(mbs, mGround, nodes[0], direction)
+    # The constraints leave the slider no freedom: its mass and its velocity at t = 0 act on nothing else.
+    nSlider = mbs.AddNode(NodePoint2D(name="slider", referenceCoordinates=[s, 0.0]))
+    mbs.AddObject(ObjectMassPoint2D(mass=1.0, nodeNumber=nSlider))
+    oHold = _fix(mbs, mGround, nSlider, 0)
+    _fix(mbs, mGround, nSlider, 1)
+    return CableItems(nodes, elements, oHold, _add_joint(mbs, cable, elements, nSlider, s))
+
+
+def add_force(mbs: Any, cable: Cable, items: CableItems, at: float, force: float) -> Any:
+    """Add a force along y (N) at the material point `at` (m); returns its load number."""
+    e = int(cable.left_elements(np.array(at)))
+    local = [at - e * cable.element_length, 0.0, 0.0]
+    marker = mbs.AddMarker(MarkerBodyPosition(bodyNumber=items.oElements[e], localPosition=local))
+    return mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=[0.0, force, 0.0]))
+
+
+def _fix(mbs: Any, mGround: Any, node: Any, coordinate: int) -> Any:
+    marker = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
+    return mbs.AddObject(ObjectConnectorCoordinate(markerNumbers=[mGround, marker]))
+
+
+def _add_joint(mbs: Any, cable: Cable, elements: list[Any], nSlider: Any, s: float) -> Any:
+    markers = [mbs.AddMarker(MarkerBodyCable2DCoordinates(bodyNumber=element)) for element in elements]
+    first = int(cable.left_elements(np.array(s)))
+    return mbs.AddObject(
+        ObjectJointSliding2D(
+            name="slidingJoint",
+            markerNumbers=[mbs.AddMarker(MarkerNodePosition(nodeNumber=nSlider)), markers[first]],
+            slidingMarkerNumbers=markers,
+            slidingMarkerOffsets=np.arange(cable.elements) * cable.element_length,
+            nodeNumber=mbs.AddNode(NodeGenericData(initialCoordinates=[first, s], numberOfDataCoordinates=2)),
+            useClassicalFormulation=False,  # the classical one is 0.2 % off a linear beam, this 0.07 %
+        )
+    )

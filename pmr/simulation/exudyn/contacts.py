@@ -1,21 +1,32 @@
-"""The contacts of a system step by step: forces of those that give way, and what that means for energy and work.
+r"""The contacts of a system step by step: forces of those that give way, and what that means for energy and work.
 
 docs/system_of_bodies.md, section 3, has the balance.
+
+Friction of pads (`pmr.system.friction`) in Exudyn: forces of contacts that give way, found together with it.
+
+Exudyn asks for them at coordinates q in every iteration; then
+
+.. math:: F \lambda = C q + H f - g, \qquad g = \sum f_j / k - A\, m, \qquad w = C'^T m
+
+with the moments m of friction and what they move in the contacts by residual flexibility, A m.  Newton's method is
+given the stiffness of pads that stick.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import SimulationError
+from pmr.errors import InputError, SimulationError
 from pmr.kernel.laws import ContactError, solve_contact
 from pmr.simulation.balance import dot, half_form, mean
-from pmr.simulation.exudyn import inputs as driving
-from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.equations import ENTRIES_AHEAD, Equations, Inputs
+from pmr.simulation.start import Grip, slide
 from pmr.system.contact_rows import ContactRows
+from pmr.system.friction import Friction
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -24,7 +35,7 @@ Mask = NDArray[np.bool_]
 class Contacts:
     """Which contacts are rigid and which give way, and the forces of the latter, of which some may only push."""
 
-    def __init__(self, equations: Equations, inputs: driving.Inputs) -> None:
+    def __init__(self, equations: Equations, inputs: Inputs) -> None:
         self._equations = equations
         self.rigid = ~np.any(equations.rows(inputs.at(0.0)).F[0], axis=1)
         self.gives = ~self.rigid
@@ -98,7 +109,7 @@ class Motion:
     f: Array
     forces: Array
     c: Array
-    # of friction (`pmr.simulation.exudyn.friction`): of n' pads (N, n') N, forces of its moments (N, n) N, gaps (N, m)
+    # of friction (`pmr.simulation.exudyn.contacts`): of n' pads (N, n') N, forces of its moments (N, n) N, gaps (N, m)
     # m; (N, 0) without any
     friction: Array
     w: Array
@@ -123,7 +134,7 @@ def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> 
     Where pads rub these forces are known.
     """
     m, (n, i) = len(equations.system.contacts), equations.B.shape
-    N, block = len(motion.q), max(2, driving.ENTRIES_AHEAD // max(1, m * (n + m + i)))
+    N, block = len(motion.q), max(2, ENTRIES_AHEAD // max(1, m * (n + m + i)))
     stored, work = np.zeros(N), np.zeros(N)
     for first in range(0, max(1, N - 1), block - 1):
         steps = slice(first, min(first + block, N))
@@ -153,3 +164,135 @@ def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) ->
     if motion.friction.shape[1]:
         work += dot(mean(motion.w), np.diff(q, axis=0)) - dot(mean(forces), np.diff(motion.gap, axis=0))
     return stored + dot(f, f @ equations.assembly.energy) / 2.0, work
+
+
+#: Times that friction is found at most, and what of a gap is round-off, over that of pads that slide.
+LIMIT, CONVERGED = 200, 1e-12
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Contacts (m,) at one place x (sides,) m, where joints are at s (J,) m; of contacts that give way (m',) apart."""
+
+    giving: ContactRows
+    slopes: Array  # (m, n) 1/m: C'
+    answers: Array  # (m, m) 1/N: A
+    s: Array
+
+
+@dataclass(frozen=True)
+class Found:
+    """Multipliers (m,) N, zero of rigid contacts; what pads hold; forces w (n,) N of moments, gaps (m,) m."""
+
+    multipliers: Array
+    grip: Grip
+    w: Array
+    gap: Array
+
+
+class Rubbing:
+    """A system's friction from step to step; an InputError is raised where a pad that rubs does not give way."""
+
+    def __init__(self, equations: Equations, contacts: Contacts, friction: Friction) -> None:
+        system = equations.system
+        for pad in friction.pads:
+            if contacts.rigid[pad]:
+                allowed = (
+                    "more than 0 m/N, or residual flexibility, is allowed: Exudyn finds friction by what gives way"
+                )
+                raise InputError("system", f"contacts.{system.contact_names[pad]}.compliance", 0.0, allowed)
+        self._equations, self._contacts, self.known = equations, contacts, friction
+        #: Of loads at t s, what the motion of the base makes of them, (i,) N: nothing on the ground.
+        self.inertia: Callable[[float], Array] = lambda t: np.zeros(equations.B.shape[1])
+        self._joints = [
+            next((k, side.place) for k, side in enumerate(system.sides) if side.place.path == joint)
+            for joint in friction.joints
+        ]
+        self.grip = Grip()
+
+    @property
+    def gives(self) -> NDArray[np.bool_]:
+        """Which contacts (m,) give way."""
+        return self._contacts.gives
+
+    def rows(self, x: Array) -> Rows:
+        """At x (1, sides) m."""
+        assembly = self._equations.assembly
+        s = np.array([(x[0, k] - place.at) / place.rate for k, place in self._joints])
+        return Rows(self._contacts.rows(x).at(0), assembly.slopes(x[0]), assembly.turned_rows(x[0]), s)
+
+    def answers(self, rows: Rows, f: Array) -> Array:
+        """F^-1 H f (m',) N of contacts that give way, to loads f (i,)."""
+        displacements = rows.giving.H @ f
+        return np.asarray(np.linalg.solve(rows.giving.F, displacements)) if f.any() else displacements
+
+    def begin(self, rows: Rows, q: Array, f: Array) -> None:
+        """Stand at rest without friction, at coordinates q (n,) under loads f (i,) N."""
+        self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
+
+    def found(self, rows: Rows, q: Array, f: Array) -> Found:
+        """At the end of the present step, with coordinates q (n,) under loads f (i,) N.
+
+        A SimulationError is raised where friction does not settle.
+        """
+        friction, grip, gap = self.known, self.grip, np.zeros(len(self._contacts.gives))
+        diagonal = np.zeros(len(gap))
+        diagonal[self._contacts.gives] = np.diag(rows.giving.F)
+        for _ in range(LIMIT):
+            multipliers, last = self._multipliers(rows, q, f, gap), grip
+            grip = slide(friction, self.grip, friction.totals(last.forces), rows.s, multipliers, np.diag(diagonal))
+            moments = friction.moments(grip.forces, multipliers)
+            old, gap = gap, friction.gaps(grip.forces) - rows.answers @ moments
+            limits = friction.coefficients * np.abs(multipliers[friction.pads])
+            most = friction.gaps(limits) + np.abs(rows.answers) @ np.abs(friction.moments(limits, multipliers))
+            if np.abs(gap - old).max() <= CONVERGED * most.max():
+                return Found(multipliers, grip, rows.slopes.T @ moments, gap)
+        raise SimulationError(f"friction of the pads along {', '.join(friction.joints)} does not settle")
+
+    def add_friction(self, motion: Motion) -> Motion:
+        """Motion with friction and the forces of contacts that give way, from step to step."""
+        rows = self.rows(motion.x[:1])
+        self.begin(rows, motion.q[0], motion.f[0])
+        begun = self._multipliers(rows, motion.q[0], motion.f[0], 0.0)
+        steps = [Found(begun, self.grip, np.zeros(motion.q.shape[1]), np.zeros(len(begun)))]
+        for k in range(1, len(motion.q)):
+            if np.any(motion.x[k] != motion.x[k - 1]):
+                rows = self.rows(motion.x[k : k + 1])
+            steps.append(self.found(rows, motion.q[k], motion.f[k]))
+            self.grip = steps[-1].grip
+        forces = motion.forces.copy()
+        forces[:, self.gives] = np.array([step.multipliers[self.gives] for step in steps])
+        return replace(
+            motion,
+            forces=forces,
+            friction=np.array([step.grip.forces for step in steps]),
+            w=np.array([step.w for step in steps]),
+            gap=np.array([step.gap for step in steps]),
+        )
+
+    def stiffness(self, rows: Rows, state: Found) -> Array:
+        """Derivative (n, n) N/m by q of the forces of closed contacts, and of pads that stick and slide."""
+        friction, multipliers, m = self.known, state.multipliers, len(self.gives)
+        f, F, C, M = state.grip.forces, np.zeros((m, m)), np.zeros((m, rows.slopes.shape[1])), np.zeros((m, m))
+        F[np.ix_(self.gives, self.gives)], C[self.gives] = rows.giving.F, rows.giving.C
+        slides = np.abs(f) >= friction.coefficients * np.abs(multipliers[friction.pads])
+        way = friction.coefficients * np.sign(f) * slides
+        M[friction.pads, friction.pads] = friction.arms * way  # dm / dlambda
+        for j, (c, gives) in enumerate(zip(friction.cylinders, friction.gives, strict=True)):
+            if gives > 0.0:
+                of_joint = slice(friction.first[j], friction.first[j + 1])
+                pads, grip = friction.pads[of_joint], friction.stiffness[of_joint] * ~slides[of_joint]
+                softened = gives / (1.0 + gives * grip.sum())
+                F[c, c] += softened - gives
+                F[c, pads] += softened * way[of_joint] * np.sign(multipliers[pads])
+                M[pads, c] = -friction.arms[of_joint] * np.sign(multipliers[pads]) * grip * softened
+        F -= rows.answers @ M
+        closed = np.flatnonzero(self.gives)[self._contacts.closed]
+        answers = np.linalg.solve(F[np.ix_(closed, closed)], C[closed])
+        return np.asarray((C - M.T @ rows.slopes)[closed].T @ answers)
+
+    def _multipliers(self, rows: Rows, q: Array, f: Array, gap: Array | float) -> Array:
+        multipliers, gives = np.zeros(len(self._contacts.gives)), self._contacts.gives
+        gaps = np.broadcast_to(gap, multipliers.shape)[gives]
+        multipliers[gives] = self._contacts.pressed(rows.giving, rows.giving.C @ q + rows.giving.H @ f - gaps)
+        return multipliers

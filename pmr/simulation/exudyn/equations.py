@@ -1,21 +1,36 @@
-r"""What Exudyn is given of a system: the matrices of all coordinates, and the contacts' rows wherever the paths lead.
+r"""Equations of a system in Exudyn, the paths and loads that drive it, and where these stand at a time.
+
+What Exudyn is given of a system: the matrices of all coordinates, and the contacts' rows wherever the paths lead.
 
 .. math::
     M \ddot q + D \dot q + K q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
     y = O q + W f - X \lambda
+
+How far a boom on a rigid body is out: by signals, functions, and coordinates of the user's own nodes.
+
+What drives a system, as Exudyn asks for it at a time t: places on paths, loads, and what depends on the places.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
+import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.signals import SignalBase
 from pmr.scene.simulators import Needs
-from pmr.simulation.excitation import Excitation, places
-from pmr.simulation.needs import needs_of
+from pmr.simulation.contact_step import Lengths
+from pmr.simulation.excitation import Excitation, in_order, places
+from pmr.simulation.floating import Extended
+from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
@@ -88,3 +103,242 @@ class Equations:
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
         """Needs of the system in a simulator where its places follow x (T, sides) m."""
         return needs_of(self.system, ~np.any(self.assembly.along(x[:1]).F[0], axis=1), x, rho_inf)
+
+
+@dataclass(frozen=True)
+class NodeCoordinate:
+    """An extension that is a coordinate of a node: that of reference and the node's own displacement, in m.
+
+    What moves the node, a cylinder or a winch, drives the boom, whose inertia, weight and pads act back on it.
+    """
+
+    node: Any  # number of a node with displacements, such as NodeGenericODE2, Node1D or NodePoint
+    number: int = 0  # of its coordinates
+
+    def __call__(self, mbs: Any, t: float) -> float:
+        """Coordinate of the node now, or at the start; an InputError if it has no such coordinate."""
+        node = mbs.GetNode(self.node)
+        size = len(node["referenceCoordinates"])
+        if not 0 <= self.number < size:
+            allowed = f"a number from 0 to {size - 1} of the node's coordinates is allowed"
+            raise InputError("Exudyn", "NodeCoordinate.number", self.number, allowed)
+        displacements = node["initialCoordinates"]
+        if mbs.systemData.ODE2Size():
+            displacements = mbs.GetNodeOutput(self.node, exu.OutputVariableType.Coordinates)
+        return float(node["referenceCoordinates"][self.number] + np.atleast_1d(displacements)[self.number])
+
+
+def check_path(name: str, path: Any) -> None:
+    """Raise an InputError for what can't say how far a section is out."""
+    if not (hasattr(path, "value") and hasattr(path, "rate")) and not callable(path):
+        allowed = (
+            "a signal, an object with value(t) and rate(t), a function of mbs and t, or a NodeCoordinate is allowed"
+        )
+        raise InputError("system", f"paths.{name}", None, allowed)
+
+
+class Paths:
+    """Extensions of all sections, of which those that are coordinates of nodes are asked for with these.
+
+    Behind them stand paths `aside`, which move no section.
+    """
+
+    def __init__(self, mbs: Any, scene: Scene, paths: Mapping[str, Any], aside: Sequence[str] = ()) -> None:
+        #: of the P paths; the first is that of the base, which stays
+        self.names = (*scene.names, *aside)
+        self._t, h = np.nan, scene.time.step
+        self.free = {name: path for name in self.names[1:] if isinstance(path := paths.get(name), NodeCoordinate)}
+        self._given = {name: _Path(paths[name], h, mbs) for name in self.names[1:] if name not in self.free}
+        self.nodes = list(dict.fromkeys(path.node for path in self.free.values()))
+        sizes = [len(mbs.GetNode(node)["referenceCoordinates"]) for node in self.nodes]
+        first = dict(zip(self.nodes, np.cumsum([0, *sizes]).tolist(), strict=False))
+        #: d s / d z (P, m), of the extensions, the base's 0 first, by the m coordinates of the nodes
+        self.along = np.zeros((len(self.names), sum(sizes)))
+        self.reference = np.array([value for node in self.nodes for value in mbs.GetNode(node)["referenceCoordinates"]])
+        for name, path in self.free.items():
+            self.along[self.names.index(name), first[path.node] + path.number] = 1.0
+        self._known = np.zeros((3, len(self.names)))
+
+    def at(self, t: float, z: Array, z_t: Array) -> Extended:
+        """At t s with the nodes' coordinates and rates (m,); second rates are those of signals and functions."""
+        if t != self._t:
+            self._t, self._known = t, np.zeros_like(self._known)
+            for number, name in enumerate(self.names):
+                if name in self._given:
+                    self._known[:, number] = self._given[name].at(t)
+        s, v, a = self._known
+        return Extended(s + self.along @ (z + self.reference), v + self.along @ z_t, a)
+
+
+class _Path:
+    """A path, its kinks spread over one step of h: a signal, an object as one, or a function of the mbs and the time.
+
+    The rates of a function are those of the parabola through its values around t, half a step apart.
+    """
+
+    def __init__(self, path: Any, h: float, mbs: Any) -> None:
+        self._path, self._h, self._mbs = path, h, mbs
+
+    def at(self, t: float) -> tuple[float, float, float]:
+        """Value in m, rate and second rate."""
+        half = self._h / 2.0
+        if not hasattr(self._path, "rate"):
+            middle = max(t, half)  # no time before the start is asked for
+            before, now, after = (float(self._path(self._mbs, at)) for at in (middle - half, middle, middle + half))
+            second = (after - 2.0 * now + before) / half**2
+            return float(self._path(self._mbs, t)), (after - before) / self._h + second * (t - middle), second
+        last, first = t + half, max(t - half, 0.0)
+        second = (float(self._path.rate(last)) - float(self._path.rate(first))) / (last - first)
+        return float(self._path.value(t)), float(self._path.rate(t)), second
+
+
+#: Entries of what depends on places that are held at once; bounds the memory of a long simulation.
+ENTRIES_AHEAD = 1_000_000
+
+#: Something of the places that a simulator needs at every step: ``evaluate(x (T, k)) -> (T, ...)``.
+OfPlaces = Callable[[Array], Array]
+#: A path in m or a load in N: a signal, whose `value` and `rate` are asked for, or a function of the mbs and the time
+#: in s, which may read ``mbs.variables``.
+Driving: TypeAlias = SignalBase | Callable[[Any, float], float]
+
+
+class Inputs(ABC):
+    """Places and loads at a time, and what depends on the places, a block of them ahead as far as they are known."""
+
+    @abstractmethod
+    def begin(self, t: float) -> None:
+        """The step that ends at t s begins."""
+
+    @abstractmethod
+    def number(self, t: float) -> int:
+        """Number of the places at t s; it stays as long as they do."""
+
+    @abstractmethod
+    def places(self, first: int, count: int) -> Array:
+        """X (T, sides) m from a number on, `count` of them or as many as are known."""
+
+    @abstractmethod
+    def loads(self, t: float) -> tuple[float, ...]:
+        """One value an input, in N (or N m)."""
+
+    @abstractmethod
+    def amplitudes(self, t: float) -> tuple[float, ...]:
+        """One value a term."""
+
+    def at(self, t: float) -> Array:
+        """X (1, sides) m at t s."""
+        return self.places(self.number(t), 1)
+
+    def along(self, evaluate: OfPlaces, entries: int) -> Callable[[float], Array]:
+        """`evaluate` at x(t) as a function of t; `entries` is how many numbers it gives for each place."""
+        block = max(1, ENTRIES_AHEAD // max(entries, 1))
+        first, values, index = 0, np.empty(0), np.empty(0, int)
+
+        def value(t: float) -> Array:
+            nonlocal first, values, index
+            k = self.number(t)
+            if not first <= k < first + len(index):
+                first = k
+                visited, index = np.unique(self.places(k, block), axis=0, return_inverse=True)
+                values, index = evaluate(visited), index.ravel()
+            return np.asarray(values[index[k - first]])
+
+        return value
+
+
+class SignalInputs(Inputs):
+    """Evaluates signals and functions where the time has changed, or a step begins.
+
+    An InputError is raised if a path, load or amplitude of a term is missing, or one has no input or term.
+    """
+
+    def __init__(
+        self,
+        mbs: Any,
+        equations: Equations,
+        paths: Mapping[str, Driving],
+        loads: Mapping[str, Driving],
+        terms: Mapping[str, Driving],
+    ) -> None:
+        if missing := set(equations.system.paths) - set(paths):
+            allowed = f"{', '.join(paths) or 'none'} given, one for each path is allowed: {', '.join(sorted(missing))}"
+            raise InputError("system", "paths", None, allowed)
+        self._mbs, self._equations, self._paths, self._k = mbs, equations, dict(paths), 0
+        # m/s at t = 0, where a function counts as at rest
+        self.rates = {name: float(path.rate(0.0)) if hasattr(path, "rate") else 0.0 for name, path in paths.items()}
+        self._loads = in_order(loads, equations.system.input_names)
+        self._terms = in_order(terms, equations.system.term_names, "term")
+        # coordinates of nodes, which move within a step
+        self._moving = [name for name, path in self._paths.items() if isinstance(path, NodeCoordinate)]
+        self._x = np.empty(0)
+        self.begin(0.0)
+
+    def at(self, t: float) -> Array:
+        self.number(t)
+        if not self._moving:
+            return self._x
+        return self._equations.at(self.s | {name: self._value(self._paths[name], t) for name in self._moving})
+
+    def begin(self, t: float) -> None:
+        self.s = {name: self._value(path, t) for name, path in self._paths.items()}  # m
+        before, self._t, self._x = self._x, t, self._equations.at(self.s)
+        self._k += int(not np.array_equal(before, self._x))
+        self._f = tuple(self._value(load, t) for load in self._loads)
+        self._c = tuple(self._value(term, t) for term in self._terms)
+
+    def number(self, t: float) -> int:
+        if t != self._t:
+            self.begin(t)
+        return self._k
+
+    def places(self, first: int, count: int) -> Array:
+        return self._x
+
+    def loads(self, t: float) -> tuple[float, ...]:
+        self.number(t)
+        return self._f
+
+    def amplitudes(self, t: float) -> tuple[float, ...]:
+        self.number(t)
+        return self._c
+
+    def paths(self, t: float) -> dict[str, float]:
+        """Coordinate of each path at t s, in m."""
+        self.number(t)
+        return self.s
+
+    def _value(self, driving: Driving, t: float) -> float:
+        return float(driving.value(t) if hasattr(driving, "value") else driving(self._mbs, t))
+
+
+class TabulatedInputs(Inputs):
+    """Looks up what was evaluated beforehand, at all parts of all steps.
+
+    Errors as for `Equations.visited`, `Excitation.forces` and `Excitation.amplitudes`.
+    """
+
+    def __init__(self, equations: Equations, excitation: Excitation, lengths: Lengths) -> None:
+        stepping, numbers = excitation.stepping.divide(lengths.finest), lengths.numbers
+        fine = excitation.with_stepping(stepping)
+        self.x, self.f = equations.visited(fine)[numbers], fine.forces(equations.system.input_names)[numbers]
+        self.c = fine.amplitudes(equations.system.term_names)[numbers]
+        changes = np.append(True, np.any(self.x[1:] != self.x[:-1], axis=1))
+        at = (np.cumsum(changes) - 1).tolist()
+        loads, terms = map(tuple, self.f.tolist()), map(tuple, self.c.tolist())
+        self._places, self._step = self.x[changes], stepping.step
+        self._known = dict(zip(numbers.tolist(), zip(at, loads, terms, strict=True), strict=True))
+
+    def begin(self, t: float) -> None:
+        """All is known."""
+
+    def number(self, t: float) -> int:
+        return self._known[round(t / self._step)][0]
+
+    def places(self, first: int, count: int) -> Array:
+        return self._places[first : first + count]
+
+    def loads(self, t: float) -> tuple[float, ...]:
+        return self._known[round(t / self._step)][1]
+
+    def amplitudes(self, t: float) -> tuple[float, ...]:
+        return self._known[round(t / self._step)][2]

@@ -19,10 +19,8 @@ import scipy.sparse as sp
 from exudyn.itemInterface import MarkerNodeCoordinates, ObjectGenericODE2
 from numpy.typing import NDArray
 
-from pmr.simulation.exudyn.contacts import Contacts
-from pmr.simulation.exudyn.equations import Equations
-from pmr.simulation.exudyn.friction import Rows, Rubbing
-from pmr.simulation.exudyn.inputs import Inputs
+from pmr.simulation.exudyn.contacts import Contacts, Rows, Rubbing
+from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, matrix, with_contacts
 from pmr.simulation.start import InitialState
 from pmr.system.contact_rows import ContactRows

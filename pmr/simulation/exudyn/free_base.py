@@ -8,6 +8,23 @@ boom's axes A and its pivot c in the body's,
     \qquad \Lambda = \begin{pmatrix} A^T R^T & -A^T \tilde c\, G \\ 0 & A^T G \end{pmatrix}
 
 with the body's rotation R and its angular velocity G theta' in its own axes.
+
+The items that couple a boom with the body that carries it, and with nodes that draw it out.
+
+A boom whose extensions s are coordinates of the user's: forces of contacts and loads on q and s.
+
+Contacts that give way, with g = C q + H f and :math:`\lambda = F^{-1} g`, and cylinders of length l = s that lean by q
+and against which a load along x pushes with f, store
+
+.. math::
+    V(q, s) = \tfrac12 g^T F^{-1} g + \frac{f}{2 l}\, q^T G q,
+
+so that q feels :math:`-C^T \lambda - f G q / l`, and a path, with w = C' q + H' f - F' lambda,
+
+.. math::
+    F_s = -\lambda^T (C' q + H' f) + \tfrac12 \lambda^T F' \lambda + \frac{f}{2 l^2}\, q^T G q.
+
+Where pads only push, lambda and F are those of the closed ones.  Rigid contacts are constraints C(s) q = 0 of q and s.
 """
 
 from __future__ import annotations
@@ -20,6 +37,7 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 import scipy.linalg
+from exudyn.itemInterface import MarkerObjectODE2Coordinates, ObjectGenericODE2
 from exudyn.rigidBodyUtilities import (
     EulerParameters2GLocal,
     EulerParameters2RotationMatrix,
@@ -35,16 +53,86 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.frame_terms import frame_terms
 from pmr.scene.names import input_of
 from pmr.scene.signals import Constant
-from pmr.simulation.answers import Answering, Answers
 from pmr.simulation.exudyn.contacts import Contacts
-from pmr.simulation.exudyn.equations import Equations
-from pmr.simulation.exudyn.extending import Extending
-from pmr.simulation.exudyn.inputs import Driving, Inputs
-from pmr.simulation.exudyn.paths import NodeCoordinate, Paths, check_path
+from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path
+from pmr.simulation.exudyn.formulations import Start, nothing_beyond_matrices
+from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, with_contacts
 from pmr.simulation.floating import Extended, Moments, Motion, skew
-from pmr.simulation.free_base import FreeBase
+from pmr.simulation.free_base import Answering, Answers, FreeBase
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
+
+
+def add_extended(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
+    """Nodes and items of the bodies alone, each by itself: what joins them is the base's to add."""
+    steps, known = Steps(held=bool(Contacts(equations, inputs).rigid.any())), inputs.loads(0.0)
+    jacobian = nothing_beyond_matrices(equations, steps)
+    items = add_bodies(mbs, equations, start, forceVector=equations.B @ np.array(known), jacobianUserFunction=jacobian)
+
+    def update(mbs: Any, t: float) -> bool:
+        nonlocal known
+        inputs.begin(t)
+        if (loads := inputs.loads(t)) != known:
+            known = loads
+            mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ np.array(loads))
+        return True
+
+    return steps.attach_update(mbs, items, update)
+
+
+class Extending:
+    """Forces, stiffness and rigid rows between coordinates q (n,) and extensions s (S,) m."""
+
+    def __init__(
+        self, equations: Equations, contacts: Contacts, boom: FreeBase, paths: Paths, along: ChangingRows
+    ) -> None:
+        self._contacts, self._along, self.rigid = contacts, along, np.flatnonzero(contacts.rigid)
+        self._numbers = np.flatnonzero(paths.along.any(axis=1))
+        self._leaning = [
+            (number, k, G)
+            for number, name in enumerate(equations.system.input_names)
+            for k, G in boom.shortened_by(name)
+            if k is not None and k in self._numbers
+        ]
+
+    def at(self, s: Array, q: Array, f: Array) -> tuple[Array, Array]:
+        """Forces (n + S,) and their stiffness (n + S, n + S) at extensions s (S,) m, under loads f (i,) N."""
+        n, S, numbers = len(q), len(s), self._numbers
+        near = self._along.at(s)
+        now, slopes = self._contacts.giving(near.rows), self._contacts.giving(near.slopes)
+        C, F, H = (A[numbers] for A in (slopes.C, slopes.F, slopes.H))
+        forces = self._contacts.pressed(now, now.C @ q + now.H @ f)
+        gaps, bent = C @ q + H @ f, F @ forces  # (e, m)
+        total, K = np.zeros(n + S), np.zeros((n + S, n + S))
+        total[:n], total[n + numbers] = -now.C.T @ forces, -gaps @ forces + bent @ forces / 2.0
+        closed = self._contacts.closed
+        w = np.hstack([now.C, np.zeros((len(forces), S))])
+        w[:, n + numbers] = (gaps - bent).T
+        w = w[closed]
+        K += w.T @ np.linalg.solve(now.F[np.ix_(closed, closed)], w)
+        K[:n, n + numbers] += (forces @ C).T
+        K[n + numbers, :n] += forces @ C
+        for load, k, G in self._leaning:
+            push, l, Gq = f[load], s[k], G @ q
+            total[:n] -= push / l * Gq
+            total[n + k] += push / l**2 * (q @ Gq) / 2.0
+            K[:n, :n] += push / l * G
+            K[:n, n + k] -= push / l**2 * Gq
+            K[n + k, :n] -= push / l**2 * Gq
+            K[n + k, n + k] += push / l**3 * (q @ Gq)
+        return total, K
+
+    def gap(self, s: Array, q: Array) -> Array:
+        """Gaps C(s) q (m,) m of rigid contacts."""
+        return np.asarray(self._along.at(s).rows.C[self.rigid] @ q)
+
+    def moved(self, s: Array, q: Array) -> Array:
+        """Derivative (m, n + S) of the gaps of rigid contacts by q and s."""
+        near, numbers = self._along.at(s), self._numbers
+        derivative = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
+        derivative[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
+        return derivative
+
 
 Array = NDArray[np.float64]
 
@@ -218,3 +306,63 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
 def _cylinder_load(load: Any, extension: Any, mbs: Any, t: float) -> float:
     """Minus what a cylinder pushes with against a load along it, over its length, N/m."""
     return _value(load, mbs, t) / _value(extension, mbs, t)
+
+
+def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
+    """Add the object that couples the items of a boom with the body that carries it."""
+    nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
+    count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)
+    key, found = None, (np.empty(0),) * 3
+
+    def evaluate(t: float, q: Any, q_t: Any) -> tuple[Array, Array, Array]:
+        nonlocal key, found
+        x, rate = np.array(q), np.array(q_t)
+        arguments = (t, x.tobytes(), rate.tobytes())
+        if arguments != key:  # mass and forces are asked for one after the other
+            key, found = arguments, base.at(t, x, rate, np.array(inputs.loads(t)))
+        return found
+
+    name = f"{mbs.GetMarker(items.mSystem)['name']}Base"
+    oBase = mbs.AddObject(
+        ObjectGenericODE2(
+            name=name,
+            nodeNumbers=nodes,
+            massMatrix=np.zeros((count, count)),
+            massMatrixUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t)[0],
+            forceUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t)[1],
+            # beside what an extension stores, inertia decides within a step
+            jacobianUserFunction=lambda mbs, t, item, q, q_t, factor, factor_t: exu.MatrixContainer(
+                factor * evaluate(t, q, q_t)[2]
+            ),
+        )
+    )
+    items = replace(items, oBase=oBase, base=base)
+    if items.rubbing is not None:
+        items.rubbing.inertia = lambda t: base.inertia(mbs, t)
+    return items if base.extending is None else _with_rows(mbs, items, base, base.extending)
+
+
+def _with_rows(mbs: Any, items: SystemItems, base: Base, extending: Extending) -> SystemItems:
+    """Add a connector for rigid contacts along extensions that are coordinates."""
+    k, n = base.count, base.boom.size
+
+    def split(t: float, z: Any) -> tuple[Array, Array]:
+        """Extensions and coordinates, of a marker's, which has those of reference, too."""
+        z_array = np.array(z)
+        return base.extended(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
+
+    def gap_derivative(t: float, z: Any) -> Array:
+        derivative = extending.moved(*split(t, z))
+        return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
+
+    name = f"{mbs.GetMarker(items.mSystem)['name']}Extended"
+    marker = mbs.AddMarker(MarkerObjectODE2Coordinates(name=name, objectNumber=items.oBase))
+    connected = with_contacts(
+        mbs,
+        replace(items, mSystem=marker),
+        extending.rigid,
+        scalingMarker0=np.zeros((len(extending.rigid), 1)),  # its height is the number of rows
+        constraintUserFunction=lambda mbs, t, item, q, q_t, velocity: extending.gap(*split(t, q)),
+        jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: gap_derivative(t, q),
+    )
+    return replace(connected, mSystem=items.mSystem)

@@ -4,6 +4,18 @@ r"""The Exudyn items that make up a system: nodes, one object, markers, a connec
     M \ddot q + D \dot q + K q + C(s(t))^T \lambda = B f(t), \qquad C(s(t))\, q = 0
 
 An ObjectGenericODE2 carries all bodies, a node each; an ObjectConnectorCoordinateVector the rows.
+
+Terms that vary in time (`pmr.system.terms`) in Exudyn: an object of their own, whose matrices are set once a step.
+
+Exudyn's generalized-alpha fulfils the equations at the end of the step, whose time the pre-step function is given; the
+object's matrices join the Jacobian as those of any other do.
+
+Coordinates without inertia (`pmr.reduced.quasi_static`) in Exudyn: backward Euler as `march` has it.
+
+.. math:: (D / h + K)\, \eta_{n+1} + \ldots = F_{n+1} + D\, \eta_n / h
+
+An object of their own adds D / h and the force of what damping keeps, once a step.  Until the first step it has the
+inertia that the bodies lack, so that initial accelerations of all other coordinates can be solved for.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
@@ -28,7 +40,7 @@ from exudyn.itemInterface import (
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.start import InitialState
 
 Indices = NDArray[np.int64]
@@ -61,7 +73,7 @@ class SystemItems:
     equations: Any = None  # what `add_sensors` needs
     inputs: Any = None
     base: Any = None  # what `add_hook` needs
-    rubbing: Any = None  # `pmr.simulation.exudyn.friction.Rubbing`; None where no pad rubs
+    rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Rubbing`; None where no pad rubs
 
     @property
     def nBody(self) -> Any:  # noqa: N802
@@ -206,3 +218,100 @@ def matrix(A: Any) -> Any:
 
 def _has_entries(A: Any) -> bool:
     return bool(A.nnz if sp.issparse(A) else np.any(A))
+
+
+def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Inputs) -> SystemItems:
+    """Add the object of the system's terms, if it has any."""
+    if not equations.system.terms:
+        return items
+    assembly, sparse, known = equations.assembly, equations.sparse, inputs.amplitudes(0.0)
+
+    def matrices(c: tuple[float, ...]) -> dict[str, Any]:
+        entries = {
+            "stiffnessMatrix": assembly.stiffness(c) - assembly.K,
+            "dampingMatrix": assembly.damping(c) - assembly.D,
+        }
+        return {key: matrix(A if sparse else A.toarray()) for key, A in entries.items()}
+
+    empty = matrix(0.0 * assembly.M if sparse else 0.0 * assembly.M.toarray())
+    name = f"{mbs.GetMarker(items.mSystem)['name']}Terms"
+    oTerms = mbs.AddObject(
+        ObjectGenericODE2(
+            name=name,
+            nodeNumbers=list(items.nBodies.values()),
+            massMatrix=empty,
+            **matrices(known),
+            jacobianUserFunction=lambda *arguments: empty,  # nothing beyond the matrices
+        )
+    )
+
+    def vary(mbs: Any, t: float) -> bool:
+        nonlocal known
+        amplitudes = inputs.amplitudes(t)
+        if amplitudes != known:
+            known = amplitudes
+            for key, value in matrices(amplitudes).items():
+                mbs.SetObjectParameter(oTerms, key, value)
+        return True
+
+    def update(mbs: Any, t: float) -> bool:
+        return items.update(mbs, t) and vary(mbs, t)
+
+    add_pre_step_function(mbs, vary)
+    return replace(items, oTerms=oTerms, update=update)
+
+
+Array = NDArray[np.float64]
+
+
+def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> SystemItems:
+    """Add items for coordinates without inertia, if there are any."""
+    still, reached, begun = equations.quasi_static, 0.0, False
+    if not len(still):
+        return items
+
+    def diagonal(values: Any) -> Any:
+        diagonal = np.zeros(equations.size)
+        diagonal[still] = values
+        return matrix(sp.diags(diagonal, format="csr") if equations.sparse else np.diag(diagonal))
+
+    empty, inertia = diagonal(0.0), diagonal(1.0)
+    name = f"{mbs.GetMarker(items.mSystem)['name']}QuasiStatic"
+    oStill = mbs.AddObject(
+        ObjectGenericODE2(
+            name=name,
+            nodeNumbers=list(items.nBodies.values()),
+            massMatrix=inertia,
+            massMatrixUserFunction=lambda *arguments: empty if begun else inertia,  # Exudyn reuses what is a constant
+            stiffnessMatrix=empty,
+            forceVector=np.zeros(equations.size),
+            jacobianUserFunction=lambda *arguments: empty,  # nothing beyond the matrices
+        )
+    )
+
+    def follow(mbs: Any, t: float) -> bool:
+        nonlocal reached, begun
+        if t <= 0.0:  # before a simulation is repeated
+            reached, begun = 0.0, False
+            return True
+        kind, force, step = exu.OutputVariableType.Coordinates, np.zeros(equations.size), t - reached
+        q = np.concatenate([mbs.GetNodeOutput(node, kind) for node in items.nBodies.values()])
+        force[still] = equations.quasi_static_damping * q[still] / step
+        mbs.SetObjectParameter(oStill, "stiffnessMatrix", diagonal(equations.quasi_static_damping / step))
+        mbs.SetObjectParameter(oStill, "forceVector", force)
+        reached, begun = t, True
+        return True
+
+    def update(mbs: Any, t: float) -> bool:
+        return items.update(mbs, t) and follow(mbs, t)
+
+    add_pre_step_function(mbs, follow)
+    return replace(items, update=update)
+
+
+def rates(equations: Equations, t: Array, q: Array, v: Array) -> Array:
+    """Rates (T, n), of coordinates without inertia by the differences of q (T, n) at the times t (T,) s."""
+    still, changed = equations.quasi_static, v.copy()
+    changed[:, still] = 0.0
+    changed[1:, still] = np.diff(q[:, still], axis=0) / np.diff(t)[:, None]
+    return changed

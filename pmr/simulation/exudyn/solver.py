@@ -16,8 +16,8 @@ from exudyn.itemInterface import SensorNode, SensorObject
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
+from pmr.simulation.contact_step import Lengths
 from pmr.simulation.exudyn.items import add_pre_step_function
-from pmr.simulation.lengths import Lengths
 from pmr.simulation.stepping import Progress, TimeStepping
 
 Array = NDArray[np.float64]

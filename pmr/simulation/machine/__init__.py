@@ -12,5 +12,5 @@ machine's velocity is that which these momenta need with what the boom's coordin
 - `carrying`: what of machine and boom the kernel has, and what drives them,
 - `motion`: the start, and the steps that the kernel takes (src/machine.c).
 
-The motion is then that of a frame (`pmr.simulation.found`), in which everything else goes on.
+The motion is then that of a frame (`pmr.simulation.frame_motion`), in which everything else goes on.
 """

@@ -14,13 +14,13 @@ from pmr.scene.machine import DIRECTIONS
 from pmr.scene.signals import Constant
 from pmr.scene.simulators import refuse
 from pmr.simulation.excitation import Excitation, places, rates_of_places
-from pmr.simulation.found import MachineMotion, in_motion
+from pmr.simulation.frame_motion import MachineMotion, in_motion
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.machine.carrying import base_motions, machine_of, modes_in_bodies, units
 from pmr.simulation.moving import OF_BASE, MovingFrame
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.states import failed_at, places_of, start_modes
-from pmr.simulation.needs import needs_of
+from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly

@@ -14,13 +14,12 @@ from pmr.kernel.kernel import Failure, Record, Settings, State, StepError
 from pmr.kernel.signals import Signals
 from pmr.scene.simulators import refuse
 from pmr.simulation import balance, contact_step
-from pmr.simulation.blocks import Ended, in_blocks
 from pmr.simulation.excitation import Excitation, places, rates_of_places
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.states import driver_signals, failed_at, places_of, start_modes, static_start
-from pmr.simulation.needs import needs_of
+from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import Progress
+from pmr.simulation.stepping import Ended, Progress, in_blocks
 from pmr.system.assembly import Assembly
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from pmr.errors import SimulationError
 from pmr.kernel.kernel import Failure, StepError
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.excitation import Excitation, in_order, places
-from pmr.simulation.failures import describe_dependence, describe_divergence, describe_unsettled
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.refusals import describe_dependence, describe_divergence, describe_unsettled
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly

@@ -32,13 +32,12 @@ from pmr.scene.signals import Constant, Ramp
 from pmr.scene.simulators import refuse
 from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, levels
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.moving import MovingFrame
+from pmr.simulation.moving import MovingFrame, Recorded, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import DENSE
 from pmr.simulation.native.states import failed_at, places_of, start_modes, static_start
-from pmr.simulation.needs import needs_of
-from pmr.simulation.recorded import Recorded, read_scene
+from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly

@@ -16,14 +16,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import apply_table, columns, select_rows
-from pmr.simulation.blocks import Block, Ended, Recorder, Take
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March, Steps
 from pmr.simulation.native.states import start_of as start_of
 from pmr.simulation.native.states import static_start as static_start
 from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import Progress
+from pmr.simulation.stepping import Block, Ended, Progress, Recorder, Take
 from pmr.system.body import Trajectory
 from pmr.system.friction import Friction
 from pmr.system.system import System, SystemTrajectory

@@ -10,8 +10,8 @@ agree. Distributed over the models' communicator: every function here is collect
 """
 
 from pmr.simulation.petsc.checkpoint import Checkpoint
-from pmr.simulation.petsc.history import History, Recording, States
 from pmr.simulation.petsc.observe import observe
+from pmr.simulation.petsc.recorder import History, Recording, States
 from pmr.simulation.petsc.start import static_start
 
 __all__ = [

@@ -14,17 +14,15 @@ from pmr.fem.factor import factor_of
 from pmr.fullmodel.system import FullSystem
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.balance import refuse_growth
+from pmr.simulation.contact_step import Lengths
 from pmr.simulation.excitation import Excitation, places
-from pmr.simulation.lengths import Lengths
-from pmr.simulation.needs import needs_of
-from pmr.simulation.petsc.checkpoint import Checkpoint
-from pmr.simulation.petsc.effective import BlockFactor
-from pmr.simulation.petsc.history import History, Recording
-from pmr.simulation.petsc.levels import PartedSteps, contact_frequency
-from pmr.simulation.petsc.pushing import Pushing
-from pmr.simulation.petsc.recorder import Recorder, Sampled
-from pmr.simulation.petsc.resume import Keeper, Reached, identity
+from pmr.simulation.petsc.checkpoint import Checkpoint, Keeper, Reached, identity
+from pmr.simulation.petsc.constraint import Pushing
+from pmr.simulation.petsc.integrate import PartedSteps, contact_frequency
+from pmr.simulation.petsc.recorder import History, Recorder, Recording, Sampled
+from pmr.simulation.petsc.rows import BlockFactor
 from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state
+from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.friction import joints_of

@@ -20,7 +20,7 @@ from pmr.scene.refusals import of_key
 from pmr.scene.section import Usual
 from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
-from pmr.simulation.postures import HOOK, with_hook
+from pmr.simulation.statics.postures import HOOK, with_hook
 from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
 from pmr.studies.charting import allowed, governing_limit, in_doubt, lowest, postures, sequence
 from pmr.studies.engine.task import Plan, Scalar, Task, number

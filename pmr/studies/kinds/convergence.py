@@ -23,7 +23,7 @@ from pmr.errors import InputError
 from pmr.scene.hints import hints
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
-from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
+from pmr.simulation.exudyn.ancf import COORDINATES_PER_NODE
 from pmr.studies import booms, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import Contents, contents
 from pmr.reduced.model import ReducedModel
-from pmr.simulation.recorded import read_scene
+from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

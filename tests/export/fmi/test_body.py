@@ -25,8 +25,8 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.modal import modal_form
+from pmr.simulation.moving import read_scene
 from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.recorded import read_scene
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly

@@ -22,9 +22,8 @@ from pmr.scene import Scene, load_any
 from pmr.scene.pivot import CYLINDER
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
-from pmr.simulation.moving import MovingFrame
+from pmr.simulation.moving import MovingFrame, read_scene
 from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.recorded import read_scene
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 

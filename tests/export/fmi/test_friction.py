@@ -15,8 +15,8 @@ from pmr.export.fmi.fmu import contents
 from pmr.pipeline import reduce
 from pmr.reduction.bodies import Reduction
 from pmr.scene import load_any
+from pmr.simulation.moving import read_scene
 from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.recorded import read_scene
 from pmr.system.friction import Friction
 from pmr.system.system import System
 

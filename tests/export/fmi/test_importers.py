@@ -29,9 +29,9 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Ramp, SignalBase
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
+from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.recorded import read_scene
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import force_outputs
 from pmr.system.system import System

@@ -17,7 +17,7 @@ from pmr.errors import InputError
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import PLATFORMS, chosen
 from pmr.export.formats import Options, write
-from pmr.simulation.recorded import read_scene
+from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 
 

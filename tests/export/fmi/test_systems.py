@@ -23,8 +23,8 @@ from pmr.scene import Scene, load_any
 from pmr.scene.signals import Ramp
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.modal import modal_form
+from pmr.simulation.moving import Recorded, of_boom, read_scene
 from pmr.simulation.native import systems
-from pmr.simulation.recorded import Recorded, of_boom, read_scene
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly

@@ -17,7 +17,7 @@ from pmr.kernel.kernel import Kernel, Settings, State
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SmoothRamp
 from pmr.simulation.modal import modal_form
-from pmr.simulation.recorded import read_scene
+from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

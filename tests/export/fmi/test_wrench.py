@@ -12,7 +12,7 @@ from export.fmi.libraries import Instance, loaded
 import pmr
 from pmr.export.fmi.fmu import contents
 from pmr.scene import load_any
-from pmr.simulation.recorded import read_scene
+from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 
 ROOT = Path(__file__).parents[3]

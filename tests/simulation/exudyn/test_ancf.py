@@ -17,8 +17,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.scene.signals import Constant, Ramp, SmoothRamp, Step
 from pmr.simulation import TimeStepping
 from pmr.simulation.exudyn import ancf
-from pmr.simulation.exudyn.ancf_items import add_sliding_cable
-from pmr.simulation.exudyn.cable import curvature, values
+from pmr.simulation.exudyn.ancf import add_sliding_cable, curvature, values
 from pmr.system.body import FullBody
 
 Array = NDArray[np.float64]

@@ -18,9 +18,9 @@ from pmr.scene.machine import DIRECTIONS
 from pmr.scene.signals import Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import NodeCoordinate, add_hook, add_sensors, simulate_system
+from pmr.simulation.frame_motion import Turning
 from pmr.simulation.machine.motion import machine_motion
 from pmr.simulation.native import systems
-from pmr.simulation.turning import Turning
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced

@@ -21,7 +21,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.asked import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
-from pmr.simulation.exudyn import Formulation, inputs, simulator
+from pmr.simulation.exudyn import Formulation, contacts, equations, simulator
 from pmr.simulation.exudyn.solver import read_sensor, slider_at
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
@@ -122,7 +122,8 @@ def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatc
         return along(assembly, x)
 
     free = rich.size - len(rich.held)
-    monkeypatch.setattr(inputs, "ENTRIES_AHEAD", 7 * 2 * free)  # two of its four rows move
+    for module in (equations, contacts):  # two of its four rows move
+        monkeypatch.setattr(module, "ENTRIES_AHEAD", 7 * 2 * free)
     monkeypatch.setattr(Assembly, "along", recorded)
     np.testing.assert_array_equal(one_body.in_exudyn(rich, driven(PATH, LOADS, STEPPING)).q, whole.q)
     assert max(blocks) == 7

@@ -19,7 +19,7 @@ from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.start import InitialState
-from pmr.simulation.statics.buckling import buckling_factors
+from pmr.simulation.statics.equilibrium import buckling_factors
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place

@@ -22,7 +22,7 @@ from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.native import systems
 from pmr.simulation.petsc import Checkpoint, History, Recording, constraint, observe, static_start
-from pmr.simulation.petsc.effective import BlockFactor
+from pmr.simulation.petsc.rows import BlockFactor
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pmr.simulation.statics.lift_off import Rope, lift_off
 from pmr.simulation.statics.loaded import Equations, Form
+from pmr.simulation.statics.swings import Rope, lift_off
 
 G = 9.80665
 

@@ -1,4 +1,4 @@
-"""Why a step of a simulation fails, in words."""
+"""Why a simulation is refused or fails: needs of the bodies on their way, and failed steps in words."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.dependence import of_rows
+from pmr.scene.simulators import Needs
+from pmr.system.body import Body
 from pmr.system.contacts import Contact
-from pmr.system.friction import joints_of
+from pmr.system.friction import Friction, joints_of
+from pmr.system.system import Joined
 from pmr.system.terms import first_few
 
 Array = NDArray[np.float64]
@@ -35,4 +38,25 @@ def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], 
     return (
         f"the forces of {names} do not converge in {iterations} iterations of a step; shorter steps help where terms "
         "change the stiffness of a step by some hundred times, or pads stick and slide, close and open again and again"
+    )
+
+
+def needs_of(system: Joined[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: float) -> Needs:
+    """Needs of bodies that contacts join, of which a mask (m,) has the rigid ones, along x (T, sides) m."""
+    pushing, moving = ~np.isnan(system.clearance), np.zeros(len(rigid), bool)
+    for side, at in zip(system.sides, x.T, strict=True):
+        moving[side.contact] |= np.any(at != at[0])
+
+    rubs = Friction.of(system.contacts)
+
+    def names(which: NDArray[np.bool_]) -> tuple[str, ...]:
+        return tuple(name for name, chosen in zip(system.contact_names, which, strict=True) if chosen)
+
+    return Needs(
+        pushing=names(pushing),
+        rigid_pushing=names(pushing & rigid),
+        giving=names(~rigid),
+        rigid_moving=names(rigid & moving),
+        rubbing=() if rubs is None else tuple(system.contact_names[k] for k in rubs.pads),
+        rho_inf=rho_inf,
     )

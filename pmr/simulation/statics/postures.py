@@ -1,9 +1,12 @@
-"""Places at which a boom stands still, all at once: what acts there without a load that is looked for, and by it."""
+"""Places at which a boom stands still, all at once: what acts there without a load that is looked for, and by it.
+
+The shape of a boom at rest: how places along its sections are displaced across them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,11 +23,10 @@ from pmr.scene.members import members
 from pmr.scene.names import named
 from pmr.scene.ropes import drive_rows, rope_shares
 from pmr.scene.signals import Constant
-from pmr.simulation.at_rest import accelerate_angle, level_or_inclined, rest_scene
+from pmr.simulation.at_rest import accelerate_angle, level_or_inclined, rest_rows, rest_scene
 from pmr.simulation.excitation import Excitation, in_order
-from pmr.simulation.rest_rows import rest_rows
+from pmr.simulation.frame_motion import Turning
 from pmr.simulation.statics.loaded import Equations
-from pmr.simulation.turning import Turning
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of, names_of, units_of
 from pmr.system.system import System
@@ -106,7 +108,7 @@ class Postures:
     X: Array  # (P, o, m)
     f: Array  # (w, P, i): loads of each part
     c: Array  # (w, P, k): amplitudes of the terms of each part
-    # rows of r forces on supports and on the machine (`pmr.simulation.rest_rows`): by coordinates, contact forces,
+    # rows of r forces on supports and on the machine (`pmr.simulation.at_rest`): by coordinates, contact forces,
     # loads and, by a unit of each part, coordinates again
     machine_q: Array  # (P, r, n)
     machine_forces: Array  # (P, r, m)
@@ -305,3 +307,54 @@ def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
                 outputs.append(Output(named(name, output), what, name, unit=unit))
         first += len(kinds_of(body))
     return numbers, outputs
+
+
+#: Places along a section, about.
+PLACES = 9
+
+
+@dataclass(frozen=True)
+class Bent:
+    """Displacements across the boom at some of the observed places of all sections."""
+
+    outputs: Array  # (b, n)
+    direct: Array  # (b, i)
+    X: Array  # (P, b, m)
+    x: Array  # (b,) m, from the section's tail
+    section: NDArray[np.int64]  # (b,), the base is 0
+    direction: tuple[str, ...]  # (b,): ``y`` or ``z`` of the boom
+    names: tuple[str, ...]  # of the sections
+
+    @classmethod
+    def of(cls, system: System, at: Stands) -> Bent:
+        """Choose outputs across the boom of a system at some places."""
+        assembly = Assembly(system)
+        number, x, section, direction, first = list[int](), list[float](), list[int](), list[str](), 0
+        for k, body in enumerate(system.bodies.values()):
+            kinds = kinds_of(body)
+            for axis in dict.fromkeys(kind[-1] for kind in kinds if kind.split(" ")[0] in ("beam", "tip")):
+                numbers = [i for i, kind in enumerate(kinds) if kind in (f"beam {axis}", f"tip {axis}")]
+                some = np.unique(np.linspace(0, len(numbers) - 1, min(PLACES, len(numbers))).round().astype(int))
+                for i in (numbers[place] for place in some):
+                    number.append(first + i)
+                    x.append(float(body.output_positions[i]))
+                    section.append(k)
+                    direction.append(axis)
+            first += len(kinds)
+        rows = assembly.along(places_of(system, at))
+        outputs, direct = assembly.outputs.toarray()[number], assembly.direct[number]
+        return cls(
+            outputs, direct, rows.X[:, number], np.array(x), np.array(section), tuple(direction), tuple(system.bodies)
+        )
+
+    def measured(self, at: Postures) -> Postures:
+        """Postures whose only outputs are the displacements across the boom."""
+        none = {name: getattr(at, name)[..., :0, :] for name in ("machine_q", "machine_forces", "machine_loads")}
+        return replace(
+            at,
+            outputs=self.outputs,
+            direct=self.direct,
+            X=self.X,
+            machine_parts=at.machine_parts[..., :0, :],
+            **none,
+        )

@@ -1,0 +1,352 @@
+r"""How the frame of a boom moves: by its angles and extensions or as it was computed, and what follows from that.
+
+How far sections of a boom are accelerated along it by their extensions.
+
+How the frame of a boom turns: angular velocity, angular acceleration and rotation, from its angles.
+
+Amplitudes of loads and terms of a frame that moves, as sums of products of few quantities.
+
+.. math:: c(t) = \sum_n \kappa_n \prod_{k \in n} x_k(t)
+
+so that a run, which evaluates them at many times, a loop of one's own (`pmr.simulation.moving`) and the C source of an
+FMU all have them from the same lists.
+
+A motion that has been found, as signals of a frame's base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import SkipValidation
+
+from pmr.scene import Scene
+from pmr.scene.frame import BaseMotion, rotation
+from pmr.scene.machine import DIRECTIONS
+from pmr.scene.signals import SignalBase
+from pmr.scene.signals.base import Floats, Strand
+
+
+class Acceleration(SignalBase):
+    r"""The sum of some paths twice differentiated, m/s^2, as a step of h sees it: a kink is spread over one.
+
+    .. math:: a(t) = \big(\dot s(t + h/2) - \dot s(t - h/2)\big) / h
+
+    What moves at t = 0 has moved so before: no kink is there.
+    """
+
+    paths: tuple[SignalBase, ...]
+    step: float
+
+    def value(self, t: ArrayLike) -> Array:
+        t, half = np.asarray(t, float), self.step / 2.0
+        before = np.maximum(t - half, 0.0)
+        changes = [path.rate(t + half) - path.rate(before) for path in self.paths]
+        return np.asarray(np.sum(changes, axis=0) / (t + half - before))
+
+    @property
+    def strands(self) -> tuple[Strand, ...]:
+        return tuple(replace(strand, spread=self.step) for path in self.paths for strand in path.strands)
+
+    def rate(self, t: ArrayLike) -> Array:
+        t, half = np.asarray(t, float), self.step / 2.0
+        before = np.maximum(t - half, 0.0)
+        return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
+
+    def on_steps(self, step: float) -> Acceleration:
+        return self.model_copy(update={"step": step})
+
+    @property
+    def breaks(self) -> Floats:
+        return tuple(sorted({b for path in self.paths for b in path.breaks}))
+
+
+Array = NDArray[np.float64]
+#: An angle in rad, its rate and its second rate, (T,) each.
+Angle = tuple[Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class Turning:
+    """Angular velocity (T, 3) in rad/s and acceleration (T, 3) of the frame in its axes, and its rotation (T, 3, 3)."""
+
+    velocity: Array
+    acceleration: Array
+    rotation: Array  # from its axes into those of the ground
+
+    @classmethod
+    def of(cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()) -> Turning:
+        """At the times t (T,) s, on a base that rolls, pitches and yaws by `rocking`, or keeps its direction."""
+        return cls.by(_motion_of(luffing, t), _motion_of(slewing, t), [_motion_of(angle, t) for angle in rocking])
+
+    @classmethod
+    def by(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> Turning:
+        """Rotation by angles (T,) rad, with their rates and second rates."""
+        turning = cls._on_base(luffing, slewing)
+        if not rocking:
+            return turning
+        base = cls.from_rocking(rocking)
+        velocity, acceleration = (
+            np.einsum("tji,tj->ti", turning.rotation, vectors) for vectors in (base.velocity, base.acceleration)
+        )
+        return cls(
+            velocity + turning.velocity,
+            acceleration + np.cross(velocity, turning.velocity) + turning.acceleration,
+            base.rotation @ turning.rotation,
+        )
+
+    @classmethod
+    def from_rocking(cls, rocking: Sequence[Angle]) -> Turning:
+        """A base that rolls by a, pitches by b and yaws by c, :math:`R_Z(c) R_Y(b) R_X(a)`, in its own axes."""
+        (a, a1, a2), (b, b1, b2), (c, c1, c2) = rocking
+        (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
+        velocity = np.stack([a1 - c1 * sb, b1 * ca + c1 * sa * cb, c1 * ca * cb - b1 * sa], axis=-1)
+        acceleration = np.stack(
+            [
+                a2 - c2 * sb - c1 * b1 * cb,
+                b2 * ca - b1 * a1 * sa + c2 * sa * cb + c1 * a1 * ca * cb - c1 * b1 * sa * sb,
+                c2 * ca * cb - c1 * a1 * sa * cb - c1 * b1 * ca * sb - b2 * sa - b1 * a1 * ca,
+            ],
+            axis=-1,
+        )
+        ones, none = np.ones_like(a), np.zeros_like(a)
+        roll = np.moveaxis(np.array([[ones, none, none], [none, ca, -sa], [none, sa, ca]]), -1, 0)
+        return cls(velocity, acceleration, rotation(-b, c) @ roll)
+
+    @classmethod
+    def _on_base(cls, luffing: Angle, slewing: Angle) -> Turning:
+        (phi, rise, second), (psi, turn, faster) = luffing, slewing
+        sine, cosine = np.sin(phi), np.cos(phi)
+        return cls(
+            np.stack([turn * sine, -rise, turn * cosine], axis=-1),
+            np.stack(
+                [faster * sine + turn * rise * cosine, -second, faster * cosine - turn * rise * sine],
+                axis=-1,
+            ),
+            rotation(phi, psi),
+        )
+
+    @property
+    def up(self) -> Array:
+        """The vertical (T, 3), in its axes."""
+        return self.rotation[:, 2]
+
+    @cached_property
+    def gradient(self) -> Array:
+        """A (T, 3, 3) in 1/s^2."""
+        spin = _skew(self.velocity)
+        return _skew(self.acceleration) + spin @ spin
+
+
+def _motion_of(angle: SignalBase, t: Array) -> Angle:
+    return angle.value(t), angle.rate(t), angle.second_rate(t)
+
+
+def _skew(vectors: Array) -> Array:
+    """Matrices (T, 3, 3) whose product with r is v x r."""
+    x, y, z = vectors.T
+    none = np.zeros_like(x)
+    return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(-1, 3, 3)
+
+
+#: A quantity, numbers 0, 1, 2 being axes x, y, z:
+#:
+#: - ``("turned", i, j)``: R_ij of the rotation from axes of the boom into those of the ground,
+#: - ``("velocity", k)`` in rad/s and ``("turning", k)`` in rad/s^2: of the frame, in its axes,
+#: - ``("gradient", j, k)`` in 1/s^2: A_jk of the acceleration field,
+#: - ``("shaken", i)`` in m/s^2: acceleration of the pivot along an axis of the ground,
+#: - ``("gravity",)`` in m/s^2,
+#: - ``("reach", n, d)``: where the tail of section n is, m, or its derivative of order d,
+#: - ``("over", n)`` in 1/m: one over the extension of section n,
+#: - ``("load", name)``: a load, by the name of its input.
+Quantity = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Product:
+    """A number times some quantities."""
+
+    factor: float
+    of: tuple[Quantity, ...]
+
+    def times(self, factor: float, *more: Quantity) -> Product:
+        """Product with another factor and further quantities."""
+        return replace(self, factor=factor * self.factor, of=(*self.of, *more))
+
+
+Products = tuple[Product, ...]
+
+
+def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array) -> Array:
+    """Sum (T,) of products at the times t (T,) s, with values (T,) of each quantity by itself."""
+    total = np.zeros_like(t)
+    for product in products:
+        part = np.full_like(t, product.factor)
+        for quantity_of_product in product.of:
+            part *= quantity(quantity_of_product)
+        total += part
+    return total
+
+
+def of_field(field: str, number: int, pivot: Sequence[float], shaken: bool, factor: float) -> Products:
+    r"""A component of the acceleration field of the section with that number, times a factor.
+
+    ``xz`` is A_xz; ``x`` that of its tail, whose base has its own tail at the `pivot`, which is `shaken` or not,
+
+    .. math:: g\, e_Z + \ddot u + \ddot X e_x + 2\, \omega \times \dot X e_x + A\, (p + X e_x)
+    """
+    along = "xyz".index(field[0])
+    if len(field) == 2:
+        return (Product(factor, (("gradient", along, "xyz".index(field[1])),)),)
+    products = [Product(factor, (("gravity",), ("turned", 2, along)))]
+    products += [Product(factor * at, (("gradient", along, k),)) for k, at in enumerate(pivot) if at]
+    if shaken:
+        products += [Product(factor, (("turned", axis, along), ("shaken", axis))) for axis in range(3)]
+    if number:
+        products.append(Product(factor, (("gradient", along, 0), ("reach", number, 0))))
+        across = (None, (2, 1.0), (1, -1.0))[along]  # of the angular velocity x e_x
+        if across is None:
+            products.append(Product(factor, (("reach", number, 2),)))
+        else:
+            products.append(Product(2.0 * across[1] * factor, (("velocity", across[0]), ("reach", number, 1))))
+    return tuple(products)
+
+
+def of_rotation(of: str, component: str) -> Products:
+    """Twice an angular velocity (`rotation`), its rate (`turning`), or w_j w_k, without w . w for j = k (`carried`)."""
+    first, last = "xyz".index(component[0]), "xyz".index(component[-1])
+    if of == "rotation":
+        return (Product(2.0, (("velocity", first),)),)
+    if of == "turning":
+        return (Product(1.0, (("turning", first),)),)
+    if first != last:
+        return (Product(2.0, (("velocity", first), ("velocity", last))),)
+    return tuple(Product(-1.0, (("velocity", k), ("velocity", k))) for k in range(3) if k != first)
+
+
+#: Of a step, within which a time is that of the step.
+SAME = 1e-6
+#: p = sum_k x^k of value, h rate, h^2 second rate at both ends of a step, (6, 6).
+_ENDS = np.array([[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 2, 0, 0, 0], [1] * 6, range(6), [0, 0, 2, 6, 12, 20]])
+_QUINTIC = np.linalg.inv(_ENDS.astype(float))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Motion in one direction at the steps, compared by identity."""
+
+    step: float  # s
+    values: Array  # (3, T): m or rad, with rate and second rate
+    force: Array  # (T,) N or N m: what the machine presses with on the ground there
+    inputs: Mapping[str, Array]  # (T,) by the names of those by which the frame accelerates the boom
+
+
+class Found(SignalBase):
+    """A direction of a machine, in m or in the unit of the frame's angles."""
+
+    samples: SkipValidation[Any]
+    unit: float  # so many of m or rad
+
+    def value(self, t: ArrayLike) -> Array:
+        return self._at(t, 0)
+
+    def rate(self, t: ArrayLike) -> Array:
+        return self._at(t, 1)
+
+    def second_rate(self, t: ArrayLike) -> Array:
+        return self._at(t, 2)
+
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        """Least and largest value of the steps within a span of time."""
+        of: Samples = self.samples
+        first, last = int(np.floor(start / of.step)), int(np.ceil(end / of.step))
+        some = of.values[0, max(first, 0) : last + 1] * self.unit
+        return float(some.min()), float(some.max())
+
+    def _at(self, t: ArrayLike, order: int) -> Array:
+        """Value or rate at times t; between two steps by the polynomial of degree 5 through both."""
+        of: Samples = self.samples
+        at, h = np.clip(np.asarray(t, float) / of.step, 0.0, of.values.shape[1] - 1.0), of.step
+        k = np.rint(at).astype(int)
+        values = np.asarray(of.values[order][k])
+        between = np.abs(at - k) > SAME
+        if between.any():
+            k = np.minimum(np.floor(at).astype(int), of.values.shape[1] - 2)
+            scaled = of.values * (h ** np.arange(3))[:, None]
+            ends = np.concatenate([scaled[:, k], scaled[:, k + 1]])
+            c = np.moveaxis(np.tensordot(_QUINTIC, ends, 1), 0, -1)
+            factor = np.array([np.prod(np.arange(p, p - order, -1)) for p in range(order, 6)])
+            powers = (at - k)[..., None] ** np.arange(6 - order)
+            values = np.where(between, (c[..., order:] * factor * powers).sum(axis=-1) / h**order, values)
+        return np.asarray(values * self.unit)
+
+
+class AtSteps(SignalBase):
+    """Values of an input at the steps, joined by straight lines."""
+
+    samples: SkipValidation[Any]
+    name: str
+
+    def value(self, t: ArrayLike) -> Array:
+        of: Samples = self.samples
+        values = of.inputs[self.name]
+        return np.asarray(np.interp(np.asarray(t, float) / of.step, np.arange(len(values)), values))
+
+    def rate(self, t: ArrayLike) -> Array:
+        of: Samples = self.samples
+        k = np.clip(np.floor(np.asarray(t, float) / of.step + SAME).astype(int), 0, of.values.shape[1] - 2)
+        return np.asarray(np.diff(of.inputs[self.name])[k] / of.step)
+
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        """Least and largest value of all steps."""
+        values = self.samples.inputs[self.name]
+        return float(values.min()), float(values.max())
+
+
+def found_inputs(scene: Scene) -> dict[str, SignalBase]:
+    """Inputs by which a machine was found to accelerate the boom, by their names; none where it was not.
+
+    Their average over a step is that of the frame.  At its ends alone they are not, for generalized-alpha leaves what
+    alternates from step to step undamped, and that is not to be multiplied with what changes meanwhile.
+    """
+    base = None if scene.frame is None else scene.frame.base
+    samples = base.x.samples if base is not None and isinstance(base.x, Found) else None
+    return {} if samples is None else {name: AtSteps(samples=samples, name=name) for name in samples.inputs}
+
+
+def moves_by_itself(scene: Scene) -> bool:
+    """Whether a machine's motion is found with the model, or was: not where all of its directions are held."""
+    machine = None if scene.frame is None else scene.frame.machine
+    return bool(found_inputs(scene)) or (machine is not None and bool(machine.free))
+
+
+@dataclass(frozen=True)
+class MachineMotion:
+    """Motion of a machine at T steps: x, y, z of the pivot in m, roll, pitch and yaw in rad."""
+
+    step: float  # s
+    values: Array  # (3, T, 6), with rates and second rates
+    forces: Array  # (T, 6) N and N m: what it presses with on the ground, by springs, dampers and where it is held
+    inputs: Mapping[str, Array]  # (T,) by which it accelerates the boom; none where nothing is free
+    momenta: Array  # (T, 6): linear and angular momentum of the whole about the ground's origin, along its axes
+
+
+def in_motion(scene: Scene, track: MachineMotion) -> Scene:
+    """The scene with a frame whose base moves so, in place of a machine that moves by itself."""
+    frame = scene.frame
+    assert frame is not None  # of a scene with a machine
+    angle = 1.0 if frame.unit == "rad" else 180.0 / np.pi
+    signals: dict[str, Any] = {
+        direction: Found(
+            samples=Samples(track.step, np.ascontiguousarray(track.values[:, :, k]), track.forces[:, k], track.inputs),
+            unit=1.0 if k < 3 else angle,
+        )
+        for k, direction in enumerate(DIRECTIONS)
+    }
+    base = BaseMotion.model_construct(**signals)
+    return scene.model_copy(update={"frame": frame.model_copy(update={"base": base, "machine": None})})

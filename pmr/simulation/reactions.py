@@ -1,0 +1,225 @@
+r"""Forces on the supports of a boom and on its machine, as columns of a response.
+
+Forces on the rigid supports of a system's bodies, from their motion (`pmr.reduced.reactions` has the equations).
+
+What a boom presses on its machine with: three forces and three moments about the pivot, in the boom's own axes.
+
+.. math::
+    F = \sum_k \lambda_k n_k, \qquad \mathfrak M = \sum_k (p + r_k) \times \lambda_k n_k
+
+over all that stands between the base and the ground: pads, supports, and cylinders that are supports, with their places
+r_k from the base's tail, which is p from the pivot.  As supports they are positive along the axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.reduced.model import ReducedModel
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.scene.built import reaction_of
+from pmr.scene.choice import directions
+from pmr.scene.members import members
+from pmr.scene.names import ALONE
+from pmr.scene.pivot import AT_PIVOT, CYLINDER, MOMENT, pin_and_cylinder, pressed_on_ground
+from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
+from pmr.system.body import (
+    FullBody,
+    Observed,
+    SlidingBody,
+    Trajectory,
+    force_outputs,
+    kinds_of,
+    length_outputs,
+    names_of,
+    other_outputs,
+    units_of,
+)
+from pmr.system.contacts import Contact, named
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
+
+
+def is_reaction(contact: Contact) -> bool:
+    """Whether a contact is a rigid support of a section, as one of a full body that holds several coordinates."""
+    return contact.kind == "support" and contact.compliance == 0.0 and contact.clearance is None
+
+
+def with_support_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
+    """Add forces on rigid supports; of full bodies of several, or with terms, where supports are contacts."""
+    of_bodies, reactions, first = dict[str, Supports](), dict[str, Array](), 0
+    for name, body in system.bodies.items():
+        loads = trajectory.loads[:, first : first + len(body.input_names)]
+        first += len(body.input_names)
+        body_reactions, motion = body.reactions, trajectory.bodies[name]
+        held = [k for k, contact in enumerate(system.contacts) if contact.inner.body == name and is_reaction(contact)]
+        alone = name == ALONE and not system.terms
+        if isinstance(body, FullBody) and held and not alone:
+            rows = [body.rows.rows[body.row_names.index(system.contacts[k].inner.row)] for k in held]
+            of_bodies[name], reactions[name] = [(row.name, row.unit) for row in rows], trajectory.forces[:, held]
+        if body_reactions is None or not (alone or isinstance(body, ReducedModel)):
+            continue
+        if name == ALONE:
+            forces = support_forces(body, on_rows(system, body, motion), loads)
+        elif body.carriers is None or body_reactions.carried is None:
+            continue
+        else:
+            carried = body_reactions.carried - body.carriers.values @ inertia_share(body, body_reactions).T
+            forces = forces_without_rows(body, body_reactions, motion, loads)
+            body_sides = [side for side in system.sides if side.place.body == name]
+            for side, x, force in zip(body_sides, motion.s.T, motion.multipliers.T, strict=True):
+                forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
+                if trajectory.moments is not None:
+                    turned = system.row(side.place).weights(x, 1) @ carried
+                    forces += side.sign * trajectory.moments[:, side.contact, None] * turned
+        forces = forces - _of_terms(system, name, inertia_share(body, body_reactions), trajectory)
+        of_bodies[name], reactions[name] = body_reactions.supports, forces
+    return with_reactions(response, of_bodies, reactions)
+
+
+def on_rows(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
+    """The motion of a body alone with the path coordinate (T,), and multipliers of all of its rows."""
+    multipliers = np.zeros((len(motion.t), len(body.row_names)))
+    moving = 0
+    for k, side in enumerate(system.sides):
+        multipliers[:, body.row_names.index(side.place.row)] = motion.multipliers[:, k]
+        moving = k if side.place.path is not None else moving
+    s = motion.s[:, moving] if motion.s.shape[1] else np.full(len(motion.t), body.domain[0])
+    return replace(motion, s=s, multipliers=multipliers)
+
+
+def _of_terms(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
+    """Part of the forces (T, h) on a body's rigid supports that terms that vary in time carry."""
+    total: Array | float = 0.0
+    if trajectory.amplitudes is None:
+        return total
+    for term, c in zip(system.terms, trajectory.amplitudes.T, strict=True):
+        if (work := term.supports.get(name)) is not None:
+            motions = [trajectory.bodies[member] for member in term.bodies]
+            before = term.bodies.index(name) and system.bodies[term.bodies[0]].size
+            for key, A in term.arrays.items():
+                inertia_part = A[before : before + system.bodies[name].size]
+                states = np.hstack([motion.q if key == "stiffness" else motion.v for motion in motions])
+                total = total + c[:, None] * (states @ (work - P @ inertia_part).T)
+    return total
+
+
+def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:
+    """Add the forces (T, h) of rigid supports, by body, after all other outputs."""
+    if not forces:
+        return response
+    supports = [(body, name, unit) for body, of in of_bodies.items() for name, unit in of]
+    return replace(
+        response,
+        others=np.hstack([*([] if response.others is None else [response.others]), *forces.values()]),
+        other_names=(*response.other_names, *(reaction_of(named(body, name)) for body, name, _ in supports)),
+        other_units=(*response.other_units, *(unit for *_, unit in supports)),
+        kinds=(*response.kinds, *("reaction" for _ in supports)),
+        bodies=(*response.bodies, *(body for body, *_ in supports)),
+    )
+
+
+def at_pivot(scene: Scene, response: Response) -> Response:
+    """Add force and moment at the pivot, where the scene has a frame and all of their parts are known."""
+    if scene.frame is None:
+        return response
+    total, parts = np.zeros((len(response.t), 6)), dict(zip(response.force_names, response.slider_force.T, strict=True))
+    parts |= {} if response.others is None else dict(zip(response.other_names, response.others.T, strict=True))
+    for reaction in pressed_on_ground(scene, {name: path.value(response.t) for name, path in scene.paths.items()}):
+        name = next((name for name in reaction.names if name in parts), None)
+        if name is None:
+            return response
+        total += parts[name][:, None] * reaction.wrench
+    axes = directions(members(scene)[0])
+    numbers = ["xyz".index(axis) if len(axis) == 1 else 3 + "xyz".index(axis[1]) for axis in axes]
+    return replace(
+        response,
+        others=np.hstack([total[:, :0] if response.others is None else response.others, total[:, numbers]]),
+        other_names=(*response.other_names, *(reaction_of(f"{AT_PIVOT} {axis}") for axis in axes)),
+        other_units=(*response.other_units, *("N" if len(axis) == 1 else "N m" for axis in axes)),
+        kinds=(*response.kinds, *("reaction" for _ in axes)),
+        bodies=(*response.bodies, *(scene.names[0] for _ in axes)),
+    )
+
+
+def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
+    """Add the luffing cylinder's force in N, positive where it presses, if hinges and moment are known."""
+    if scene.frame is None or scene.frame.cylinder is None or MOMENT not in response.other_names:
+        return response
+    assert response.others is not None  # where there are names
+    _, arm = scene.frame.cylinder.length(scene.frame.angles[0].value(response.t))
+    force = response.other(MOMENT) / arm
+    return replace(
+        response,
+        others=np.hstack([response.others, force[:, None]]),
+        other_names=(*response.other_names, CYLINDER),
+        other_units=(*response.other_units, "N"),
+        kinds=(*response.kinds, "reaction"),
+        bodies=(*response.bodies, scene.names[0]),
+    )
+
+
+def with_force_of_pin(scene: Scene, response: Response) -> Response:
+    r"""Add forces of a pin at the pivot that bears what the luffing cylinder F along d does not.
+
+    .. math:: F_{pin} = \sum_k \lambda_k n_k + F d
+
+    over pin and support across the boom, which stands for the cylinder in the model: so the pin bears its thrust along
+    the boom, and what a lug beside the axis takes across it.  Any other base stays as it is.
+    """
+    held = pin_and_cylinder(scene)
+    if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):
+        return response
+    assert scene.frame is not None and scene.frame.cylinder is not None and response.others is not None
+    force = response.other(CYLINDER)
+    along, across = (force[:, None] * scene.frame.cylinder.direction(scene.frame.angles[0].value(response.t))).T
+    other_outputs = response.others.copy()
+    other_outputs[:, response.other_names.index(held.pin[0])] += along
+    other_outputs[:, response.other_names.index(held.pin[1])] += across + _force(response, held.across)
+    return replace(response, others=other_outputs)
+
+
+def _force(response: Response, names: Sequence[str]) -> Array:
+    """A force (T,) that a response has under one of some names."""
+    name = next(label for label in names if label in response.force_names or label in response.other_names)
+    if name in response.force_names:
+        return response.slider_force[:, response.force_names.index(name)]
+    return response.other(name)
+
+
+def with_forces_on_machine(scene: Scene, response: Response) -> Response:
+    """Add force and moment at the pivot, and forces of luffing cylinder and pin, where the scene has them."""
+    return with_force_of_pin(scene, with_luffing_cylinder(scene, at_pivot(scene, response)))
+
+
+@dataclass(frozen=True)
+class Called:
+    """Names, units and kinds of the columns of a response."""
+
+    moved: tuple[str, ...]  # of the outputs in m
+    forces: tuple[str, ...]  # of those in N
+    # of all other outputs, and their units
+    others: tuple[str, ...]
+    other_units: tuple[str, ...]
+    # kind and direction of each, as `Response.kinds` has them: those of moved, of forces, of others
+    kinds: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
+
+
+def column_names(body: Observed) -> Called:
+    """Names of a body's outputs."""
+    kinds, names, units = (np.array(of(body), dtype=object) for of in (kinds_of, names_of, units_of))
+    lengths, forces, other = length_outputs(body), force_outputs(body), other_outputs(body)
+    return Called(
+        moved=tuple(names[lengths]),
+        forces=tuple(names[forces]),
+        others=tuple(names[other]),
+        other_units=tuple(units[other]),
+        kinds=(tuple(kinds[lengths]), tuple(kinds[forces]), tuple(kinds[other])),
+    )
