@@ -81,6 +81,26 @@ def plain(boom: Nested, elastic: int) -> System:
     return joined(boom, bodies)
 
 
+def with_round_off(noise: float) -> System:
+    """Two sections whose first contact gives way by round-off alone: of so many m/N, what it has in common more.
+
+    The second one gives way by 1e-9 m/N.  Without noise the first one is rigid.
+    """
+    system = reduced(Nested(2, elements=8, compliance=0.0), 3)
+    bodies, random = dict[str, SlidingBody](), np.random.default_rng(3)
+    for (name, body), count in zip(system.bodies.items(), (-1, 4), strict=True):
+        flexibility = body.carriers.flexibility
+        R, K = flexibility.rows.copy(), len(flexibility.rows)
+        touched = np.arange(K if count < 0 else count)
+        R[touched] = 1e3 * noise * random.normal(size=(len(touched), K))
+        R[:, touched] = R[touched].T
+        R[touched, touched] = 0.0
+        R[np.ix_(touched, touched)] = noise * np.eye(len(touched))
+        carriers = replace(body.carriers, flexibility=replace(flexibility, rows=R))
+        bodies[name] = replace(body, carriers=carriers)
+    return replace(system, bodies=bodies)
+
+
 def joined(boom: Nested, bodies: Sequence[SlidingBody]) -> System:
     """Sections that extend by the paths "1" to "3"."""
     contacts = [contact for one in joints(boom) for contact in one.contacts]

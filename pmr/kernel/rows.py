@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import columns, common_breaks, refine_table, same_degree, select_rows
+from pmr.constraints.polynomials import columns, common_breaks, contributions, refine_table, same_degree, select_rows
 from pmr.constraints.products import RowPolynomials
 from pmr.constraints.rows import Row
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
+from pmr.system.contact_rows import clear_rows, is_round_off
 from pmr.system.contacts import SLIDER
 from pmr.system.friction import Friction
 from pmr.system.system import Side, System
@@ -96,9 +97,41 @@ class Arrangement:
     X: Array  # (m + n, o) m/N
     friction: Friction | None
 
+    @property
+    def gives(self) -> Array:
+        """By how much each row gives way at most, wherever it is, (m + n,) in m/N."""
+        most = np.abs(np.diagonal(self.F))
+        for block in self.blocks:
+            most[block.numbers] += np.diagonal(np.abs(contributions(block.between)).sum(axis=0).max(axis=0))
+        return most
+
 
 def arrange(system: System) -> Arrangement:
-    """Arrange the rows of a system whose bodies are in their modes."""
+    """Arrange the rows of a system whose bodies are in their modes; flexibility that is round-off is left out."""
+    rows, m = _with_round_off(system), len(system.contacts)
+    rigid = np.zeros(len(rows.F), bool)
+    rigid[:m] = is_round_off(np.diag(rows.gives[:m]), system.largest_flexibility)
+    clear_rows(rows.F, rigid)
+    return replace(rows, blocks=tuple(_cleared(block, rigid) for block in rows.blocks))
+
+
+def _cleared(block: Block, rigid: NDArray[np.bool_]) -> Block:
+    """The block without flexibility of the rows (m + n,) that are rigid."""
+    on, staying = rigid[block.numbers], block.staying.c.copy()
+    if not on.any() and not rigid[block.stays].any():
+        return block
+    between = block.between.c.copy()
+    clear_rows(between, on)
+    staying[:, :, on], staying[:, :, :, rigid[block.stays]] = 0.0, 0.0
+    carried = (
+        replace(row, coefficients=np.zeros_like(row.coefficients)) if is_rigid else row
+        for row, is_rigid in zip(block.on_carriers, on, strict=False)
+    )
+    breaks = block.between.x
+    return replace(block, between=PPoly(between, breaks), staying=PPoly(staying, breaks), on_carriers=tuple(carried))
+
+
+def _with_round_off(system: System) -> Arrangement:
     parts, friction = _parts(system), Friction.of(system.contacts)
     F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
     size = {what: getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs")}

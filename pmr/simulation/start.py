@@ -30,9 +30,8 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.kernel.laws import JointCylinder, slide_pads
-from pmr.reduced.model import ReducedModel
 from pmr.system.assembly import Assembly
-from pmr.system.body import SlidingBody, WithRows
+from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact
 from pmr.system.friction import Friction
 
@@ -76,7 +75,7 @@ def consistent_start(
             check_position(np.ones((1, 1)), starts[name].q[[held]], (body.row_names[row],), largest)
         starts[name] = InitialState(starts[name].q, _let_go(body, starts[name].v))
     rows = assembly.at(x)
-    rigid = np.all(rows.F == 0.0, axis=1)
+    rigid = rows.rigid
     C, names = rows.C[rigid], tuple(name for name, firm in zip(system.contact_names, rigid, strict=True) if firm)
     q, v = (np.concatenate([getattr(starts[name], part)[assembly.free[name]] for name in bodies]) for part in "qv")
     check_position(C, q, names)
@@ -111,14 +110,6 @@ def row_drift(C: Array, C_s: Array, s_rate: float, start: InitialState) -> Array
     drift = C @ start.v + s_rate * (C_s @ start.q)
     scale = _magnitude(C, start.v) + abs(s_rate) * _magnitude(C_s, start.q)
     return None if np.all(np.abs(drift) <= ROW_TOLERANCE * scale) else np.asarray(drift)
-
-
-def row_flexibility(body: ReducedModel | WithRows, s: float) -> tuple[Array, NDArray[np.bool_]]:
-    """G(s) + 1/k, (m, m) in m/N, and which rows (m,) are rigid: they alone ask for a consistent start."""
-    G = np.diag(body.row_compliance)
-    if body.flexibility is not None:
-        G = G + body.flexibility.rows(s)
-    return G, np.all(G == 0.0, axis=1)
 
 
 def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 0.0) -> None:

@@ -12,16 +12,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
-from pmr.system.contact_rows import ContactRows, add_springs, left_free
+from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, is_round_off, left_free
 from pmr.system.contacts import Place
 from pmr.system.oscillations import oscillations
 from pmr.system.system import System
 from pmr.system.terms import Term, add_terms
 
 Array = NDArray[np.float64]
-#: Flexibilities of contacts below this share of the largest are round-off of rigid ones.
-ROUND_OFF = 1e-16
-
 #: (rad/s)^2: what nothing holds is not singular with it.
 SHIFT = 1.0
 
@@ -141,7 +138,7 @@ class Assembly:
             if on := system.sides_of(name):
                 (self._add_tables if body.carriers is None else self._add_carried)(name, on, x.T[on], rows)
         F = (F + F.transpose(0, 2, 1)) / 2.0
-        F[np.abs(F) <= ROUND_OFF * np.abs(F).max(axis=(1, 2), keepdims=True, initial=0.0)] = 0.0
+        clear_rows(F, is_round_off(F, system.largest_flexibility))
         return ContactRows(C, F, H, X)
 
     def slopes(self, x: Array) -> Array:

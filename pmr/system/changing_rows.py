@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.system.assembly import Assembly
-from pmr.system.contact_rows import ContactRows
+from pmr.system.contact_rows import ContactRows, clear_rows, is_round_off
 from pmr.system.system import Side
 
 Array = NDArray[np.float64]
@@ -67,6 +67,9 @@ class ChangingRows:
         np.add.at(slopes.F, self._on, compliance.slopes)
         for body in self._bodies:
             body.add(s, rows, slopes, curves)
+        rigid = is_round_off(rows.F, self._system.largest_flexibility)
+        for part in (rows, slopes, curves):
+            clear_rows(part.F, rigid)
         return Changing(rows, slopes, curves)
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pmr.constraints.polynomials import contributions, evaluate
 from pmr.errors import SimulationError
 from pmr.system.body import SlidingBody
+from pmr.system.contact_rows import is_round_off
 
 Array = NDArray[np.float64]
 
@@ -26,10 +27,10 @@ REGULAR = 1e-13
 
 def compliant_rows(body: SlidingBody) -> list[int]:
     """Numbers of the rows that give way: by the residual flexibility, or at a pad."""
-    gives = body.row_compliance > 0.0
+    F = np.diag(body.row_compliance)
     if body.flexibility is not None:
-        gives = gives | np.any(body.flexibility.rows.c != 0.0, axis=(0, 1, 3))
-    return np.flatnonzero(gives).tolist()
+        F = F + np.abs(contributions(body.flexibility.rows)).max(axis=(0, 1))
+    return np.flatnonzero(~is_round_off(F)).tolist()
 
 
 class CompliantRows:

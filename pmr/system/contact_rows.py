@@ -11,6 +11,24 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+#: Flexibility of a contact below this share of the largest is round-off of a rigid one.
+ROUND_OFF = 1e-14
+
+
+def is_round_off(F: Array, largest: float = 0.0) -> NDArray[np.bool_]:
+    """Whether contacts (..., m) with flexibility F (..., m, m) in m/N are rigid, but for round-off.
+
+    The diagonal decides, as F is semidefinite.  `largest` is the largest flexibility of the bodies in m/N, where that
+    is known: that of all contacts may be round-off.
+    """
+    diagonal = np.diagonal(F, axis1=-2, axis2=-1)
+    most = np.maximum(diagonal.max(axis=-1, keepdims=True, initial=0.0), largest)
+    return np.asarray(diagonal <= ROUND_OFF * most)
+
+
+def clear_rows(F: Array, which: NDArray[np.bool_]) -> None:
+    """Set rows and columns of F (..., m, m) of some contacts (..., m) to zero, in place."""
+    F[np.broadcast_to(which[..., :, None] | which[..., None, :], F.shape)] = 0.0
 
 
 @dataclass(frozen=True)
@@ -46,8 +64,8 @@ class ContactRows:
 
     @property
     def rigid(self) -> NDArray[np.bool_]:
-        """(m,): which do not give way, at one place."""
-        return np.asarray(np.all(self.F == 0.0, axis=1))
+        """([T,] m): which do not give way."""
+        return is_round_off(self.F)
 
 
 def add_springs(K: Array, rows: ContactRows) -> Array:

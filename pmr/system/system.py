@@ -239,6 +239,18 @@ class System(Joined[SlidingBody]):
     # bodies before modes of cylinders and without inertia joined them, if any: by these errors are estimated
     on_modes: Mapping[str, ReducedModel] = field(default_factory=dict, repr=False, kw_only=True)
 
+    @cached_property
+    def largest_flexibility(self) -> float:
+        """Largest residual flexibility of a carrier or row of the bodies, in m/N; 0 where they have none."""
+        largest = 0.0
+        for body in self.bodies.values():
+            if body.carriers is not None and body.carriers.flexibility is not None:
+                largest = max(largest, float(body.carriers.flexibility.rows.diagonal().max(initial=0.0)))
+            elif body.carriers is None and body.flexibility is not None:
+                at_breaks = np.diagonal(body.flexibility.rows.c[-1], axis1=1, axis2=2)
+                largest = max(largest, float(at_breaks.max(initial=0.0)))
+        return largest
+
     def with_bodies(self, bodies: Mapping[str, SlidingBody]) -> System:
         """The system with other models of the same bodies; with terms only if it knows how to make theirs."""
         terms = self.terms if self.terms_of is None else self.terms_of(bodies)

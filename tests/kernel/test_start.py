@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from kernels import kernel_of, motions_of
-from nested import Nested, full, reduced
+from nested import Nested, full, reduced, with_round_off
 
 from pmr.errors import SimulationError
 from pmr.kernel.kernel import Settings, State
@@ -102,6 +102,25 @@ def in_modes(system: System, forms: Any, kernel: Any, q: np.ndarray) -> np.ndarr
 def held_by_a_rigid_row() -> System:
     system = reduced(Nested(2, elements=8), 3)
     return replace(system, contacts=(system.contacts[0],))
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-6])
+@pytest.mark.parametrize("noise", [1e-27, 1e-24])
+def test_a_contact_that_gives_way_by_round_off_is_rigid_at_any_step(noise: float, step: float) -> None:
+    """Its force follows from the accelerations, and its rate is corrected, as those of one that is rigid."""
+    states = list[State]()
+    for system in (with_round_off(noise), with_round_off(0.0)):
+        kernel, _ = kernel_of(system)
+        state = State(kernel, Settings(step))
+        z, v = (np.zeros(kernel.modes) for _ in range(2))
+        assert kernel.used_modes is not None
+        v[kernel.used_modes] = 1e-3 * np.random.default_rng(2).normal(size=len(kernel.used_modes))
+        state.start("given", [2.5, *np.full(kernel.inputs, 9.81)], z, v, rates=[0.0])
+        assert np.abs(state.v - v).max() > 1e-5
+        states.append(state)
+    noisy, clean = states
+    np.testing.assert_allclose(noisy.multipliers, clean.multipliers, rtol=1e-9)
+    np.testing.assert_allclose(noisy.v, clean.v, atol=1e-12 * np.abs(clean.v).max())
 
 
 def test_what_nothing_holds_is_refused() -> None:

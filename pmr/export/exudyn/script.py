@@ -97,6 +97,7 @@ def script_data(system: System, source: str) -> Arrays:
         **{name: getattr(assembly, name).toarray() for name in ("M", "D", "K", "B", "outputs")},
         "W": assembly.direct,
         "clearance": system.clearance,
+        "rigid": assembly.at(x[0]).rigid,
         **(_tables(system, x[0]) if ALONE in system.bodies else _sides(system, assembly, x[0])),
         **_signals(scene, system, source),
         **_tip(system, source),

@@ -108,10 +108,7 @@ class Drivers:
     def is_differential(self) -> bool:
         """Whether an ordinary differential equation is left: no contact is rigid, and nothing rubs."""
         rows = self.data.rows
-        gives = np.diagonal(rows.F) != 0.0
-        for block in rows.blocks:
-            gives[block.numbers] |= np.any(block.between.c != 0.0, axis=(0, 1, 3))
-        return rows.friction is None and bool(gives.all())
+        return rows.friction is None and bool(np.all(rows.gives > 0.0))
 
     def kinds(self) -> list[int]:
         """Kind of each driver, as unit.h of the C source numbers them: other, a path, an angle, slewing."""

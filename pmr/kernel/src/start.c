@@ -73,20 +73,16 @@ static int solve_dense(int n, const double *A, double *x, double *room)
     return 0;
 }
 
-/* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F.  Residual flexibility
-   that is so small a share of what a step adds to it, z_gain C S^-1 C^T, is round-off. */
-#define ROUND_OFF_OF_STEP 1e-11
+/* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F.  As F is semidefinite its
+   diagonal decides, of which so small a share of the largest is round-off. */
+#define ROUND_OFF_OF_F 1e-14
 static int is_rigid(const pmr_state *st, int k)
 {
     const pmr_system *y = st->system;
-    const double *row = st->C + (size_t)k * y->modes, z_gain = st->scheme->z_gain;
-    double of_step = 0.0;
-    int l, n;
-    for (n = 0; n < y->modes; n++)
-        if (!is_fill(y, n)) of_step += row[n] * row[n] * z_gain / (y->inertia[n] + y->omega2[n] * z_gain);
-    for (l = 0; l < y->contacts; l++)
-        if (fabs(*lower(st->A, y->mp, k, l)) > ROUND_OFF_OF_STEP * of_step) return 0;
-    return 1;
+    double largest = 0.0;
+    int l;
+    for (l = 0; l < y->contacts; l++) largest = larger(largest, st->A[l * y->mp + l]);
+    return !(st->A[k * y->mp + k] > ROUND_OFF_OF_F * largest);
 }
 
 /* [K + floor, C^T; C, -F] (z, lambda) = (forces, clearance - H f), open contacts left out; without `loaded` no

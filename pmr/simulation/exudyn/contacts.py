@@ -37,7 +37,7 @@ class Contacts:
 
     def __init__(self, equations: Equations, inputs: Inputs) -> None:
         self._equations = equations
-        self.rigid = ~np.any(equations.rows(inputs.at(0.0)).F[0], axis=1)
+        self.rigid = equations.rows(inputs.at(0.0)).rigid[0]
         self.gives = ~self.rigid
         self._names = [name for name, gives in zip(equations.system.contact_names, self.gives, strict=True) if gives]
         clearance = equations.system.clearance[self.gives]

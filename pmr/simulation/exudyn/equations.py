@@ -102,7 +102,7 @@ class Equations:
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
         """Needs of the system in a simulator where its places follow x (T, sides) m."""
-        return needs_of(self.system, ~np.any(self.assembly.along(x[:1]).F[0], axis=1), x, rho_inf)
+        return needs_of(self.system, self.assembly.at(x[0]).rigid, x, rho_inf)
 
 
 @dataclass(frozen=True)

@@ -70,8 +70,7 @@ class MachineRun:
         self._x, modal = places(system, self._excitation), self.form.modal
         x = places(modal, self._excitation)
         stepping = self._excitation.stepping
-        rigid = np.all(Assembly(modal).at(x[0]).F == 0.0, axis=1)
-        refuse("march", needs_of(modal, rigid, x, stepping.rho_inf))
+        refuse("march", needs_of(modal, Assembly(modal).at(x[0]).rigid, x, stepping.rho_inf))
         moving = MovingFrame.in_scene(resting, system)
         self._kernel = Kernel.of(system, self.form.forms, moving)
         modes = modes_in_bodies(self.form, self._kernel.modes)

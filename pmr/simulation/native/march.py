@@ -79,8 +79,7 @@ class March:
         self.finest = parts[-1]
         self._schedule = np.array(stepping.schedule, np.int32) if stepping.schedule else None
         x = places(form.modal, excitation)
-        rigid = np.all(Assembly(form.modal).at(x[0]).F == 0.0, axis=1)
-        needs = needs_of(form.modal, rigid, x, stepping.rho_inf)
+        needs = needs_of(form.modal, Assembly(form.modal).at(x[0]).rigid, x, stepping.rho_inf)
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         self._signals: Signals | None

@@ -281,8 +281,7 @@ class Stepper:
         u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
         modal, paths = self._form.modal, self._drivers.places
         x = modal.coordinates(paths)
-        rigid = np.all(Assembly(modal).at(x).F == 0.0, axis=1)
-        refuse("march", needs_of(modal, rigid, x[None], self._rho_inf))
+        refuse("march", needs_of(modal, Assembly(modal).at(x).rigid, x[None], self._rho_inf))
         if initial is None and static:
             if kernel.modes <= DENSE and self._begin("equilibrium") is None:
                 return

@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import nested
 import numpy as np
 import pytest
 from export.fmi.libraries import CallError, Instance, Library, loaded
@@ -175,6 +176,12 @@ def test_it_starts_in_equilibrium_unless_told_to_be_at_rest(made: Made) -> None:
     at_rest.initialise()
     assert not at_rest.get(made.states()).any()
     assert at_rest.get(made.inputs()[0]).tolist() == pytest.approx([0.6] * len(system.paths) + [*scene.first_loads])
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-25])
+def test_a_contact_that_gives_way_by_round_off_leaves_no_differential_equation(noise: float) -> None:
+    assert not Drivers.of(nested.with_round_off(noise)).is_differential
+    assert Drivers.of(nested.reduced(nested.Nested(2, elements=8, compliance=0.0), 3)).is_differential
 
 
 def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:

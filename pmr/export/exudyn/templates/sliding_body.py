@@ -21,6 +21,7 @@ from scipy.optimize import nnls
 with np.load(Path(__file__).with_suffix(".npz")) as file:
     DATA = dict(file)
 CLEARANCE = DATA["clearance"]  # (m,) m; NaN of a contact that holds both ways
+RIGID = DATA["rigid"]  # (m,) which contacts do not give way
 
 
 def piece(name, x, order=0):
@@ -90,7 +91,7 @@ def rows_at(s):
 
 def forces_of(rows, motion):
     """Forces (m,) in N of contacts that give way and would move by C q + H f (m,) m; which of them are closed."""
-    F, gives = rows.F, np.any(rows.F, axis=1)
+    F, gives = rows.F, ~RIGID
     pushes, b = gives & ~np.isnan(CLEARANCE), motion - np.nan_to_num(CLEARANCE)
     bilateral, closed = gives & ~pushes, gives.copy()
     if pushes.any():  # F = L L^T of those that push: least squares |L^T lambda - L^-1 b| with lambda >= 0
@@ -118,7 +119,7 @@ def add_system(mbs, paths, loads, start):
             rows, f = rows_at([path(t) for path in paths.values()]), np.array([load(t) for load in loads.values()])
             last.t, last.f, last.rows, last.K, last.force = t, f, rows, K, B @ f
             if not pushing:
-                C, F, H = rows.C[~rigid], rows.F[~rigid][:, ~rigid], rows.H[~rigid]
+                C, F, H = rows.C[~RIGID], rows.F[~RIGID][:, ~RIGID], rows.H[~RIGID]
                 springs = C.T @ np.linalg.solve(F, np.hstack([C, H]))
                 last.K, last.force = K + springs[:, :n], B @ f - springs[:, n:] @ f
         return last
@@ -138,7 +139,6 @@ def add_system(mbs, paths, loads, start):
         C = rows.C[closed]
         return exu.MatrixContainer(factor * C.T @ np.linalg.solve(rows.F[closed][:, closed], C))
 
-    rigid = ~np.any(rows_at([path(0.0) for path in paths.values()]).F, axis=1)
     nBodies = []
     for q in np.split(np.asarray(start), DATA["ends"][:-1]):
         zeros = np.zeros(len(q))
@@ -147,10 +147,10 @@ def add_system(mbs, paths, loads, start):
     functions = {"jacobianUserFunction": beyond_matrices} | ({"forceUserFunction": push} if pushing else {})
     matrices = dict(massMatrix=M, dampingMatrix=D, stiffnessMatrix=at(0.0).K, forceVector=at(0.0).force)
     oSystem, oRigid = mbs.AddObject(eii.ObjectGenericODE2(nodeNumbers=nBodies, **matrices, **functions)), None
-    if rigid.any():
+    if RIGID.any():
         ground = mbs.AddMarker(eii.MarkerNodeCoordinates(nodeNumber=mbs.AddNode(eii.NodePointGround())))
         bodies = mbs.AddMarker(eii.MarkerObjectODE2Coordinates(objectNumber=oSystem))
-        connector = dict(markerNumbers=[ground, bodies], scalingMarker1=at(0.0).rows.C[rigid])
+        connector = dict(markerNumbers=[ground, bodies], scalingMarker1=at(0.0).rows.C[RIGID])
         oRigid = mbs.AddObject(eii.ObjectConnectorCoordinateVector(**connector))
 
     def update(mbs, t):
@@ -159,12 +159,12 @@ def add_system(mbs, paths, loads, start):
         mbs.SetObjectParameter(oSystem, "stiffnessMatrix", now.K)
         mbs.SetObjectParameter(oSystem, "forceVector", now.force)
         if oRigid is not None:
-            mbs.SetObjectParameter(oRigid, "scalingMarker1", now.rows.C[rigid])
+            mbs.SetObjectParameter(oRigid, "scalingMarker1", now.rows.C[RIGID])
         mbs.variables[int(oSystem)] = t
         return True
 
     mbs.SetPreStepUserFunction(update)
-    return SimpleNamespace(update=update, nBodies=nBodies, oSystem=oSystem, oRigid=oRigid, rigid=rigid)
+    return SimpleNamespace(update=update, nBodies=nBodies, oSystem=oSystem, oRigid=oRigid)
 
 
 def solve(mbs, end, step, rho_inf, parts=1):
@@ -207,7 +207,7 @@ def simulate(paths=PATHS, loads=LOADS, end=END, step=STEP, rho_inf=RHO_INF, star
         rows, f = rows_at([path(time) for path in paths.values()]), np.array([load(time) for load in loads.values()])
         forces = forces_of(rows, rows.C @ q[k] + rows.H @ f)[0]
         if items.oRigid is not None:
-            forces[items.rigid] = stored[-1][k, 1:]
+            forces[RIGID] = stored[-1][k, 1:]
         y[k] = DATA["outputs"] @ q[k] + DATA["W"] @ f - rows.X @ forces
     return t, y
 
