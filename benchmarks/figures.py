@@ -10,9 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.scale import own_memory
-from pmr.report.figures.canvas import WIDE, key, log_axis, octave_axis, sheet
+from pmr.report.figures.canvas import SERIES, WIDE, dots, key, log_axis, log_x, octave_axis, sheet
 from pmr.report.numbers import power_of_ten
-from pmr.report.studies.curves import SERIES, dots, log_x
 
 
 def growth(found: Mapping[str, Any]) -> Figure:

@@ -7,7 +7,8 @@ from typing import Any
 
 from benchmarks import figures, messages
 from benchmarks.scale import own_memory
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.figures.canvas import drawing
 from pmr.report.numbers import SPACE, plain, quantity, significant
 
 STAGES = {

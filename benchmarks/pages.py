@@ -8,7 +8,8 @@ from typing import Any
 from benchmarks import figures
 from benchmarks.page_of_scale import scale, shares
 from benchmarks.waited_for import allowed
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.figures.canvas import drawing
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant
 
 WAYS = {

@@ -19,9 +19,9 @@ from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
 from pmr.reduced.model import ReducedModel
-from pmr.report import background, paper
-from pmr.report.blocks import Drawing, drawing
-from pmr.report.motion import album
+from pmr.report import album, background, document
+from pmr.report.blocks import Drawing
+from pmr.report.figures.canvas import drawing
 from pmr.scene import Scene
 from pmr.system.body import FullBody
 
@@ -127,7 +127,7 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def undrawn(without_figures: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """PDFs too: for tests of what stands beside them."""
-    monkeypatch.setattr(paper, "print_page", lambda text, file: file.touch())
+    monkeypatch.setattr(document, "print_page", lambda text, file: file.touch())
 
 
 @pytest.fixture

@@ -20,16 +20,16 @@ FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
 PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 _NO_FIGURES = (
-    "from pmr.report import background, blocks, paper\n"
-    "from pmr.report.motion import album\n"
+    "from pmr.report import album, background, blocks\nfrom pmr.report.figures import canvas\n"
     "album.develop = lambda shots: [b''] * len(shots)\n"
     "background.has_free_core = lambda: False\n"  # another process would draw
-    "blocks.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
+    "canvas.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
 )
 #: The command whose reports have empty figures, in a real PDF.
 WITHOUT_FIGURES = _NO_FIGURES + COMMAND
 #: The same with an empty PDF too, for tests of anything else: both take longer than a short run.
-UNDRAWN = _NO_FIGURES + "paper.print_page = lambda text, file: file.touch()\n" + COMMAND
+_NO_PDF = "from pmr.report import document\ndocument.print_page = lambda text, file: file.touch()\n"
+UNDRAWN = _NO_FIGURES + _NO_PDF + COMMAND
 
 
 @dataclass(frozen=True)

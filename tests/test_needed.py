@@ -16,7 +16,7 @@ from pmr.compare import responses
 from pmr.errors import InputError
 from pmr.errors.environment import check_installed, needed
 from pmr.pipeline import reduce
-from pmr.report import paper
+from pmr.report import document
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 MARCH_ALONE = ["simulation.simulators=['march']", "compare.against=['full']"]
@@ -109,11 +109,11 @@ def test_libraries_of_weasyprint_are_looked_for_only_where_they_are_not_found_by
         return "found"
 
     monkeypatch.setattr(ctypes.util, "find_library", looked)
-    assert paper.weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
+    assert document.weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
     assert ctypes.util.find_library is looked
     del sys.modules["weasyprint"]
     (tmp_path / "hidden" / "weasyprint.py").write_text("import ctypes.util\nctypes.util.find_library('pango')\n")
-    assert paper.weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
+    assert document.weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
     assert ctypes.util.find_library is looked
     del sys.modules["weasyprint"]
 

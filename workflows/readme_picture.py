@@ -3,12 +3,14 @@
 from pathlib import Path
 
 from pmr.report.figures.canvas import style
-from pmr.report.figures.histories import history
+from pmr.report.figures.histories import Timeline, curves
 from pmr.results import RunResult
 
 REPORTS = Path(__file__).parents[1] / "reports"
 
 with style():
     result = RunResult.load(REPORTS / "paper" / "paper_evolved")
-    figure = history(result, lambda response: response.tip, "Displacement", "m")
+    time = Timeline(result)
+    tip = time.signals(lambda response: response.tip)
+    figure = curves(time, tip, "Displacement", "m", time.detail(tip))
     figure.savefig(REPORTS / "readme.png", dpi=160, facecolor="white")

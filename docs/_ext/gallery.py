@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pmr.report import paper
+from pmr.report import document
 
 #: In which order examples are shown.
 EXAMPLES = (
@@ -37,7 +37,7 @@ def report(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> s
 
 def unprinted(settings: dict[str, Any], file: str) -> None:
     """The manual shows pages of reports and no PDF, which would take longer than the page."""
-    paper.print_page = lambda text, file: file.touch()
+    document.print_page = lambda text, file: file.touch()
 
 
 def in_order(file: str) -> int:

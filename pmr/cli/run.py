@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pmr.errors.environment import Progress as Report
     from pmr.pipeline import Outcome
     from pmr.report.background import BackgroundReport
-    from pmr.report.marks import Row
+    from pmr.report.blocks import Row
     from pmr.scene import Scene
 
 QUIET = 10.0  # s before which a run prints no stages where there is no terminal: short runs print results alone

@@ -81,9 +81,8 @@ def _end_with_parent() -> None:
 def _load() -> None:
     """Import what draws while the run imports what computes."""
     import pmr.report.document
-    import pmr.report.paper
 
-    pmr.report.paper.weasyprint()
+    pmr.report.document.weasyprint()
     for name in pmr.report.document.templates().list_templates():
         pmr.report.document.templates().get_template(name)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes.util
 import logging
+import re
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -10,11 +13,12 @@ from typing import Any
 
 import jinja2
 
+from pmr.errors import InputError
+from pmr.errors.environment import needed
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
-from pmr.report import paper
-from pmr.report.blocks import REPORT_FILES, Chapter, Figures, ReportFiles
-from pmr.report.figures.vector import FONT, font_face_rule, words
+from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Figures, ReportFiles
+from pmr.report.figures.canvas import FONT, font_face_rule, words
 from pmr.report.sections import chapter, figures_of
 from pmr.results import RunResult
 
@@ -60,7 +64,7 @@ def write(text: str, folder: Path) -> ReportFiles:
     """Write a page as both files."""
     with fresh(folder, REPORT_FILES) as new:
         (new / "report.html").write_text(text, encoding="utf-8")
-        paper.print_page(text, new / "report.pdf")
+        print_page(text, new / "report.pdf")
     _log.info("report written to %s", folder)
     return ReportFiles.within(folder)
 
@@ -114,3 +118,47 @@ def templates() -> jinja2.Environment:
 def readable(value: Any) -> Any:
     """Text that is no markup of our own, with characters that would steer the page spelled out."""
     return visible(value) if type(value) is str else value
+
+
+def print_page(text: str, file: Path) -> None:
+    """Write a page of HTML as PDF."""
+    weasyprint().HTML(string=_without_screen(text)).write_pdf(file)
+
+
+def weasyprint() -> Any:
+    """The package, which loads Pango and other libraries.
+
+    It asks for each by several names.  Under those of other systems the compiler, the linker and the list of libraries
+    would be asked too, in some fifty processes.  So they are asked only where no name is that of a file.
+    """
+    name, find = "weasyprint", ctypes.util.find_library
+
+    def nowhere(name: str) -> str | None:
+        return None
+
+    ctypes.util.find_library = nowhere
+    try:
+        return needed(name)
+    except InputError:
+        ctypes.util.find_library = find
+        return needed(name)
+    finally:
+        ctypes.util.find_library = find
+
+
+def _without_screen(text: str) -> str:
+    """The page without what only a screen shows or a script reads, and with figures as images that stand in it whole.
+
+    As parts of the page each of their lines would be read, and given styles, by what was made for pages: half the time
+    that a PDF takes.
+    """
+
+    def embed_figure(match: re.Match[str]) -> str:
+        style, drawn = match.groups()
+        if style is not None:
+            return re.sub(r"\bsvg(?= \{)", "embed", style)
+        image = f'<svg xmlns="http://www.w3.org/2000/svg"{drawn}'
+        return f'<embed type="image/svg+xml" src="data:image/svg+xml;base64,{b64encode(image.encode()).decode()}">'
+
+    text = re.sub(rf"{SCREEN}.*?{END_OF_SCREEN}|<script\b.*?</script>", "", text, flags=re.DOTALL)
+    return re.sub(r"(<style\b.*?</style>)|<svg\b(.*?</svg>)", embed_figure, text, flags=re.DOTALL)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from decimal import Decimal
 from typing import Any
 
-from pmr.report.marks import SAME, WITHIN, ErrorTable, Row, deviating_rows, mark_for, signed_deviation
+from pmr.report.blocks import SAME, WITHIN, ErrorTable, Row, deviating_rows, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, TINY, length, percent, quantity, significant
 from pmr.report.subject import forces_called, places_called
 from pmr.results import RunResult

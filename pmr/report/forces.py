@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from pmr.report.blocks import Block, Drawing, Grid, drawing
+from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces
-from pmr.report.figures import forces as figures
+from pmr.report.figures import loads as figures
+from pmr.report.figures.canvas import drawing
 from pmr.report.numbers import NOTHING, SPACE, Unit, plain, quantity, significant, unit_for
 from pmr.report.subject import drive_of, forces_called, is_alone, rings_of
 from pmr.results import RunResult

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report import space
-from pmr.report.columns import lines
-from pmr.report.decimation import spread
+from pmr.report.columns import lines, spread
 from pmr.report.numbers import MINUS, SPACE, plain, quantity, significant
 from pmr.report.parameters import by_face, doubler_words, frame_words, stiff, taper_words
 from pmr.report.subject import Acting, is_raised, length, loads_as_asked, moving_part, rings_of, spoken

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from pmr.report.blocks import Block, Drawing, drawing
+from pmr.report.blocks import Block, Drawing
 from pmr.report.columns import lines
 from pmr.report.figures import space
+from pmr.report.figures.canvas import drawing
 from pmr.report.space import slews
 from pmr.results import RunResult
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.blocks import Block, Drawing, Grid, drawing
-from pmr.report.figures import captions, histories
+from pmr.report.blocks import Block, Drawing, Grid
+from pmr.report.figures.histories import drawn_history
 from pmr.report.forces import cells, place_called, size
 from pmr.report.numbers import SPACE, Unit, significant, unit_for
 from pmr.results import Response, RunResult
@@ -88,9 +88,8 @@ def _history(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
         is_there = name in response.other_names
         return size * response.other(name) if is_there else np.full(len(response.t), np.nan)
 
-    caption = captions.history(result, name[:1].upper() + name[1:], values)
     label = " ".join(name.split(" ")[-2:]).capitalize()
-    return drawing(anchor, histories.history, caption, result, values, label, base, values)
+    return drawn_history(anchor, result, values, name[:1].upper() + name[1:], label, base)
 
 
 def _unit(unit: str, largest: float) -> Unit:

@@ -10,8 +10,8 @@ import numpy as np
 from pmr.report import (
     first_page,
     forces,
-    moving_frame,
     parameters,
+    player,
     position,
     probes,
     provenance,
@@ -19,16 +19,15 @@ from pmr.report import (
     stresses,
     subject,
 )
-from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, drawing
+from pmr.report.album import Album, album
+from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, signed_deviation
+from pmr.report.bodies import top
 from pmr.report.columns import differ, is_round_off, lines, not_drawn, tips, unseen
 from pmr.report.errors import error_table, is_compared
 from pmr.report.errors import rows as error_rows
-from pmr.report.figures import budget, captions, histories, inputs, shapes, sketch, spectra
-from pmr.report.figures.canvas import ramp
-from pmr.report.marks import signed_deviation
-from pmr.report.motion import line, player
-from pmr.report.motion.album import Album, album
-from pmr.report.motion.instants import top
+from pmr.report.figures import histories, shapes, sketch
+from pmr.report.figures import loads as inputs
+from pmr.report.figures.canvas import drawing, ramp
 from pmr.report.numbers import SPACE, plain, significant
 from pmr.report.subject import direction_words, is_alone, loads, moving_part
 from pmr.results import RunResult
@@ -76,7 +75,7 @@ def accuracy(result: RunResult, prefix: str) -> Block | None:
     caption += f"; the {budgeted['first']} is to be improved first." if "first" in budgeted else "."
     missing = budgeted.get("mesh_reason")
     unknown = f" The part of the mesh is not known: {missing}." if missing else ""
-    drawn = drawing(f"{prefix}-budget", budget.budget, caption + unknown, result)
+    drawn = drawing(f"{prefix}-budget", shapes.budget, caption + unknown, result)
     text = "; ".join(accuracy_part.get("reasons", ()))
     return Block(heading="Accuracy on order", rows=((drawn,),), text=f"{text[:1].upper()}{text[1:]}." if text else "")
 
@@ -106,12 +105,12 @@ def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Blo
         if not lines(result, result.responses["reduced"]):
             return None
         if result.scene.frame is not None:
-            data, rows = line.in_space(result), position.rows(result, prefix)
-            return Block(heading="Motion", player=Player("space", data, line.scale_words(data)), rows=rows)
-        data = line.motion(result)
-        strip = drawing(f"{prefix}-snapshots", shapes.snapshots, captions.snapshots(result), result)
-        return Block(heading="Motion", player=Player("line", data, line.scale_words(data)), without_scripts=(strip,))
-    data, picture_album = player.player(result), pictures()
+            data, rows = player.space_motion(result), position.rows(result, prefix)
+            return Block(heading="Motion", player=Player("space", data, player.scale_words(data)), rows=rows)
+        data = player.axis_motion(result)
+        strip = drawing(f"{prefix}-snapshots", shapes.snapshots, shapes.snapshots_caption(result), result)
+        return Block(heading="Motion", player=Player("line", data, player.scale_words(data)), without_scripts=(strip,))
+    data, picture_album = player.body_motion(result), pictures()
     absent = f"There are no pictures: {picture_album.absent}." if picture_album.absent else ""
     scale: tuple[tuple[Drawing, ...], ...] = ()
     if fields[0].von_mises and (data or picture_album.pictures):
@@ -123,51 +122,40 @@ def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Blo
 
 def tip(result: RunResult, prefix: str) -> Block:
     """Displacement of the tip along every direction across the axis in which it moves."""
-    rows, still = [], []
-    largest = max(
-        (float(np.abs(what(result.responses["reduced"])).max()) for what in tips(result).values()), default=0.0
-    )
-    for number, (direction, what) in enumerate(tips(result).items()):
+    rows, still, quantities = [], [], tips(result)
+    largest = max((float(np.abs(what(result.responses["reduced"])).max()) for what in quantities.values()), default=0.0)
+    for number, (direction, what) in enumerate(quantities.items()):
         if is_round_off(result, what):
             still.append(direction)
             continue
-        anchor, called, label = f"{prefix}-tip-{direction}", direction_words(result, direction), f"Tip {direction}"
-        if 0.0 < (apart := differ(result, what)) <= unseen(result) * largest:
-            caption = captions.tip_alone(result, called, what, apart)
-            rows.append((drawing(anchor, histories.single_history, caption, result, what, label, "m"),))
-        else:
-            caption = captions.tip(result, called, what)
-            rows.append((drawing(anchor, histories.history, caption, result, what, label, "m", what),))
-        wide = np.zeros(1) if result.tip_error is None else result.tip_error[:, number]
-        if max(float(wide.max()), apart) > unseen(result) * largest and result.tip_error is not None:
+        anchor, called = f"{prefix}-tip-{direction}", direction_words(result, direction)
+        caption, label = f"Displacement of the tip, {called}", f"Tip {direction}"
+        rows.append((histories.drawn_history(anchor, result, what, caption, label, "m", largest),))
+        if result.tip_error is None:
+            continue
+        wide = result.tip_error[:, number]
+        if max(float(wide.max()), differ(result, what)) > unseen(result) * largest:
             inside = ", with the difference to the full model in it" if "full" in result.responses else ""
-            band_caption = f"Estimated error of the tip, {called}{inside}."
-            rows.append((drawing(f"{prefix}-band-{direction}", histories.band, band_caption, result, what, wide),))
+            caption = f"Estimated error of the tip, {called}{inside}."
+            rows.append((drawing(f"{prefix}-band-{direction}", histories.band, caption, result, what, wide),))
     return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(still))
 
 
 def energy(result: RunResult, prefix: str) -> Block:
     """Total energy and its parts."""
-    description, total = (
-        "Total energy: kinetic and strain energy less the work of the loads",
-        attrgetter("energy.total"),
-    )
-    caption = captions.history(result, description, total)
-    first = drawing(f"{prefix}-energy", histories.history, caption, result, total, "Total energy", "J", total)
-    parts = drawing(f"{prefix}-energy-parts", histories.energy_parts, captions.energy_parts(result), result)
-    return Block(heading="Energy", rows=((first,), (parts,)), text=moving_frame.energy(result))
+    total, caption = attrgetter("energy.total"), "Total energy: kinetic and strain energy less the work of the loads"
+    first = histories.drawn_history(f"{prefix}-energy", result, total, caption, "Total energy", "J")
+    parts = histories.energy_parts(f"{prefix}-energy-parts", result)
+    return Block(heading="Energy", rows=((first,), (parts,)), text=sentences.energy(result))
 
 
 def constraint(result: RunResult, prefix: str) -> Block | None:
     """How well the rows that move hold at both levels; where velocities are free, positions do to round-off."""
     if not np.isfinite(result.responses["reduced"].residual_velocity).all():
         return None
-    row = []
-    for name, unit in (("position", "m"), ("velocity", "m/s")):
-        what, label = attrgetter(f"residual_{name}"), f"Residual of {name} in {unit}"
-        caption = captions.residual(result, what, name)
-        row.append(drawing(f"{prefix}-residual-{name}", histories.residual, caption, result, what, label))
-    return Block(heading="Constraint", rows=(tuple(row),))
+    levels = {"position": "m", "velocity": "m/s"}.items()
+    row = tuple(histories.residual(f"{prefix}-residual-{level}", result, level, unit) for level, unit in levels)
+    return Block(heading="Constraint", rows=(row,))
 
 
 def basis(result: RunResult, prefix: str) -> Block | None:
@@ -175,20 +163,20 @@ def basis(result: RunResult, prefix: str) -> Block | None:
     rows: list[tuple[Drawing, ...]] = []
     for name, body in result.bodies.items():
         if body.shapes is not None and set(tips(result)) == {"z"}:
-            anchor, caption = "-".join(filter(None, (prefix, "basis", name))), captions.basis(body.shapes)
+            anchor, caption = "-".join(filter(None, (prefix, "basis", name))), shapes.basis_caption(body.shapes)
             rows.append((drawing(anchor, shapes.basis, named(name, caption), result, body.shapes),))
     row, grids, of = [], tuple(_published_frequency(result)), result.body.shapes
     if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # others have singular values of 1, all
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
-        row.append(drawing(f"{prefix}-singular-values", spectra.singular_values, caption, result, of))
+        row.append(drawing(f"{prefix}-singular-values", shapes.singular_values, caption, result, of))
     if "reduced" in result.frequencies.models:
-        row.append(drawing(f"{prefix}-frequencies", spectra.frequencies, captions.frequencies(result), result))
+        row.append(drawing(f"{prefix}-frequencies", shapes.frequencies, shapes.frequencies_caption(result), result))
     if (over := result.frequencies.over_joints) is not None:
         caption = f"First natural frequency in Hz over the extensions of {' and '.join(over.joints)}, every pad "
         caption += "closed; the white line is the way of this run."
         if result.frequencies.t is not None:
             caption += " The boom is at rest at its steepest angle; axial forces are included."
-        row.append(drawing(f"{prefix}-map", spectra.frequency_map, caption, result))
+        row.append(drawing(f"{prefix}-map", shapes.frequency_map, caption, result))
     rows += [tuple(row)] if row else []
     heading = "Basis and eigenfrequencies" if is_alone(result) else "Natural frequencies"
     return Block(heading=heading, rows=tuple(rows), grids=grids) if rows or grids else None
@@ -220,7 +208,7 @@ def response(result: RunResult, prefix: str) -> Block | None:
         if not is_alone(result):
             condition = "with everything at rest, each curve at one reach in m"
         caption = f"Response of {frequency_response.outputs[k]} to {name} {condition}."
-        drawings.append(drawing(f"{prefix}-response-{k}", spectra.gain, caption, frequency_response, k))
+        drawings.append(drawing(f"{prefix}-response-{k}", shapes.gain, caption, frequency_response, k))
         gains = result.summary["frequency_response"]["gain"][name]
         rows = [
             (

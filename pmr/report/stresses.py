@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pmr.report import sentences
-from pmr.report.blocks import Block, Grid, drawing
-from pmr.report.figures import captions, envelopes
-from pmr.report.figures import forces as figures
+from pmr.report.blocks import Block, Grid
+from pmr.report.figures import loads as figures
+from pmr.report.figures.canvas import drawing
+from pmr.report.figures.histories import Timeline, difference_clause
 from pmr.report.numbers import NOTHING, SPACE, plain, quantity, significant, unit_for
 from pmr.results import RunResult
 from pmr.results.tables import parts_of, stress_peaks
@@ -21,7 +22,7 @@ def stress(result: RunResult, prefix: str) -> Block | None:
     for number, (name, body) in enumerate(result.bodies.items()):
         if "reduced" not in body.peak_stress:
             continue
-        below = captions.difference_clause(result, figures.stresses(result, body), "below, the difference")
+        below = difference_clause(Timeline(result), figures.stresses(result, body), "below, the difference")
         peak = parts.get(name, result.summary).get("stress_peak", {}).get("reduced")
         dot = f" The dot is the largest of all, {sentences.where(peak)}." if peak else ""
         caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"
@@ -48,7 +49,7 @@ def along_beams(result: RunResult, prefix: str) -> Block | None:
                     (named(name, what), *(_end(force, end, NOTHING * largest[what]) for end in ("min", "max")))
                 )
     caption = "Forces and moments of sections along each beam, from the smallest to the largest over time."
-    drawn = drawing(f"{prefix}-envelopes", envelopes.envelopes, caption, result, shown)
+    drawn = drawing(f"{prefix}-envelopes", figures.envelopes, caption, result, shown)
     grid = Grid("The smallest and the largest, where from the tail, and when.", ("", "min", "max"), tuple(table_rows))
     return Block(heading="Forces along beams", rows=((drawn,),), grids=(grid,))
 

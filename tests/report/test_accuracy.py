@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from matplotlib.patches import Rectangle
 
-from pmr.report.figures.budget import budget
 from pmr.report.figures.canvas import style
+from pmr.report.figures.shapes import budget
 from pmr.report.sections import accuracy
 from pmr.report.sentences import key_numbers, points
 

@@ -10,7 +10,7 @@ from matplotlib.colors import same_color
 
 from pmr.fields.envelope import Envelope
 from pmr.report.figures.canvas import of_sections
-from pmr.report.figures.envelopes import envelopes
+from pmr.report.figures.loads import envelopes
 from pmr.report.stresses import along_beams
 from pmr.results import BodyResult, RunResult
 

@@ -10,9 +10,9 @@ import pytest
 from pmr.report import errors, sections
 from pmr.report.document import page as render
 from pmr.report.document import write_report
-from pmr.report.figures import captions, histories
+from pmr.report.figures import histories
 from pmr.report.figures.canvas import style
-from pmr.report.figures.forces import stress, stresses
+from pmr.report.figures.loads import stress, stresses
 from pmr.report.sections import chapter as case
 from pmr.report.sentences import estimate, where_the_peak_is
 from pmr.results import RunResult
@@ -54,19 +54,18 @@ def test_motion_that_may_be_round_off_alone_is_said_and_not_drawn(boom: RunResul
 
 
 @pytest.mark.parametrize("floor", [1e-4, 2e-3])
-def test_models_that_differ_by_nothing_along_a_direction_have_no_difference_there(boom, monkeypatch, floor) -> None:
+def test_models_that_differ_by_nothing_along_a_direction_have_no_difference_there(boom, floor) -> None:
     """Of 8 mm along z; along y the full model is off by 1e-4 of that or by the step's error, or a little more."""
     boom = replace(boom, summary=boom.summary | {"step": {"tip": floor, "beam": None}})
-    found = dict[str, tuple[object, str]]()
-    monkeypatch.setattr(sections, "drawing", lambda name, draw, caption, *given: found.update({name: (draw, caption)}))
     own = boom.responses["reduced"]
     largest = float(np.abs(own.displacement[:, -1]).max())
-    for share, drawn in ((0.9 * floor, histories.single_history), (1.1 * floor, histories.history)):
+    for share, is_drawn in ((0.9 * floor, False), (1.1 * floor, True)):
         moved = own.displacement.copy()
         moved[:, -2] += share * largest
-        sections.tip(replace(boom, responses={"full": replace(own, displacement=moved), "reduced": own}), "run")
-        assert found["run-tip-y"][0] is drawn
-        assert ("differs by " in found["run-tip-y"][1]) == (drawn is histories.single_history)
+        result = replace(boom, responses={"full": replace(own, displacement=moved), "reduced": own})
+        tip = next(of for of in sections.tip(result, "run").drawings if of.name == "run-tip-y")
+        assert ("Difference in " in tip.svg) == is_drawn
+        assert ("that of the full model differs by " in tip.caption) != is_drawn
 
 
 def test_what_lies_within_the_error_of_the_step_has_no_panel_and_is_said(boom: RunResult) -> None:
@@ -79,17 +78,16 @@ def test_what_lies_within_the_error_of_the_step_has_no_panel_and_is_said(boom: R
     for step, said in ((0.0, "below, the difference to the full model"), (0.5, "differs by less than the time step's")):
         result = replace(boom, summary=boom.summary | {"step": {"tip": step, "beam": step}})
         with style():
-            drawn = (
-                histories.history(result, total, "Total energy", "J", total),
-                histories.energy_parts(result),
-                stress(result, body),
-            )
-        for figure in drawn:
-            labels = [ax.get_ylabel() for ax in figure.axes]
-            assert any(label.startswith("Difference") for label in labels) == (step == 0.0)
-        assert said in captions.history(result, "Total energy", total)
-        assert said in captions.difference_clause(result, stresses(result, body), "below, the difference")
-        assert ("on the right" in captions.energy_parts(result)) == (step == 0.0)
+            labels = [ax.get_ylabel() for ax in stress(result, body).axes]
+        energy = histories.drawn_history("a", result, total, "Total energy", "Total energy", "J")
+        parts = histories.energy_parts("a", result)
+        assert any(label.startswith("Difference") for label in labels) == (step == 0.0)
+        assert ("Difference in " in energy.svg) == ("Difference in " in parts.svg) == (step == 0.0)
+        assert said in energy.caption
+        assert said in histories.difference_clause(
+            histories.Timeline(result), stresses(result, body), "below, the difference"
+        )
+        assert ("on the right" in parts.caption) == (step == 0.0)
 
 
 def test_parts_of_the_energy_have_one_unit(boom: RunResult) -> None:
@@ -97,11 +95,11 @@ def test_parts_of_the_energy_have_one_unit(boom: RunResult) -> None:
         name: replace(one, energy=replace(one.energy, kinetic=1e-3 * one.energy.kinetic))
         for name, one in boom.responses.items()
     }
-    with style():
-        figure = histories.energy_parts(replace(boom, responses=small))
-    labels = [ax.get_ylabel() for ax in figure.axes]
-    assert {label.rpartition(" in ")[2] for label in labels[::2]} == {"J"}
-    assert {label.rpartition(" in ")[2] for label in labels[1::2]} == {"mJ"}
+    labels = re.findall(
+        "<text[^>]*>([^<]+ in [^<]+)</text>", histories.energy_parts("a", replace(boom, responses=small)).svg
+    )
+    units = {of: {label for label in labels if label.startswith(of)} for of in ("Difference", "Kinetic")}
+    assert units == {"Difference": {"Difference in mJ"}, "Kinetic": {"Kinetic energy in J"}}
 
 
 @pytest.mark.parametrize(

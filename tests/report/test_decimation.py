@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.report.decimation import extremes, onto, spread, upper_envelope
+from pmr.report.columns import extremes, onto, spread, upper_envelope
 
 
 def test_peak_of_a_single_sample_stays() -> None:

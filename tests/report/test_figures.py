@@ -8,19 +8,14 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib import pyplot
-from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.figure import Figure
 
 from pmr import report
-from pmr.report.blocks import Drawing, drawing
+from pmr.report.blocks import Drawing
 from pmr.report.columns import tips
-from pmr.report.figures import captions, histories, paper, spectra
-from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, octave_axis, sheet, style
-from pmr.report.figures.histories import band
-from pmr.report.figures.panel import Panel
-from pmr.report.figures.timeline import Span, Timeline, sliding_spans
-from pmr.report.figures.vector import svg
+from pmr.report.figures import shapes, sketch
+from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, octave_axis, sheet, style, svg
+from pmr.report.figures.histories import Span, Timeline, band, drawn_history, sliding_spans
 from pmr.results import Paths, RunResult
 from pmr.results.parts import FrequencyMap
 
@@ -42,9 +37,7 @@ LABELS = {
 
 def tip_history(result: RunResult) -> Drawing:
     """The tip's history alone."""
-    tip = tips(result)["z"]
-    caption = captions.tip(result, "vertical, z", tip)
-    return drawing("a", histories.history, caption, result, tip, "Displacement", "m", tip)
+    return drawn_history("a", result, tips(result)["z"], "Displacement of the tip, vertical, z", "Displacement", "m")
 
 
 WHOLE, BARE = "case-1", "case-2"
@@ -94,15 +87,19 @@ def test_sliding_phases(rate: list[float], spans: list[tuple[float, float]]) -> 
     assert sliding_spans(np.arange(9.0), np.array(rate, dtype=float)) == tuple(Span(*span) for span in spans)
 
 
+def tip_detail(result: RunResult) -> Span | None:
+    """The part of the tip's history that is enlarged."""
+    time = Timeline(result)
+    return time.detail(time.signals(tips(result)["z"]))
+
+
 def test_detail_surrounds_the_largest_tip_difference(make_result) -> None:
     result = make_result()
     result.responses["reduced"].displacement[2_200, -1] += 0.01
-    assert Timeline(result).detail(tips(result)["z"]) == Span(pytest.approx(2.2 - 0.075), pytest.approx(2.2 + 0.075))
+    assert tip_detail(result) == Span(pytest.approx(2.2 - 0.075), pytest.approx(2.2 + 0.075))
     alone = make_result(responses=("reduced",))
     alone.responses["reduced"].displacement[2_999, -1] = 0.2
-    assert Timeline(alone).detail(tips(alone)["z"]) == Span(
-        pytest.approx(2.85), pytest.approx(3.0)
-    )  # not beyond the end
+    assert tip_detail(alone) == Span(pytest.approx(2.85), pytest.approx(3.0))  # not beyond the end
 
 
 def test_short_motion_has_no_detail(make_result) -> None:
@@ -171,29 +168,6 @@ def labels_of(axis: Axis) -> list[str]:
     return found
 
 
-def test_axes_are_drawn_as_matplotlib_draws_them() -> None:
-    """Labels, lines of the grid, axes and what is common to large values, on linear and on logarithmic scales."""
-    with style():
-        figures = [Figure(figsize=(4.0, 3.0)) for _ in range(2)]
-        drawn = []
-        for figure, kind in zip(figures, (Axes, Panel), strict=True):
-            axes = figure.subplots(2, 2, sharex="col", subplot_kw={"axes_class": kind})
-            for ax, scale in zip(axes.flat, (1.0, 1e9, 1e-9, 1.0), strict=True):
-                ax.plot([0.0, 1.0, 2.0], [scale, -scale, 2.0 * scale])
-                ax.set_ylabel("y")
-                ax.yaxis.set_label_coords(-0.2, 0.5)
-            axes[0, 1].grid(False)
-            log_axis(axes[1, 1], 1e-3, 1.0)
-            axes[1, 0].set_xlim(0.3, 1.7)
-            axes[1, 0].set_xticks([0.0, 1.0, 2.0], ["none", "one", "none"])
-            text = svg(figure, "a", "")
-            lines = re.findall(r'<path d="([^"]+)"[^>]*stroke="(#d9dfe5|#9aa5b1)"', text)
-            parts = [(part.strip(), colour) for path, colour in lines for part in re.split(r"(?=M )", path)]
-            drawn.append((sorted(part for part in parts if part[0]), sorted(re.findall("<text.*?</text>", text))))
-    assert drawn[0] == drawn[1]
-    assert len(drawn[0][0]) > 20 and len(drawn[0][1]) > 20 and "1e9" in str(drawn[0][1])
-
-
 def test_what_would_steer_the_page_is_spelled_out_beside_a_tick() -> None:
     with style():
         figure, axes = sheet(3.0, 2.0)
@@ -235,7 +209,7 @@ def test_the_band_of_the_estimate_holds_what_is_drawn(make_result) -> None:
 
 
 @pytest.mark.parametrize(
-    ("inches", "size"), [(WIDE, "legend.fontsize"), (HALF, "xtick.labelsize"), (paper.WIDTH, "font.size")]
+    ("inches", "size"), [(WIDE, "legend.fontsize"), (HALF, "xtick.labelsize"), (sketch.WIDTH, "font.size")]
 )
 def test_labels_are_readable_at_390_px(inches: float, size: str) -> None:
     """At least 9 px high: wide figures are wider than the screen and scroll, others fill it but for 16 px aside."""
@@ -254,7 +228,7 @@ def test_contours_have_their_labels_within_the_map(whole: RunResult) -> None:
     ways = Paths(("a", "b"), np.stack([first, first], axis=1), np.ones((9, 2)))
     result = replace(whole, paths=ways, frequencies=replace(whole.frequencies, over_joints=found))
     with style():
-        ax = spectra.frequency_map(result).axes[0]
+        ax = shapes.frequency_map(result).axes[0]
     shown = [one for one in ax.texts if one.get_visible()]
     places = (np.array([one.get_position() for one in shown]) - first[0]) / (first[-1] - first[0])
     assert len(shown) >= 4 and (places > 0.05).all() and (places < 0.95).all()

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from pmr.report.errors import reasons, rows
-from pmr.report.marks import (
+from pmr.report.blocks import (
     BETTER,
     DIFFERENT,
     RANKED,
@@ -20,6 +19,7 @@ from pmr.report.marks import (
     mark_for,
     verdicts,
 )
+from pmr.report.errors import reasons, rows
 from pmr.results import RunResult
 
 

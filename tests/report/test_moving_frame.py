@@ -15,16 +15,15 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from pmr.fields.series import Fields
+from pmr.report import album, player, sections, space, subject
 from pmr.report import forces as loads
-from pmr.report import sections, space, subject
 from pmr.report.document import page
-from pmr.report.figures import forces
+from pmr.report.figures import loads as drawn_loads
 from pmr.report.figures import space as figures
 from pmr.report.figures.canvas import style
-from pmr.report.figures.timeline import Timeline
-from pmr.report.motion import album, line, player
-from pmr.report.moving_frame import energy, frame
+from pmr.report.figures.histories import Timeline
 from pmr.report.sections import chapter
+from pmr.report.sentences import energy, frame
 from pmr.results import RunResult
 
 TURNING = {
@@ -125,7 +124,7 @@ def test_axes_stand_where_the_frame_has_turned_them(turned: RunResult) -> None:
 
 
 def test_the_player_has_what_puts_the_tip_where_it_is(turned: RunResult) -> None:
-    data = line.in_space(turned)
+    data = player.space_motion(turned)
     luffing, (beam,) = unpacked(data["luffing"]), data["beams"]
     w = unpacked(beam["w"]).reshape(data["frames"], -1)[:, -1]
     x, z = data["pivot"][0] + beam["x"][-1], data["pivot"][2] + data["scale"] * w
@@ -149,7 +148,7 @@ def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None
     """A force that stays at -75 kN lies within its axes; what is 1e-11 of it has no curve."""
     outputs = turned.responses["reduced"].outputs
     with style():
-        drawn = forces.pivot(turned, [one for one in outputs if one.name == "reaction of pivot x"])
+        drawn = drawn_loads.pivot(turned, [one for one in outputs if one.name == "reaction of pivot x"])
         views = [
             figures.side(turned),
             figures.plan(turned),
@@ -241,7 +240,7 @@ def test_bodies_are_played_and_pictured_where_they_are(
 ) -> None:
     """Rotations and origins of the page, and points of pictures: tail at its place from the pivot, tip above it."""
     result = make_space(fields=make_fields(kind), frame={"pivot": [0.5, 0.0, -0.3], "unit": "degrees", "luffing": 90.0})
-    pose = player.player(result)["pose"]
+    pose = player.body_motion(result)["pose"]
     rotation, origin = unpacked(pose["rotation"]).reshape(-1, 3, 3), unpacked(pose["origin"]).reshape(-1, 3)
     s = result.scene.slider.path.value(result.body.fields.t)  # the body is drawn at -s, and pads at its mouth at 0
     assert origin == pytest.approx(np.stack([0.5 + s, 0.0 * s, -0.3 + 0.0 * s], axis=1), abs=1e-3)
@@ -283,4 +282,4 @@ def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
 
 
 def test_bodies_without_a_frame_have_no_pose(make_space: MakeSpace, make_fields: Callable[[str], Fields]) -> None:
-    assert player.player(make_space(fields=make_fields("triangle")))["pose"] is None
+    assert player.body_motion(make_space(fields=make_fields("triangle")))["pose"] is None

@@ -8,8 +8,9 @@ from html import unescape
 import pytest
 
 from pmr.report import sentences
-from pmr.report.blocks import Drawing, drawing
+from pmr.report.blocks import Drawing
 from pmr.report.figures import sketch
+from pmr.report.figures.canvas import drawing
 from pmr.results import RunResult
 
 LOAD, GREY, INK = "#7b2d8e", "#5b6875", "#1c2733"

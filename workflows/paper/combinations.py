@@ -16,10 +16,9 @@ from matplotlib.lines import Line2D
 from nested_models import TREATMENTS, combination, errors
 from published import COMBINATIONS, EXPLAINED, TREATED
 
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
-from pmr.report.figures.canvas import SHADE, WIDE, key, log_axis, sheet
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.figures.canvas import SHADE, WIDE, dots, drawing, key, log_axis, sheet
 from pmr.report.numbers import percent, plain
-from pmr.report.studies.curves import dots
 
 SETTINGS = {"scene": "paper_evolved", "combinations": [[5, 6], [15, 1], [10, 10]], "fewest": 3}
 #: Coordinates for which kappa and errors are stated, the budget of the error map.

@@ -20,8 +20,8 @@ from matplotlib.ticker import MaxNLocator
 from nested_models import TREATMENTS, combination, errors
 from published import ERROR_MAP, EXPLAINED, TREATED
 
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
-from pmr.report.figures.canvas import HALF, INK, MUTED, WIDE, sheet
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.figures.canvas import HALF, INK, MUTED, WIDE, drawing, sheet
 from pmr.report.numbers import percent, plain
 
 #: Pools hold `smallest_pool` to `largest_pool` snapshots; errors are averaged over the `averaged` largest numbers of

@@ -16,10 +16,9 @@ from published import histories
 
 import pmr
 from pmr.compare.errors import nrms
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
-from pmr.report.figures.canvas import SHADE, WIDE, key, sheet
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.figures.canvas import SHADE, WIDE, dots, drawing, key, sheet
 from pmr.report.numbers import length, percent
-from pmr.report.studies.curves import dots
 
 SETTINGS = {"scenes": ["paper_simple", "paper_evolved"]}
 SIMULATORS = ("full", "ancf", "reduced")

@@ -29,10 +29,9 @@ from scipy.interpolate import CubicSpline
 
 import pmr
 from pmr.compare.errors import nrms
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
-from pmr.report.figures.canvas import WIDE, key, log_axis, sheet
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.figures.canvas import WIDE, dots, drawing, key, log_axis, sheet
 from pmr.report.numbers import percent
-from pmr.report.studies.curves import dots
 
 SETTINGS = {"scenes": ["simple_residual", "evolved_residual"], "coordinates": [2, 3, 4, 5, 6, 8, 10, 12, 16, 20]}
 METHODS = {"local": "local bases", "matrices": "interpolated matrices", "flexibility": "residual flexibility"}

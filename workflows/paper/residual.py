@@ -28,10 +28,9 @@ from matplotlib.lines import Line2D
 
 import pmr
 from pmr.compare.errors import nrms
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
-from pmr.report.figures.canvas import WIDE, log_axis, sheet
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.figures.canvas import WIDE, dots, drawing, log_axis, log_x, sheet
 from pmr.report.numbers import percent, significant
-from pmr.report.studies.curves import dots, log_x
 from pmr.scene import Scene
 
 SETTINGS = {

@@ -21,10 +21,9 @@ from published import speed
 import pmr
 from pmr.compare.cable import simulate_cable
 from pmr.compare.runs import run_from_start
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
-from pmr.report.figures.canvas import INK, MUTED, WIDE, key, sheet
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.figures.canvas import INK, MUTED, WIDE, drawing, key, log_x, sheet
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant
-from pmr.report.studies.curves import log_x
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import simulate_system

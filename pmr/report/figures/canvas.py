@@ -1,21 +1,33 @@
-"""Paper, pens and colours: one style for all figures."""
+"""One style for all figures: sheets, pens, colours, axes, and lean SVG for the page."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import base64
+import io
+import re
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from html import escape
 from math import ceil, floor, log10
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import matplotlib as mpl
 import numpy as np
+from fontTools import subset
+from fontTools.ttLib import TTFont
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from pmr.report.figures.panel import Panel
+from pmr.errors.text import visible
+from pmr.report.blocks import Drawing
 from pmr.report.numbers import plain, power_of_ten
 
 WIDE = 6.7  # in, the text width of an A4 page
@@ -27,6 +39,8 @@ STEPS = (1, 2, 5, 10)  # between ticks
 INK, MUTED, SHADE, LIMIT = "#1c2733", "#5b6875", "#e8ecf0", "#b23b00"
 #: Of sections from the base out (Okabe and Ito), the first one again after the last.
 SECTIONS = (INK, "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+#: Colours of several curves of one kind (Okabe and Ito), and markers that tell them apart without colour.
+SERIES = (("#0072b2", "o"), ("#d55e00", "s"), ("#00664b", "^"), ("#cc79a7", "D"), ("#000000", "v"))
 RAMP = ("#e3ebf0", "#a9cbdf", "#edb84c", "#d55e00", "#7a1b0c")  # from no stress to the largest
 
 _STYLE: Mapping[str, Any] = {
@@ -124,7 +138,7 @@ def sheet(
         "bottom": inches["bottom"] / height,
     }
     gridspec.update(grid.pop("gridspec_kw", {}))
-    axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw=gridspec, subplot_kw={"axes_class": Panel}, **grid)
+    axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw=gridspec, **grid)
     for ax in axes.flat:
         ax.yaxis.set_major_locator(MaxNLocator(5, steps=STEPS))
         ax.xaxis.set_major_locator(MaxNLocator(8 if width > HALF else 6, steps=STEPS))
@@ -183,13 +197,42 @@ def octave_axis(ax: Axes, low: float, high: float) -> bool:
     """Logarithmic y-axis labelled 1, 2, 5, 10 for values that span one to four decades; else left linear, and False."""
     if not 10.0 < high / max(low, 1e-300) < 1e4:
         return False
-    decades = range(floor(log10(low)), ceil(log10(high)) + 1)
-    ticks = [step * 10.0**decade for decade in decades for step in (1.0, 2.0, 5.0)]
-    ticks = [tick for tick in ticks if 0.9 * low <= tick <= 1.1 * high]
+    ticks = _round_values(0.9 * low, 1.1 * high)
     ax.set_yscale("log")
     ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.yaxis.set_minor_locator(NullLocator())
     return True
+
+
+def log_x(ax: Axes, low: float, high: float) -> None:
+    """Logarithmic x-axis, labelled 1, 2, 5, 10 or, over more than three decades, by powers of ten."""
+    many = log10(high / low) > 3.0
+    ticks = _round_values(0.999 * low, 1.001 * high, (1.0,) if many else (1.0, 2.0, 5.0))
+    ax.set_xscale("log")
+    ax.set_xlim(low, high)
+    ax.set_xticks(ticks, [power_of_ten(round(log10(tick))) if many else plain(tick) for tick in ticks])
+    ax.xaxis.set_minor_locator(NullLocator())
+
+
+def _round_values(low: float, high: float, steps: Sequence[float] = (1.0, 2.0, 5.0)) -> list[float]:
+    """Multiples of powers of ten from `low` to `high`."""
+    decades = range(floor(log10(low)), ceil(log10(high)) + 1)
+    return [tick for decade in decades for step in steps if low <= (tick := step * 10.0**decade) <= high]
+
+
+def dots(number: int, size: float = 2.6) -> dict[str, Any]:
+    """Keywords for `Axes.plot` of the curve with this number; beyond the colours, dashes and filled markers go on."""
+    colour, marker = SERIES[number % len(SERIES)]
+    cycle = number // len(SERIES) % 3
+    return {
+        "color": colour,
+        "linewidth": 0.9,
+        "linestyle": ("-", "--", ":")[cycle],
+        "marker": marker,
+        "markersize": size,
+        "markerfacecolor": ("white", colour, "#c9d1d9")[cycle],
+        "markeredgewidth": 0.7,
+    }
 
 
 def bins_of(ax: Axes) -> int:
@@ -198,9 +241,14 @@ def bins_of(ax: Axes) -> int:
     return max(40, int(BINS_PER_INCH * inches))
 
 
+def stress_colours() -> LinearSegmentedColormap:
+    """Colours of stresses, from none to the largest."""
+    return LinearSegmentedColormap.from_list("stress", RAMP)
+
+
 def ramp(largest: float) -> Figure:
     """Colours from no stress to `largest`, in MPa, and beyond."""
-    colours = LinearSegmentedColormap.from_list("stress", RAMP)
+    colours = stress_colours()
     figure, axes = sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
     ax = axes[0, 0]
     for k in range(SHADES):
@@ -214,3 +262,117 @@ def ramp(largest: float) -> Figure:
     ax.spines[:].set_visible(False)
     ax.set_xlabel("Von Mises stress in MPa")
     return figure
+
+
+FONT = "pmr figures"  # family under which the page brings the font along
+_SVG, _XLINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
+_REFERENCE = re.compile(r"#([^)]+)")
+_NUMBER = re.compile(r"-?\d+\.\d+")
+_FILE = Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
+
+
+def svg(figure: Figure, name: str, description: str) -> str:
+    """The figure as an ``<svg>`` element with identifiers of its own.
+
+    Text stays text, so that it can be searched, in the font `FONT` that the page embeds: it looks the same in
+    every browser and in the PDF.  Styles become attributes, groups that only structure are dissolved, and
+    coordinates get two decimals of a point, which keeps pages with dozens of figures small and quick.
+
+    Parameters
+    ----------
+    figure : Figure
+    name : str
+        Unique in the page; put before every identifier.
+    description : str
+        For those who listen to the page.
+    """
+    buffer = io.BytesIO()
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)  # a user's $ is a dollar
+        text.set_text(visible(text.get_text()))
+    with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # which DejaVu Sans lacks: the page shows it in another font
+        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
+    lines = buffer.getvalue().decode().split("\n")
+    root = ElementTree.fromstring("\n".join(map(visible, lines)))  # labels of ticks are made when they are drawn
+    used = {target for element in root.iter() for target in _targets(element)}
+    box = root.get("viewBox", "0 0 1 1")
+    _, _, width, height = box.split()
+    content = "".join(_write_element(child, name, used) for child in _flat(root))
+    return (
+        f'<svg viewBox="{box}" width="{width}pt" height="{height}pt" role="img" stroke-linejoin="round" '
+        f'font-family="{FONT}" aria-label="{escape(visible(description))}">{content}</svg>'
+    )
+
+
+def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: Any) -> Drawing:
+    """Draw a figure in the report's style; `name` is unique in the page."""
+    with style():
+        figure = draw(*arguments)
+        return Drawing(name, svg(figure, name, caption), caption, half=figure.get_figwidth() <= HALF)
+
+
+def words(drawn: str) -> str:
+    """All text in an SVG, for the choice of characters that the embedded font needs."""
+    return "".join(re.findall(r">([^<]+)<", drawn))
+
+
+def _targets(element: Element) -> Iterator[str]:
+    """Identifiers that an element refers to."""
+    for attribute in (f"{_XLINK}href", "clip-path"):
+        yield from _REFERENCE.findall(element.get(attribute, ""))
+
+
+def _flat(parent: Element) -> Iterator[Element]:
+    """Children of `parent`, with groups that carry nothing replaced by what they hold."""
+    for child in parent:
+        if child.tag == f"{_SVG}g" and not set(child.attrib) - {"id"}:
+            yield from _flat(child)
+        elif child.find(f"{_SVG}style") is None:
+            yield child
+
+
+def _write_element(element: Element, name: str, used: set[str]) -> str:
+    tag = element.tag.removeprefix(_SVG)
+    attributes = "".join(f' {key}="{escape(value)}"' for key, value in _attributes(element, name, used))
+    content = escape(element.text or "").strip() if tag == "text" else ""
+    content += "".join(_write_element(child, name, used) for child in _flat(element))
+    return f"<{tag}{attributes}>{content}</{tag}>" if content else f"<{tag}{attributes}/>"
+
+
+def _attributes(element: Element, name: str, used: set[str]) -> Iterator[tuple[str, str]]:
+    for key, value in element.attrib.items():
+        if key == "id":
+            if value in used:
+                yield key, f"{name}-{value}"
+        elif key == "style":
+            declarations = (declaration.split(":", 1) for declaration in value.split(";") if ":" in declaration)
+            yield from ((k.strip(), v.strip()) for k, v in declarations if k.strip() != "font-family")
+        elif key in (f"{_XLINK}href", "clip-path"):
+            yield key.removeprefix(_XLINK), value.replace("#", f"#{name}-")
+        elif key == "d":
+            yield key, _short(" ".join(value.split()))
+        elif key == "transform" and value.startswith("rotate(-0 "):
+            continue
+        else:
+            yield key, _short(value)
+
+
+def _short(numbers: str) -> str:
+    return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), numbers)
+
+
+def font_face_rule(family: str, characters: str) -> str:
+    """A CSS ``@font-face`` rule that holds DejaVu Sans, reduced to `characters`, under the name `family`."""
+    options = subset.Options(layout_features=[], hinting=False, notdef_outline=True)
+    options.drop_tables += ["FFTM"]
+    font = TTFont(_FILE, recalcTimestamp=False)
+    del font["GSUB"], font["GPOS"]  # slow to read: no ligatures are asked for, and "kern" has the same kerning
+    subsetter = subset.Subsetter(options)
+    subsetter.populate(text=characters + " ")
+    subsetter.subset(font)
+    buffer = io.BytesIO()
+    font.flavor = "woff"
+    font.save(buffer)
+    data = base64.b64encode(buffer.getvalue()).decode()
+    return f'@font-face{{font-family:"{family}";src:url(data:font/woff;base64,{data}) format("woff")}}'

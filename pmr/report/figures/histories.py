@@ -1,109 +1,275 @@
-"""Figures over time: what the beam does, and how well the simulators agree."""
+"""Figures over time: histories beside those of a reference, energies, residuals, error bands, and their captions."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
-from pmr.report.columns import Quantity
-from pmr.report.decimation import upper_envelope
-from pmr.report.figures.canvas import HALF, PENS, WIDE, bins_of, key, log_axis, sheet
-from pmr.report.figures.timeline import Array, Span, Timeline
-from pmr.report.numbers import unit_for
-from pmr.results import RunResult
+from pmr.report import subject
+from pmr.report.blocks import Drawing
+from pmr.report.columns import Quantity, extremes, onto, unseen, upper_envelope
+from pmr.report.figures.canvas import HALF, INK, PENS, SHADE, STEPS, WIDE, bins_of, drawing, key, log_axis, sheet
+from pmr.report.numbers import NOTHING, SPACE, length, percent, unit_for
+from pmr.results import Response, RunResult
 
-COLOUR = "#f2d6c2"  # of a band
+Array = NDArray[np.float64]
+SHORT = 400  # samples, below which nothing is enlarged
+PAUSE = 2  # samples of standstill that still count as one motion
+BAND = "#f2d6c2"  # colour of an error band
 
 
-def history(result: RunResult, what: Quantity, label: str, base: str, focus: Quantity) -> Figure:
-    """A quantity over time for every simulator; below it the difference to the reference; beside it a detail.
+@dataclass(frozen=True)
+class Span:
+    """An interval of time in s."""
+
+    start: float
+    end: float
+
+
+def in_order(result: RunResult) -> Mapping[str, Response]:
+    """Responses in the order in which they are drawn, the thickest line first."""
+    return {name: result.responses[name] for name in PENS if name in result.responses}
+
+
+def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
+    """Intervals in which something moves; where one ramp meets the next the rate may vanish for a moment."""
+    moving = np.flatnonzero(np.abs(rate) > 1e-9 * np.abs(rate).max(initial=0.0))
+    if not len(moving):
+        return ()
+    breaks = np.flatnonzero(np.diff(moving) > PAUSE + 1)
+    starts, ends = moving[np.r_[0, breaks + 1]], moving[np.r_[breaks, len(moving) - 1]] + 1
+    last = len(t) - 1
+    return tuple(Span(float(t[a]), float(t[min(b, last)])) for a, b in zip(starts, ends, strict=True))
+
+
+def _relative_rates(result: RunResult, t: Array) -> Array:
+    """Rate of what slides, luffs or slews over its own largest rate, the largest of all, (T,).
+
+    The rates of lengths and of angles have no common unit.
+    """
+    angles = [angle.rate(t) for angle in subject.changing_angles(result).values()]
+    rates = np.abs(np.column_stack([result.paths.rates, *angles]))
+    fastest = rates.max(axis=0, initial=0.0)
+    return np.asarray((rates / np.where(fastest > 0.0, fastest, 1.0)).max(axis=1, initial=0.0))
+
+
+class Timeline:
+    """Time axis of a run: that of the reduced model, on which the signals of the other models are drawn too."""
+
+    def __init__(self, result: RunResult) -> None:
+        self.result = result
+        self.t = result.responses["reduced"].t
+        self.whole = Span(float(self.t[0]), float(self.t[-1]))
+        self.phases = sliding_spans(self.t, _relative_rates(result, self.t))
+        #: Model with which the others are compared: the full one, or else ANCF; None for a reduced model alone.
+        self.reference = next((name for name in ("full", "ancf") if name in result.responses), None)
+
+    def signals(self, what: Quantity) -> dict[str, Array]:
+        """A quantity for each simulator that has finite values of it, (T,) each."""
+        signals = {name: onto(self.t, response.t, what(response)) for name, response in in_order(self.result).items()}
+        return {name: signal for name, signal in signals.items() if np.isfinite(signal).all()}
+
+    def differences(self, signals: Mapping[str, Array]) -> dict[str, Array]:
+        """Signals less that of the reference; empty without one."""
+        base = self.reference
+        if base is None or base not in signals:
+            return {}
+        return {name: signal - signals[base] for name, signal in signals.items() if name != base}
+
+    def visible_differences(self, *panels: Mapping[str, Array], largest: float = 0.0) -> list[dict[str, Array]]:
+        """Differences of the signals of each panel; all empty where they are nothing beside the largest signal.
+
+        `largest` is that of signals of the same kind that are drawn elsewhere.
+        """
+        differences = [self.differences(signals) for signals in panels]
+        most = max(largest, largest_of(*panels))
+        return differences if largest_of(*differences) > unseen(self.result) * most else [{} for _ in panels]
+
+    def detail(self, signals: Mapping[str, Array], largest: float = 0.0) -> Span | None:
+        """A twentieth of the time, about the largest visible difference of the reduced model or its largest value.
+
+        None for a motion too short to be seen closer.
+        """
+        signal = self.visible_differences(signals, largest=largest)[0].get("reduced", signals["reduced"])
+        return self.window(int(np.argmax(np.abs(signal))))
+
+    def window(self, step: int) -> Span | None:
+        """A twentieth of the time about a time step; None for a motion too short to be seen closer."""
+        if len(self.t) < SHORT:
+            return None
+        half = (self.whole.end - self.whole.start) / 40.0
+        middle = float(np.clip(self.t[step], self.whole.start + half, self.whole.end - half))
+        return Span(middle - half, middle + half)
+
+    def trace(
+        self, ax: Axes, curves: Mapping[str, Array], size: float, span: Span | None = None, weight: float = 1.0
+    ) -> None:
+        """Draw curves over `size`, the value of one unit of the axis, within `span`; `weight` thins the lines."""
+        span = span or self.whole
+        inside = np.flatnonzero((self.t >= span.start) & (self.t <= span.end))
+        for order, (name, curve) in enumerate(curves.items()):
+            shown = inside[extremes(curve[inside], bins_of(ax))]
+            ax.plot(self.t[shown], curve[shown] / size, zorder=2.0 + order / 10.0, **PENS[name].line(weight))
+
+    def frame(self, ax: Axes, label: str, span: Span | None = None, last: bool = True) -> None:
+        """Set limits and labels of the time axis, and shade the phases in which something is moved."""
+        span = span or self.whole
+        for phase in self.phases:
+            if phase.end > span.start and phase.start < span.end:
+                shown = max(phase.start, span.start), min(phase.end, span.end)
+                ax.axvspan(*shown, color=SHADE, linewidth=0.0, zorder=0.0)
+        ax.set_xlim(span.start, span.end)
+        ax.set_ylabel(label)
+        if last:
+            ax.set_xlabel("Time in s")
+        else:
+            ax.tick_params(labelbottom=False)
+
+    def legend(self, names: Sequence[str]) -> list[Any]:
+        """Legend entries of simulators and of the shade."""
+        return [*(Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in names), *self.shade()]
+
+    def shade(self) -> list[Any]:
+        """Legend entry of the phases in which something is moved, where there are any."""
+        what = "boom" if subject.changing_angles(self.result) else subject.moving_part(self.result)
+        return [Patch(facecolor=SHADE, label=f"{what} moves")] if self.phases else []
+
+
+def largest_of(*panels: Mapping[str, Array]) -> float:
+    """The largest absolute value of all signals."""
+    return max((float(np.abs(signal).max(initial=0.0)) for panel in panels for signal in panel.values()), default=0.0)
+
+
+def drawn_history(
+    name: str, result: RunResult, what: Quantity, description: str, label: str, base: str, largest: float | None = None
+) -> Drawing:
+    """Draw a quantity over time for every simulator, with what its caption has to say.
 
     Parameters
     ----------
-    result : RunResult
+    name : str
+        Of the figure in the page.
     what : callable
-        Takes the quantity, (T,) in the unit `base`, from a response.
-    label : str
-        Name of the quantity, for the axis.
-    base : str
-        Unit without prefix.
-    focus : callable
-        The quantity whose largest difference the detail is about.
+        Takes the quantity, (T,) in the unit `base` without prefix, from a response.
+    description, label : str
+        Beginning of the caption, and label of the axis.
+    largest : float, optional
+        Of displacements along all directions in m: differences that are nothing beside it are a number in the caption.
     """
     time = Timeline(result)
-    return curves(time, time.signals(what), label, base, time.detail(focus))
-
-
-def single_history(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
-    """Draw a history without differences, where these are nothing; the detail is about the largest value."""
-    time = Timeline(result)
     signals = time.signals(what)
-    return _panels(time, [(label, signals)], base, time.window(int(np.argmax(np.abs(signals["reduced"])))))
+    window, most = time.detail(signals, largest or 0.0), largest or 0.0
+    differs = bool(time.visible_differences(signals, largest=most)[0])
+    apart = largest_of(time.differences(signals))
+    clause = difference_clause(time, signals, "below, the difference", most)
+    if largest is not None and not differs and apart > 0.0:
+        clause = f"; that of {model_words(time.reference or '')} differs by {length(apart, 2)} at most"
+    caption = f"{description}{clause}."
+    if window is not None:
+        where = "" if largest is None else f", where it {'deviates' if differs else 'moves'} most"
+        span = f"{window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s{where}"
+        caption += f" The frame, {span}, is enlarged on the right."
+    return drawing(name, curves, caption, time, signals, label, base, window, most)
 
 
-def curves(time: Timeline, signals: Mapping[str, Array], label: str, base: str, window: Span | None) -> Figure:
-    """Draw signals (T,) that are at hand, with the detail that `window` names."""
-    (differences,) = time.apart(signals)
-    return _panels(time, [(label, signals), *([("Difference", differences)] if differences else [])], base, window)
+def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, largest: float = 0.0) -> str:
+    """A clause on the difference to the reference: where it is `shown`, or that there is as good as none."""
+    base, limit = time.reference, unseen(time.result)
+    if base is None or base not in signals:
+        return ""
+    if time.visible_differences(signals, largest=largest)[0]:
+        return f"; {shown} to {model_words(base)}"
+    share = "the time step's error" if limit > NOTHING else f"{percent(NOTHING, 1)} of the largest value"
+    return f"; {model_words(base)} differs by less than {share}"
 
 
-def _panels(
-    time: Timeline, panels: Sequence[tuple[str, Mapping[str, Array]]], base: str, window: Span | None
+def model_words(simulator: str) -> str:
+    """A simulator's model in a sentence."""
+    return "ANCF" if simulator == "ancf" else f"the {simulator} model"
+
+
+def curves(
+    time: Timeline,
+    signals: Mapping[str, Array],
+    label: str,
+    base: str,
+    window: Span | None,
+    largest: float = 0.0,
 ) -> Figure:
-    """Panels below each other, each with its detail beside it; a second one is lower."""
+    """Signals (T,) over time, below them visible differences to the reference; beside both a detail, `window`."""
+    panels = [(label, signals)]
+    panels += [("Difference", of) for of in time.visible_differences(signals, largest=largest) if of]
     widths, heights = ((3.6, 1.0) if window else (1.0,)), (1.35, 1.0)[: len(panels)]
-    figure, axes = sheet(
-        WIDE,
-        2.75 if len(panels) > 1 else 1.9,
-        rows=len(panels),
-        columns=len(widths),
-        sharey="row",
-        gridspec_kw={"width_ratios": widths, "height_ratios": heights, "wspace": 0.05, "hspace": 0.12},
-    )
-    for row, (name, curves) in enumerate(panels):
-        time.draw(axes[row], curves, name, base, window, last=row == len(panels) - 1)
-    key(figure, time.legend(list(panels[0][1])))
+    gaps = {"width_ratios": widths, "height_ratios": heights, "wspace": 0.05, "hspace": 0.12}
+    tall = 2.75 if len(panels) > 1 else 1.9
+    figure, axes = sheet(WIDE, tall, len(panels), len(widths), sharey="row", gridspec_kw=gaps)
+    for number, (row, (name, panel)) in enumerate(zip(axes, panels, strict=True), start=1):
+        unit = unit_for(largest_of(panel), base)
+        for ax, span in zip(row, (time.whole, window), strict=False):
+            time.trace(ax, panel, unit.size, span)
+            time.frame(ax, f"{name} in {unit.name}" if ax is row[0] else "", span, last=number == len(panels))
+        if window:
+            row[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))  # beside the first axes' last
+            row[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
+    key(figure, time.legend(list(signals)))
     return figure
 
 
-def energy_parts(result: RunResult) -> Figure:
-    """Strain, kinetic and external energy, one row each; beside them the differences to the reference, if seen."""
-    time = Timeline(result)
-    parts = ("strain", "kinetic", "external")
-    of = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
-    differences = time.apart(*of)
-    compared = any(differences)
+def energy_parts(name: str, result: RunResult) -> Drawing:
+    """Draw strain, kinetic and external energy; beside them the differences to the reference, if these are visible."""
+    time, parts = Timeline(result), ("strain", "kinetic", "external")
+    signals = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
+    differences = time.visible_differences(*signals)
+    caption = "Strain, kinetic and external energy, which is minus the work of the loads"
+    if any(differences):
+        caption += f"; on the right, the differences to {model_words(time.reference or '')}"
+    return drawing(name, _energies, f"{caption}.", time, parts, signals, differences)
+
+
+def _energies(
+    time: Timeline,
+    parts: Sequence[str],
+    signals: Sequence[Mapping[str, Array]],
+    differences: Sequence[dict[str, Array]],
+) -> Figure:
+    """A row for each part; all signals (T,) in J in one unit, and so all differences."""
+    columns = [([f"{part.capitalize()} energy" for part in parts], signals)]
+    columns += [(["Difference"] * len(parts), differences)] if any(differences) else []
     gaps = {"wspace": 0.24, "hspace": 0.14}
-    figure, axes = sheet(WIDE, 3.9, rows=len(parts), columns=1 + compared, sharex=True, gridspec_kw=gaps)
-    _parts(time, axes[:, 0], [f"{part.capitalize()} energy" for part in parts], of)
-    if compared:
-        _parts(time, axes[:, 1], ["Difference"] * len(parts), differences)
-    key(figure, time.legend(list(of[-1])))
+    figure, axes = sheet(WIDE, 3.9, len(parts), len(columns), sharex=True, gridspec_kw=gaps)
+    for column, (labels, panels) in zip(axes.T, columns, strict=True):
+        unit = unit_for(largest_of(*panels), "J")
+        for ax, label, panel in zip(column, labels, panels, strict=True):
+            time.trace(ax, panel, unit.size, weight=0.6)
+            time.frame(ax, f"{label} in {unit.name}", last=ax is column[-1])
+    key(figure, time.legend(list(signals[-1])))
     return figure
 
 
-def _parts(time: Timeline, axes: Sequence[Axes], labels: Sequence[str], panels: Sequence[Mapping[str, Array]]) -> None:
-    """Energies (T,) in J below each other, in one unit: they are seen against each other."""
-    unit = unit_for(
-        max((float(np.abs(signal).max()) for panel in panels for signal in panel.values()), default=0.0), "J"
-    )
-    for ax, label, panel in zip(axes, labels, panels, strict=True):
-        time.trace(ax, panel, unit.size, weight=0.6)
-        time.frame(ax, f"{label} in {unit.name}", last=ax is axes[-1])
-
-
-def residual(result: RunResult, what: Quantity, label: str) -> Figure:
-    """A violation of the slider's constraint over time, logarithmic: the largest value of each interval."""
+def residual(name: str, result: RunResult, level: str, unit: str) -> Drawing:
+    """Draw how the slider's constraint is violated at a level, ``position`` or ``velocity``."""
     time = Timeline(result)
+    signals = {of: np.abs(signal) for of, signal in time.signals(attrgetter(f"residual_{level}")).items()}
+    unknown = [PENS[of].label for of in in_order(result) if of not in signals]
+    missing = f" It is not known for {' and '.join(unknown)}." if unknown else ""
+    caption = f"Constraint residual at {level} level, the largest value of each interval.{missing}"
+    return drawing(name, _residuals, caption, time, signals, f"Residual of {level} in {unit}")
+
+
+def _residuals(time: Timeline, signals: Mapping[str, Array], label: str) -> Figure:
+    """Signals (T,) on a logarithmic axis: the largest value of each interval."""
     figure, axes = sheet(HALF, 2.0)
-    ax = axes[0, 0]
-    signals = {name: np.abs(signal) for name, signal in time.signals(what).items()}
-    drawn_values = [0.0]
+    ax, drawn_values = axes[0, 0], [0.0]
     for order, (name, signal) in enumerate(signals.items()):
         shown = upper_envelope(signal, bins_of(ax))
         shown = shown[signal[shown] > 0.0]
@@ -122,15 +288,13 @@ def residual(result: RunResult, what: Quantity, label: str) -> Figure:
 def band(result: RunResult, what: Quantity, wide: Array) -> Figure:
     """Draw the error band (T,) in m of a displacement of the tip, and the difference to the full model in it."""
     time = Timeline(result)
-    off = time.differences(time.signals(what))
+    off = {name: values for name, values in time.differences(time.signals(what)).items() if name == "reduced"}
     figure, axes = sheet(WIDE, 1.7)
-    ax = axes[0, 0]
-    shown = upper_envelope(wide, bins_of(ax))
-    unit = unit_for(float(max(wide.max(), *(np.abs(difference).max() for difference in off.values()), 0.0)), "m")
+    ax, shown = axes[0, 0], upper_envelope(wide, bins_of(axes[0, 0]))
+    unit = unit_for(max(float(wide.max()), largest_of(off)), "m")
     edge = wide[shown] / unit.size
-    ax.fill_between(time.t[shown], -edge, edge, color=COLOUR, linewidth=0.0, zorder=1.0)
-    time.trace(ax, {"reduced": off["reduced"]} if "reduced" in off else {}, unit.size)
+    ax.fill_between(time.t[shown], -edge, edge, color=BAND, linewidth=0.0, zorder=1.0)
+    time.trace(ax, off, unit.size)
     time.frame(ax, f"Difference in {unit.name}")
-    names = ["reduced"] if "reduced" in off else []
-    key(figure, [*time.legend(names), Patch(color=COLOUR, label="estimate")])
+    key(figure, [*time.legend(list(off)), Patch(color=BAND, label="estimate")])
     return figure

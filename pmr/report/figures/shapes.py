@@ -1,20 +1,27 @@
-"""Figures along the axis: the vectors of the basis, snapshots of the motion."""
+"""Figures of deflected beams, of a basis, of frequencies and gains, and of the parts of an error."""
 
 from __future__ import annotations
 
+from math import floor, log10
+from typing import Any
+
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from pmr.report.columns import lines, tips
-from pmr.report.decimation import onto
-from pmr.report.figures.canvas import INK, MUTED, PENS, WIDE, key, sheet
-from pmr.report.figures.timeline import in_order
-from pmr.report.numbers import round_number, unit_for
+from pmr.report.columns import lines, onto, spread, tips
+from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, WIDE, key, log_axis, octave_axis, sheet
+from pmr.report.figures.histories import in_order
+from pmr.report.numbers import round_number, share_captured, unit_for
 from pmr.report.subject import fixtures, length, moving_part, offsets
-from pmr.results import RunResult, Shapes
+from pmr.results import FrequencyResponse, RunResult, Shapes
 
 MOST_SHAPES = 25
 COLUMNS = 5
@@ -23,11 +30,6 @@ FLAT = 1e-6  # of the largest transverse amplitude: below, a vector moves the be
 SNAPSHOTS = 6
 #: Largest deflection of a boom as drawn, over its reach.
 REACH = 0.05
-
-
-def has_flat(shapes: Shapes) -> bool:
-    """Whether any of the basis vectors that are drawn has no transverse part."""
-    return bool(_flat(shapes)[:MOST_SHAPES].any())
 
 
 def basis(result: RunResult, of: Shapes) -> Figure:
@@ -118,3 +120,201 @@ def exaggeration(result: RunResult) -> float:
     response = result.responses["reduced"]
     largest = max(float(np.abs(line.moved(response)).max(initial=0.0)) for line in lines(result, response))
     return round_number(REACH * length(result) / largest) if largest > 0.0 else 1.0
+
+
+CLOSED_FORM_POINTS = 11
+LEVEL = 1e-6  # relative difference of neighbouring frequencies that are one
+#: Lines of equal frequency on a map at most.
+LEVELS = 9
+#: Share of an axis next to its ends within which a contour has no label.
+EDGE = 0.06
+#: Of places from one end of the path to the other.
+COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#c9b30e")
+
+
+def singular_values(result: RunResult, of: Shapes) -> Figure:
+    """Singular values over the first of them; those of the basis are filled, kappa(r) is what they hold."""
+    sigma, taken = of.singular_values, of.shapes.shape[1]
+    figure, axes = sheet(HALF, 2.15)
+    ax = axes[0, 0]
+    number, relative = np.arange(1, len(sigma) + 1), sigma / sigma[0]
+    positive = relative > 0.0
+    for chosen, fill, label in (
+        (positive & (number <= taken), PENS["reduced"].colour, f"taken, r = {taken}"),
+        (positive & (number > taken), "white", "left out"),
+    ):
+        if chosen.any():
+            look = _dots(PENS["reduced"].colour, fill, 3.2)
+            ax.plot(number[chosen], relative[chosen], label=label, **look)
+    if taken < len(sigma):
+        ax.axvline(taken + 0.5, color=MUTED, linewidth=0.7, linestyle=(0, (3, 2)))
+    log_axis(ax, float(relative[positive].min()), 1.0)
+    ax.set_xlim(0.0, len(sigma) + 1.0)
+    ax.set_xlabel("Number k (–)")
+    ax.set_ylabel("Singular value σ(k) / σ(1) (–)")
+    kappa = result.summary.get("basis", {}).get("kappa")
+    if kappa is not None:
+        ax.text(0.03, 0.06, share_captured(kappa, taken), transform=ax.transAxes)
+    key(figure, ax.get_legend_handles_labels()[0])
+    return figure
+
+
+def frequencies(result: RunResult) -> Figure:
+    """Lowest eigenfrequencies in Hz against the slider position; closed forms as far up as the models.
+
+    Where a body slides out of a mouth, against what of it reaches beyond that.
+    """
+    lowest = result.frequencies
+    # 0 Hz, of what is past its buckling load, has no place on a logarithmic axis
+    curves = {name: np.where(f > 0.0, f, np.nan) for name, f in lowest.models.items() if name in PENS}
+    top = np.max([np.nanmax(f, axis=1) for f in curves.values()], axis=0)[:, None]
+    closed = lowest.models.get("closed_form", np.empty((len(lowest.along), 0)))
+    closed = np.where(closed <= 1.01 * top, closed, np.nan)
+    heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
+    x = length(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
+    head = heads.get(moving_part(result), "Reach from the base's tail in m")
+    if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # it stays, and what stresses it changes
+        x, head = lowest.t, "Time in s"
+    single = {"marker": "o"} if len(x) == 1 else {}
+    figure, axes = sheet(HALF, 2.15)
+    ax = axes[0, 0]
+    handles = []
+    few = spread(len(x), CLOSED_FORM_POINTS)
+    drawn = [(name, x, curves[name], PENS[name].line() | single) for name in PENS if name in curves]
+    for label, at, f, look in (*drawn, ("closed form", x[few], closed[few], _dots(INK, "none", 2.6))):
+        if np.isfinite(f).any():
+            ax.plot(at, f, **look)
+            handles.append(Line2D([], [], label=label, **look))
+    octave_axis(ax, min(float(np.nanmin(f)) for f in curves.values()), float(top.max()))
+    ax.set_xlabel(head)
+    ax.set_ylabel("Eigenfrequency in Hz")
+    key(figure, handles)
+    return figure
+
+
+def frequency_map(result: RunResult) -> Figure:
+    """First natural frequency over the extensions of two joints, as lines of equal frequency, and the run's way."""
+    over_joints = result.frequencies.over_joints
+    assert over_joints is not None  # who asks for the figure has looked
+    figure, axes = sheet(HALF, 2.6)
+    ax = axes[0, 0]
+    levels = MaxNLocator(LEVELS).tick_values(over_joints.lowest.min(), over_joints.lowest.max())
+    ax.contourf(
+        over_joints.first,
+        over_joints.second,
+        over_joints.lowest.T,
+        levels,
+        cmap=LinearSegmentedColormap.from_list("", RAMP[:3]),
+    )
+    columns = [result.paths.names.index(name) for name in over_joints.joints]
+    ax.plot(*result.paths.values[:, columns].T, color="white", linewidth=2.5)
+    lines = ax.contour(over_joints.first, over_joints.second, over_joints.lowest.T, levels, colors=INK, linewidths=0.5)
+    low, high = (np.array([over_joints.first[k], over_joints.second[k]]) for k in (0, -1))
+    for label in ax.clabel(lines, fmt=lambda value: f"{value:.3g}", inline=False):
+        label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+        share = (np.array(label.get_position()) - low) / (high - low)
+        label.set_visible(bool(share.min() >= EDGE and share.max() <= 1.0 - EDGE))  # at the edge half of it is cut off
+    ax.set_xlabel(f"Extension of {over_joints.joints[0]} in m")
+    ax.set_ylabel(f"Extension of {over_joints.joints[1]} in m")
+    return figure
+
+
+def _dots(edge: str, fill: str, size: float) -> dict[str, Any]:
+    return {
+        "linestyle": "none",
+        "marker": "o",
+        "markersize": size,
+        "markerfacecolor": fill,
+        "markeredgecolor": edge,
+        "markeredgewidth": 0.6,
+    }
+
+
+def gain(response: FrequencyResponse, load: int) -> Figure:
+    """Gain over frequency for a load, a curve for each place of the sliders."""
+    figure, axes = sheet(HALF, 2.15)
+    ax, values = axes[0, 0], response.gain[:, :, load]
+    handles = []
+    for k, s in enumerate(response.s):
+        look: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "linewidth": 0.9}
+        ax.plot(response.f, values[k], **look)
+        handles.append(Line2D([], [], label=f"{s:.3g}", **look))
+    ax.set_xscale("log")
+    decades = [10.0**k for k in range(floor(log10(response.f[0])) + 1, floor(log10(response.f[-1])) + 1)]
+    ax.set_xticks(decades, [f"{decade:g}" for decade in decades])
+    ax.xaxis.set_minor_locator(NullLocator())
+    positive = values[values > 0.0]
+    log_axis(ax, max(float(positive.min()), 1e-6 * float(positive.max())), float(positive.max()))
+    ax.set_xlabel("Frequency in Hz")
+    ax.set_ylabel(f"Gain in {response.units[load]}")
+    key(figure, handles)
+    return figure
+
+
+PARTS = {"reduction": "#d55e00", "step": "#56b4e9", "mesh": "#00664b", "model": "#cc79a7"}
+KINDS = {
+    "beam": "along the body",
+    "tip": "tip",
+    "pad_force": "forces",
+    "cylinder_force": "cylinders",
+    "velocity": "velocities",
+    "probe": "probes",
+}
+
+
+def budget(result: RunResult) -> Figure:
+    """A bar for each part and kind of output in %, and the tolerance."""
+    summary = result.summary
+    kinds, errors = summary["accuracy"]["outputs"], summary["budget"]
+    parts = [name for name in PARTS if any((errors.get(name) or {}).get(kind) is not None for kind in kinds)]
+    height = 0.16 * len(kinds) * (len(parts) + 1)
+    figure, axes = sheet(WIDE, 0.7 + height, margins={"left": 1.0, "top": 0.3, "bottom": 0.4})
+    ax, pitch, ticks = axes[0, 0], len(parts) + 1, []
+    for row, kind in enumerate(kinds):
+        for number, name in enumerate(parts):
+            share = 100.0 * (errors[name].get(kind) or 0.0)
+            ax.barh(-row * pitch - number, share, height=0.85, color=PARTS[name], linewidth=0.0)
+        ticks.append(-row * pitch - (len(parts) - 1) / 2.0)
+    handles: list[Artist] = [Patch(color=PARTS[name], label=name) for name in parts]
+    tolerance = summary["accuracy"]["tolerance"]
+    ax.set_yticks(ticks, [KINDS[kind] for kind in kinds])
+    ax.grid(False, axis="y")
+    ax.set_xlim(left=0.0, right=max(105.0 * (tolerance or 0.0), ax.get_xlim()[1]))
+    ax.set_xlabel("Part of the error in %")
+    if tolerance is not None:
+        look: dict[str, Any] = {"color": INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+        ax.axvline(100.0 * tolerance, **look)
+        handles.append(Line2D([], [], label="tolerance", **look))
+    key(figure, handles)
+    return figure
+
+
+def snapshots_caption(result: RunResult) -> str:
+    """Caption of the strip of deflected beams."""
+    moments = f"at the largest tip displacement in each of {SNAPSHOTS} equal parts of the time"
+    what = "boom" if moving_part(result) == "boom" else "body"
+    return f"The deflected {what} {moments}. The transverse scale is exaggerated."
+
+
+def basis_caption(shapes: Shapes) -> str:
+    """Caption of the shapes of the basis."""
+    count = shapes.shapes.shape[1]
+    first = f"the first {MOST_SHAPES} of {count}" if count > MOST_SHAPES else f"all {count}"
+    flat = " A flat line belongs to a vector that moves the body along its axis only."
+    scaled = f"Transverse shapes of the basis vectors, {first}, each over its largest value."
+    return f"{scaled}{flat if _flat(shapes)[:MOST_SHAPES].any() else ''}"
+
+
+def frequencies_caption(result: RunResult) -> str:
+    """Caption of the eigenfrequencies."""
+    lowest = result.frequencies
+    if lowest.t is not None:
+        stays = len(lowest.along) > 1 and not np.ptp(lowest.along)
+        when = "over time" if stays else "when it is there first"
+        return f"Lowest natural frequencies {when}, as the frame and axial forces stress the boom, every pad closed."
+    if moving_part(result) == "boom":
+        return "Lowest natural frequencies of the boom at rest, every pad closed."
+    omega = result.frequencies.models["reduced"]
+    level = np.abs(np.diff(omega, axis=0)) < LEVEL * omega[1:]
+    along = " Level stretches belong to vibration along the axis." if level.any() else ""
+    return f"Lowest eigenfrequencies while the {moving_part(result)} rests.{along}"

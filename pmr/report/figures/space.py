@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pmr.report import space
-from pmr.report.decimation import spread
+from pmr.report.columns import spread
 from pmr.report.figures.canvas import (
     HALF,
     INK,
@@ -28,8 +28,8 @@ from pmr.report.figures.canvas import (
     of_sections,
     sheet,
 )
+from pmr.report.figures.histories import Timeline
 from pmr.report.figures.shapes import exaggeration
-from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.results import RunResult
 

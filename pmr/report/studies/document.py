@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +10,12 @@ from typing import Any
 from pmr.report.blocks import Block, Chapter, Grid, Table
 from pmr.report.document import ReportFiles, render, with_date, write
 from pmr.report.numbers import SPACE, quantity
-from pmr.report.studies import runs, sections
-from pmr.report.studies.finished import FinishedStudy, studies_in
-from pmr.report.studies.names import run_name
-from pmr.report.studies.statements import comparison
+from pmr.report.studies import chart, convergence, runs, trade
+from pmr.report.studies.finished import FinishedStudy, comparison, studies_in
+from pmr.report.studies.tables import run_name
+
+#: Modules with a function `content`, by the kind of study; other kinds are reported by their runs.
+CHAPTERS = {"chart": chart, "convergence": convergence, "trade": trade}
 
 
 def write_report(folder: Path) -> ReportFiles:
@@ -57,11 +57,7 @@ def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) ->
 
 def chapter(study: FinishedStudy, anchor: str) -> Chapter:
     """Chapter about one study; while a run is missing, about the runs that are there."""
-    kinds = {module.name for module in pkgutil.iter_modules(sections.__path__)}
-    if study.kind in kinds and not study.unfinished:
-        content: Chapter = importlib.import_module(f"{sections.__name__}.{study.kind}").content(study, anchor)
-    else:
-        content = runs.content(study, anchor)
+    content = (runs if study.unfinished else CHAPTERS.get(study.kind, runs)).content(study, anchor)
     hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]
     content = replace(content, warnings=[*hints, *content.warnings])
     published = comparison(study)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber, drawing
-from pmr.report.numbers import SPACE
-from pmr.report.studies import at_a_glance, side_by_side
-from pmr.report.studies.curves import over_parameter, over_seconds
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
+from pmr.report.figures.canvas import WIDE, dots, drawing, log_axis, log_x, sheet
+from pmr.report.numbers import SPACE, Unit, unit_for
+from pmr.report.studies import tables
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.names import (
+from pmr.report.studies.tables import (
     TIME,
     differs,
     heading,
@@ -23,6 +29,7 @@ from pmr.report.studies.names import (
     value_of,
     value_words,
 )
+from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 
 MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_VALUES, MOST_PANELS = 60, 7, 3, 8, 4
@@ -41,7 +48,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     runs = study.results.runs
     done = [run for run in runs if run.status == "done"]
     error = next((name for name in ERRORS if runs_with(done, name)), None)
-    glance = at_a_glance.block(side_by_side.few(runs))
+    glance = tables.at_a_glance(tables.few(runs))
     return Chapter(
         anchor=prefix,
         title=study.title,
@@ -52,7 +59,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
             *([glance] if glance is not None else ()),  # what the machine bears, before how well that is known
             *_figures(done, error, prefix),
             Block("Runs", grids=tuple(_grids(runs))),
-            *side_by_side.blocks(runs),
+            *tables.blocks(runs),
         ],
     )
 
@@ -161,7 +168,7 @@ def overview(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
     """
     heads, error = _varied_keys(runs), next((name for name in ERRORS if runs_with(runs, name)), None)
     cells_by_name = {quantity_of(error).label: [_cell(run, error) for run in runs]} if error else {}
-    cells_by_name |= at_a_glance.columns(runs)
+    cells_by_name |= tables.largest_values(runs)
     if len(cells_by_name) < 2:
         cells_by_name |= {quantity_of(name).label: [_cell(run, name) for run in runs] for name in _columns(runs)}
     more = f"{len(runs) - rows} more runs and all" if len(runs) > rows else "All"
@@ -211,7 +218,7 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
 
 def _columns(runs: Sequence[RunRecord]) -> list[str]:
     """Figures of the runs and seconds of their simulations."""
-    figures = (name for run in runs for name in run.figures if not name.startswith(side_by_side.ROOMS))
+    figures = (name for run in runs for name in run.figures if not name.startswith(tables.ROOMS))
     seconds = (name for run in runs for name in run.seconds if name.startswith("simulate.") and _cost_differs(runs))
     return list(dict.fromkeys([*figures, *seconds]))
 
@@ -224,3 +231,82 @@ def _doubles(runs: Sequence[RunRecord], name: str, parameters: Sequence[str]) ->
 
 def _cell(run: RunRecord, name: str) -> str:
     return quantity_of(name).cell(run.seconds[name] if name in run.seconds else run.figures.get(name))
+
+
+MOST_CURVES = 15  # that are named
+LOGARITHMIC = 5.0  # times as large as the least: from there on errors are drawn by their powers of ten
+
+
+def over_parameter(done: Sequence[RunRecord], over: str, names: Sequence[str]) -> Figure:
+    """A panel for each of the figures `names`, over a parameter; runs that differ in nothing else make a curve."""
+    rows, columns = -(-len(names) // 2), min(len(names), 2)
+    gaps = {"wspace": 0.28, "hspace": 0.42}
+    figure, axes = sheet(WIDE, 0.7 + 1.75 * rows, rows, columns, _room(done, over), gridspec_kw=gaps)
+    unit = unit_of(over)
+    for name, ax in zip(names, axes.flat, strict=False):
+        for look, group in _curves(done, over):
+            x, y = _points(group, name, {run.key: number(run.parameters[over]) for run in group})
+            ax.plot(x, y, **look)
+        _value_axis(ax, name)
+        ax.set_xlabel(f"{key_words(over).capitalize()} {f'in {unit}' if unit else '(–)'}")
+        ax.margins(x=0.04)
+    for ax in axes.flat[len(names) :]:
+        ax.set_visible(False)
+    _legend(figure, done, over)
+    return figure
+
+
+def over_seconds(done: Sequence[RunRecord], over: str, error: str) -> Figure:
+    """An error over the seconds of a simulation."""
+    figure, axes = sheet(WIDE, 2.5, margins=_room(done, over))
+    ax, times = axes[0, 0], {run.key: 1e3 * run.seconds[TIME] for run in done}
+    for look, group in _curves(done, over):
+        x, y = _points(group, error, times)
+        ax.plot(x, y, **look | {"linestyle": "none"})
+    log_x(ax, 0.8 * min(times.values()), 1.25 * max(times.values()))
+    _value_axis(ax, error)
+    ax.set_xlabel("Time of one simulation in ms")
+    _legend(figure, done, over)
+    return figure
+
+
+def _curves(done: Sequence[RunRecord], over: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
+    """Runs that differ in nothing but the parameter `over`, and how they are drawn."""
+    groups: dict[str, list[RunRecord]] = {}
+    for run in done:
+        groups.setdefault(run_name(run, over) if len(run.parameters) > 1 else "", []).append(run)
+    return [(dots(k, 3.0) | {"label": name}, group) for k, (name, group) in enumerate(groups.items())]
+
+
+def _points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> tuple[list[float], list[float]]:
+    """Values of a figure in the unit of its axis, in the order of their places."""
+    points = sorted((places[run.key], value_of(run, name) / quantity_of(name).size) for run in runs_with(group, name))
+    return [x for x, _ in points], [y for _, y in points]
+
+
+def _value_axis(ax: Axes, name: str) -> None:
+    """Errors on a logarithmic axis, sizes on one that shows how far they differ."""
+    what, values = quantity_of(name), np.concatenate([curve.get_ydata() for curve in ax.lines])
+    largest, positive = float(np.abs(values).max()), values[values > 0.0]
+    unit = unit_for(largest, what.unit) if what.unit != "%" else Unit(1.0, "%")
+    for curve in ax.lines:
+        curve.set_ydata(np.asarray(curve.get_ydata()) / unit.size)
+    spread = float(positive.max() / positive.min()) if len(positive) else 1.0
+    if (name.startswith("errors") or name == "max_error") and spread > LOGARITHMIC:
+        log_axis(ax, float(positive.min()) / unit.size, float(positive.max()) / unit.size)
+    else:
+        ax.set_ylim(0.0, 1.15 * largest / unit.size or 1.0)
+    ax.set_ylabel(f"{what.label.capitalize()} in {unit.name}")
+
+
+def _room(done: Sequence[RunRecord], over: str) -> dict[str, float]:
+    """Room of the legend above the axes, in inches."""
+    return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, over)) // 3), MOST_CURVES // 3)}
+
+
+def _legend(figure: Figure, done: Sequence[RunRecord], over: str) -> None:
+    """Curves by what distinguishes them, three in a row; a single one needs no name."""
+    looks = [look for look, _ in _curves(done, over)][:MOST_CURVES]
+    if len(looks) > 1:
+        handles = [Line2D([], [], **look) for look in looks]
+        figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=3, borderaxespad=0.25)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pmr.report.figures.load_chart import Chart, load_chart
-from pmr.report.studies.sections.chart import content
+from pmr.report.studies.chart import content
 
 
 def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_nothing() -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from pmr.report.blocks import Chapter
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.names import heading, key_words, quantity_of, run_name, unit_of
 from pmr.report.studies.runs import MOST_COLUMNS, content, overview, varied_parameter
+from pmr.report.studies.tables import heading, key_words, quantity_of, run_name, unit_of
 from pmr.studies.results import RunRecord, StudyResults
 
 BEAM, TIP = "errors.reduced_vs_full.beam", "errors.reduced_vs_full.tip"

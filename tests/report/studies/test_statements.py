@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from pmr.report.marks import BETTER, DIFFERENT, SAME, WITHIN, WORSE, Mark
-from pmr.report.studies.statements import _row, combination, format_figure
+from pmr.report.blocks import BETTER, DIFFERENT, SAME, WITHIN, WORSE, Mark
+from pmr.report.studies.finished import _row, combination, format_figure
 from pmr.studies.study import Statement
 
 

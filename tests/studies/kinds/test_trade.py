@@ -10,7 +10,7 @@ from finished import finished, short_scene
 from pmr.compare.errors import nrms
 from pmr.errors import InputError
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.sections.trade import NAMES, content, front
+from pmr.report.studies.trade import NAMES, content, front
 from pmr.scene import load
 from pmr.simulation import Excitation
 from pmr.simulation.modal import modal_form

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pmr.report import album as pictures
+from pmr.report import player as players
+from pmr.report.bodies import surface
 from pmr.report.document import page as render
-from pmr.report.motion import album as pictures
-from pmr.report.motion import player as players
-from pmr.report.motion.player import compress, drawing_sentence, player
-from pmr.report.motion.renderer import NoPictureError
-from pmr.report.motion.surface import surface
+from pmr.report.player import body_motion, compress, drawing_sentence
+from pmr.report.renderer import NoPictureError
 from pmr.report.sections import chapter as case
 from pmr.results import BodyResult, RunResult
 
@@ -36,7 +36,7 @@ def boom_in_motion(make_space, make_fields) -> RunResult:
 
 @pytest.fixture(scope="module")
 def data(boom_in_motion: RunResult) -> dict[str, Any]:
-    return player(boom_in_motion)
+    return body_motion(boom_in_motion)
 
 
 def test_motion_and_stress_are_those_of_the_fields(boom_in_motion: RunResult, data: dict[str, Any]) -> None:
@@ -73,7 +73,7 @@ def test_few_shapes_hold_a_motion_that_needs_few_and_no_more_than_there_is_room_
 def test_what_rests_is_no_error(boom_in_motion: RunResult) -> None:
     fields = boom_in_motion.body.fields
     still = replace(fields, displacement=0.0 * fields.displacement, von_mises={})
-    data = player(replace(boom_in_motion, bodies={"": BodyResult(None, still)}))
+    data = body_motion(replace(boom_in_motion, bodies={"": BodyResult(None, still)}))
     assert data["bodies"][0]["stress"] is None and data["scale"] == 1.0
     assert "NaN" not in json.dumps(data)
 
@@ -85,9 +85,9 @@ def test_without_fields_with_one_time_or_too_many_faces_nothing_is_played(
     once = replace(
         fields, t=fields.t[:1], displacement=fields.displacement[:1], von_mises={"outer": fields.von_mises["outer"][:1]}
     )
-    assert player(boom) == player(replace(boom_in_motion, bodies={"": BodyResult(None, once)})) == {}
+    assert body_motion(boom) == body_motion(replace(boom_in_motion, bodies={"": BodyResult(None, once)})) == {}
     monkeypatch.setattr(players, "MOST_FACES", 10)
-    assert player(boom_in_motion) == {}
+    assert body_motion(boom_in_motion) == {}
     assert drawing_sentence({}) == ""
 
 

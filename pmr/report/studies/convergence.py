@@ -5,10 +5,9 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pmr.report.blocks import Block, Chapter, KeyNumber, drawing
-from pmr.report.figures.canvas import WIDE, key, log_axis, sheet
+from pmr.report.blocks import Block, Chapter, KeyNumber
+from pmr.report.figures.canvas import WIDE, dots, drawing, key, log_axis, log_x, sheet
 from pmr.report.numbers import length
-from pmr.report.studies.curves import dots, log_x
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import number
 

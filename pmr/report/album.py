@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.blocks import Picture
-from pmr.report.motion.instants import (
+from pmr.report.bodies import (
+    Block,
     Moment,
     fields_by_body,
     has_stresses,
@@ -20,14 +21,14 @@ from pmr.report.motion.instants import (
     place_of_the_peak,
     places,
     scale,
+    stage,
     stress_of,
+    surfaces,
     times,
     top,
 )
-from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, frame_shots
-from pmr.report.motion.surface import surfaces
-from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import SPACE, plain, quantity
+from pmr.report.renderer import NoPictureError, Piece, Shot, develop, frame_shots
 from pmr.report.subject import is_alone
 from pmr.results import RunResult
 

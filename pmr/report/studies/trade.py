@@ -9,10 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
-from pmr.report.figures.canvas import WIDE, log_axis, sheet
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.figures.canvas import WIDE, dots, drawing, log_axis, log_x, sheet
 from pmr.report.numbers import percent, plain, quantity
-from pmr.report.studies.curves import dots, log_x
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord

@@ -11,12 +11,12 @@ import pytest
 from PIL import Image
 from waiting import PATIENCE
 
+from pmr.report import album as pictures
+from pmr.report import renderer as studio
 from pmr.report import sections
+from pmr.report.album import album
 from pmr.report.document import page as render
-from pmr.report.motion import album as pictures
-from pmr.report.motion import renderer as studio
-from pmr.report.motion.album import album
-from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, frame_shots
+from pmr.report.renderer import NoPictureError, Piece, Shot, develop, frame_shots
 from pmr.report.sections import chapter as case
 
 SQUARE = Piece(np.array([(0.0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]), np.array([(0, 1, 2, 3)]), np.array([1.0]))

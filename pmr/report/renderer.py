@@ -6,12 +6,14 @@ whatever happens there, here it is a sentence.  Nothing of VTK is imported by th
 
 from __future__ import annotations
 
+import io
 import pickle
 import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,11 @@ Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 LONGEST = 600.0  # s that pictures may take, on however slow a machine
+EDGE = "#1c2733"
+FINER = 2  # drawn so many times as large and scaled down, edges are smooth with any driver
+COLOURS = 128  # of a picture, which keeps files small
+#: Colours are read against a scale, so most of the light comes from everywhere; the rest tells walls apart.
+AMBIENT, DIFFUSE = 0.68, 0.34
 
 
 @dataclass(frozen=True)
@@ -96,7 +103,7 @@ def develop(shots: Sequence[Shot]) -> list[bytes]:
     """
     if find_spec("pyvista") is None:
         raise NoPictureError("pyvista is not installed: pip install pyvista pillow installs it")
-    command = [sys.executable, "-m", "pmr.report.motion.render_process"]
+    command = [sys.executable, "-m", "pmr.report.renderer"]
     try:
         done = subprocess.run(command, input=pickle.dumps(list(shots)), capture_output=True, timeout=LONGEST)
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -106,3 +113,49 @@ def develop(shots: Sequence[Shot]) -> list[bytes]:
         raise NoPictureError(last if done.returncode == 1 and last else "the graphics library ended unexpectedly")
     pictures: list[bytes] = pickle.loads(done.stdout)
     return pictures
+
+
+def draw(shot: Shot) -> bytes:
+    """Draw a picture as PNG by VTK, which only a process of its own should load."""
+    import pyvista
+    from PIL import Image
+
+    plotter = pyvista.Plotter(off_screen=True, window_size=[FINER * pixels for pixels in shot.size], lighting="none")
+    plotter.disable_anti_aliasing()  # what is scaled down is smooth, and this costs a software renderer as much again
+    plotter.set_background("white")
+    below = float(np.dot(shot.direction, shot.up)) < 0.0
+    side = -0.7 if below else 0.7  # who looks from below has the light below
+    plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.5, side, 1.0)))
+    for piece in shot.pieces:
+        _add(plotter, piece, shot.limits)
+    camera = plotter.camera
+    camera.focal_point = shot.centre
+    camera.position = tuple(c + 20.0 * d for c, d in zip(shot.centre, shot.direction, strict=True))
+    camera.up = shot.up
+    camera.parallel_projection, camera.parallel_scale = True, shot.height / 2.0
+    plotter.renderer.ResetCameraClippingRange()
+    image = Image.fromarray(plotter.screenshot(return_img=True))
+    plotter.close()
+    buffer = io.BytesIO()
+    image.resize(shot.size, Image.Resampling.BOX).quantize(COLOURS).save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def _add(plotter: Any, piece: Piece, limits: tuple[float, float]) -> None:
+    import pyvista
+
+    from pmr.report.figures.canvas import stress_colours
+
+    mesh = pyvista.PolyData.from_regular_faces(piece.points, piece.faces)
+    look: dict[str, Any] = {"color": piece.colour}
+    if piece.values is not None:
+        mesh.cell_data["values"] = piece.values
+        look = {"scalars": "values", "cmap": stress_colours(), "clim": limits}
+    if piece.edges:
+        look |= {"show_edges": True, "edge_color": EDGE, "line_width": FINER * piece.edges, "edge_opacity": 0.35}
+    plotter.add_mesh(mesh, **look, opacity=piece.opacity, show_scalar_bar=False, ambient=AMBIENT, diffuse=DIFFUSE)
+
+
+if __name__ == "__main__":
+    shots_to_draw = pickle.loads(sys.stdin.buffer.read())
+    sys.stdout.buffer.write(pickle.dumps([draw(shot) for shot in shots_to_draw]))

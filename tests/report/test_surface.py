@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pmr.fields.series import Grid
-from pmr.report.motion.surface import surface
+from pmr.report.bodies import surface
 from pmr.scene.box import Box
 
 BOX = Box(length=6.0, width=0.3, height=0.4, wall=0.008)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.report.motion.instants import instants, of_the_peak, place_of_the_peak, positions, scale, stress_of, top
+from pmr.report.bodies import instants, of_the_peak, place_of_the_peak, positions, scale, stress_of, top
 
 
 def test_each_third_of_the_way_shows_its_largest_stress(make_space, make_fields) -> None:

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.report.motion.surface import surface
-from pmr.report.motion.surroundings import Block, stage
+from pmr.report.bodies import Block, stage, surface
 from pmr.results import RunResult
 from pmr.results.pads import THICK
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pmr.report.decimation import spread
-from pmr.report.motion.line import FRAMES, POINTS, motion, scale_words
+from pmr.report.columns import spread
+from pmr.report.player import FRAMES, POINTS, axis_motion, scale_words
 from pmr.results import RunResult
 
 
@@ -20,7 +20,7 @@ def unpacked(series: dict[str, Any]) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def data(whole: RunResult) -> dict[str, Any]:
-    return motion(whole)
+    return axis_motion(whole)
 
 
 def test_motion_is_that_of_the_beam(whole: RunResult, data: dict[str, Any]) -> None:
@@ -42,7 +42,7 @@ def test_slider_and_load_go_with_it(whole: RunResult, data: dict[str, Any]) -> N
 
 
 def test_long_motion_is_thinned(make_result) -> None:
-    data = motion(make_result(steps=20_000))
+    data = axis_motion(make_result(steps=20_000))
     assert data["frames"] == FRAMES
     assert all(len(beam["x"]) <= POINTS for lane in data["lanes"] for beam in lane["beams"])
     assert len(json.dumps(data)) < 400_000
@@ -56,7 +56,7 @@ def test_exaggeration_is_round_and_said(data: dict[str, Any]) -> None:
 def test_resting_beam_is_no_error(make_result) -> None:
     result = make_result(responses=("reduced",))
     result.responses["reduced"].displacement[:] = 0.0
-    data = motion(result)
+    data = axis_motion(result)
     assert data["scale"] == 1.0
     assert scale_words(data) == "Nothing moves across the axis."
 

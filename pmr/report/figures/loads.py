@@ -1,0 +1,190 @@
+"""Figures of what goes into a body and what it bears: paths, loads, forces, stresses, forces along beams."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from pmr.report import subject
+from pmr.report.columns import Force, extremes, onto
+from pmr.report.figures.canvas import HALF, INK, ROW, SECTIONS, WIDE, bins_of, key, key_rows, of_sections, sheet
+from pmr.report.figures.histories import Array, Timeline, curves, largest_of
+from pmr.report.numbers import unit_for, with_sign
+from pmr.report.subject import length, moving_part, offsets, stress_times
+from pmr.results import BodyResult, RunResult
+from pmr.results.outputs import Output
+from pmr.scene.names import named
+from pmr.scene.signals import SignalBase
+
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
+
+
+def position(result: RunResult) -> Figure:
+    """Positions over time of what moves along a body, on a scale as long as that; extensions of a boom's sections."""
+    time, ahead, sections = Timeline(result), offsets(result), result.reach is not None
+    figure, axes = sheet(HALF, 2.0 if sections else 1.7)
+    ax = axes[0, 0]
+    if sections:
+        names, last = result.paths.names, len(result.paths.names) - 1
+        widths = [1.0 + 1.2 * (last - k) for k in range(last + 1)]  # sections may extend together
+        colours = [of_sections(result.scene.bodies)[name] for name in names]
+        _plot(ax, time.t, result.paths.values.T, colours, widths)
+        key(figure, [*_legend(names, colours, least=1), *time.shade()])
+        time.frame(ax, "Extension in m")
+        return figure
+    _plot(ax, time.t, [result.along + offset for offset in ahead])
+    time.frame(ax, f"{moving_part(result).capitalize()} position in m")
+    ax.set_ylim(0.0, length(result))
+    key(figure, [*_legend([f"s {with_sign(offset)} m" if offset else "s" for offset in ahead]), *time.shade()])
+    return figure
+
+
+def angles(result: RunResult, changing: Mapping[str, SignalBase]) -> Figure:
+    """Angles of the boom over time, in degrees."""
+    time = Timeline(result)
+    figure, axes = sheet(HALF, 1.7)
+    _plot(axes[0, 0], time.t, [np.rad2deg(angle.value(time.t)) for angle in changing.values()])
+    time.frame(axes[0, 0], "Angle in degrees")
+    key(figure, [*_legend(list(changing), least=1), *time.shade()])
+    return figure
+
+
+def loads(result: RunResult) -> Figure:
+    """Loads over time: forces in N and, in a panel of their own, moments in N m."""
+    time, acting = Timeline(result), subject.loads_as_asked(result)
+    units = sorted({load.unit for load in acting})
+    rows = key_rows([*(named(load.body, load.name) for load in acting), "boom moves"], HALF) if len(acting) > 1 else 1
+    more = ROW * (rows - 1)
+    tall = 0.8 + 0.9 * len(units) + more
+    figure, axes = sheet(HALF, tall, rows=len(units), margins={"top": 0.28 + more}, sharex=True)
+    names: list[str] = []
+    for row, base in enumerate(units):
+        ax, chosen = axes[row, 0], [load for load in acting if load.unit == base]
+        unit = unit_for(max(float(np.abs(load.values).max()) for load in chosen), base)
+        _plot(ax, time.t, [load.values / unit.size for load in chosen], _COLOURS[len(names) % len(_COLOURS) :])
+        quantity = "Force" if base == "N" else "Moment"
+        time.frame(ax, f"{quantity} in {unit.name}", last=row == len(units) - 1)
+        ax.axhline(0.0, linewidth=0.0)  # a constant load is seen beside zero
+        ax.margins(y=0.1)
+        names += [named(load.body, load.name) for load in chosen]
+    key(figure, [*_legend(names), *time.shade()], rows)
+    return figure
+
+
+def _plot(
+    ax: Axes,
+    t: Array,
+    signals: Sequence[Array] | Array,
+    colours: Sequence[str] = _COLOURS,
+    widths: Sequence[float] = (0.7,),
+) -> None:
+    for i, signal in enumerate(signals):
+        shown = extremes(signal, bins_of(ax))
+        ax.plot(t[shown], signal[shown], color=colours[i % len(colours)], linewidth=widths[i % len(widths)])
+
+
+def _legend(names: Sequence[str], colours: Sequence[str] = _COLOURS, least: int = 2) -> list[Any]:
+    """Entries of plain lines; fewer than `least` are named by their axis."""
+    if len(names) < least:
+        return []
+    return [Line2D([], [], label=name, color=colours[i % len(colours)]) for i, name in enumerate(names)]
+
+
+MOST_FORCES = 8  # panels of one figure
+
+
+def forces(result: RunResult, group: Sequence[Force]) -> Figure:
+    """Forces, at most `MOST_FORCES`, one panel each on one scale: one face is seen against the other."""
+    time = Timeline(result)
+    signals = [time.signals(force.of) for force in group]
+    unit, columns = unit_for(largest_of(*signals), "N"), min(len(group), 2)
+    rows = -(-len(group) // columns)
+    gaps = {"hspace": 0.3, "wspace": 0.09}
+    tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # below the key each panel has its name
+    figure, axes = sheet(
+        WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
+    )
+    for k, (force, panel) in enumerate(zip(group, signals, strict=True)):
+        ax, last = axes.flat[k], k >= len(group) - columns
+        time.trace(ax, panel, unit.size, weight=0.6 if columns > 1 else 1.0)
+        time.frame(ax, "" if k % columns else f"Force in {unit.name}", last=last)
+        ax.tick_params(labelbottom=last)
+        ax.set_title(force.name, loc="left", pad=2.0)
+    for ax in axes.flat[len(group) :]:
+        ax.set_visible(False)
+    key(figure, time.legend(list(signals[0])))
+    return figure
+
+
+def pivot(result: RunResult, outputs: Sequence[Output]) -> Figure:
+    """Draw the forces, or moments, of the boom on its machine in one panel."""
+    time, response = Timeline(result), result.responses["reduced"]
+    signals = [response.other(output.name) for output in outputs]
+    unit = unit_for(max(float(np.abs(signal).max()) for signal in signals), outputs[0].unit)
+    figure, axes = sheet(HALF, 1.9)
+    lines = list(zip(signals, [output.name.rpartition(" ")[2] for output in outputs], SECTIONS[1:], strict=False))
+    for signal, _, colour in lines:
+        shown = extremes(signal, bins_of(axes[0, 0]))
+        axes[0, 0].plot(time.t[shown], signal[shown] / unit.size, color=colour, linewidth=0.8)
+    time.frame(axes[0, 0], f"{'Moment' if outputs[0].unit == 'N m' else 'Force'} in {unit.name}")
+    axes[0, 0].axhline(0.0, linewidth=0.0)
+    shade = time.shade() if len(lines) < 4 else ()  # there is no room for a fifth name
+    key(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *shade])
+    return figure
+
+
+def stresses(result: RunResult, body: BodyResult) -> dict[str, Array]:
+    """The largest stress over time (T,) Pa by model, in the order in which they are drawn."""
+    names, t = [name for name in ("full", "reduced") if name in body.peak_stress], stress_times(result, body)
+    return {name: onto(result.responses["reduced"].t, t, body.peak_stress[name]) for name in names}
+
+
+def stress(result: RunResult, body: BodyResult) -> Figure:
+    """Largest von Mises stress over time; below it the difference, beside it the time about the largest of all."""
+    time, signals = Timeline(result), stresses(result, body)
+    peak = int(np.argmax(signals["reduced"]))
+    figure = curves(time, signals, "Stress", "Pa", time.window(peak))
+    unit = unit_for(largest_of(signals), "Pa")
+    for ax in figure.axes[: 2 if time.window(peak) else 1]:
+        ax.plot(time.t[peak], signals["reduced"][peak] / unit.size, "o", markersize=4.0, color=INK, zorder=5.0)
+        ax.set_ylim(bottom=0.0)
+    return figure
+
+
+def envelopes(result: RunResult, quantities: Sequence[str]) -> Figure:
+    """The reduced model's, one panel each: from the smallest to the largest value along each beam."""
+    envelopes_by_body = {
+        name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes
+    }
+    columns = min(len(quantities), 2)
+    rows = -(-len(quantities) // columns)
+    gaps = {"hspace": 0.45, "wspace": 0.28}
+    figure, axes = sheet(WIDE, 0.66 + 1.25 * rows, rows, columns, margins={"top": 0.42}, sharex=True, gridspec_kw=gaps)
+    colours = {name: colour for name, colour in of_sections(result.bodies).items() if name in envelopes_by_body}
+    for k, quantity in enumerate(quantities):
+        ax = axes.flat[k]
+        shown = {name: envelope for name, envelope in envelopes_by_body.items() if quantity in envelope.names}
+        numbers = {name: envelope.names.index(quantity) for name, envelope in shown.items()}
+        largest = max(
+            np.abs([envelope.least[numbers[n]], envelope.most[numbers[n]]]).max() for n, envelope in shown.items()
+        )
+        unit = unit_for(float(largest), next(envelope.units[numbers[n]] for n, envelope in shown.items()))
+        for name, envelope in shown.items():
+            of = numbers[name]
+            band = envelope.least[of] / unit.size, envelope.most[of] / unit.size
+            ax.fill_between(envelope.x, *band, color=colours[name], alpha=0.45, linewidth=0.8)
+        ax.axhline(0.0, linewidth=0.4, color="0.5")
+        ax.set_title(f"{quantity.capitalize()} in {unit.name}", loc="left", pad=2.0)
+        if k >= len(quantities) - columns:
+            ax.set_xlabel("From the tail in m")
+            ax.tick_params(labelbottom=True)
+    for ax in axes.flat[len(quantities) :]:
+        ax.set_visible(False)
+    key(figure, [Patch(color=colour, alpha=0.45, label=name) for name, colour in colours.items() if name])
+    return figure

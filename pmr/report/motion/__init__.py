@@ -1,1 +1,0 @@
-"""How a motion is shown: pictures, and players for the page."""

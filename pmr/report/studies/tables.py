@@ -1,0 +1,328 @@
+"""Forces, frequencies and probes of a few runs side by side: a row for each, a column for each run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+from pmr.report.blocks import Block, Grid
+from pmr.report.numbers import SPACE, Unit, length, percent, plain, quantity, significant, unit_for
+from pmr.report.subject import MODELS
+from pmr.scene.parts import Part
+from pmr.scene.scene import BodyFile
+from pmr.scene.section import quantity_of as quantity_in
+from pmr.studies.engine.task import Scalar, number
+from pmr.studies.results import RunRecord
+
+TIME = "simulate.reduced"  # seconds of one simulation of the reduced model
+_PLACES = {
+    "tip": "at the tip",
+    "beam": "along the beam",
+    "pad_force": "of the forces",
+}
+#: Places of the path by the names that figures give them.
+PLACES = {"s_min": "s least", "s_middle": "s midway", "s_max": "s largest"}
+_AGAINST = {"full": "", "ancf": " against ANCF"}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Label of a figure of a run, and how its value is printed; `unit` and `size` are those of an axis."""
+
+    label: str
+    printed: Callable[[float], str] = lambda value: significant(value, 4).replace(SPACE, "")
+    unit: str = "–"
+    size: float = 1.0
+
+    def cell(self, value: Scalar) -> str:
+        """A value in a table."""
+        if value is None:
+            return "–"
+        if isinstance(value, bool | str):
+            return value_words(value)
+        return plain(value) if isinstance(value, int) else self.printed(number(value))
+
+
+def key_words(key: str) -> str:
+    """A key of a scene in words: ``mesh.boundary_size`` as boundary size."""
+    section, _, last = key.rpartition(".")
+    words = last.replace("_", " ")
+    return (
+        f"{section.rpartition('.')[2]} {words}".replace("_", " ") if last in ("step", "end", "file", "mass") else words
+    )
+
+
+def value_words(value: Scalar) -> str:
+    """A value that was chosen, in words."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value in MODELS:
+        return MODELS[str(value)].partition(" ")[2]
+    return value.replace("_", " ") if isinstance(value, str) else ("–" if value is None else plain(number(value)))
+
+
+def unit_of(key: str) -> str:
+    """Unit of a scene's key, as the scene declares it; empty for a plain number, a word, or what is no such key."""
+    section: type[BaseModel] = Part if re.match(r"sections?\b", key) else BodyFile
+    *path, last = key.split(".")
+    for part in path:
+        inside = section.model_fields.get(part.partition("[")[0])  # what is no key names an entry of a list
+        if inside is not None:
+            section = next(_sections(inside.annotation), section)
+    quantity = quantity_in(section, last) if last in section.model_fields else None
+    return "" if quantity is None or quantity.unit == "1" else quantity.unit.replace("^2", "²").replace("^3", "³")
+
+
+def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Sections that a field may hold."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _sections(part)
+
+
+def heading(key: str) -> str:
+    """A key as it heads a column."""
+    unit = unit_of(key)
+    return f"{key_words(key)} in {unit}" if unit else key_words(key)
+
+
+def run_name(run: RunRecord, left_out: str = "") -> str:
+    """A run by what distinguishes it, but for one of its parameters."""
+    words = []
+    for key, value in run.parameters.items():
+        unit = unit_of(key)
+        if key == left_out:
+            continue
+        if key in ("case", "scene"):
+            words.append(value_words(value))
+        elif isinstance(value, int) and not isinstance(value, bool):
+            words.append(f"{value_words(value)} {key_words(key)}")
+        else:
+            words.append(f"{key_words(key)} {value_words(value)}" + (f"{SPACE}{unit}" if unit else ""))
+    return ", ".join(words) or run.key
+
+
+def quantity_of(name: str) -> Quantity:
+    """Quantity of a figure of a run."""
+    parts = name.split(".", 2) if name.startswith("errors.") else name.split(".")
+    if parts[0] == "errors" and len(parts) == 3:
+        model, _, other = parts[1].partition("_vs_")
+        of = "" if model == "reduced" else f", {model}"
+        return Quantity(
+            f"error {_PLACES.get(parts[2], f'of {parts[2]}')}{of}{_AGAINST.get(other, other)}", percent, "%", 0.01
+        )
+    if parts[0] == "frequency_error":
+        return Quantity(f"error of frequency {parts[1]}", percent, "%", 0.01)
+    if parts[0] == "frequencies" and len(parts) == 3:
+        return Quantity(f"frequency {parts[2]}, {PLACES[parts[1]]}", lambda f: f"{significant(f, 4)}{SPACE}Hz", "Hz")
+    if parts[0] == "mass":
+        return Quantity(", ".join(parts), lambda mass: f"{significant(mass, 4)}{SPACE}kg", "kg")
+    if parts[0] == "probes" and parts[-1] == "range":
+        stress = " stress " in name
+        printed = (lambda size: quantity(size, "Pa")) if stress else (lambda size: significant(size, 3))
+        return Quantity(f"range of {name[7:-6]}", printed, "Pa" if stress else "–")
+    return {
+        "utilisation": Quantity("largest stress over yield stress", percent, "%", 0.01),
+        "largest_force": Quantity("largest force", lambda force: quantity(force, "N"), "N"),
+        "max_displacement": Quantity("largest displacement", length, "m"),
+        "max_error": Quantity("largest difference", length, "m"),
+        "coordinates.full": Quantity("coordinates, full"),
+        "coordinates.reduced": Quantity("coordinates, reduced"),
+        "basis.kappa": Quantity("left out by the basis, 1 − κ", lambda kappa: significant(max(1.0 - kappa, 0.0), 2)),
+        "simulate.reduced": Quantity("time, reduced", lambda value: quantity(value, "s"), "s"),
+        "simulate.full": Quantity("time, full", lambda value: quantity(value, "s"), "s"),
+        "simulate.ancf": Quantity("time, ANCF", lambda value: quantity(value, "s"), "s"),
+    }.get(name, Quantity(name.replace("_", " ").replace(".", ", ")))
+
+
+def runs_with(runs: Iterable[RunRecord], name: str) -> list[RunRecord]:
+    """Runs in which a figure is a number."""
+    return [run for run in runs if number_of(run.figures.get(name)) is not None]
+
+
+def differs(runs: Iterable[RunRecord], name: str) -> bool:
+    """Whether a figure is known of several runs and not the same in all of them."""
+    return len({quantity_of(name).cell(run.figures[name]) for run in runs_with(runs, name)}) > 1
+
+
+def value_of(run: RunRecord, name: str) -> float:
+    """A figure that is a number."""
+    return number(run.figures[name])
+
+
+def number_of(value: Scalar) -> float | None:
+    """A value, if it is a number."""
+    return None if value is None or isinstance(value, bool | str) else float(value)
+
+
+def case_name(scene: str) -> str:
+    """A scene's file as it is called in a sentence: ``paper_evolved`` is the evolved case."""
+    name = scene.removeprefix("paper_").replace("_", " ")
+    return f"{name} case" if scene.startswith("paper_") else name
+
+
+def list_words(words: Iterable[str]) -> str:
+    """``a, b and c``."""
+    *most, last = words
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+#: A word for each row; the names of the figures that it is the largest of, in either direction; how it is printed.
+ROWS: dict[str, tuple[str, Callable[[float], str]]] = {
+    "mass": (r"mass", lambda mass: f"{significant(mass, 4)}{SPACE}kg"),
+    "largest displacement": (r"max_displacement", length),
+    "lowest frequency": (r"frequencies\..*", lambda f: f"{significant(f, 4)}{SPACE}Hz"),
+    "largest force of a pad, slider or support": (r"forces\..*\.(min|max)", partial(quantity, base="N")),
+    "largest force on a rigid support": (r"reactions\..*\.(min|max)", partial(quantity, base="N")),
+    "largest moment on a rigid support": (r"moments\..*\.(min|max)", partial(quantity, base="N m")),
+    "largest bending moment": (r"beam_moments\..*bending moment .\.(min|max)", partial(quantity, base="N m")),
+    "largest von Mises stress": (r"stress\..*\.max", partial(quantity, base="Pa")),
+    "largest stress over yield stress": (r"utilisation", percent),
+}
+
+
+def at_a_glance(runs: Sequence[RunRecord]) -> Block | None:
+    """A row for each quantity that any of the runs has, with its unit; None where that is but one."""
+    rows = [(word, *cells) for word, cells in largest_values(runs).items()]
+    if len(rows) < 2:
+        return None
+    caption = "Over the whole run, in either direction; times and places are below and in runs.csv."
+    return Block("At a glance", grids=(Grid(caption, ("", *map(run_name, runs)), tuple(rows)),))
+
+
+def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
+    """For each quantity that any of the runs has the value of every run."""
+    cells = {}
+    for word, (names, printed) in ROWS.items():
+        values = [_extreme(run, names, min if word.startswith("lowest") else max) for run in runs]
+        if any(value is not None for value in values):
+            cells[word] = ["–" if value is None else printed(value) for value in values]
+    return cells
+
+
+def _extreme(run: RunRecord, names: str, which: Callable[..., float | None]) -> float | None:
+    numbers = (number_of(value) for name, value in run.figures.items() if re.fullmatch(names, name))
+    return which((abs(value) for value in numbers if value is not None), default=None)
+
+
+#: Runs that fit side by side; of more runs.csv has all figures, and curves show the largest.
+MOST_RUNS = 6
+#: What of a run's figures is shown here, and not among those of `pmr.report.studies.runs`.
+ROOMS = (
+    "forces.", "reactions.", "moments.", "stress.", "frequencies.", "probes.", "path.", "beam_forces.", "beam_moments.",
+    "utilisation_", "ropes.",
+)  # fmt: skip
+
+#: Share of the largest value of its unit below which what a probe measures is round-off.
+NOTHING = 1e-6
+#: Headings of what has a largest value, and maybe a least one, with its room, its unit and which of both it has.
+_SPANS = {
+    "Forces of pads, sliders and supports": ("forces.", "N", "Least … largest"),
+    "Forces of ropes, and of what pulls them": ("ropes.", "N", "Least … largest"),
+    "Forces on rigid supports": ("reactions.", "N", "Least … largest"),
+    "Moments on rigid supports": ("moments.", "N m", "Least … largest"),
+    "Stress by region": ("stress.", "Pa", "Largest von Mises stress"),
+    "Forces along beams": ("beam_forces.", "N", "Least … largest"),
+    "Moments along beams": ("beam_moments.", "N m", "Least … largest"),
+}
+#: Words in names of probes by their units, and whether the unit takes a prefix.
+_BASE = {"Pa": ("stress", True), "1": ("strain", False), "mm": ("displacement", False)}
+
+
+def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
+    """Tables of what the runs have; none for many runs, or for runs that have nothing of it."""
+    if not (done := few(runs)):
+        return
+    tables = {heading: _spans(done, *of) for heading, of in _SPANS.items()}
+    tables |= {
+        "Frequencies": (f"In Hz, while pads and sliders rest{_stretch(done)}.", _frequencies(done)),
+        "Probes": ("Least … largest, and the largest range of a load cycle.", _probes(done)),
+    }
+    head = ("", *(run_name(run) for run in done))
+    for heading, (caption, rows) in tables.items():
+        if rows:
+            yield Block(heading, grids=(Grid(caption, head, tuple(rows)),))
+
+
+def few(runs: Sequence[RunRecord]) -> list[RunRecord]:
+    """Runs with a result, where they fit side by side; else none."""
+    done = [run for run in runs if run.status == "done"]
+    return done if len(done) <= MOST_RUNS else []
+
+
+def _spans(runs: Sequence[RunRecord], room: str, base: str, caption: str) -> tuple[str, list[tuple[str, ...]]]:
+    """Caption and rows of what figures of a room say, each from its least to its largest value; without round-off."""
+    sizes = {
+        name: max(map(abs, _values(runs, room + name, "min", "max")), default=0.0)
+        for name in _names(runs, room, ".max")
+    }
+    largest = max(sizes.values(), default=0.0)
+    unit, names = unit_for(largest, base), [name for name, size in sizes.items() if size > NOTHING * largest]
+    rows = [(name, *(_span(run, room + name, unit.size) for run in runs)) for name in names]
+    return f"{caption} in {unit.name}; times and places are in runs.csv.", rows
+
+
+def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
+    keys = dict.fromkeys(key for run in runs for key in run.figures if key.startswith("frequencies."))
+    rows = []
+    for key in keys:
+        _, place, number = key.split(".")
+        cells = (_format_value(run.figures.get(key), 1.0) for run in runs)
+        rows.append((f"frequency {number}, {PLACES[place]}", *cells))
+    return rows
+
+
+def _stretch(runs: Sequence[RunRecord]) -> str:
+    """Range of the path, if it is that of all runs alike."""
+    ends = {(number_of(run.figures.get("path.s_min")), number_of(run.figures.get("path.s_max"))) for run in runs}
+    low, high = ends.pop()
+    if ends or low is None or high is None:
+        return ""
+    return f"; s is {plain(round(low, 6))}{SPACE}m at least and {plain(round(high, 6))}{SPACE}m at most"
+
+
+def _probes(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
+    rows, names = [], _names(runs, "probes.", ".range")
+    for base, (word, prefix) in _BASE.items():
+        of_kind = [name for name in names if f" {word} " in name]
+        sizes = {name: max(map(abs, _values(runs, f"probes.{name}", "min", "max")), default=0.0) for name in of_kind}
+        largest = max(sizes.values(), default=0.0)
+        unit = unit_for(largest, base) if prefix else Unit(1.0, base)
+        for name in of_kind:
+            if sizes[name] <= NOTHING * largest:
+                continue
+            of = f"{name} in {unit.name}" if unit.name != "1" else name
+            rows.append((of, *(_span(run, f"probes.{name}", unit.size) for run in runs)))
+            ranges = (_format_value(run.figures.get(f"probes.{name}.range"), unit.size) for run in runs)
+            rows.append((f"{SPACE}{SPACE}range", *ranges))
+    return rows
+
+
+def _names(runs: Sequence[RunRecord], first: str, last: str) -> list[str]:
+    keys = dict.fromkeys(key for run in runs for key in run.figures)
+    return [key[len(first) : -len(last)] for key in keys if key.startswith(first) and key.endswith(last)]
+
+
+def _values(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]:
+    for run in runs:
+        for key in keys:
+            if (value := number_of(run.figures.get(f"{name}.{key}"))) is not None:
+                yield value
+
+
+def _span(run: RunRecord, name: str, size: float) -> str:
+    figures: Mapping[str, Scalar] = run.figures
+    least, most = figures.get(f"{name}.min"), figures.get(f"{name}.max")
+    first = "" if least is None else f"{_format_value(least, size)}{SPACE}…{SPACE}"
+    return f"{first}{_format_value(most, size)}"
+
+
+def _format_value(value: Scalar, size: float) -> str:
+    number = number_of(value)
+    return "–" if number is None else significant(number / size, 3)
