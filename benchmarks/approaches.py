@@ -19,7 +19,8 @@ from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.system.body import SlidingBody
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

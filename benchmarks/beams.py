@@ -18,8 +18,7 @@ from pmr.scene import Scene
 from pmr.scene.signals import SignalBase, Sine
 from pmr.simulation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.system.body import FullBody
-from pmr.system.projection import projected
+from pmr.system.body import FullBody, projected
 
 Array = NDArray[np.float64]
 WORKFLOWS = Path(__file__).resolve().parents[1] / "workflows"

@@ -28,7 +28,7 @@ from pmr.constraints.polynomials import evaluate
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.from_scene import structure_of
-from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.carriers import Flexibility
 from pmr.reduction.bodies import Reduction
 from pmr.scene.members import member_at
 from pmr.scene.names import ALONE

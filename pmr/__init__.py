@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from pmr.results import Response, RunResult
     from pmr.scene import load_any as load_scene
     from pmr.simulation.native.stepper import Stepper
-    from pmr.system.projection import projected as project
+    from pmr.system.body import projected as project
     from pmr.system.system import System
 
 __version__ = "0.1.0"
@@ -58,7 +58,7 @@ _PLACES = {
     "from_matrices": "pmr.files.matrices:from_matrices",
     "full_model": "pmr.pipeline:full_model",
     "load_scene": "pmr.scene:load_any",
-    "project": "pmr.system.projection:projected",
+    "project": "pmr.system.body:projected",
     "reduce": "pmr.pipeline:reduce",
     "run": "pmr.pipeline:run",
     "simulate": "pmr.compare.simulated:simulate",

@@ -18,8 +18,8 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.systems import Observation
 from pmr.system.body import SlidingBody, Trajectory
-from pmr.system.states import BodyStates
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import BodyStates, SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Simulate = Callable[..., "Motion"]

@@ -14,9 +14,8 @@ from textbook import LENGTH, beam_matrices
 
 from pmr.constraints.polynomials import stack_tables
 from pmr.constraints.rows import Row, Rows, SharedCarriers, carrier, fixed_row, row_on_coordinates
-from pmr.reduced.carriers import CarriedRows, CarrierFlexibility
-from pmr.reduced.damping import Rayleigh
-from pmr.reduced.flexibility import EnrichmentModes, Flexibility
+from pmr.reduced.carriers import CarriedRows, CarrierFlexibility, EnrichmentModes, Flexibility
+from pmr.reduced.matrices import Rayleigh
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulation import InitialState, TimeStepping

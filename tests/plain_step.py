@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
-from pmr.system.friction import Friction
+from pmr.system.contacts import Friction
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

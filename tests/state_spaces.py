@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.state_space import StateSpace
+from pmr.export.state_space import StateSpace
 
 
 def frequency_response(space: StateSpace, omega: NDArray[np.float64]) -> NDArray[np.complex128]:

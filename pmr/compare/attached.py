@@ -19,7 +19,8 @@ from pmr.errors import SimulationError
 from pmr.reduced.carriers import CarriedRows
 from pmr.results.quantities import with_unit
 from pmr.system.body import Trajectory
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

@@ -40,7 +40,8 @@ from pmr.simulation import Excitation
 from pmr.simulation.reactions import column_names
 from pmr.system.body import length_outputs
 from pmr.system.contacts import ALONE, named
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]

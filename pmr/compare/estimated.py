@@ -34,7 +34,8 @@ from pmr.simulation.modal import modal_form
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

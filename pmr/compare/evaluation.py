@@ -19,9 +19,9 @@ from pmr.simulation.native import systems
 from pmr.simulation.reactions import column_names, on_rows, with_support_reactions
 from pmr.simulation.stepping import Ended
 from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, with_inertia
-from pmr.system.contacts import named
-from pmr.system.friction import Friction
-from pmr.system.system import Joined, System, SystemTrajectory
+from pmr.system.contacts import Friction, named
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import Joined, System
 
 Array = NDArray[np.float64]
 

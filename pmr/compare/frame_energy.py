@@ -33,7 +33,8 @@ from pmr.simulation import Excitation
 from pmr.simulation.balance import dot, mean
 from pmr.simulation.frame_motion import Turning
 from pmr.system.body import SlidingBody
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]

@@ -33,7 +33,8 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import TimeStepping, is_aliased
 from pmr.system.body import length_outputs
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Compared = TypeVar("Compared")

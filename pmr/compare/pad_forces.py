@@ -22,8 +22,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.members import EXTENSION, members
 from pmr.scene.names import cylinder_of
 from pmr.system.body import SlidingBody
-from pmr.system.contacts import Contact, named
-from pmr.system.friction import Friction
+from pmr.system.contacts import Contact, Friction, named
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -89,7 +88,7 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
 
     .. math:: \int f\, dy - f^2 / 2 \textstyle\sum \kappa, \qquad y = s - \Lambda / k
 
-    as if all of its pads stuck alike (`pmr.system.friction`).
+    as if all of its pads stuck alike (`pmr.system.contacts`).
     """
     friction = Friction.of(system.contacts)
     assert friction is not None  # as the response has its friction

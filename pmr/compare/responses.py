@@ -31,8 +31,8 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.simulation.stepping import Block, Progress, Recorder
-from pmr.system.states import BodyStates, states_of
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import BodyStates, SystemTrajectory, states_of
+from pmr.system.system import System
 
 Indices = NDArray[np.int64]
 

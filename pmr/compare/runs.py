@@ -19,7 +19,8 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.start import dense
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, other_outputs
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

@@ -29,8 +29,8 @@ from pmr.simulation.frame import term_signals
 from pmr.simulation.statics.equilibrium import Held
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import system_of
+from pmr.system.terms import terms_of
 
 Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)

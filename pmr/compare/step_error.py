@@ -38,7 +38,8 @@ from pmr.results.quantities import QUANTITIES
 from pmr.scene.signals import SignalBase
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

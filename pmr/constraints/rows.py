@@ -8,6 +8,12 @@ carriers are the coordinates themselves, its weights the shape functions of one 
 A pad that slides over a mesh touches thousands of coordinates, but only through K weighted means.  What a full model
 has to know of the path, its compliance U R U^T say, is then K static solves, however fine the mesh is.
 Where several rows together touch fewer than K / 2 coordinates, as pads on a beam do, these are their common carriers.
+
+Products of rows on common carriers and breaks, with all of them at the same path coordinate, as tables.
+
+With rows C(s) = b(s) U, values U X (K, c) on the carriers and R = U Q U^T (K, K) between them,
+
+.. math:: C(s)\, X = b(s)\, (U X), \qquad C(s)\, Q\, C(s)^T = b(s)\, R\, b(s)^T
 """
 
 from __future__ import annotations
@@ -21,7 +27,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import common_breaks, interval_around, refine_table, within_domain
+from pmr.constraints.polynomials import common_breaks, interval_around, refine_table, same_degree, within_domain
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -296,3 +302,60 @@ def _single(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:
         touched, coefficients = dense_entries(sp.csr_matrix(row.entries @ U), len(row.coefficients))
         on_coordinates.append(replace(row, carriers=single, touched=touched, coefficients=coefficients))
     return SharedCarriers(single, tuple(on_coordinates))
+
+
+#: Entries of R that are gathered at once.
+AT_ONCE = 2**20
+
+
+@dataclass(frozen=True)
+class RowPolynomials:
+    """Coefficients of m rows, the highest power first, on the w carriers that they touch together on each interval."""
+
+    breaks: Array  # (k + 1,) m
+    touched: Indices  # (k, w)
+    coefficients: Array  # (m, powers, k, w)
+
+    @classmethod
+    def of(cls, rows: Sequence[Row]) -> RowPolynomials:
+        """Rows that have their carriers and breaks in common."""
+        degree = same_degree(*(row.coefficients for row in rows))
+        n, interval = rows[0].carriers.shape[0], np.arange(len(rows[0].breaks) - 1)
+        touching = [interval[:, None] * n + row.touched for row in rows]
+        different, place, touched = gather(np.concatenate(touching, axis=None), n, len(interval))
+        coefficients = np.zeros((len(rows), len(degree[0]), *touched.shape))
+        for of_row, c, numbers in zip(coefficients, degree, touching, strict=True):
+            at = place[np.searchsorted(different, numbers)]
+            for l in range(at.shape[1]):
+                of_row[:, interval, at[:, l]] += c[:, :, l]
+        return cls(rows[0].breaks, touched, coefficients)
+
+    def times(self, X: Array) -> PPoly:
+        """C(s) X, values (m, c), from U X (K, c) on the carriers."""
+        m, powers, k, w = self.coefficients.shape
+        blocks = self.coefficients.transpose(2, 0, 1, 3).reshape(k, m * powers, w)
+        c = (blocks @ np.ascontiguousarray(X)[self.touched]).reshape(k, m, powers, X.shape[1])
+        return PPoly(np.ascontiguousarray(c.transpose(2, 0, 1, 3)), self.breaks)
+
+    def quadratic_form(self, R: sp.csr_matrix | Array) -> PPoly:
+        """C(s) Q C(s)^T, values (m, m), from symmetric R (K, K) between the carriers.
+
+        On an interval rows touch a few carriers only, so of R a small block counts, however long the path is.
+        """
+        m, powers, k, w = self.coefficients.shape
+        blocks = self.coefficients.transpose(2, 1, 0, 3).reshape(k, powers * m, w)
+        result, some = np.zeros((2 * powers - 1, k, m, m)), max(1, AT_ONCE // w**2)
+        for j in range(0, k, some):
+            at, b = self.touched[j : j + some], blocks[j : j + some]
+            product = (b @ _entries_between(R, at) @ b.swapaxes(1, 2)).reshape(len(b), powers, m, powers, m)
+            for p in range(powers):
+                result[p : p + powers, j : j + some] += product[:, p].transpose(2, 0, 1, 3)
+        return PPoly((result + result.swapaxes(2, 3)) / 2.0, self.breaks)
+
+
+def _entries_between(R: sp.csr_matrix | Array, touched: Indices) -> Array:
+    """Entries (k, w, w) of R between the carriers that each of k intervals touches (k, w)."""
+    rows, columns = np.broadcast_arrays(touched[:, :, None], touched[:, None])
+    if isinstance(R, np.ndarray):
+        return np.asarray(R[rows, columns])
+    return np.asarray(R[rows.ravel(), columns.ravel()]).reshape(rows.shape)

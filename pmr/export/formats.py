@@ -63,7 +63,7 @@ FORMATS = {
     "python-control": Format(
         "the same, read by a script", "state_space.py", _AT, _writer("control", "write_python_control")
     ),
-    "modelica": Format("a block of Modelica with it", "StateSpace.mo", _AT, _writer("modelica", "write_modelica")),
+    "modelica": Format("a block of Modelica with it", "StateSpace.mo", _AT, _writer("control", "write_modelica")),
     "frequency-response": Format(
         "a table and a picture over s", "frequency_response.csv", _AT, _writer("control", "write_frequency_response")
     ),
@@ -97,7 +97,7 @@ ONE_BODY = (
     "other; `pmr export` writes what a run leaves: an fmu or a script with the sliding in it, or a state space"
 )
 BODY_FORMATS = {
-    "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", "node", _writer("sid", "write_sid")),
+    "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", "node", _writer("bodies", "write_sid")),
     "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", "node", _writer("bodies", "write_ffrf")),
     "simscape": BodyFormat(
         "Reduced Order Flexible Solid of Simscape", "body.mat", "frame", _writer("bodies", "write_simscape")

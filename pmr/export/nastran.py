@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.export.formats import Options
-from pmr.export.places import held_at
+from pmr.export.state_space import StateSpace, held_at
 from pmr.files.whole import replacement
-from pmr.simulation.state_space import StateSpace
 
 Array = NDArray[np.float64]
 #: Letters of a wide field: 10 to 12 digits fit.
@@ -37,7 +36,7 @@ def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
     A field holds ten digits or more; what it leaves of a matrix stands in a second one, so that their sum, as Nastran
     takes it (``K2GG = K1, KL1``), has all digits.
 
-    Raises InputError as `pmr.export.places.held_at`.
+    Raises InputError as `pmr.export.state_space.held_at`.
     """
     return _write(npz_path, target, options, _deck)
 

@@ -14,7 +14,7 @@ from pmr.fem.distributed import free_dropped, free_objects, sparse
 from pmr.fem.matrices import local_csr
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
-from pmr.reduced.damping import Rayleigh
+from pmr.reduced.matrices import Rayleigh
 from pmr.scene import Damping
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.fem.compat import PETSc
 from pmr.fem.matrices import gather
 from pmr.fullmodel.masses import Masses
-from pmr.reduced.damping import Rayleigh
+from pmr.reduced.matrices import Rayleigh
 from pmr.system.body import FullBody, WithRows
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class FullModel(WithRows):
     mirrors: tuple[sp.csr_matrix, ...] = ()
     # rows (1, n) by place and direction, the same on every rank: what moves where something may be attached
     ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
-    # (n, n) as M, by the names of `pmr.reduced.moving`: what a moving frame and axial forces add; those that vanish are
+    # (n, n) as M, by the names of `pmr.reduced.matrices`: of a moving frame and of axial forces; those that vanish are
     # left out
     matrices: Mapping[str, PETSc.Mat] = field(default_factory=dict)
     masses: Masses | None = None  # None of matrices that were given

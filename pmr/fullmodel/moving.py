@@ -4,7 +4,7 @@ r"""What a moving frame and axial forces add to a structural model: matrices and
     A_S = \int \rho\, v \cdot S u \, dV, \qquad f_S = A_S R_c, \qquad
     K_g = \int \sigma_{jk}\, u_{i,j} v_{i,k} \, dV
 
-with S as `pmr.reduced.moving` has it, R_c a rigid motion of the model, which all models hold exactly, and sigma the
+with S as `pmr.reduced.matrices` has it, R_c a rigid motion of the model, which all models hold exactly, and sigma the
 stresses of a unit state (docs/moving_frame.md).
 """
 
@@ -26,7 +26,7 @@ from pmr.fullmodel.eigensolvers import DENSE_UP_TO
 from pmr.fullmodel.elimination import Elimination
 from pmr.fullmodel.statics import StaticSolver, solver_of
 from pmr.models import StructuralModel, is_assembled
-from pmr.reduced.moving import CONSTANT, LINEAR, STATES
+from pmr.reduced.matrices import CONSTANT, LINEAR, STATES
 from pmr.scene.structures import PointMass
 
 Array = NDArray[np.float64]

@@ -22,7 +22,7 @@ from pmr.fullmodel.structure import Action, Coupling, PadForce, Structure, coupl
 from pmr.fullmodel.symmetry import mirror_images
 from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
-from pmr.reduced.moving import CARRIED, ROTATING
+from pmr.reduced.matrices import CARRIED, ROTATING
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

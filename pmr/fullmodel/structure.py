@@ -124,7 +124,7 @@ class Structure:
     damping: Damping = Damping()
     pads: Pads = Pads()
     ports: tuple[Action, ...] = ()
-    # names of matrices of a moving frame and of second order (`pmr.reduced.moving`)
+    # names of matrices of a moving frame and of second order (`pmr.reduced.matrices`)
     matrices: tuple[str, ...] = ()
 
 

@@ -7,7 +7,7 @@ from pmr.scene.frame_terms import frame_terms, stress_terms
 
 
 def wanted_matrices(scene: Scene) -> tuple[str, ...]:
-    """Names among `ROTATING`, `CARRIED` and `STATES` of `pmr.reduced.moving`; none costs anything unless named.
+    """Names among `ROTATING`, `CARRIED` and `STATES` of `pmr.reduced.matrices`; none costs anything unless named.
 
     Without second order those of stresses are built all the same: they say how much is left out.
     """

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import columns, common_breaks, refine_table, same_degree, total, transpose
-from pmr.reduced.carriers import CarrierFlexibility
-from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.carriers import CarrierFlexibility, Flexibility
 from pmr.reduced.model import ReducedModel
 from pmr.scene.built import force_of, reaction_of
 from pmr.scene.pivot import CYLINDER, pin_and_cylinder, pressed_on_ground

@@ -155,7 +155,7 @@ def slide_pads(
     stiffness, coefficients : (n,) arrays
         Along the boom while a pad sticks, in N/m; Coulomb's.
     forces, old : (n,) arrays, N
-        With which pads press, and their friction at the end of the last step (`pmr.system.friction`).
+        With which pads press, and their friction at the end of the last step (`pmr.system.contacts`).
     """
     arrays = [np.ascontiguousarray(array, float) for array in (stiffness, coefficients, forces, old)]
     limits, new = np.zeros((2, len(old)))

@@ -7,7 +7,7 @@ With the sides of a contact, each of them :math:`b_a(x_a) U` on its body's carri
 
 over the blocks k of sides that travel along one path on one body.  Sides that stay are in the constants.  The last sum
 is over blocks of one body on different paths.  A body alone whose contacts share one path is one block with its own
-tables.  Behind the m contacts stand the n pads that rub (`pmr.system.friction`), each with the row C' of its contact.
+tables.  Behind the m contacts stand the n pads that rub (`pmr.system.contacts`), each with the row C' of its contact.
 """
 
 from __future__ import annotations
@@ -20,13 +20,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import columns, common_breaks, contributions, refine_table, same_degree, select_rows
-from pmr.constraints.products import RowPolynomials
-from pmr.constraints.rows import Row
+from pmr.constraints.rows import Row, RowPolynomials
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
 from pmr.system.contact_rows import clear_rows, is_round_off
-from pmr.system.contacts import SLIDER
-from pmr.system.friction import Friction
+from pmr.system.contacts import SLIDER, Friction
 from pmr.system.system import Side, System
 
 Array = NDArray[np.float64]

@@ -32,7 +32,7 @@ class Forms:
 
 
 class UnitState(Protocol):
-    """A state of stress of a body held at its tail, of one of the names `pmr.reduced.moving.STATES`."""
+    """A state of stress of a body held at its tail, of one of the names `pmr.reduced.matrices.STATES`."""
 
     @property
     def acceleration(self) -> Array:

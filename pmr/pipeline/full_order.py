@@ -37,13 +37,12 @@ from pmr.simulation.reactions import Supports, with_forces_on_machine, with_reac
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.stepping import Progress, TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.frame_terms import terms_of
-from pmr.system.friction import Friction
+from pmr.system.contacts import Friction
+from pmr.system.definite import oscillations
 from pmr.system.from_scene import contacts_of
-from pmr.system.oscillations import oscillations
 from pmr.system.states import BodyStates, rubbed_on
 from pmr.system.system import System
-from pmr.system.terms import add_terms
+from pmr.system.terms import add_terms, terms_of
 
 Array = NDArray[np.float64]
 

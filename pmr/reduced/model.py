@@ -6,7 +6,7 @@ r"""The reduced model: a small self-contained file that simulates without any fi
 
 with r generalised coordinates p.  For mass-normalised modes the columns of V carry 1/sqrt(kg), so p is in
 m sqrt(kg); for orthonormal POD vectors V is dimensionless and p carries the unit of the coordinates (m, rad).
-G, H, W and X are those of the residual flexibility (`pmr.reduced.flexibility`) and vanish without one; 1/k is the pads'
+G, H, W and X are those of the residual flexibility (`pmr.reduced.carriers`) and vanish without one; 1/k is the pads'
 compliance.  lambda is in N: with rows that measure a displacement in m, -C^T lambda is the force of the sliders on
 the body.  A row that only pushes holds with its clearance on the right-hand side and lambda >= 0, or is open with
 lambda = 0 (docs/pads.md).
@@ -37,10 +37,8 @@ from pmr.errors import InputError
 from pmr.errors.text import no_file
 from pmr.files import jsonfile, npz, records
 from pmr.reduced import stored
-from pmr.reduced.carriers import CarriedRows
-from pmr.reduced.damping import Rayleigh
-from pmr.reduced.flexibility import EnrichmentModes, Flexibility
-from pmr.reduced.moving import CONSTANT, LINEAR
+from pmr.reduced.carriers import CarriedRows, EnrichmentModes, Flexibility
+from pmr.reduced.matrices import CONSTANT, LINEAR, Rayleigh
 from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import asymmetry, describe_names, misfit, misshapen
 
@@ -108,13 +106,13 @@ class ReducedModel:
     ports : mapping of str to (r,) array
         Motion of a place where connectors may be attached, for each coordinate: ``"tip z"`` in m, ``"tip ry"`` in rad.
     matrices : mapping of str to (r, r) array
-        V^T A V of the terms of a moving frame and of axial forces, by the names of `pmr.reduced.moving`; matrices that
-        are zero are left out.
+        V^T A V of the terms of a moving frame and of axial forces, by the names of `pmr.reduced.matrices`; matrices
+        that are zero are left out.
     rigid_work : (k, i) array, optional
         Work of the inputs on the body's k rigid motions: translations along the axes, rotations about axes through
         the tail.
     quasi_static : (q,) array of int
-        Numbers of coordinates without inertia in simulators (`pmr.reduced.quasi_static`); M has their inertia.
+        Numbers of coordinates without inertia in simulators (`pmr.reduced.attachment`); M has their inertia.
     """
 
     AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}

@@ -3,7 +3,7 @@ r"""A reduced model as the arrays of a file, in which nothing stands twice.
 Beside what `pmr.files.records` writes of it,
 
 - coefficients of a table over the path are left out, and only its breaks are there, where the table is a product of
-  what the carriers measure, :math:`C = b\, (U V)`, :math:`G = b\, R\, b^T` and so on (`pmr.constraints.products`);
+  what the carriers measure, :math:`C = b\, (U V)`, :math:`G = b\, R\, b^T` and so on (`pmr.constraints.rows`);
 - of a symmetric matrix between carriers, or between vectors, the lower triangle is there, row by row, as
   ``name.triangle``; of an antisymmetric one as ``name.antitriangle``.
 

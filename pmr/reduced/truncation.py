@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import columns, product, side_by_side, times, total, transpose
-from pmr.reduced.carriers import CarriedRows
-from pmr.reduced.flexibility import EnrichmentModes, Flexibility
+from pmr.reduced.carriers import CarriedRows, EnrichmentModes, Flexibility
 from pmr.reduced.model import ReducedModel
 
 Array = NDArray[np.float64]

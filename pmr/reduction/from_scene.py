@@ -10,8 +10,8 @@ import numpy as np
 from pmr.errors import InputError, environment
 from pmr.fem.compat import versions
 from pmr.fullmodel.model import FullModel
+from pmr.reduced.attachment import QUASI_STATIC
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.quasi_static import QUASI_STATIC
 from pmr.reduction.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduction.galerkin import reduced_model, with_held_coordinates
 from pmr.reduction.given import Vectors, given_basis, given_vectors, offered_vectors, vectors_of

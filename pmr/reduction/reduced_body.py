@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.quasi_static import as_simulated
 from pmr.reduction.basis import Basis
 from pmr.reduction.snapshots import Snapshots
 

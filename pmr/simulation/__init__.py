@@ -13,7 +13,8 @@ from typing import Protocol
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress, TimeStepping
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 __all__ = ["Excitation", "InitialState", "Progress", "SystemSimulator", "TimeStepping"]
 

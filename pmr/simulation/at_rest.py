@@ -31,7 +31,8 @@ from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory, force_outputs
 from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import named
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 #: Angles among which the steepest is looked for.

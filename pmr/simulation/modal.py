@@ -30,13 +30,12 @@ from scipy.sparse.linalg import spsolve
 
 from pmr.constraints.polynomials import apply_table, total, transpose
 from pmr.errors import InputError
-from pmr.reduced.damping import Rayleigh
+from pmr.reduced.matrices import Rayleigh
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import symmetric
 from pmr.simulation.start import InitialState, dense
-from pmr.system.body import SlidingBody, Trajectory
-from pmr.system.projection import projected
+from pmr.system.body import SlidingBody, Trajectory, projected
 
 Long = NDArray[np.longdouble]
 

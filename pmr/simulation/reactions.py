@@ -41,7 +41,8 @@ from pmr.system.body import (
     units_of,
 )
 from pmr.system.contacts import Contact, named
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Supports = Sequence[tuple[str, str]]  # names and units of rigid supports

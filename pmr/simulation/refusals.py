@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from pmr.constraints.dependence import of_rows
 from pmr.scene.simulators import Needs
 from pmr.system.body import Body
-from pmr.system.contacts import Contact
-from pmr.system.friction import Friction, joints_of
+from pmr.system.contacts import Contact, Friction, joints_of
 from pmr.system.system import Joined
 from pmr.system.terms import first_few
 

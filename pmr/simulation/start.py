@@ -13,7 +13,7 @@ is M-orthogonally, as an impulse of the sliders would do it:
 Eich: Convergence results for a coordinate projection method applied to mechanical systems with algebraic
 constraints, SIAM Journal on Numerical Analysis 30, 1993.
 
-What pads hold by friction (`pmr.system.friction`) from step to step, by the law of the compiled loop.
+What pads hold by friction (`pmr.system.contacts`) from step to step, by the law of the compiled loop.
 """
 
 from __future__ import annotations
@@ -32,8 +32,7 @@ from pmr.errors import InputError
 from pmr.kernel.laws import JointCylinder, slide_pads
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.contacts import Contact
-from pmr.system.friction import Friction
+from pmr.system.contacts import Contact, Friction
 
 Array = NDArray[np.float64]
 

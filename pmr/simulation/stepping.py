@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.errors.text import rounded, rounded_down
 from pmr.scene.signals import SignalBase, Table
-from pmr.system.system import SystemTrajectory
+from pmr.system.states import SystemTrajectory
 
 Array = NDArray[np.float64]
 #: Called with the share of the time span, 0 to 1, that is done.

@@ -16,10 +16,10 @@ from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.studies import shared
-from pmr.system.body import length_outputs
+from pmr.system.body import length_outputs, projected
 from pmr.system.contacts import ALONE
-from pmr.system.projection import projected
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

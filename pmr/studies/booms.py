@@ -13,15 +13,16 @@ from pmr.compare.accuracy.order import trials_of
 from pmr.compare.accuracy.trials import Trials
 from pmr.compare.evaluation import respond
 from pmr.compare.runs import in_parts, run_from_start
+from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.quasi_static import as_simulated
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.frame_terms import frame_terms
 from pmr.simulation import Excitation
-from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import contacts_of, system_of
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
+from pmr.system.terms import terms_of
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pmr.constraints.polynomials import evaluate
 from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, is_round_off, left_free
 from pmr.system.contacts import Place
-from pmr.system.oscillations import oscillations
+from pmr.system.definite import oscillations
 from pmr.system.system import System
 from pmr.system.terms import Term, add_terms
 

@@ -1,4 +1,15 @@
-"""Rows of a system's contacts at given places, and the stiffness of those that give way."""
+r"""Rows of a system's contacts at given places, and the stiffness of those that give way.
+
+Rows that give way, eliminated: springs that travel with the slider, and no constraint is left.
+
+With F(s) = G(s) + 1/k the residual flexibility and the pads' compliance,
+
+.. math::
+    \lambda = F^{-1} (C q + H f), \qquad
+    M \ddot q + D \dot q + \big( K + C^T F^{-1} C \big) q = \big( B - C^T F^{-1} H \big) f
+
+which is an ordinary second-order system whose stiffness and inputs depend on s.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +20,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+
+from pmr.constraints.polynomials import contributions, evaluate
+from pmr.errors import SimulationError
+from pmr.system.body import SlidingBody
 
 Array = NDArray[np.float64]
 #: Flexibility of a contact below this share of the largest is round-off of a rigid one.
@@ -77,3 +92,74 @@ def add_springs(K: Array, rows: ContactRows) -> Array:
 def left_free(C: Array) -> Array | None:
     """A basis (n, k) of what rigid contacts C (m, n) leave free; None without any."""
     return scipy.linalg.null_space(C) if len(C) else None
+
+
+#: Smallest eigenvalue of F, scaled to a unit diagonal, with which it can be inverted.
+REGULAR = 1e-13
+
+
+def compliant_rows(body: SlidingBody) -> list[int]:
+    """Numbers of the rows that give way: by the residual flexibility, or at a pad."""
+    F = np.diag(body.row_compliance)
+    if body.flexibility is not None:
+        F = F + np.abs(contributions(body.flexibility.rows)).max(axis=(0, 1))
+    return np.flatnonzero(~is_round_off(F)).tolist()
+
+
+class CompliantRows:
+    """The rows of a body that give way, at any path coordinate."""
+
+    def __init__(self, body: SlidingBody) -> None:
+        self._body, self.numbers = body, compliant_rows(body)
+        self._round_off = np.zeros(len(self.numbers))
+        if body.flexibility is not None:
+            largest = np.abs(contributions(body.flexibility.rows)).max(axis=(0, 1))
+            self._round_off = 4.0 * np.finfo(float).eps * np.diag(largest)[self.numbers]
+
+    def flexibility(self, s: Array) -> Array:
+        """F(s) = G(s) + 1/k, (T, m', m') in m/N, at s (T,) m.
+
+        A SimulationError is raised where F is singular: a slider sits on a support, or two sit in one place.
+        """
+        body, which = self._body, np.ix_(self.numbers, self.numbers)
+        F = np.broadcast_to(np.diag(body.row_compliance)[which], (len(s), len(self.numbers), len(self.numbers)))
+        if body.flexibility is not None:
+            F = F + evaluate(body.flexibility.rows, s)[:, which[0], which[1]]
+        if not self.numbers:
+            return np.asarray(F)
+        scale = np.einsum("tmm->tm", F)
+        regular = np.all(scale > self._round_off, axis=1)
+        scale = np.sqrt(np.maximum(scale, 0.0))
+        scaled = F[regular] / (scale[regular, :, None] * scale[regular, None, :])
+        regular[regular] = np.linalg.eigvalsh(scaled)[:, 0] > REGULAR
+        if not regular.all():
+            names = ", ".join(body.row_names[i] for i in self.numbers)
+            at = s[np.argmin(regular)]
+            raise SimulationError(
+                f"slider at {at:g} m: the forces of the rows {names} are not determined there (a slider on a "
+                "support, or two in one place)"
+            )
+        return F
+
+    def inputs(self, s: Array) -> Array:
+        """H(s), (T, m', i) in m/N: how inputs move the rows."""
+        if self._body.flexibility is None:
+            return np.zeros((len(s), len(self.numbers), len(self._body.input_names)))
+        return evaluate(self._body.flexibility.inputs, s)[:, self.numbers]
+
+    def system(self, s: Array) -> Array:
+        """Stiffness K + C^T F^-1 C and inputs B - C^T F^-1 H side by side, (T, n, n + i), of a dense body.
+
+        Errors as for `flexibility`.
+        """
+        C = self._body.dense_rows(s)[:, self.numbers]
+        answers = np.linalg.solve(self.flexibility(s), np.concatenate([C, -self.inputs(s)], axis=2))
+        return np.hstack([self._body.K, self._body.B]) + C.transpose(0, 2, 1) @ answers
+
+    def multipliers(self, s: Array, q: Array, loads: Array) -> Array:
+        """F^-1 (C q + H f), (T, m') in N, along a trajectory: s (T,) m, q (T, n), loads (T, i).
+
+        Errors as for `flexibility`.
+        """
+        motion = self._body.apply_rows(s, q)[:, self.numbers] + np.einsum("tmi,ti->tm", self.inputs(s), loads)
+        return np.asarray(np.linalg.solve(self.flexibility(s), motion[:, :, None])[:, :, 0])

@@ -1,8 +1,44 @@
-"""Contacts between bodies, and the places on bodies that they join."""
+r"""Contacts between bodies, the places on bodies that they join, how they give way, and their friction.
+
+How contacts give way by themselves: pads and supports, and cylinders and ropes, which bear the forces of others.
+
+What gives way at contact k bears its own force and shares of others', :math:`T = S \lambda` (`pmr.scene.ropes`), and by
+virtual work moves each of these contacts by its share.  A rope whose length under tension grows with a path is the
+softer the farther this leads:
+
+.. math::
+    C q + H f = (G + A)\, \lambda, \qquad A(s) = S^T \operatorname{diag}\bigl(a + a' s\bigr)\, S, \qquad
+    a + a' s = \frac{l(s)}{z\, EA}
+
+A stands beside the residual flexibility G in all equations, so that what ropes store is
+:math:`\tfrac12 \lambda^T A \lambda`, and a drum that lets rope out under tension does the work
+:math:`-\tfrac12 \lambda^T \dot A \lambda` on the boom.
+
+Friction of pads along the boom, in the equations of motion.
+
+A pad that presses with N, while its section slides out by :math:`\Delta y` in a step, pulls that back with f, and the
+outer one on:
+
+.. math:: f_{n+1} = \max(-\mu |N|, \min(\mu |N|, f_n + \kappa\, \Delta y))
+
+It sticks, as a spring of the pad's stiffness :math:`\kappa` along the boom, until that would take more than Coulomb's
+:math:`\mu |N|`, and slides at that: an elastic, perfectly plastic element with one state a pad, f itself, and no
+speed in it (Jenkins' element; W. D. Iwan, A distributed-element model for hysteresis, Journal of Applied Mechanics 33,
+1966, 893-900).  What it turns into heat is f times what it slides, :math:`\Delta y - \Delta f / \kappa`.
+
+With :math:`\Lambda` the force of the joint's cylinder of stiffness k, of which :math:`\lambda = \Lambda - \sum f`
+reaches the sections, the pads of a joint slide by the extension and by what the cylinder gives way,
+
+.. math:: y = s - \Lambda / k, \qquad C q + H f - G \lambda - \lambda / k = \sum f / k
+
+so a section that swings on its cylinder rubs too.  All along the boom as stiff as sections are, friction is a force
+between both tails, and on the face that a pad touches, a distance e from the axis, a moment e f on both sections, the
+work of which is :math:`e f\, c'(x) q` with the pad's row c(x).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +48,7 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.joints import SHEAR_STIFFNESS
 from pmr.scene.names import ALONE as ALONE
 from pmr.scene.names import SLIDER as SLIDER
+from pmr.scene.names import cylinder_of
 from pmr.scene.names import input_of as input_of
 from pmr.scene.names import named as named
 
@@ -47,11 +84,11 @@ class Contact:
     compliance: float = 0.0  # 1/k in m/N; 0 for a rigid one
     # m, of a contact that only pushes: how far the inner place may go before it closes; None: it holds both ways
     clearance: float | None = None
-    friction: float = 0.0  # Coulomb's coefficient along the path (`pmr.system.friction`)
+    friction: float = 0.0  # Coulomb's coefficient along the path (`pmr.system.contacts`)
     kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.outputs`)
     arm: float = 0.0  # m: of friction, from the axis to the face that the contact presses on
     shear_stiffness: float = SHEAR_STIFFNESS  # N/m: along the path, while it sticks
-    # of a rope (`pmr.system.compliance`): by how much its compliance grows with a path, 1/N, and of which
+    # of a rope (`pmr.system.contacts`): by how much its compliance grows with a path, 1/N, and of which
     lengthening: float = 0.0
     path: str | None = None
     bears: tuple[tuple[str, float], ...] = ()  # shares of the forces of other contacts, by their names
@@ -176,3 +213,130 @@ class Joint:
                 f"{least:g} m or more is allowed: else {self.inner} ends before a pad at the mouth of {self.outer}"
             )
             raise InputError("system", key, first, allowed)
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """A of m contacts, linear in Q paths."""
+
+    constant: Array  # (m, m) m/N: where all paths are at 0
+    paths: tuple[str, ...]  # (Q,)
+    slopes: Array  # (Q, m, m) 1/N
+
+    @classmethod
+    def of(cls, contacts: Sequence[Contact]) -> Compliance:
+        """Compliance of a system's contacts; an InputError is raised where one bears others that there are none of."""
+        names = [contact.name for contact in contacts]
+        S = np.eye(len(contacts))
+        for k, contact in enumerate(contacts):
+            for name, share in contact.bears:
+                if name not in names:
+                    raise refusal(contact.name, "bears", name, f"{', '.join(names)} are allowed")
+                S[k, names.index(name)] += share
+        compliances, grows = (
+            np.array([getattr(contact, what) for contact in contacts]) for what in ("compliance", "lengthening")
+        )
+        changing = np.flatnonzero(grows)
+        paths = tuple(dict.fromkeys(str(contacts[k].path) for k in changing))
+        slopes = np.zeros((len(paths), *S.shape))
+        for k in changing:
+            slopes[paths.index(str(contacts[k].path))] += grows[k] * np.outer(S[k], S[k])
+        return cls(S.T @ (compliances[:, None] * S), paths, slopes)
+
+    @property
+    def rigid(self) -> NDArray[np.bool_]:
+        """(m,): contacts that do not give way by themselves."""
+        return np.diagonal(self.constant) == 0.0
+
+    def at(self, s: Array) -> Array:
+        """(..., m, m) m/N with these paths at s (..., Q) m."""
+        return np.asarray(self.constant + np.tensordot(s, self.slopes, 1))
+
+    def moved(self, forces: Array, s: Array) -> Array:
+        """A lambda (T, m) m of forces (T, m) N, likewise."""
+        return np.asarray(forces @ self.constant + np.einsum("tm,qmn,tq->tn", forces, self.slopes, s))
+
+    def work(self, forces: Array, s: Array) -> Array:
+        """Work of drums on the boom in each step, (T - 1,) J, likewise: from the means of the forces."""
+        mean = (forces[1:] + forces[:-1]) / 2.0
+        return np.asarray(-np.einsum("tm,qmn,tn,tq->t", mean, self.slopes, mean, np.diff(s, axis=0)) / 2.0)
+
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Friction:
+    """The n pads that rub among m contacts, one joint after the other, and the cylinders of these J joints."""
+
+    joints: tuple[str, ...]  # names of the sections that slide, by which their paths are called too
+    pads: Indices  # (n,): numbers of their contacts
+    first: Indices  # (J + 1,): where the pads of each joint begin
+    cylinders: Indices  # (J,): numbers of these contacts; -1 of a joint without
+    gives: Array  # (J,) m/N: 1/k of these; 0 of a rigid one or none
+    coefficients: Array  # (n,): mu
+    stiffness: Array  # (n,) N/m: kappa
+    arms: Array  # (n,) m: e
+    count: int  # m
+
+    @classmethod
+    def of(cls, contacts: Sequence[Contact]) -> Friction | None:
+        """Friction of the contacts of a system; None without any."""
+        numbers = {contact.name: k for k, contact in enumerate(contacts)}
+        joints = tuple(dict.fromkeys(contact.inner.body for contact in contacts if contact.friction))
+        pads_of_joints = [
+            [k for k, contact in enumerate(contacts) if contact.friction and contact.inner.body == name]
+            for name in joints
+        ]
+        if not joints:
+            return None
+        pads = [k for of_joint in pads_of_joints for k in of_joint]
+        cylinders = [numbers.get(cylinder_of(name), -1) for name in joints]
+        return cls(
+            joints,
+            np.array(pads, np.int64),
+            np.cumsum([0, *map(len, pads_of_joints)]),
+            np.array(cylinders, np.int64),
+            np.array([0.0 if k < 0 else contacts[k].compliance for k in cylinders]),
+            np.array([contacts[k].friction for k in pads]),
+            np.array([contacts[k].shear_stiffness for k in pads]),
+            np.array([contacts[k].arm for k in pads]),
+            len(contacts),
+        )
+
+    def totals(self, friction: Array) -> Array:
+        """Friction of each joint, (..., J) N, from that of its pads (..., n) N."""
+        return np.asarray(np.add.reduceat(friction, self.first[:-1], axis=-1))
+
+    def along(self, friction: Array) -> Array:
+        """Friction (..., m) in N that the contacts bear of the pads' (..., n) N: cylinders, that of their joints."""
+        borne, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
+        borne[..., self.cylinders[driven]] = self.totals(friction)[..., driven]
+        return borne
+
+    def moments(self, friction: Array, forces: Array) -> Array:
+        """Moments (..., m) in N m of the pads' friction (..., n) N, on the faces that the contacts' forces press on."""
+        pad_moments = np.zeros(forces.shape)
+        pad_moments[..., self.pads] = self.arms * np.sign(forces[..., self.pads]) * friction
+        return pad_moments
+
+    def gaps(self, friction: Array) -> Array:
+        """By how much (..., m) m cylinders give way to it."""
+        return self.gaps_of(self.totals(friction))
+
+    def gaps_of(self, totals: Array) -> Array:
+        """By how much (..., m) m cylinders give way to the friction of their joints (..., J) N."""
+        gaps, driven = np.zeros((*totals.shape[:-1], self.count)), self.cylinders >= 0
+        gaps[..., self.cylinders[driven]] = (self.gives * totals)[..., driven]
+        return gaps
+
+    def stored(self, friction: Array, forces: Array) -> Array:
+        r"""Energy in J that cylinders store beyond lambda^2 / 2 k, with the forces (..., m) N of all contacts."""
+        total = self.totals(friction)
+        return np.asarray(np.sum(self.gives * total * (forces[..., self.cylinders] - total / 2.0), axis=-1))
+
+
+def joints_of(contacts: Sequence[Contact]) -> tuple[str, ...]:
+    """`Friction.joints`, none without friction."""
+    friction = Friction.of(contacts)
+    return () if friction is None else friction.joints

@@ -98,3 +98,17 @@ def _singular_above(A: Array, B: Array, low: float) -> float | None:
 def definite(A: Array) -> bool:
     """Whether a symmetric matrix is positive definite, by Cholesky."""
     return bool(scipy.linalg.lapack.dpotrf(A, lower=1, clean=0)[1] == 0)
+
+
+def oscillations(M: Array, V: Array | None, K: Array) -> Array:
+    """Omega (n,) rad/s of M q'' + V q' + K q = 0 with an antisymmetric V, ascending; zero where K does not hold.
+
+    With modes of K, of rates z' and strains omega z the equations are antisymmetric, (0, W; -W, -V): round-off stays
+    that of the largest omega, not of its square.
+    """
+    if V is None or not np.any(V):
+        return np.sqrt(np.maximum(scipy.linalg.eigh(K, M, eigvals_only=True), 0.0))
+    omega2, X = scipy.linalg.eigh(K, M)
+    W = np.diag(np.sqrt(np.maximum(omega2, 0.0)))
+    turning = np.block([[np.zeros_like(W), W], [-W, -X.T @ V @ X]])
+    return np.asarray(np.abs(scipy.linalg.eigvalsh(1j * (turning - turning.T) / 2.0)[len(W) :]))

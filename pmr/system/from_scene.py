@@ -23,8 +23,8 @@ from pmr.scene.parts import Part
 from pmr.scene.ropes import Drive, rope_shares
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
-from pmr.system.frame_terms import terms_of
 from pmr.system.system import Body, System, ground_contacts
+from pmr.system.terms import terms_of
 
 
 def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:

@@ -23,12 +23,9 @@ from pmr.constraints.rows import Row
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.reduced.model import ReducedModel
 from pmr.system import saved
-from pmr.system.body import Body, SlidingBody, Trajectory, names_of, units_of
-from pmr.system.compliance import Compliance
-from pmr.system.contacts import ALONE, SLIDER, Contact, Place, input_of, named, refusal
-from pmr.system.friction import Friction
-from pmr.system.terms import Term
-from pmr.system.terms import refusal as refused_term
+from pmr.system.body import Body, SlidingBody, names_of, units_of
+from pmr.system.contacts import ALONE, SLIDER, Compliance, Contact, Friction, Place, input_of, named, refusal
+from pmr.system.terms import Term, term_refusal
 
 Array = NDArray[np.float64]
 
@@ -61,10 +58,10 @@ class Joined(Generic[AnyBody]):
     def __post_init__(self) -> None:
         for term in self.terms:
             if [other.name for other in self.terms].count(term.name) > 1:
-                raise refused_term(term.name, "name", term.name, "names that differ are allowed")
+                raise term_refusal(term.name, "name", term.name, "names that differ are allowed")
             for name in term.bodies:
                 if name not in self.bodies:
-                    raise refused_term(term.name, "bodies", name, f"{', '.join(self.bodies)} are allowed")
+                    raise term_refusal(term.name, "bodies", name, f"{', '.join(self.bodies)} are allowed")
         names = self.contact_names
         for contact in self.contacts:
             if names.count(contact.name) > 1:
@@ -371,55 +368,3 @@ def ground_contacts(body: Body) -> tuple[Contact, ...]:
         for number, name in enumerate(body.row_names)
         if number not in body.held
     )
-
-
-@dataclass(frozen=True)
-class SystemTrajectory:
-    """A simulated system over time."""
-
-    t: Array  # (T,) s
-    # of each body: its coordinates, and for each of its places, as `System.sides` has them, the path coordinate ``s``
-    # (T, sides) in m and the ``multipliers`` (T, sides) in N, with the sign of its side
-    bodies: Mapping[str, Trajectory]
-    forces: Array  # (T, m) N: of the contacts, positive where they push
-    # (T, m) N: largest force within the step that ends at t of contacts that only push; of the others that at t
-    peaks: Array
-    loads: Array  # (T, i) N: as `System.input_names` names them
-    # (T,) J: kinetic and strain energy, and what loads and travelling contacts did since t = 0; damping only takes
-    energy: Array
-    work: Array
-    seconds: float  # wall time of the solver alone
-    surplus: float  # share of the largest energy that nothing put in (`pmr.simulation.balance`)
-    parts: NDArray[np.int64] | None = None  # (T,): of how many parts each step was made (`pmr.simulation.contact_step`)
-    # (T, m) N s: of the step that ends at t, as generalized-alpha weighs forces; None where no contact only pushes
-    impulses: Array | None = None
-    amplitudes: Array | None = None  # c (T, k) of the system's terms, None where there are none
-    # of the n pads that rub (`pmr.system.friction`), (T, n) N along the boom, and their moments among those of all
-    # contacts (T, m) N m; None where none rub
-    friction: Array | None = None
-    moments: Array | None = None
-    rates: Array | None = None  # (T, P) m/s: how fast the paths lead on, None where not known
-
-    @property
-    def arrays(self) -> list[NDArray[Any]]:
-        """All that is known of each step, of the bodies too."""
-        of_bodies = [array for body in self.bodies.values() for array in _arrays(body).values()]
-        return [*of_bodies, *_arrays(self).values()]
-
-    def map_arrays(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> SystemTrajectory:
-        """Return the trajectory with all of its arrays changed."""
-
-        def change_arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, Any]:
-            return {name: change(array) for name, array in _arrays(trajectory).items()}
-
-        bodies = {name: replace(trajectory, **change_arrays(trajectory)) for name, trajectory in self.bodies.items()}
-        return replace(self, bodies=bodies, **change_arrays(self))
-
-    def at(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
-        """Some of its steps, by their numbers (S,); what belongs to a step that ends there is left out."""
-        return replace(self.map_arrays(lambda array: array[steps]), parts=None, impulses=None)
-
-
-def _arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, NDArray[Any]]:
-    """Arrays among the fields, by their names."""
-    return {name: value for name, value in vars(trajectory).items() if isinstance(value, np.ndarray)}

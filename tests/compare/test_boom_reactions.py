@@ -27,7 +27,8 @@ from pmr.simulation import Excitation, SystemSimulator, exudyn
 from pmr.simulation.native import systems
 from pmr.system.body import force_outputs
 from pmr.system.from_scene import system_of
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from pmr.compare import coverage
 from pmr.compare.coverage import IMPACTS, JUMPS, MACHINE, NEVER, REACTIONS, highest_known, not_covered
 from pmr.errors import InputError, SimulationError
 from pmr.pipeline import run
-from pmr.reduced.damping import Rayleigh
+from pmr.reduced.matrices import Rayleigh
 from pmr.report import sentences
 from pmr.scene import load as read
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table

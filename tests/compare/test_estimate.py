@@ -17,7 +17,7 @@ from pmr.compare.estimate import MARGIN, Estimate, by_other, no_estimate
 from pmr.compare.estimated import envelope, warnings
 from pmr.compare.far_off import warnings_of_reduction
 from pmr.compare.outputs import Floors, Outputs, differences, probe_differences
-from pmr.reduced.damping import Rayleigh
+from pmr.reduced.matrices import Rayleigh
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extend
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp

@@ -12,7 +12,7 @@ from on_pads import beam_on_pads
 from oracle import enriched, with_curvature
 
 from pmr.compare.outputs import Floors, differences
-from pmr.reduced.damping import Rayleigh
+from pmr.reduced.matrices import Rayleigh
 from pmr.scene.signals import Constant, Sine, SmoothRamp
 from pmr.simulation import TimeStepping
 from pmr.system.body import FullBody

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pmr.constraints.products import RowPolynomials
-from pmr.constraints.rows import Row
+from pmr.constraints.rows import Row, RowPolynomials
 
 RNG = np.random.default_rng(3)
 BREAKS = np.array([0.0, 0.4, 1.0, 1.5])

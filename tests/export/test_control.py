@@ -18,9 +18,8 @@ from state_spaces import frequency_response
 
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.errors import InputError
-from pmr.export.places import places
+from pmr.export.state_space import places, state_space
 from pmr.reduced.model import ReducedModel
-from pmr.simulation.state_space import state_space
 from pmr.system.system import System
 
 S = np.array([1.7, 2.3, 2.9])

@@ -12,8 +12,7 @@ from processes import called
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.export.bodies import write_ffrf
-from pmr.export.sid import INERTIA, inertia_integrals, write_sid
+from pmr.export.bodies import INERTIA, inertia_integrals, write_ffrf, write_sid
 from pmr.fields.held import NodalBody
 from pmr.fullmodel.build import build
 from pmr.reduction.recover.nodal import held_body, nodes_of

@@ -13,12 +13,12 @@ from nested import Nested, reduced
 from numpy.typing import NDArray
 from processes import called
 
+from pmr.export.control import RESERVED, write_modelica
 from pmr.export.formats import Options
-from pmr.export.modelica import RESERVED, write_modelica
+from pmr.export.state_space import state_space
 from pmr.scene.signals import Constant, Sine
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.state_space import state_space
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System
 

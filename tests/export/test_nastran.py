@@ -11,8 +11,8 @@ from oracle import flexible, rich_body
 from processes import called
 
 from pmr.export.nastran import FIELD, _field
+from pmr.export.state_space import state_space
 from pmr.reduced.model import ReducedModel
-from pmr.simulation.state_space import state_space
 from pmr.system.system import System
 
 op4 = pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed")

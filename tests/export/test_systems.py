@@ -17,8 +17,7 @@ from state_spaces import frequency_response
 import pmr
 from pmr.errors import InputError, SimulationError
 from pmr.export.formats import BODY_FORMATS, FORMATS
-from pmr.export.places import places
-from pmr.simulation.state_space import state_space
+from pmr.export.state_space import places, state_space
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import System

@@ -32,7 +32,7 @@ from pmr.scene.signals import Constant
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.system.compliant_rows import CompliantRows
+from pmr.system.contact_rows import CompliantRows
 
 pytestmark = pytest.mark.mpi
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -25,7 +25,7 @@ from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
-from pmr.reduced.moving import AXIAL, BENDING, CARRIED, ROTATING, STATES
+from pmr.reduced.matrices import AXIAL, BENDING, CARRIED, ROTATING, STATES
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.residual.model import section_model
 from pmr.reduction.snapshots.free_body import FreeBody

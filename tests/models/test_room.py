@@ -23,7 +23,7 @@ from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
-from pmr.reduced.moving import CARRIED, CONSTANT, LINEAR, ROTATING
+from pmr.reduced.matrices import CARRIED, CONSTANT, LINEAR, ROTATING
 from pmr.scene.frame import INERTIA
 from pmr.scene.structures import Beam3DBody, BeamSection, Material, Plate, PointMass, Profile, ShellBody, SolidBody
 

@@ -11,7 +11,7 @@ from oracle import full_body, paper_basis, project
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.carriers import Flexibility
 from pmr.reduced.model import ReducedModel
 
 RNG = np.random.default_rng(4)

@@ -11,8 +11,8 @@ from nested import Nested, box, full_section, joined, section
 from numpy.typing import NDArray
 from terms import geometric_stiffness
 
+from pmr.reduced.attachment import as_simulated, with_quasi_static_modes
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.quasi_static import as_simulated, with_quasi_static_modes
 from pmr.reduced.truncation import truncate
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.residual.model import section_model

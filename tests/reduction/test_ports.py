@@ -25,7 +25,7 @@ from pmr.scene.signals import Constant
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_sliding_body
 from pmr.system.body import FullBody
-from pmr.system.compliant_rows import CompliantRows
+from pmr.system.contact_rows import CompliantRows
 
 Array = NDArray[np.float64]
 Load = Callable[..., Scene]

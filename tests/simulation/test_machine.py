@@ -21,7 +21,7 @@ from pmr.simulation.machine.motion import machine_motion
 from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
-from pmr.system.system import SystemTrajectory
+from pmr.system.states import SystemTrajectory
 
 Array = NDArray[np.float64]
 pytestmark = [pytest.mark.slow, pytest.mark.numerical]  # a boom is reduced

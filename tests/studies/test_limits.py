@@ -31,7 +31,7 @@ from pmr.studies.limits import Limit
 from pmr.studies.stops import Stopping
 from pmr.studies.tipping import Mass
 from pmr.system.body import kinds_of
-from pmr.system.frame_terms import carried_inertia
+from pmr.system.terms import carried_inertia
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.simulation import InitialState, TimeStepping
 from pmr.system.body import FullBody
-from pmr.system.compliant_rows import CompliantRows, compliant_rows
+from pmr.system.contact_rows import CompliantRows, compliant_rows
 
 S = np.array([0.7, 1.9, 2.0, 3.3])
 

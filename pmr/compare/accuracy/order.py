@@ -17,8 +17,8 @@ from pmr.compare.coverage import IMPACTS, JUMPS
 from pmr.compare.estimate import no_estimate
 from pmr.errors import InputError
 from pmr.errors.text import rounded
+from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.quasi_static import as_simulated
 from pmr.scene import Scene
 from pmr.scene.asked import Accuracy, Budget
 from pmr.scene.frame_terms import frame_terms

@@ -28,7 +28,8 @@ from pmr.simulation.reactions import column_names
 from pmr.simulation.stepping import unseen
 from pmr.system.body import length_outputs, other_outputs
 from pmr.system.contacts import ALONE, named
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]

@@ -35,7 +35,7 @@ from pmr.fullmodel.structure import couple
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.reduction.recover.nodal import built_at
 from pmr.scene import Scene
-from pmr.system.projection import symmetric
+from pmr.system.body import symmetric
 
 Array = NDArray[np.float64]
 

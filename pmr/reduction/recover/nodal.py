@@ -19,7 +19,7 @@ from pmr.fullmodel.structure import Action, Structure, couple
 from pmr.models import StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
 from pmr.scene import Scene
-from pmr.system.projection import symmetric
+from pmr.system.body import symmetric
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -19,8 +19,7 @@ from pmr.fem.distributed import free_dropped, inner, times
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.attachment import RICHER
-from pmr.reduced.carriers import Answers, CarriedRows
-from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.carriers import Answers, CarriedRows, Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncate, with_tables
 from pmr.reduction.basis import Basis

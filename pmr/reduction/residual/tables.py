@@ -11,16 +11,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import transpose
-from pmr.constraints.products import RowPolynomials
-from pmr.constraints.rows import SharedCarriers
+from pmr.constraints.rows import RowPolynomials, SharedCarriers
 from pmr.errors import InputError, environment
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import times
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.symmetry import Orbits, images_of
-from pmr.reduced.carriers import CarrierFlexibility
-from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.carriers import CarrierFlexibility, Flexibility
 from pmr.reduction.residual.operator import ResidualFlexibility
 
 Array = NDArray[np.float64]

@@ -58,7 +58,7 @@ def free_modes(
 
     Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
     across it.  They are left out.  So are, among the `enrichment`, those that axial forces do not bend, of a section
-    that is `stressed`: modes without inertia follow these forces (`pmr.reduced.quasi_static`).
+    that is `stressed`: modes without inertia follow these forces (`pmr.reduced.attachment`).
 
     The solver is ``"auto"``, ``"dense"`` or ``"slepc"``; a `body` of this model and solver leaves its factor to whoever
     needs it next.  Raises InputError if `count` is out of this range; ConvergenceError if too few modes converge.

@@ -2,7 +2,7 @@ r"""The contacts of a system step by step: forces of those that give way, and wh
 
 docs/system_of_bodies.md, section 3, has the balance.
 
-Friction of pads (`pmr.system.friction`) in Exudyn: forces of contacts that give way, found together with it.
+Friction of pads (`pmr.system.contacts`) in Exudyn: forces of contacts that give way, found together with it.
 
 Exudyn asks for them at coordinates q in every iteration; then
 
@@ -26,7 +26,7 @@ from pmr.simulation.balance import dot, half_form, mean
 from pmr.simulation.exudyn.equations import ENTRIES_AHEAD, Equations, Inputs
 from pmr.simulation.start import Grip, slide
 from pmr.system.contact_rows import ContactRows
-from pmr.system.friction import Friction
+from pmr.system.contacts import Friction
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

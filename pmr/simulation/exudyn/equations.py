@@ -34,8 +34,7 @@ from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.compliant_rows import CompliantRows
-from pmr.system.contact_rows import ContactRows
+from pmr.system.contact_rows import CompliantRows, ContactRows
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 

@@ -24,7 +24,7 @@ from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, matrix, with_contacts
 from pmr.simulation.start import InitialState
 from pmr.system.contact_rows import ContactRows
-from pmr.system.friction import Friction
+from pmr.system.contacts import Friction
 
 Array = NDArray[np.float64]
 Start = Mapping[str, InitialState]

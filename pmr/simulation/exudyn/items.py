@@ -10,7 +10,7 @@ Terms that vary in time (`pmr.system.terms`) in Exudyn: an object of their own, 
 Exudyn's generalized-alpha fulfils the equations at the end of the step, whose time the pre-step function is given; the
 object's matrices join the Jacobian as those of any other do.
 
-Coordinates without inertia (`pmr.reduced.quasi_static`) in Exudyn: backward Euler as `march` has it.
+Coordinates without inertia (`pmr.reduced.attachment`) in Exudyn: backward Euler as `march` has it.
 
 .. math:: (D / h + K)\, \eta_{n+1} + \ldots = F_{n+1} + D\, \eta_n / h
 

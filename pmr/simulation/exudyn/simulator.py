@@ -36,9 +36,9 @@ from pmr.simulation.native import systems
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory
-from pmr.system.contacts import ALONE, SLIDER
-from pmr.system.friction import Friction
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.contacts import ALONE, SLIDER, Friction
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 __all__ = [
     "Formulation",

@@ -16,8 +16,7 @@ from pmr.kernel.kernel import Kernel
 from pmr.kernel.rows import round_up
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import MovingFrame
-from pmr.system.contacts import ALONE
-from pmr.system.friction import Friction
+from pmr.system.contacts import ALONE, Friction
 from pmr.system.rings import Combined
 from pmr.system.system import System
 

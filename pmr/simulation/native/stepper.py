@@ -42,7 +42,7 @@ from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.friction import Friction
+from pmr.system.contacts import Friction
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

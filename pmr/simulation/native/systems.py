@@ -24,8 +24,9 @@ from pmr.simulation.native.states import static_start as static_start
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Block, Ended, Progress, Recorder, Take
 from pmr.system.body import Trajectory
-from pmr.system.friction import Friction
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.contacts import Friction
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -192,7 +193,7 @@ def deformation(
     """W f - X lambda of the chosen outputs (T, o) of a body, under the loads (T, i) N on it; None where it has no such.
 
     With the places x (T, sides) m of its sides, their multipliers (T, sides) N, and the `moments` (T, sides) N m of
-    their friction (`pmr.system.friction`), which do X' times as much.
+    their friction (`pmr.system.contacts`), which do X' times as much.
     """
     body = system.bodies[name]
     points = [side.place for side in system.sides if side.place.body == name]

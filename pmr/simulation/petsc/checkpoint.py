@@ -25,7 +25,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.start import State, whole_start
 from pmr.simulation.start import Grip, InitialState
-from pmr.system.friction import Friction
+from pmr.system.contacts import Friction
 
 Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)

@@ -40,7 +40,7 @@ from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
 from pmr.kernel.laws import SchemeFactors
-from pmr.reduced.damping import Rayleigh
+from pmr.reduced.matrices import Rayleigh
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import Lengths
 from pmr.simulation.petsc.constraint import Constraint, Prediction, Pushing, compliances, paths

@@ -25,7 +25,7 @@ from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_sta
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
-from pmr.system.friction import joints_of
+from pmr.system.contacts import joints_of
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from pmr.simulation import balance
 from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import State, Terms
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.friction import Friction
+from pmr.system.contacts import Friction
 
 Indices = NDArray[np.int64]
 
@@ -92,7 +92,7 @@ class History:
         Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN where
         energies were not asked for at every step.
     friction : (T, n) array, N, or None
-        Of the pads that rub, along the boom (`pmr.system.friction`).
+        Of the pads that rub, along the boom (`pmr.system.contacts`).
     """
 
     t: Array

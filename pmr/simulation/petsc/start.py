@@ -40,7 +40,7 @@ from pmr.simulation.native.systems import static_start as equilibrium
 from pmr.simulation.petsc.rows import BlockFactor, PathRows, contact_rows
 from pmr.simulation.refusals import describe_divergence
 from pmr.simulation.start import Grip, InitialState, check_impulse, check_position, check_state, row_drift, slide
-from pmr.system.friction import Friction
+from pmr.system.contacts import Friction
 
 Array = NDArray[np.float64]
 Product = Callable[[Array], Array]

@@ -30,7 +30,7 @@ from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.compliant_rows import CompliantRows
+from pmr.system.contact_rows import CompliantRows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

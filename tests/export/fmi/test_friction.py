@@ -17,7 +17,7 @@ from pmr.reduction.bodies import Reduction
 from pmr.scene import load_any
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native.stepper import Stepper
-from pmr.system.friction import Friction
+from pmr.system.contacts import Friction
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from pmr.reduction.from_scene import build_basis, project, take_snapshots
 from pmr.reduction.residual.model import FLOOR, flexible_model, section_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
-from pmr.system.compliant_rows import CompliantRows
+from pmr.system.contact_rows import CompliantRows
 
 NO_ANCF = "compare.against=[]"
 PAPERS_BASIS = ["reduction.basis=eigenmodes", "reduction.coordinates=20"]

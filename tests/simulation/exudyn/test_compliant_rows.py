@@ -24,7 +24,7 @@ from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import simulator
 from pmr.simulation.exudyn.simulator import Formulation
 from pmr.system.body import FullBody, SlidingBody
-from pmr.system.compliant_rows import CompliantRows
+from pmr.system.contact_rows import CompliantRows
 
 Array = NDArray[np.float64]
 

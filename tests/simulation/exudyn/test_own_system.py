@@ -23,7 +23,8 @@ from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn import Formulation, add_pre_step_function, add_sensors, add_system, simulate_system
 from pmr.simulation.native import systems
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 STEPPING = TimeStepping(0.1, 1e-3, 0.8)

@@ -14,7 +14,8 @@ from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn import simulate_system
 from pmr.simulation.native import systems
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,8 @@ from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 #: Error of a contact's largest force over the largest of all that the tolerance keeps to, where impacts are resolved.
 WITHIN = 1e-3

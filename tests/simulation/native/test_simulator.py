@@ -15,7 +15,7 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.errors import InputError, SimulationError
-from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.carriers import Flexibility
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping

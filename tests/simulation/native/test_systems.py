@@ -24,7 +24,8 @@ from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 
 RETRACTED, EXTENDED = 0.6, 4.5  # m of extension
 

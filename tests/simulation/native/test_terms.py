@@ -23,7 +23,8 @@ from pmr.simulation.statics.equilibrium import buckling_factors
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]

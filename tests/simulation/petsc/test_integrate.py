@@ -19,7 +19,7 @@ from processes import resident
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
-from pmr.reduced.damping import Rayleigh
+from pmr.reduced.matrices import Rayleigh
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
