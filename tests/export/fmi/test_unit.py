@@ -120,3 +120,14 @@ def test_a_step_of_another_length_goes_on(tmp_path: Path) -> None:
         ends.append(instance.get(displacements))
     assert np.abs(ends[0]).max() > 1e-6
     np.testing.assert_allclose(ends[1], ends[0], rtol=0.0, atol=2e-2 * np.abs(ends[0]).max())
+
+
+@VERSIONS
+@pytest.mark.parametrize("kind", [-1.0, 0.5, 3.0, 1e30])
+def test_a_start_that_there_is_none_of_is_refused(version: str, kind: float, tmp_path: Path) -> None:
+    """Also where it is set as a number, as an importer may that takes all values for such."""
+    instance = Instance(loaded(unit_of(model(2.53), version), tmp_path, version))
+    with pytest.raises(CallError, match="0, 1 or 2 is allowed: at rest, static, as given"):
+        instance.set(["start"], [kind])
+    instance.set(["start"], [0.0])
+    instance.initialise()

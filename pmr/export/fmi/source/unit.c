@@ -36,6 +36,7 @@ static void line_of(const Unit *unit, const char *list, int number, char *text, 
 static int is_sound(Unit *unit)
 {
     int64_t counts[6], ends;
+    double kind;
     int k;
     unit->first = pmr_system_numbers(unit->system, "unit_start", counts);
     unit->nominal = pmr_system_numbers(unit->system, "unit_nominal", counts + 1);
@@ -57,7 +58,8 @@ static int is_sound(Unit *unit)
     for (k = 0; k < unit->drivers; k++)
         if (unit->kinds[k] < OTHER || unit->kinds[k] > SLEWING || (unit->kinds[k] == PATH) != (k < unit->sizes.paths))
             return 0;
-    return 1;
+    kind = unit->first[counts[0] - 1];
+    return kind == 0.0 || kind == 1.0 || kind == 2.0;
 }
 
 /* Equal parts of a step as a run makes them: powers of two, up to what resolves an impact (pmr.simulation.contact_step). */
@@ -218,8 +220,8 @@ int unit_failed(Unit *unit, int failed)
     switch (failed) {
     case PMR_DEPENDENT:
         if (pmr_state_trouble(unit->state) >= 0) line_of(unit, "contacts", pmr_state_trouble(unit->state), row, 80);
-        snprintf(unit->message, sizeof unit->message, "at %s the row %s depends on others, or nothing holds it", where,
-                 row);
+        snprintf(unit->message, sizeof unit->message, "at %s %s%s depends on others, or nothing holds it", where,
+                 row[0] ? "the row " : "a row", row);
         return 1;
     case PMR_UNSETTLED:
         snprintf(unit->message, sizeof unit->message, "at %s it was not settled which pads are closed", where);
@@ -323,6 +325,7 @@ static void check_inputs(Unit *unit)
                 "it moves without a second rate, so the inertia of what moves is left out: set its rates of order one "
                 "and two";
         if (what && !unit->warned[n]) {
+            if (unit->warning[0]) continue; /* it is told after the next step */
             snprintf(unit->warning, sizeof unit->warning, "value reference %d: %s", DRIVEN + n, what);
             unit->warned[n] = 1;
         }
@@ -384,7 +387,7 @@ static void name_model(const Unit *unit, char token[48])
 
 int unit_save(Unit *unit, void **state)
 {
-    Head head = {.magic = "PMRUNIT1", .started = unit->started, .stands = unit->stands};
+    Head head = {.magic = "PMRUNIT2", .started = unit->started, .stands = unit->stands};
     const size_t own = unit->at.states * sizeof(double), given = 2 * (size_t)unit->modes * sizeof(double);
     char *at;
     if (!*state && !(*state = malloc(unit_bytes(unit)))) return refuse(unit, "no memory is left");
@@ -408,7 +411,7 @@ int unit_is_state(Unit *unit, const void *bytes, size_t count)
     name_model(unit, token);
     if (bytes && count == unit_bytes(unit)) {
         memcpy(&head, bytes, sizeof head);
-        if (!memcmp(head.magic, "PMRUNIT1", 8) && !memcmp(head.token, token, 48) &&
+        if (!memcmp(head.magic, "PMRUNIT2", 8) && !memcmp(head.token, token, 48) &&
             head.checksum == pmr_checksum((const char *)bytes + 16, count - 16))
             return 1;
     }

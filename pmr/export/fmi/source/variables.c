@@ -108,6 +108,8 @@ static const char *impossible(const Unit *unit, unsigned reference, double value
     if (reference >= DRIVEN && reference < DRIVEN + (unsigned)unit->drivers &&
         unit->kinds[reference - DRIVEN] == ANGLE && fabs(value) > WHOLE_TURN)
         return "an angle of at most one turn is allowed, in rad";
+    if (reference == unit->at.start && value != 0.0 && value != 1.0 && value != 2.0)
+        return "0, 1 or 2 is allowed: at rest, static, as given";
     return NULL;
 }
 
