@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,13 +32,18 @@ class Drivers:
 
     @classmethod
     def of(cls, system: System) -> Drivers:
-        """An InputError is raised where it has terms, but no scene whose frame drives them, or as for `modal_form`."""
+        """Drivers of a system.
+
+        An InputError is raised where it has terms, but no scene whose frame drives them, where its paths are not those
+        of the frame in their order, or as for `modal_form`.
+        """
         frame = MovingFrame.of(system)
         if frame is None:
             system.ensure_without_terms("system")
-        elif missing := [path for path in frame.paths if path not in system.paths]:
+        elif frame.paths != system.paths:
+            of_scene, of_pads = (", ".join(paths) or "none" for paths in (frame.paths, system.paths))
             raise InputError(
-                "system", "paths", missing[0], f"a path that pads travel on is allowed: {', '.join(system.paths)}"
+                "system", "paths", of_scene, f"paths that pads travel on are allowed in the pads' order: {of_pads}"
             )
         forms = {name: modal_form(body) for name, body in system.reduced.items()}
         return cls(system, forms, frame, system_data(system, forms, frame))
@@ -88,11 +93,6 @@ class Drivers:
         return tuple(
             "m/s2" if name == GRAVITY and self.frame else of_inputs.get(name) or of_parts[name] for name in self.loads
         )
-
-    def numbers_of(self, names: Sequence[str]) -> list[int]:
-        """Numbers of drivers by their names."""
-        number = {name: k for k, name in reversed(list(enumerate(self.names)))}
-        return [number[name] for name in names]
 
     @property
     def first_load(self) -> int:

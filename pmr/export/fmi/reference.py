@@ -140,12 +140,11 @@ def led_on(drivers: Drivers, excitation: Excitation) -> Array:
     orders, frame = np.zeros((4, len(t), n)), drivers.frame
     if frame is not None:
         at = frame.motions(excitation, t)
-        frame_numbers = drivers.numbers_of(frame.drivers)
         second = np.array([name in (*frame.paths, *frame.angles) for name in frame.drivers])
-        orders[0][:, frame_numbers] = at[0].T
+        orders[0] = at[0].T
         x, a = at[0].T, at[2].T
         lines = by_lines(x[:-1], x[1:], h)
-        orders[:, :-1, frame_numbers] = np.where(second, by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
+        orders[:, :-1] = np.where(second, by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
         return orders
     signals = [*(excitation.paths[path] for path in drivers.shown_paths)]
     numbers = [*range(len(drivers.shown_paths)), *(drivers.first_load + k for k in range(len(drivers.loads)))]

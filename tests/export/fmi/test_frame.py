@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import pmr
+from pmr.errors import InputError
 from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import contents
 from pmr.export.fmi.variables import path_names
@@ -108,17 +109,21 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 def driven(made: Made, instance: Instance) -> dict[str, Any]:
     """Arguments of a stepper's step, as the unit's inputs are now."""
-    n, values = made.drivers.count, instance.get(made.inputs())
-    motions = values.reshape(4, n)[:3]
     frame = made.frame
+    motions = dict(zip(frame.drivers, instance.get(made.inputs()).reshape(4, -1)[:3].T, strict=True))
     return {
-        "s": {path: motions[:, k] for path, k in zip(frame.paths, made.drivers.numbers_of(frame.paths), strict=True)},
-        "F": {load: motions[0, k] for load, k in zip(frame.loads, made.drivers.numbers_of(frame.loads), strict=True)},
-        "frame": {
-            name: motions[:, k]
-            for name, k in zip(made.drivers.motions, made.drivers.numbers_of(made.drivers.motions), strict=True)
-        },
+        "s": {path: motions[path] for path in frame.paths},
+        "F": {load: motions[load][0] for load in frame.loads},
+        "frame": {name: motions[name] for name in made.drivers.motions},
     }
+
+
+def test_paths_in_another_order_than_the_scene_has_them_are_refused(made: Made) -> None:
+    """As inputs would drive the wrong sections."""
+    turned = replace(made.system, contacts=made.system.contacts[::-1])
+    assert turned.paths == made.system.paths[::-1]
+    with pytest.raises(InputError, match="paths = 'middle, fly': .* in the pads' order: fly, middle"):
+        Drivers.of(turned)
 
 
 def outputs_of(made: Made) -> tuple[list[str], list[str]]:
