@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MAGIC = b"PMRSYS1\n"
+MAGIC = b"PMRSYS2\n"
 #: Bytes that an array begins on a multiple of, and that the heads of a block and of each array take.
 LINE = 64
 _INTEGERS, _NUMBERS, _BYTES = range(3)

@@ -59,7 +59,7 @@ class Carried:
     """A machine and its boom, and what is recorded of both at T steps; `state` is the boom's.
 
     An InputError is raised for a boom that it can't carry: on a frame without a base that moves, with contacts that
-    only push, in steps of several parts.
+    only push, in steps of several parts or with energy.
     """
 
     def __init__(self, state: State, machine: Machine) -> None:
@@ -78,8 +78,8 @@ class Carried:
         self._machine = ffi.new("pmr_machine *", scalars | counts | {"inertial_count": len(machine.inertial)})
         out = ffi.new("pmr_carried **")
         if lib.pmr_carried_open(state.pointer, self._machine, out):
-            allowed = "a frame with a base that moves, contacts that hold both ways and whole steps are allowed"
-            raise InputError("machine", "boom", None, allowed)
+            allowed = "a frame with a base that moves, contacts that hold both ways and steps without parts and energy"
+            raise InputError("machine", "boom", None, f"{allowed} are allowed")
         self._carried = ffi.gc(out[0], lib.pmr_carried_close)
         steps, inertial = len(machine.motions), len(machine.inertial)
         self.number = 0
@@ -94,9 +94,13 @@ class Carried:
         return ffi.new("pmr_carried_record *", {name: _pointer(getattr(self, name)[first:]) for name in names})
 
     def needed(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
-        """Forces (6,) that hold the machine at t = 0 where it moves as (3, 6) and the boom's modes as z, v, a."""
+        """Forces (6,) that hold the machine at t = 0 where it moves as (3, 6) and the boom's modes as z, v, a.
+
+        A StepError is raised where contacts that give way depend on each other.
+        """
         forces, arrays = np.zeros(6), [np.ascontiguousarray(array, float) for array in (motion, z, v, a)]
-        lib.pmr_carried_needed(self._carried, *map(_pointer, arrays), _pointer(forces))
+        failed = lib.pmr_carried_needed(self._carried, *map(_pointer, arrays), _pointer(forces))
+        self._raise_unless_done(failed, 0)
         return forces
 
     def start(self, motion: Array, z: Array, v: Array) -> None:
@@ -112,10 +116,13 @@ class Carried:
     def advance(self, count: int) -> None:
         """Take steps and record them; `number` is that of the last.
 
-        A StepError is raised where the boom's step fails, a SimulationError where the machine's motion is not found,
-        or it stands upright.
+        An InputError is raised for more steps than there are motions, a StepError where the boom's step fails, a
+        SimulationError where the machine's motion is not found, or it stands upright; both stay where the last step
+        ended.
         """
-        taken, first = ffi.new("int64_t *"), self.number + 1
+        taken, first, left = ffi.new("int64_t *"), self.number + 1, len(self.motion) - 1 - self.number
+        if not 0 <= count <= left:
+            raise InputError("machine", "steps", count, f"0 to {left} are allowed")
         failed = lib.pmr_carried_advance(self._carried, first, count, self._record(first), taken)
         self.number += int(taken[0])
         self._raise_unless_done(failed, self.number + 1)

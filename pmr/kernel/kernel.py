@@ -44,6 +44,8 @@ class Failure(IntEnum):
     UNCONVERGED = lib.PMR_UNCONVERGED
     NOT_FINITE = lib.PMR_NOT_FINITE
     NO_MEMORY = lib.PMR_NO_MEMORY
+    LOST = lib.PMR_LOST
+    UPRIGHT = lib.PMR_UPRIGHT
 
 
 class StepError(SimulationError):

@@ -90,12 +90,16 @@ class FixedPoint:
         names = ("x", "f", "least_x", "least_f", "directions")
         for name, row in zip((*names, "changes"), (0, 1, 2, 3, 4, 4 + most), strict=True):
             setattr(self._state, name, _doubles(self._rows[row:]))
+        self._raised: BaseException | None = None  # by `add_up`: C can't pass it on
         if add_up is not None:
 
             def add(value: Any, _: Any) -> None:
                 value[0] = add_up(value[0])
 
-            self._state.sum = self._add = ffi.callback("void(double *, void *)", add)
+            def store_error(_: Any, error: BaseException, __: Any) -> None:
+                self._raised = self._raised or error
+
+            self._state.sum = self._add = ffi.callback("void(double *, void *)", add, onerror=store_error)
 
     def restart(self) -> None:
         """Forget all iterates before, as where phi has become another function."""
@@ -105,6 +109,9 @@ class FixedPoint:
         """The iterate (n,) after x (n,), whose phi(x) (n,) is given."""
         self._rows[0, : self._size], self._rows[1, : self._size] = x, phi - x
         lib.pmr_extrapolate(self._state)
+        if self._raised is not None:
+            error, self._raised = self._raised, None
+            raise error
         return self._rows[0, : self._size].copy()
 
 

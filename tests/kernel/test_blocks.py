@@ -13,9 +13,10 @@ from kernels import kernel_of
 from nested import Nested, reduced
 
 from pmr.errors import InputError, SimulationError
+from pmr.kernel._native import lib
 from pmr.kernel.block_file import LINE, pack, seal, unpack
 from pmr.kernel.data import SystemData, system_data
-from pmr.kernel.kernel import Kernel, Record, Settings, State, checksum
+from pmr.kernel.kernel import Failure, Kernel, Record, Settings, State, checksum
 from pmr.kernel.signals import Signals
 from pmr.scene.signals import Constant, Ramp, SignalBase, SmoothRamp
 from pmr.simulation.modal import modal_form
@@ -190,6 +191,11 @@ def test_what_is_no_number_is_refused() -> None:
 def test_settings_that_make_no_step_are_refused(settings: Settings) -> None:
     with pytest.raises(InputError):
         State(kernel(), settings)
+
+
+def test_each_failure_of_the_kernel_is_named() -> None:
+    names = ("REFUSED", "DEPENDENT", "UNSETTLED", "UNCONVERGED", "NOT_FINITE", "NO_MEMORY", "LOST", "UPRIGHT")
+    assert [getattr(lib, f"PMR_{name}") for name in names] == [Failure[name] for name in names] == [*range(1, 9)]
 
 
 def test_drivers_of_a_wrong_size_are_refused() -> None:

@@ -103,6 +103,16 @@ def test_a_linear_fixed_point_takes_as_many_iterates_as_it_has_eigenvalues(ranks
     np.testing.assert_allclose(x, np.linalg.solve(np.eye(9) - A, b), rtol=1e-10)
 
 
+def test_an_error_while_ranks_add_up_is_raised() -> None:
+    def fail(value: float) -> float:
+        raise ValueError(f"no total of {value:g}")
+
+    iteration = FixedPoint(2, add_up=fail)
+    iteration.next(np.zeros(2), np.array([1.0, 2.0]))
+    with pytest.raises(ValueError, match="no total of 5"):
+        iteration.next(np.zeros(2), np.array([2.0, 4.0]))
+
+
 @pytest.mark.parametrize("rho", [0.0, 0.6, 0.9, 1.0])
 def test_factors_solve_the_equations_of_the_scheme(rho: float) -> None:
     """Chung and Hulbert 1993, eq. 25, with the step's equations written out for one number."""

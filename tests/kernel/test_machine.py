@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import free_boom
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
+from pmr.errors import InputError, SimulationError
 from pmr.kernel.carried import Carried
 from pmr.kernel.kernel import Settings, State
 from pmr.scene.machine import DIRECTIONS
@@ -128,5 +130,54 @@ def test_momenta_change_by_forces_that_are_averaged_as_accelerations_are() -> No
 def test_what_it_cannot_carry_is_refused(run: MachineRun) -> None:
     """Steps in parts have momenta of their own."""
     kernel = run.carried.state.kernel
-    with pytest.raises(InputError, match="a frame with a base that moves"):
-        Carried(State(kernel, Settings(1e-3, parts=(1, 2))), run.machine)
+    for settings in (Settings(1e-3, parts=(1, 2), energy=False), Settings(1e-3, energy=True)):
+        with pytest.raises(InputError, match="a frame with a base that moves"):
+            Carried(State(kernel, settings), run.machine)
+
+
+def test_no_more_steps_are_taken_than_there_are_motions(run: MachineRun) -> None:
+    nothing, steps = np.zeros(run.carried.state.kernel.modes), len(run.machine.motions)
+    run.carried.start(np.zeros((3, 6)), nothing, nothing)
+    for count in (-1, steps):
+        with pytest.raises(InputError, match=f"0 to {steps - 1}"):
+            run.carried.advance(count)
+    run.carried.advance(2)
+    with pytest.raises(InputError, match=f"0 to {steps - 3}"):
+        run.carried.advance(steps - 2)
+    assert run.carried.number == 2
+
+
+def test_a_step_that_fails_leaves_machine_and_boom_where_the_last_one_ended() -> None:
+    """Upright, where roll and yaw turn about one axis; another motion there goes on as if nothing had been."""
+    held = [change for change in SCENE if not change.startswith(("frame.machine.free", "frame.machine.stiff"))]
+    held += ["frame.machine.free=['x', 'y', 'z']", "frame.machine.stiffness={x=1e5}"]
+    run = MachineRun(free_boom.scene(*held), free_boom.system(*SOFT))
+    nothing, given = np.zeros(run.carried.state.kernel.modes), run.machine.given.copy()
+    ends = list[bytes]()
+    for turned in (0.0, np.pi / 2.0):
+        carried = Carried(
+            State(run.carried.state.kernel, run.carried.state.settings), replace(run.machine, given=given)
+        )
+        carried.start(given[0], nothing, nothing)
+        carried.advance(2)
+        stood = carried.state.save()
+        given[3, 0, 4] += turned
+        if turned:
+            with pytest.raises(SimulationError, match="90 degrees"):
+                carried.advance(1)
+            assert carried.state.save() == stood and carried.number == 2
+            given[3, 0, 4] -= turned
+        carried.advance(2)
+        ends.append(carried.state.save())
+    assert ends[0] == ends[1]
+
+
+def test_contacts_that_depend_on_each_other_are_told() -> None:
+    """Two in one place, of which both give way by residual flexibility alone."""
+    system = free_boom.system(*SOFT)
+    contact = replace(system.contacts[0], compliance=0.0)
+    twice = (contact, replace(contact, name="again"), *system.contacts[1:])
+    run = MachineRun(free_boom.scene(*SCENE), replace(system, contacts=twice))
+    nothing = np.zeros(run.carried.state.kernel.modes)
+    with pytest.raises(SimulationError, match="again depends on those before it"):
+        run.carried.needed(np.zeros((3, 6)), nothing, nothing, nothing)

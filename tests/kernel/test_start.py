@@ -11,6 +11,7 @@ from kernels import kernel_of, motions_of
 from nested import Nested, full, reduced, with_round_off
 
 from pmr.errors import SimulationError
+from pmr.kernel._native import ffi, lib
 from pmr.kernel.kernel import Settings, State
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.simulation.statics.equilibrium import equilibrium
@@ -121,6 +122,30 @@ def test_a_contact_that_gives_way_by_round_off_is_rigid_at_any_step(noise: float
     noisy, clean = states
     np.testing.assert_allclose(noisy.multipliers, clean.multipliers, rtol=1e-9)
     np.testing.assert_allclose(noisy.v, clean.v, atol=1e-12 * np.abs(clean.v).max())
+
+
+def test_a_start_of_what_is_not_finite_is_refused_and_leaves_the_state() -> None:
+    """By the interface in C, as hosts in C call it."""
+    kernel, _ = kernel_of(reduced(Nested(2, elements=8), 3))
+    state = State(kernel, Settings(1e-3))
+    u, z, v, rates = np.array([2.5, *np.ones(kernel.inputs)]), *np.zeros((2, kernel.modes)), np.zeros(1)
+    state.start("rest", u)
+    state.step(u)
+    before, infinite = state.save(), np.full(kernel.modes, np.inf)
+    drivers, given = (lib.PMR_AT_REST, lib.PMR_GIVEN, lib.PMR_IN_EQUILIBRIUM), (lib.PMR_GIVEN,)
+    wrong = [(drivers, np.full_like(u, np.nan), rates, z, v), (drivers, u, np.array([np.nan]), z, v)]
+    for kinds, *arrays in (*wrong, (given, u, rates, infinite, v), (given, u, rates, z, infinite)):
+        for kind in kinds:
+            pointers = [ffi.cast("double *", array.ctypes.data) for array in arrays]
+            assert lib.pmr_start_moving(state.pointer, kind, *pointers) == lib.PMR_REFUSED
+            assert state.save() == before
+    why = ffi.new(f"char[{lib.PMR_MESSAGE}]")
+    at, *others = (ffi.cast("double *", array.ctypes.data) for array in (wrong[0][1], rates, z, v))
+    assert lib.pmr_check_start(state.pointer, at, *others, why) == lib.PMR_REFUSED
+    assert ffi.string(why) == b"start as given: what drives the system is not finite"
+    assert lib.pmr_evaluate(state.pointer, ffi.cast("double *", u.ctypes.data), 1, ffi.new("pmr_values *")) == (
+        lib.PMR_REFUSED
+    )
 
 
 def test_what_nothing_holds_is_refused() -> None:

@@ -52,6 +52,7 @@ struct pmr_carried {
     boom_moments boom;
     pmr_progress progress;
     int32_t *giving, count, orders; /* contacts that give way; rates of moments that are asked for, and one */
+    int32_t failed;                 /* PMR_DEPENDENT where these depend on each other */
     moved *paths;
     double *saved, *motions, *inertia, *inertia_smooth, *new_inertia, *new_smooth, *u, *u_old, *accelerations;
     double *C[3], *H[3], *F[3], *factor, *lambda, *right, *product;

@@ -172,7 +172,7 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
     const pmr_progress progress = st->progress;
     int failed;
     memcpy(st->began, st->mark, st->saved * sizeof(double));
-    failed = stand_under(st, at);
+    failed = hold && !to->closed ? PMR_REFUSED : stand_under(st, at);
     if (!failed) failed = find_position_forces(st, hold, to->closed);
     if (!failed) {
         find_all(st, st->values);
@@ -201,6 +201,7 @@ static int check_start(pmr_state *st, const double *at, const double *rates, con
     int failed, k, n, p;
     memcpy(st->began, st->mark, st->saved * sizeof(double));
     failed = stand_under(st, at);
+    if (failed == PMR_REFUSED) wrong = "start as given: what drives the system is not finite";
     if (!failed) find_slopes(st, st->still);
     for (k = 0; !failed && k < y->contacts; k++) {
         double moved = 0.0, size = 0.0, rate = 0.0, fastest = 0.0;

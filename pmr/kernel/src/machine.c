@@ -125,6 +125,7 @@ static int try_rates(pmr_carried *ms, int64_t k, const double *rates)
     if (failed) return failed;
     z[0] = ms->state->z, z[1] = z[2] = ms->state->v;
     find_whole(ms, k, now->b, loads, z, &now->whole);
+    if (ms->failed) return ms->failed;
     for (n = 0; n < 6; n++) {
         const double force = smoothed(&w, now->whole.forces[n], old->whole.forces[n], old->forces[n]);
         left[n] = now->whole.momenta[n] - old->whole.momenta[n] -
@@ -323,7 +324,7 @@ static int carried_open(pmr_state *st, const pmr_machine *machine, pmr_carried *
     int n;
     *carried = NULL;
     if (!y->motions || machine->sections < 1 || machine->sections > MOST_SECTIONS || y->pushing ||
-        st->settings.levels != 1 || st->settings.parts[0] != 1)
+        st->settings.energy || st->settings.levels != 1 || st->settings.parts[0] != 1)
         return PMR_REFUSED;
     for (n = 0; n < 3; n++)
         if (y->frame_angles[2 + n] < 0) return PMR_REFUSED;
@@ -350,7 +351,7 @@ static int carried_needed(pmr_carried *ms, const double *b, const double *z, con
     copy(ms->accelerations, a, y->modes);
     drivers_at(ms, 0, b, b + 12, ms->u);
     find_needed(ms, 0, b, ms->u + y->paths, modes, needed);
-    return PMR_DONE;
+    return ms->failed;
 }
 
 /* What holds the machine where it is accelerated by b's second rates, which the boom's follow. */
@@ -364,7 +365,7 @@ static int begin_with(pmr_carried *ms, const double *b, const double *z, const d
     if (failed) return failed;
     accelerate_boom(ms);
     find_needed(ms, 0, b, ms->u + y->paths, modes, needed);
-    return PMR_DONE;
+    return ms->failed;
 }
 
 static void record_machine(const pmr_carried *ms, const pmr_carried_record *record, int64_t row)
@@ -426,9 +427,15 @@ static int carried_advance(pmr_carried *ms, int64_t first, int64_t count, const 
                            int64_t *taken)
 {
     for (*taken = 0; *taken < count; ++*taken) {
+        const machine_past past = ms->past;
         int failed = find_motion_at(ms, first + *taken);
         if (!failed) failed = end_machine_step(ms, first + *taken);
-        if (failed) return failed;
+        if (failed) {
+            ms->past = past;
+            ms->past.rows_known = 0;
+            restore_boom(ms);
+            return failed;
+        }
         record_machine(ms, record, *taken);
     }
     return PMR_DONE;

@@ -78,7 +78,7 @@ static void move_pair(const pmr_carried *ms, int number, const double *tables, m
 }
 
 /* Rows of the contacts where the paths stand at step k, with their rates as the paths move; F of those that give way is
-   factorised. */
+   factorised: `failed` where these depend on each other. */
 static void move_rows(pmr_carried *ms, int64_t k)
 {
     pmr_state *st = ms->state;
@@ -127,15 +127,16 @@ static void move_rows(pmr_carried *ms, int64_t k)
         for (n = 0; n < rows * mp; n++)
             add_moved(ms->F, n, y->rope_slopes[(size_t)p * rows * mp + n], at[y->rope_paths[p]]);
     ms->count = 0;
-    for (a = 0; a < y->contacts; a++) {
-        int gives = 0;
-        for (b = 0; b < y->contacts; b++) gives |= ms->F[0][a * mp + b] != 0.0;
-        if (gives) ms->giving[ms->count++] = a;
-    }
-    for (a = 0; a < ms->count; a++) {
-        for (b = 0; b <= a; b++) ms->right[b] = ms->F[0][ms->giving[a] * mp + ms->giving[b]];
-        factorise(ms->right, ms->factor, a, (int)mp);
-    }
+    for (a = 0; a < y->contacts; a++)
+        if (!is_rigid(st, a)) ms->giving[ms->count++] = a;
     st->placed = 0; /* a step has another A */
     st->trouble = -1;
+    ms->failed = PMR_DONE;
+    for (a = 0; a < ms->count && !ms->failed; a++) {
+        for (b = 0; b <= a; b++) ms->right[b] = ms->F[0][ms->giving[a] * mp + ms->giving[b]];
+        if (!factorise(ms->right, ms->factor, a, (int)mp)) {
+            ms->failed = PMR_DEPENDENT;
+            st->trouble = ms->giving[a];
+        }
+    }
 }

@@ -140,7 +140,8 @@ enum { PMR_AT_REST = 0, PMR_GIVEN = 1, PMR_IN_EQUILIBRIUM = 2 };
 
 /* Bring a state to t = 0 under drivers u (N,).  PMR_AT_REST: z = v = 0.  PMR_GIVEN: z (r',) and v (r',).
    PMR_IN_EQUILIBRIUM: at rest under the loads, v = 0.  Multipliers of contacts that give way follow from the
-   position, those of rigid ones from the accelerations. */
+   position, those of rigid ones from the accelerations.  PMR_REFUSED, the state as it was, where a number is not
+   finite. */
 int pmr_start(pmr_state *state, int kind, const double *u, const double *z, const double *v);
 /* The same where paths move by `rates` (P,) m/s: rates v that violate rigid contacts are corrected by the change of
    least kinetic energy, those of bodies at rest and in equilibrium too. */
@@ -210,7 +211,8 @@ typedef struct {
     double *inertia; /* (., inertial_count): inputs by which the frame accelerates the boom */
 } pmr_carried_record;
 
-/* PMR_REFUSED for a system whose frame has no base that moves or whose contacts push, and for steps in parts. */
+/* PMR_REFUSED for a system whose frame has no base that moves or whose contacts push, and for steps in parts or with
+   energy, which a boom that moves with its machine has none of by itself. */
 int pmr_carried_open(pmr_state *state, const pmr_machine *machine, pmr_carried **carried);
 void pmr_carried_close(pmr_carried *carried);
 /* What has to hold the machine (6,), by its directions, at t = 0 where it moves as b (3, 6) and the boom as z, v, a
@@ -313,7 +315,8 @@ int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobia
 
 /* ---- continuous time ---- */
 
-/* Values, or how they change; each may be NULL.  `closed` is told where it is found, and given where it is held. */
+/* Values, or how they change; each may be NULL.  `closed` is told where it is found, and given where it is held:
+   PMR_REFUSED without it. */
 typedef struct {
     double *accelerations;              /* (r'), of modes without inertia as if they had it */
     double *outputs, *further, *forces; /* (o), (further), (forces) */

@@ -445,6 +445,8 @@ static int start(pmr_state *st, int kind, const double *u, const double *rates, 
     const pmr_system *y = st->system;
     const pmr_scheme *still = st->still;
     int n, failed, rigid = 0, k;
+    if (!all_finite(u, y->drivers) || (rates && !all_finite(rates, y->paths))) return PMR_REFUSED;
+    if (kind == PMR_GIVEN && !(all_finite(z, y->modes) && all_finite(v, y->modes))) return PMR_REFUSED;
     memset(st->mark, 0, st->saved * sizeof(double));
     copy(st->u, u, y->drivers);
     st->placed = 0;

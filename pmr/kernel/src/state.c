@@ -244,7 +244,8 @@ static int state_adjust(pmr_state *st, const pmr_settings *given, char *why)
 {
     if (check_settings(st->system, given, why)) return PMR_REFUSED;
     if (given->levels > st->opened)
-        return pmr_say(why, "levels = %d: there is room for %d", given->levels, st->opened), 1;
+        return pmr_say(why, "levels = %d: there is room for %d", given->levels, st->opened), PMR_REFUSED;
+    st->placed = 0;
     return take_settings(st, given, why);
 }
 
@@ -295,7 +296,7 @@ static void state_save(const pmr_state *st, void *bytes)
 {
     char *at = bytes;
     state_head head = {.system = st->system->checksum, .settings = settings_sum(st), .bytes = (int64_t)state_bytes(st)};
-    memcpy(head.magic, "PMRSTAT1", 8);
+    memcpy(head.magic, "PMRSTAT2", 8);
     memcpy(at + sizeof head, &st->progress, sizeof st->progress);
     memcpy(at + sizeof head + sizeof st->progress, st->mark, st->saved * sizeof(double));
     head.checksum = pmr_checksum(at + sizeof head, (size_t)head.bytes - sizeof head);
@@ -325,8 +326,8 @@ static int state_restore(pmr_state *st, const void *bytes, size_t count, char *w
     size_t n;
     if (count < sizeof head) return pmr_say(why, "no state: %zu bytes", count), PMR_REFUSED;
     memcpy(&head, at, sizeof head);
-    if (memcmp(head.magic, "PMRSTAT1", 8))
-        return pmr_say(why, "no state that this kernel can read (PMRSTAT1)"), PMR_REFUSED;
+    if (memcmp(head.magic, "PMRSTAT2", 8))
+        return pmr_say(why, "no state that this kernel can read (PMRSTAT2)"), PMR_REFUSED;
     if (head.system != st->system->checksum) return pmr_say(why, "a state of another system"), PMR_REFUSED;
     if (head.settings != settings_sum(st)) return pmr_say(why, "a state with other settings"), PMR_REFUSED;
     if (head.bytes != (int64_t)count || count != state_bytes(st))

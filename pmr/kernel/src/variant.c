@@ -16,6 +16,7 @@
 static void free_motion(pmr_state *st, const pmr_scheme *c);
 static void couple(const pmr_state *st, const pmr_scheme *c, const double *z, const double *v, double *result);
 static int stand(pmr_state *st);
+static int all_finite(const double *values, int count);
 INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums);
 
 #include "extrapolation.c"
