@@ -73,9 +73,8 @@ def main(library: str, cells: float) -> None:
     import pmr.pipeline
     from benchmarks.scale_run import STAGES, boom
     from pmr.fem.compat import MPI
-    from pmr.fem.factor import _PetscFactor
-    from pmr.fem.replicated import Exchange
-    from pmr.scene.names import ALONE
+    from pmr.fem.factor import Exchange, _PetscFactor
+    from pmr.scene.keys import ALONE
 
     comm, loaded = MPI.COMM_WORLD, peak_memory()
     for stage, places in STAGES.items():

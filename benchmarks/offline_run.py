@@ -23,10 +23,8 @@ from pmr.fem.compat import MPI
 from pmr.fem.distributed import tall
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
-from pmr.reduction.basis import pod
-from pmr.reduction.galerkin import reduced_model
-from pmr.reduction.snapshots import Snapshots
-from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.reduction.basis import pod, reduced_model
+from pmr.reduction.snapshots import Snapshots, eigenmode_snapshots
 
 SNAPSHOTS, MODES, COORDINATES = 5, 6, 20
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from benchmarks import beams
 from benchmarks.timing import side_by_side
 from pmr.fullmodel.build import full_model
-from pmr.reduction.basis import pod
-from pmr.reduction.galerkin import reduced_model
-from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.reduction.basis import pod, reduced_model
+from pmr.reduction.snapshots import eigenmode_snapshots
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from scipy.interpolate import PPoly
 import pmr.fullmodel.build
 import pmr.pipeline
 import pmr.reduction.bodies
-import pmr.reduction.residual.model
+import pmr.reduction.residual
 from benchmarks.timing import peak_memory
 from pmr import scene
 from pmr.constraints.polynomials import evaluate
@@ -30,8 +30,8 @@ from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.from_scene import structure_of
 from pmr.reduced.carriers import Flexibility
 from pmr.reduction.bodies import Reduction
+from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
-from pmr.scene.names import ALONE
 
 Array = NDArray[np.float64]
 
@@ -41,10 +41,8 @@ STAGES = {
     "mesh": ((pmr.fullmodel.build, "structure_of"),),
     "assembly": ((pmr.fullmodel.build, "structural_model"),),
     "modes": ((pmr.reduction.bodies, "take_snapshots"),),
-    "projection": ((pmr.reduction.residual.model, "galerkin"),),
-    "flexibility": tuple(
-        (pmr.reduction.residual.model, name) for name in ("ResidualFlexibility", "load_powers", "tables")
-    ),
+    "projection": ((pmr.reduction.residual, "galerkin"),),
+    "flexibility": tuple((pmr.reduction.residual, name) for name in ("ResidualFlexibility", "load_powers", "tables")),
 }
 #: Values of tables compared: five between two breaks.
 PLACES = 5

@@ -10,7 +10,7 @@ from pmr.compare import step_error as steps
 from pmr.compare.accuracy.trials import Trials
 from pmr.compare.outputs import Outputs
 from pmr.reduced.model import ReducedModel
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.system.body import SlidingBody
 from pmr.system.system import System

@@ -37,8 +37,8 @@ from soft_boom import Beam, settings
 
 import pmr
 from pmr.scene import Scene
-from pmr.scene.machine import Machine, OnMachine
-from pmr.scene.names import ALONE
+from pmr.scene.frame import Machine, OnMachine
+from pmr.scene.keys import ALONE
 from pmr.scene.signals import Constant, Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import OnBody, add_sensors, add_system

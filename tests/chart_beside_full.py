@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.files import records
+from pmr.files import npz
 from pmr.scene import Scene, load_any
 from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures, Stands, with_hook
 from pmr.studies import shared
@@ -84,9 +84,7 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
 def at_rest(scene: Scene, luffing: list[float], extensions: dict[str, list[float]] | None = None) -> Postures:
     """Where it stands, by the reduced model."""
     found = arrays_at_rest(scene, luffing, extensions)
-    return records.record(
-        Postures, {n.removeprefix("reduced."): a for n, a in found.items() if n.startswith("reduced.")}
-    )
+    return npz.record(Postures, {n.removeprefix("reduced."): a for n, a in found.items() if n.startswith("reduced.")})
 
 
 def arrays_at_rest(

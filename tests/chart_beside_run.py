@@ -14,12 +14,12 @@ from random_machines import G, random_machine
 from pmr.compare.evaluation import respond
 from pmr.compare.ropes import forces as rope_forces
 from pmr.compare.second_order import second_order_effect
-from pmr.files import records
+from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.checks import check
-from pmr.scene.pivot import CYLINDER
+from pmr.scene.mechanism import CYLINDER
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
 from pmr.simulation.native import systems
@@ -64,7 +64,7 @@ def chart(
     at = {"extensions": {name: [x] for name, x in extensions.items()}, "luffing": [np.deg2rad(angle)], "slewing": [0.0]}
     common: dict[str, Any] = {"up_to": 4.0 * at_load, "error": True}
     made = postures(boom_arguments(hooked) | common | {"at": at}, {})
-    own = records.record(
+    own = npz.record(
         Postures, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
     )
     amounts = [{WEIGHT: 1.0, HOOK: 1.0, "wind": wind}.get(part, 0.0) for part in own.parts]

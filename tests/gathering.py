@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pmr.fem.compat import MPI
-from pmr.fem.matrices import gather
+from pmr.fem.distributed import gather
 
 
 def gathered(A) -> np.ndarray:

@@ -12,7 +12,7 @@ from terms import axial
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.rows import round_up
 from pmr.kernel.signals import Signals
-from pmr.scene.names import input_of
+from pmr.scene.keys import input_of
 from pmr.simulation.frame import base_accelerations
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import AXES, GRAVITY, OF_BASE, OF_FRAME, MovingFrame

@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.fem.compat import MPI
-from pmr.fem.matrices import columns
+from pmr.fem.distributed import columns
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.model import FullModel, RigidMotions
-from pmr.fullmodel.sliders import slider_row
+from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.residual.model import section_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual import section_model
+from pmr.reduction.snapshots import free_modes
 from pmr.scene.structures import Profile
 from pmr.simulation.modal import modal_form
 from pmr.system.body import FullBody, SlidingBody

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.compare import evaluation
 from pmr.results import Energy, Response
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, InitialState, Progress, balance, exudyn
 from pmr.simulation.modal import ModalForm, support_forces
 from pmr.simulation.native import systems

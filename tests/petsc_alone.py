@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.system import FullSystem
+from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.results import Energy
 from pmr.simulation import Excitation, InitialState, petsc
 from pmr.simulation.petsc import Recording, States

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pmr.fem.compat import PETSc
-from pmr.fem.matrices import local_csr
+from pmr.fem.distributed import local_csr
 from pmr.fullmodel.model import FullModel
 
 

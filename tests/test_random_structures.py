@@ -23,9 +23,9 @@ from pmr.errors import InputError
 from pmr.fullmodel.build import build
 from pmr.pipeline.full_order import FullOrder
 from pmr.reduction.bodies import reduce_with
+from pmr.reduction.free_body import rigid_modes
 from pmr.reduction.from_scene import take_snapshots
-from pmr.reduction.snapshots.free_body import rigid_modes
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 
 BOOM = Path(__file__).parents[1] / "workflows" / "boom_beam.toml"

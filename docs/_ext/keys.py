@@ -9,7 +9,7 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-from pmr.scene.schema import dialects
+from pmr.scene.hints import dialects
 from pmr.studies.files import schemas
 
 Schema = dict[str, Any]

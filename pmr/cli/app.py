@@ -10,18 +10,12 @@ import typer
 from rich.logging import RichHandler
 from typer.core import TyperGroup
 
-from pmr.cli.chart import chart
-from pmr.cli.compile import compile_
 from pmr.cli.console import VisibleText, err, leave, out, output_failure, prepare_streams, ranks, say
-from pmr.cli.export import export
-from pmr.cli.flexible import flexible
+from pmr.cli.export import export, flexible, matrices, simulate
 from pmr.cli.info import info
-from pmr.cli.matrices import matrices
-from pmr.cli.new import new
+from pmr.cli.new import compile_, new, schema
 from pmr.cli.run import run
-from pmr.cli.schema import schema
-from pmr.cli.simulate import simulate
-from pmr.cli.study import study
+from pmr.cli.study import chart, study
 from pmr.errors import ConvergenceError, InputError, SimulationError, environment
 from pmr.files.whole import FULL, NotWrittenError
 

@@ -130,7 +130,7 @@ def study_file(path: Path) -> Path:
 
     The name of an experiment of the paper stands for its script.
     """
-    from pmr.scene.workflows import experiments
+    from pmr.scene.tomlfiles import experiments
 
     script = experiments().get(str(path))
     if script and not path.is_file():
@@ -143,7 +143,7 @@ def study_file(path: Path) -> Path:
 
 
 def _find_scene(path: Path, within: str) -> Path:
-    from pmr.scene.workflows import resolve_path  # what reads scenes takes longer to load than a help text to print
+    from pmr.scene.tomlfiles import resolve_path  # what reads scenes takes longer to load than a help text to print
 
     return resolve_path(path, within)
 

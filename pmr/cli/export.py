@@ -1,17 +1,19 @@
-"""``pmr export``: a reduced model as files for other programs."""
+"""Commands on models that are stored or of other programs: ``export``, ``flexible``, ``matrices``, ``simulate``."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.table import Table
 from rich.text import Text
 
-from pmr.cli.console import Model, ensure_file, ensure_writable, err, out, say
+from pmr.cli.console import Folder, Model, Overrides, ensure_file, ensure_writable, err, out, say, scene_file, tell
+from pmr.errors import InputError, TooManyModesError
 from pmr.errors.text import visible
-from pmr.export.formats import Options, formats, write
-from pmr.files.swap import finish_swap
+from pmr.export.formats import BODY_FORMATS, ONE_BODY, Options, formats, write
+from pmr.files.whole import finish_swap, fresh
 
 _SAYS = "; ".join(f"{name}: {one.says}" for name, one in formats().items())
 
@@ -64,3 +66,168 @@ def export(
     if section is not None:
         say(out, f"section {section} alone, without its joints")
     say(out, str(written))
+
+
+def flexible(
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")
+    ],
+    at: Annotated[float, typer.Option("--at", metavar="S", help="Place of the sliders in m.")],
+    to: Annotated[
+        str,
+        typer.Option("--to", metavar="FORMAT", help=f"{'; '.join(f'{k}: {v.says}' for k, v in BODY_FORMATS.items())}."),
+    ] = "sid",
+    modes: Annotated[int, typer.Option("--modes", metavar="N", help="Number of modes.")] = 8,
+    out_file: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="[default: a name of the format in this folder]")
+    ] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Write the body of a scene as a flexible body of another multibody program, with its sliders at one place.
+
+    Formats of flexible bodies do not allow sliding: modes and springs are those with the sliders at S, and the
+    reference frame is that of the ground.  An FMU includes the sliding (`pmr export --to fmu`).
+
+    Example:
+
+        pmr flexible boom_solid --at 2.5 --to sid --set masses=[]
+    """
+    from pmr import scene as scenes
+    from pmr.pipeline import framed_body, held_body
+
+    if to not in BODY_FORMATS:
+        raise InputError("command line", "--to", to, f"{', '.join(BODY_FORMATS)} is allowed")
+    if modes < 1:
+        raise InputError("command line", "--modes", modes, "1 or more is allowed")
+    chosen = BODY_FORMATS[to]
+    target = out_file or Path(chosen.file_name)
+    file = scene_file(scene)
+    loaded = scenes.load_any(file, overrides or ())
+    if len(loaded.sections) > 1:
+        raise InputError(str(file), "sections", list(loaded.names), ONE_BODY)
+    ensure_file(target, file, *filter(None, (loaded.mesh.file,)))
+    try:
+        body = (framed_body if chosen.by == "frame" else held_body)(loaded, at, modes)
+    except InputError as error:
+        raise error.found_in(str(file)) from None
+    except TooManyModesError as error:
+        raise InputError(
+            "command line", "--modes", modes, f"at most {error.most} are allowed, as many as there are free coordinates"
+        ) from None
+    chosen.write(body, target)
+    for k, (name, point) in enumerate(zip(body.places.names, body.places.points, strict=True), start=1):
+        say(out, f"{chosen.by} {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")
+    say(out, f"{len(body.omega)} modes, {', '.join(f'{w / 6.283185307179586:.4g}' for w in body.omega)} Hz")
+    say(out, str(target))
+
+
+def matrices(
+    stiffness: Annotated[
+        Path,
+        typer.Argument(metavar="STIFFNESS", help=".sti of CalculiX, .mtx (Abaqus), .bdf or .op4 (Nastran), .npz, .hb."),
+    ],
+    mass: Annotated[
+        Path | None, typer.Option("--mass", metavar="FILE", help="[default: .mas beside it; of .bdf itself]")
+    ] = None,
+    dofs: Annotated[
+        Path | None,
+        typer.Option(
+            "--dofs",
+            metavar="FILE",
+            help="Node and direction of each row.  [default: .dof beside it; of .bdf, .mtx itself]",
+        ),
+    ] = None,
+    nodes: Annotated[
+        Path | None,
+        typer.Option(
+            "--nodes",
+            metavar="FILE",
+            help="Nodes and groups: .inp, .bdf, .csv.  [default: .inp beside it; of .bdf itself]",
+        ),
+    ] = None,
+    out_file: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="[default: STIFFNESS-matrices.npz]")
+    ] = None,
+) -> None:
+    """Read matrices that another program assembled, and check them; FEniCSx is not needed.
+
+    A scene names the file: model = "matrices" in [body], and file in [mesh].
+
+    Example:
+
+        pmr matrices boom.sti
+    """
+    from pmr.files.foreign import foreign_files, read_foreign
+
+    if not stiffness.name:
+        raise InputError("command line", "STIFFNESS", str(stiffness), "the name of a file is allowed")
+    target = out_file or stiffness.with_name(f"{stiffness.stem}-matrices.npz")
+    if target.suffix != ".npz":
+        raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
+    files = foreign_files(stiffness, mass, dofs, nodes)
+    ensure_file(target, files.stiffness, files.mass, files.dofs, files.nodes)
+    body = read_foreign(files)
+    say(out, f"{body.size} coordinates of {len(body.points)} nodes; groups: {', '.join(body.groups) or 'none'}")
+    x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
+    say(out, f"{body.mass:.4g} kg, centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m; {_held_text(len(body.held))}")
+    say(out, str(body.save(target)))
+
+
+def _held_text(count: int) -> str:
+    if not count:
+        return "free to move as a rigid body"
+    return f"supports and springs in its stiffness hold {count} of 6 rigid motions"
+
+
+def simulate(
+    model: Model,
+    scene: Annotated[Path, typer.Option("--scene", metavar="SCENE", help="Scene with the path, loads and time steps.")],
+    out_dir: Folder = None,
+    overrides: Overrides = None,
+) -> None:
+    """Simulate a saved body or boom; FEniCSx is not needed.
+
+    The scene may differ from that of the file in paths, signals of loads (with the same names), time and simulators.
+    Other bodies or joints are refused.  DIR then has summary.json, scene.json and trajectories.npz, as after `pmr run`.
+
+    Examples
+    --------
+        pmr simulate reports/paper_simple/reduced.npz --scene paper_evolved --set time.end=5
+
+        pmr simulate reports/boom_three/system.npz --scene boom_three --set "sections.fly.loads.tip force.signal=0.0"
+    """
+    from pmr import scene as scenes
+    from pmr.compare.saved_model import simulate_saved
+    from pmr.report import sentences
+    from pmr.results import RESULT_FILES
+    from pmr.results.tables import reactions
+    from pmr.results.tables import write as write_tables
+    from pmr.system.system import System
+
+    finish_swap(model.parent)
+    system, file = System.load(model), scene_file(scene)
+    loaded, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", scene.stem)
+    if folder.resolve() == model.parent.resolve():
+        raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")
+    ensure_writable(folder, RESULT_FILES)
+    try:
+        result: Any = simulate_saved(system, loaded)
+    except InputError as error:
+        raise error.found_in(str(file)) from None
+    with fresh(folder, RESULT_FILES) as new:
+        result.save(new)
+        write_tables(result, new)
+    response, summary = result.responses["reduced"], result.summary
+    table = Table(title=visible(loaded.title), title_justify="left", title_style="bold", show_header=False)
+    table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")
+    for name, force in zip(response.force_names, response.slider_force.T, strict=False):
+        table.add_row(visible(name), f"{force.min():.4g} to {force.max():.4g} N")
+    for _, support, unit, least, _, _, most, *_ in reactions(result).rows:
+        table.add_row(visible(f"reaction of {support}"), f"{least:.4g} to {most:.4g} {unit}")
+    table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
+    out.print(table)
+    for sentence in filter(None, (sentences.estimate(result), sentences.step(result))):
+        tell(out, sentence)
+    for warning in summary["warnings"]:
+        tell(out, f"warning: {warning}")
+    say(out, str(folder / "trajectories.npz"))

@@ -1,19 +1,232 @@
-"""``pmr info``: the stack in use, or what a file holds."""
+"""``pmr info``: the stack in use, or what a file holds, line by line."""
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
 from pmr.cli.console import out, scene_file
-from pmr.cli.described import described_file, described_scene
 from pmr.errors import environment
 from pmr.errors.text import visible
-from pmr.files.swap import finish_swap
+from pmr.files.whole import finish_swap
+
+if TYPE_CHECKING:
+    from pmr import ReducedModel
+    from pmr import scene as scenes
+    from pmr.scene.built import Load
+    from pmr.scene.members import Member
+    from pmr.system.system import System
+
+#: Names of one kind that are listed; of more the first and the last.
+LISTED = 8
+#: Lowest frequencies that are listed.
+FREQUENCIES = 4
+_TABLES = ("versions", "scene")  # of a model's provenance
+
+
+def described_file(file: Path) -> dict[str, str]:
+    """Describe the content of a file of a reduced model or a system."""
+    from pmr import ReducedModel
+    from pmr.system.saved import read
+    from pmr.system.system import System
+
+    content = read(file)
+    if not isinstance(content, ReducedModel):
+        return described_system(System.load(file))
+    rows = described_model(content)
+    return rows if content.section is not None else rows | _frequencies(System.of(content))
+
+
+def described_system(system: System) -> dict[str, str]:
+    """Describe a system of several bodies."""
+    scene = system.provenance.get("scene")
+    title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
+    rows = {
+        "system": f"{len(system.bodies)} bodies, {sum(body.size for body in system.reduced.values())} coordinates",
+        "scene": f"{title} ({system.provenance.get('scene_hash', 'no hash')})",
+    }
+    for name, body in system.reduced.items():
+        rows[f"body {name}"] = f"{body.size} coordinates; outputs: {_describe_outputs(body)}"
+    pushing = {True: "holds both ways", False: "only pushes"}
+    contacts = [f"{contact.name} ({pushing[contact.clearance is None]})" for contact in system.contacts]
+    ranges = [f"{path} from {low:.4g} to {high:.4g} m" for path, (low, high) in system.ranges.items()]
+    return rows | {
+        **_inputs(system.input_names, system.input_units),
+        "contacts": f"{len(contacts)}: {_list_names(contacts)}",
+        "paths": ", ".join(ranges) or "none",
+        **_frequencies(system),
+    }
+
+
+def _frequencies(system: System) -> dict[str, str]:
+    """The lowest with all contacts closed, at the first and the last ends of all paths of the scene."""
+    import numpy as np
+
+    from pmr.errors import InputError, SimulationError
+    from pmr.simulation.moving import path_ranges
+    from pmr.system.assembly import Assembly
+
+    rows, ranges = dict[str, str](), path_ranges(system)
+    for end in (0, 1):
+        s = {path: ends[end] for path, ends in ranges.items()}
+        where = ", ".join(f"{path} at {at:.4g} m" for path, at in s.items()) or "at rest"
+        try:
+            hertz = Assembly(system).frequencies(system.coordinates(s), FREQUENCIES)
+        except (InputError, SimulationError, np.linalg.LinAlgError):
+            continue  # where two rigid pads meet
+        without = ", without second order" if system.terms else ""
+        rows[f"frequencies, {where}{without}"] = f"{', '.join(f'{f:.4g}' for f in hertz if np.isfinite(f))} Hz"
+    return rows
+
+
+def _list_names(names: list[str]) -> str:
+    """List names; of many the first and the last."""
+    return ", ".join(names if len(names) <= LISTED else [names[0], "...", names[-1]])
+
+
+def described_scene(scene: scenes.Scene) -> dict[str, str]:
+    """Describe a scene, line by line."""
+    from pmr.scene.members import members
+
+    rows = {"title": scene.title, "hash": scene.hash}
+    for member in members(scene):
+        rows |= _describe_body(member) if len(scene.sections) == 1 else {member.part.name: _in_a_line(scene, member)}
+    return (
+        rows
+        | _frame(scene)
+        | {
+            "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
+            "compared with": ", ".join(scene.compare.against) or "nothing",
+        }
+    )
+
+
+def _frame(scene: scenes.Scene) -> dict[str, str]:
+    """How a boom is raised and turned."""
+    if scene.frame is None:
+        return {}
+    motions = []
+    for name, angle in zip(("luffing", "slewing"), scene.frame.angles, strict=True):
+        low, high = (math.degrees(end) for end in angle.bounds(0.0, scene.time.end))
+        if low or high:
+            motions.append(f"{name} {low:.4g} to {high:.4g} degrees" if high > low else f"{name} {low:.4g} degrees")
+    motions += ["a base that moves"] * (scene.frame.base is not None)
+    pivot = ", ".join(f"{at:g}" for at in scene.frame.place)
+    return {"frame": f"{'; '.join(motions) or 'level'}; tail at ({pivot}) m from the pivot"}
+
+
+def _describe_body(member: Member) -> dict[str, str]:
+    """A body alone."""
+    from pmr.scene.choice import choose, is_undecided
+
+    chosen, (low, high), part = choose(member), member.bounds, member.part
+    pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in member.pads]
+    points = [f"{len(member.points)} row(s)"] if member.points else []
+    at_least = "at least that, by measurement: " if is_undecided(member) else ""
+    return {
+        "body": f"{chosen.model}, {_size(part.body)}",
+        "model": f"{part.body.model}: {at_least}{'; '.join(chosen.reasons)}",
+        "slider" if member.points else "pads": f"{', '.join([*pads, *points])}; s from {low:g} to {high:g} m",
+        "loads": ", ".join(_loads(member)),
+        "reduction": f"{part.reduction.coordinates} coordinates: {_describe_reduction(part.reduction)}",
+    }
+
+
+def _in_a_line(scene: scenes.Scene, member: Member) -> str:
+    """A section: its model, size and coordinates, how far it comes out, what acts on it."""
+    from pmr.scene.choice import model_of
+
+    words = [f"{model_of(member)}, {_size(member.part.body)}", f"{member.part.reduction.coordinates} coordinates"]
+    if member.part.name in scene.paths:
+        low, high = scene.paths[member.part.name].bounds(0.0, scene.time.end)
+        words.append(f"extended by {low:g} to {high:g} m")
+    return "; ".join([*words, f"loads: {', '.join(_loads(member))}"])
+
+
+def _axis(load: Load) -> str:
+    return load.direction if load.axes == "body" else f"{load.direction} of the ground"
+
+
+def _loads(member: Member) -> list[str]:
+    places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in member.part.loads]
+    loads = [f"{load.name} on {on} along {_axis(load)}" for load, on in zip(member.part.loads, places, strict=True)]
+    return [*loads, *(["gravity"] if member.gravity else [])]
+
+
+def _size(body: scenes.Body) -> str:
+    if body.profile is not None:
+        return f"{body.profile.length:g} m, EI = {body.profile.bending_stiffness:g} N m^2"
+    box = body.box
+    if box is None:
+        return "from a file"
+    walls = ", ".join(f"{name} {wall:g} m".strip() for name, wall in box.walls.items())
+    doublers = "".join(
+        f", doubler {doubler.thickness:g} m from {doubler.start:g} to {doubler.end:g} m" for doubler in box.doublers
+    )
+    low, high = box.straight
+    tapers = f", tapers outside {low:g} to {high:g} m" if (low, high) != (0.0, box.length) else ""
+    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {walls}{doublers}{tapers}"
+
+
+def _describe_reduction(reduction: scenes.Reduction) -> str:
+    pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
+    basis = pool if reduction.uses_pod else reduction.basis.replace("_", " ")
+    return f"{basis} and residual flexibility" if reduction.flexibility else basis
+
+
+def described_model(model: ReducedModel) -> dict[str, str]:
+    """Describe a reduced model, line by line."""
+    import numpy as np
+
+    low, high = model.domain
+    made_with, scene = ({} if not isinstance(found := model.provenance.get(key), dict) else found for key in _TABLES)
+    holds = np.isnan(model.row_clearance)
+    rows = [
+        name if holds_both_ways else f"{name} (only pushes)"
+        for name, holds_both_ways in zip(model.row_names, holds, strict=True)
+    ]
+    of = "" if model.section is None else f" of section {model.section.name}, without what joins it to the others"
+    return {
+        "reduced model": f"{model.size} coordinates{of}",
+        "scene": f"{scene.get('title', 'unknown')} ({model.provenance.get('scene_hash', 'no hash')})",
+        "basis": str(model.provenance.get("basis", "unknown")),
+        **_inputs(model.input_names, model.input_units),
+        "outputs": _describe_outputs(model),
+        "rows": f"{', '.join(rows)}; s from {low:g} to {high:g} m",
+        "rows left out": ", ".join(model.left_out) or "none",
+        **({"ports": ", ".join(model.ports)} if model.ports else {}),
+        "made with": ", ".join(
+            f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
+        ),
+    }
+
+
+def _inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
+    """Inputs with their units, and what those are by which a frame accelerates a body."""
+    from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
+
+    sign = {"inertia inputs": MINUS_THE_ACCELERATION} if any(INERTIA in name for name in names) else {}
+    return {"inputs": ", ".join(f"{name} in {unit}" for name, unit in zip(names, units, strict=True)), **sign}
+
+
+def _describe_outputs(model: ReducedModel) -> str:
+    """Numbers and names by unit; of many the first and the last."""
+    count = len(model.outputs)
+    units = model.output_units or ("m",) * count
+    names = model.output_names or tuple(f"at {x:g} m" for x in model.output_positions)
+    parts = []
+    for unit in dict.fromkeys(units):
+        of = [name for name, its in zip(names, units, strict=True) if its == unit]
+        listed = ", ".join(of if len(of) <= LISTED else [of[0], "...", of[-1]])
+        parts.append(f"{len(of)} in {unit} ({listed})")
+    return "; ".join(parts)
+
 
 _PLACES = {"tip": "at the tip", "beam": "along the beam"}
 

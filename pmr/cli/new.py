@@ -1,7 +1,10 @@
-"""The command ``pmr new``: a folder with a commented scene to start from, of one body with a script for its mesh."""
+"""Commands for a start: ``new``, ``schema``, and ``compile`` of earlier versions."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from functools import partial
 from importlib import resources
 from os.path import lexists
 from pathlib import Path
@@ -12,6 +15,50 @@ import typer
 from pmr.cli.console import ensure_writable, out, say
 from pmr.errors import InputError
 from pmr.errors.text import hint, visible
+
+
+def scene_schema() -> str:
+    """Schema of a scene file."""
+    from pmr.scene.hints import scenes
+
+    return json.dumps(scenes(), indent=1) + "\n"
+
+
+def study_schema(*kinds: str) -> str:
+    """Schema of a study file of these kinds, of any by default."""
+    from pmr.scene.hints import union_schema
+    from pmr.studies.files import schemas
+
+    schemas_by_kind = schemas()
+    return (
+        json.dumps(union_schema([schemas_by_kind[kind] for kind in kinds or schemas_by_kind], "Study of pmr"), indent=1)
+        + "\n"
+    )
+
+
+def schema(
+    kind: Annotated[
+        str, typer.Argument(metavar="[KIND]", help="scene, study, or one kind of study: scenes, ...")
+    ] = "scene",
+) -> None:
+    """Print the JSON schema of a scene file or a study file.
+
+    An editor that knows TOML (Even Better TOML, Taplo) reads it from the first line of a file:
+
+        #:schema scene.schema.json
+
+    Example:
+
+        pmr schema > scene.schema.json
+    """
+    from pmr.studies.files import kind_names
+
+    makers: dict[str, Callable[[], str]] = {"scene": scene_schema, "study": study_schema}
+    makers |= {name: partial(study_schema, name) for name in kind_names()}
+    if kind not in makers:
+        raise InputError("command line", "KIND", kind, f"{hint(kind, makers)}one of {', '.join(makers)} is allowed")
+    out.print(makers[kind](), soft_wrap=True, end="")
+
 
 SCHEMA = "scene.schema.json"
 TEMPLATES = resources.files("pmr.cli") / "templates"
@@ -34,8 +81,6 @@ def new(
 
         pmr new boom mine && pmr run mine
     """
-    from pmr.cli.schema import scene_schema
-
     if kind not in kinds():
         raise InputError("command line", "KIND", kind, f"{hint(kind, kinds())}{', '.join(kinds())} are allowed")
     if lexists(name):
@@ -55,3 +100,11 @@ def new(
         about["mesh.py"] = "draws a mesh of its own, for a start"
     for file, what in about.items():
         say(out, f"{name / file}  {what}")
+
+
+def compile_() -> None:
+    """Say that nothing is left to be compiled before a first run: pip has compiled the step.
+
+    This command of earlier versions goes in version 0.2.
+    """
+    say(out, "nothing is to be compiled: the step was compiled when pmr was installed")

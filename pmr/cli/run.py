@@ -33,7 +33,7 @@ from pmr.cli.console import (
 )
 from pmr.errors import ConvergenceError, InputError, SimulationError, environment
 from pmr.errors.text import duration, visible
-from pmr.files.swap import fresh, remove_files
+from pmr.files.whole import fresh, remove_files
 
 if TYPE_CHECKING:
     from pmr.errors.environment import Progress as Report
@@ -125,7 +125,7 @@ def run(
         import numpy as np
 
         from pmr.errors.environment import Clock
-        from pmr.files.users import users_folder
+        from pmr.files.whole import users_folder
         from pmr.pipeline import run as run_scene
 
         first = rank() == 0

@@ -13,7 +13,7 @@ from pmr.compare.errors import relative_error
 from pmr.compare.summary import Part
 from pmr.results import Frequencies, FrequencyMap, Response
 from pmr.scene import Scene
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation.at_rest import amplitudes_at_rest, steepest
 from pmr.system.assembly import Assembly
 from pmr.system.system import System

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.compare.errors import RELATIVE_FLOOR, Quantity
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.reactions import column_names, is_reaction
 from pmr.system.contacts import named

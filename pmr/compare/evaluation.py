@@ -13,7 +13,7 @@ from pmr.compare.booms import output_contacts
 from pmr.compare.errors import force_round_off, refuse_infinite, round_off
 from pmr.results import Energy, Response
 from pmr.scene.built import force_of, friction_of
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation.balance import blocks, potential
 from pmr.simulation.native import systems
 from pmr.simulation.reactions import column_names, on_rows, with_support_reactions

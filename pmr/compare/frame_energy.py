@@ -27,8 +27,8 @@ from pmr.compare.runs import run_from_start
 from pmr.compare.summary import Part
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA, Frame
-from pmr.scene.frame_terms import FrameTerm, frame_terms
-from pmr.scene.names import input_of
+from pmr.scene.keys import input_of
+from pmr.scene.mechanism import FrameTerm, frame_terms
 from pmr.simulation import Excitation
 from pmr.simulation.balance import dot, mean
 from pmr.simulation.frame_motion import Turning

@@ -26,8 +26,8 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyResponse
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam
+from pmr.scene.keys import SLIDER
 from pmr.scene.members import member_at
-from pmr.scene.names import SLIDER
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 

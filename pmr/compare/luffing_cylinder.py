@@ -16,7 +16,7 @@ from pmr.compare.summary import Part
 from pmr.results import Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Scene
-from pmr.scene.pivot import CYLINDER
+from pmr.scene.mechanism import CYLINDER
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from typing import Any, Protocol
 
 from pmr.errors import InputError
 from pmr.scene import Scene
+from pmr.scene.joints import OneBody
+from pmr.scene.keys import Section
 from pmr.scene.members import Member, member_at
-from pmr.scene.parts import OneBody
-from pmr.scene.section import Section
 
 #: What may differ from the scene that the model was made from: signals, and how reductions are computed or judged.
 FREE = frozenset({

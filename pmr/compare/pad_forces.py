@@ -19,8 +19,8 @@ from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_of, friction_of, reaction_of
 from pmr.scene.choice import is_axial
 from pmr.scene.frame import INERTIA
+from pmr.scene.keys import cylinder_of
 from pmr.scene.members import EXTENSION, members
-from pmr.scene.names import cylinder_of
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Friction, named
 from pmr.system.system import System

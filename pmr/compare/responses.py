@@ -21,10 +21,9 @@ from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.choice import transverse
+from pmr.scene.choice import SIMULATORS, transverse
+from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
-from pmr.scene.names import ALONE
-from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping, contact_step, exudyn
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm

@@ -25,8 +25,8 @@ from pmr.results.extremes import Extremes
 from pmr.results.quantities import with_unit
 from pmr.scene import Scene
 from pmr.scene.built import force_of
-from pmr.scene.names import cylinder_of
-from pmr.scene.ropes import drive_rows, longest, rope_shares
+from pmr.scene.keys import cylinder_of
+from pmr.scene.mechanism import drive_rows, longest, rope_shares
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.scene import Scene
-from pmr.scene.frame_terms import AXIAL, stress_terms
+from pmr.scene.mechanism import AXIAL, stress_terms
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import places
 from pmr.simulation.frame import term_signals

@@ -16,7 +16,7 @@ from pmr.errors.text import remarks
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.hints import hints
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.stepping import overshoots, unseen
 from pmr.system.system import System

@@ -7,7 +7,7 @@ from typing import Any
 
 from pmr.compare.summary import Part
 from pmr.scene import Scene
-from pmr.scene.parts import Part as Body
+from pmr.scene.joints import Part as Body
 
 
 def utilisation(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part:
@@ -19,7 +19,7 @@ def utilisation(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part
     Parameters
     ----------
     stresses : mapping
-        By body, what `pmr.reduction.recover.from_scene.Recovered.summary` says.
+        By body, what `pmr.reduction.recovery.Recovered.summary` says.
     """
     largest = dict[str, dict[str, Any]]()
     for part in scene.sections:
@@ -36,7 +36,7 @@ def utilisation(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> Part
 
 
 def masses(masses_of_bodies: Mapping[str, Any]) -> Part:
-    """``masses`` of summary.json: of each body by ``name`` what `pmr.fullmodel.masses.Masses.summary` says."""
+    """``masses`` of summary.json: of each body by ``name`` what `pmr.fullmodel.model.Masses.summary` says."""
     rows = [
         {"name": name, **masses_of_body.summary()}
         for name, masses_of_body in masses_of_bodies.items()

@@ -12,7 +12,7 @@ from pmr.compare.booms import tip_names
 from pmr.compare.frequencies import CURVES, RESPONSES, closed_form_frequencies, frequency_response, visited_positions
 from pmr.results import Frequencies, FrequencyResponse
 from pmr.scene import Scene
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.system.assembly import Assembly
 from pmr.system.system import System

@@ -31,7 +31,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, environment
-from pmr.fields.held import FramedBody, NodalBody
+from pmr.fields.series import FramedBody, NodalBody
 from pmr.files.whole import replacement
 
 

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pmr.errors import InputError, environment, plugins
+from pmr.errors import InputError, environment
 from pmr.errors.text import hint
 
 
@@ -74,10 +74,10 @@ FORMATS = {
 
 def formats() -> dict[str, Format]:
     """All formats by their names, those that installed plug-ins add among them."""
-    offered = plugins.plugin_objects("pmr.exports", frozenset(FORMATS))
+    offered = environment.plugin_objects("pmr.exports", frozenset(FORMATS))
     for name, plugin in offered.items():
         if not isinstance(plugin, Format):
-            raise plugins.plugin_error("pmr.exports", name)
+            raise environment.plugin_error("pmr.exports", name)
     return FORMATS | offered
 
 

@@ -27,7 +27,7 @@ from pmr.export.formats import Options
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.soundness import symmetric
 from pmr.scene.built import force_of
-from pmr.scene.names import ALONE, SLIDER
+from pmr.scene.keys import ALONE, SLIDER
 from pmr.simulation.modal import diagonalise, modal_damping
 from pmr.simulation.moving import path_ranges
 from pmr.system.assembly import Assembly

@@ -100,8 +100,7 @@ else:
     SLEPc = None
 
 from pmr.errors import InputError
-from pmr.files.built import stored
-from pmr.files.whole import FULL
+from pmr.files.whole import FULL, stored
 
 __all__ = [
     "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",

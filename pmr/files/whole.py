@@ -1,17 +1,43 @@
-"""Files that are whole under their name, or not there: a kill, a full disk or an error leaves what was there before.
+"""Files and folders that are whole under their name or not there, whoever is killed while they are written.
+
+Several files of one folder that belong together: all of them are the old ones or all are the new ones.
+
+The new ones are written into a folder inside the target.  When they are complete it gets another name, in one step:
+from then on they count.  Then they move to where the old ones stand, one after the other, which takes less than a
+millisecond; who is killed meanwhile leaves the rest to who opens the folder next (`finish_swap`).  So the target may
+be the current directory, a symbolic link or the root of a disk, and what else lies in it is not touched.
+
+Files that are whole under their name, or not there: a kill, a full disk or an error leaves what was there before.
 
 Locks on files and folders too, which the system takes from a process that dies.
+
+Folders that take long to make and are stored: whole under their name or not there, whoever is killed meanwhile.
+
+A folder is made under another name and then renamed.  A lock, which the system takes from a process that dies, lets
+one process make it while the others wait for it, and tells what a dead process left from what a living one is making.
+
+Where what serves again is cached for a user.
 """
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import json
 import os
-from collections.abc import Iterator
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from fnmatch import fnmatch
 from importlib import import_module, util
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pmr.errors import InputError
+
+Made = TypeVar("Made")
+
 
 PART = ".part"
 #: No room, or none for this user, or a file larger than allowed.
@@ -94,3 +120,182 @@ def hold_lock(path: Path, wait: bool = True) -> Iterator[bool]:
             yield True
     finally:
         os.close(place)
+
+
+_NEW, _COMPLETE, _LIST = ".pmr-new-", ".pmr-complete", ".moves.json"
+
+
+@contextmanager
+def fresh(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
+    """An empty folder to write to; when the block ends without an error its files take the place of `ours`.
+
+    These are names, or patterns of names, of all that may ever be written, relative to `folder`, which is made if need
+    be: old files among them that are not written again go.
+
+    Raises NotWrittenError if there is no room: the old files are still there, of the new ones nothing is; ValueError if
+    a file was written whose name is not among `ours`.
+    """
+    with report_full_disk(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        finish_swap(folder)
+        new = Path(tempfile.mkdtemp(prefix=_NEW, dir=folder))
+    try:
+        with hold_lock(new), report_full_disk(folder):
+            yield new
+            names = _names(new, folder, ours)
+            gone = [name for name in _matching_names(folder, ours) if name not in names]
+            (new / _LIST).write_text(json.dumps({"names": names, "gone": gone}))
+            for name in (*names, _LIST):
+                flush_file(new / name)
+            with hold_lock(folder):
+                _finish(folder)
+                new.rename(folder / _COMPLETE)
+                _finish(folder)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+
+
+def finish_swap(folder: Path) -> None:
+    """Finish what a process that was killed had begun in a folder, and remove what it had not completed."""
+    new_folders = [path for path in folder.glob(f"{_NEW}*") if path.is_dir()]
+    if new_folders or (folder / _COMPLETE).exists():
+        with report_full_disk(folder), hold_lock(folder):
+            _finish(folder)
+            for new in new_folders:
+                with suppress(FileNotFoundError), hold_lock(new, wait=False) as free:
+                    if free:
+                        shutil.rmtree(new, ignore_errors=True)
+
+
+def remove_files(folder: Path, ours: Sequence[str]) -> None:
+    """Remove files by their names or patterns."""
+    for name in _matching_names(folder, ours):
+        (folder / name).unlink(missing_ok=True)
+
+
+def _finish(folder: Path) -> None:
+    complete = folder / _COMPLETE
+    if not complete.is_dir():
+        return
+    if (complete / _LIST).is_file():
+        names, gone = _moves(complete / _LIST, folder)
+        for name in gone:
+            (folder / name).unlink(missing_ok=True)
+        for name in names:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            with suppress(FileNotFoundError):  # moved before
+                os.replace(complete / name, folder / name)
+    shutil.rmtree(complete)
+
+
+def _moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
+    """Files of the folder that are to be moved, and to be removed, whoever wrote the list.
+
+    Raises InputError if it names anything outside of the folder: then no file is touched.
+    """
+    try:
+        moves = json.loads(file.read_text())
+        names, gone = (list(map(str, moves[key])) for key in ("names", "gone"))
+        inside, listed = folder.resolve(), (*names, *gone)
+        foreign = [n for n in listed if "\0" in n or not (folder / n).parent.resolve().is_relative_to(inside)]
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise InputError(str(file), "", None, f"not written by pmr ({error}); delete its folder") from None
+    if foreign:
+        raise InputError(str(file), "", foreign[0], "files of this folder are allowed; delete the list's folder")
+    return names, gone
+
+
+def _names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:
+    names = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
+    unknown = [name for name in names if not any(fnmatch(name, pattern) for pattern in ours)]
+    if unknown:
+        raise ValueError(f"{', '.join(unknown)}: not among {', '.join(ours)}")
+    for name in names:
+        ensure_ordinary(folder / name)
+    return names
+
+
+def _matching_names(folder: Path, ours: Sequence[str]) -> list[str]:
+    paths = [path.relative_to(folder).as_posix() for pattern in ours for path in folder.glob(pattern)]
+    return [name for name in paths if not (folder / name).is_dir()]
+
+
+def stored(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
+    """Result of `make`, given `folder` if it is whole, or a new folder that then replaces it; collective.
+
+    The folder lies on a disk that all ranks of `comm` see; what rank 0 says counts, which asks `is_whole` whether it
+    holds what it should.  `make` loads from a folder that is whole and fills an empty one; it fails on all ranks or on
+    none, and a folder that was taken for whole and can't be loaded is made anew.
+
+    Raises OSError on rank 0 if there is no folder to write to.
+    """
+    first = comm.rank == 0
+    complete = comm.bcast(is_whole(folder) if first else None)
+    if complete:
+        try:
+            return make(folder)
+        except Exception:
+            if first:
+                _discard(folder)
+    return _make_locked(folder, is_whole, make, comm)
+
+
+def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
+    if comm.rank > 0:
+        result = make(comm.bcast(None))
+        comm.barrier()
+        return result
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    lock = folder.with_name(f"{folder.name}.lock")
+    lock.touch()
+    with hold_lock(lock) as alone:  # without locks two processes do the same work, each in a folder of its own
+        if is_whole(folder):  # another process has made it while this one waited for the lock
+            result = make(comm.bcast(folder))
+            comm.barrier()
+            return result
+        if alone:
+            for partial in folder.parent.glob(f"{folder.name}.*.part"):
+                _discard(partial)
+        part = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", suffix=".part", dir=folder.parent))
+        try:
+            result = make(comm.bcast(part))
+            comm.barrier()  # the other ranks load from it, too
+            _publish(part, folder, is_whole)
+        finally:
+            _discard(part)
+        return result
+
+
+def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None:
+    for file in part.iterdir():
+        with file.open("rb") as content:
+            os.fsync(content.fileno())
+    if not is_whole(folder):
+        _discard(folder)
+        with suppress(OSError):  # without a lock another process may have been faster
+            part.rename(folder)
+
+
+def _discard(folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+#: Files in the folder, two a measurement.
+MOST_KEPT = 100
+
+
+def users_folder() -> Path | None:
+    """Cache folder of a user for measurements of structures: ``$PMR_CACHE``, or ``pmr`` in ``~/.cache``.
+
+    Of files beyond `MOST_KEPT` the oldest are removed.  None where there can be no such folder.
+    """
+    folder = Path(os.environ.get("PMR_CACHE") or Path.home() / ".cache" / "pmr")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    with contextlib.suppress(OSError):  # what can't be listed or removed stays
+        files = sorted(folder.glob("*.npz"), key=lambda file: file.stat().st_mtime)
+        for file in files[:-MOST_KEPT]:
+            file.unlink()
+    return folder

@@ -1,30 +1,249 @@
-"""From a scene to the full models of its bodies, and whether something holds them wherever they slide."""
+r"""From a scene to the full models of its bodies, and whether something holds them wherever they slide.
+
+What of a moving frame and of second order the full models of a scene are built with.
+
+Rigid motions of a system of bodies that nothing resists, from the geometry alone.
+
+Body b moves as the next outer one does, and by :math:`d_b` more: displacements along and rotations about x, y and z,
+about the origin of the base.  With the rigid motions R of each body, what holds them measures
+
+.. math:: C(s) R\, A(s)\, d, \qquad m_b = d_1 + \dots + d_b
+
+of them, A with how far each tail is ahead: supports and pads, springs or not, clamped coordinates, and what joins two
+bodies.  Motions in the null space of that are free.  Pads that only push hold, too, as long as something presses on
+them; whether it does, a static start says.  What keeps a body straight measures none of its rigid motions.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import InputError, NotHeldError
 from pmr.fem.compat import MPI
-from pmr.fullmodel import free_motions
 from pmr.fullmodel.from_scene import structure_of
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Structure
-from pmr.fullmodel.system import FullSystem
-from pmr.fullmodel.wanted import wanted_matrices
+from pmr.models import DIRECTIONS, StructuralModel
 from pmr.scene import Scene
 from pmr.scene.choice import is_undecided, model_of
+from pmr.scene.keys import ALONE, SLIDER
+from pmr.scene.mechanism import frame_terms, stress_terms
 from pmr.scene.members import members
-from pmr.scene.names import ALONE, SLIDER
 from pmr.system.from_scene import contacts_of
 
+Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
+
+
+#: Motions that are held by less than this share of what holds the others are free; pads measure them to 1e-12.
+FREE = 1e-7
+#: What is left of a row by less than this share of its terms is round-off: it measures no rigid motion.
+ROUND_OFF = 1e-9
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Free:
+    """Free motions at the position with most of them, in words: all, and the first in a clause; both may be empty."""
+
+    said: str = ""  # "fly free to move along x at t = 2 s"
+    short: str = ""  # "fly can move along x"
+
+
+@dataclass(frozen=True)
+class Way:
+    """Positions, T of them, at which a system is looked at."""
+
+    s: Mapping[str, Array]  # path coordinates (T,) m
+    ahead: Mapping[str, Array]  # (T,) m of each body: how far its tail is ahead of the base's
+    said: Sequence[str]  # each position in words
+
+
+@dataclass(frozen=True)
+class Body:
+    """Rigid motions of a body, six, as its rows measure them: those that its model has not are zero."""
+
+    on_carriers: Array  # (K, 6)
+    terms: Array  # (K, 6): the same of the sizes of all numbers, which round-off is a share of
+    held: Array  # (h, 6): what always holds it, whatever slides
+    reach: float  # m: by how much a rotation of 1 moves it at most
+
+    @classmethod
+    def of(cls, model: FullModel, structural: StructuralModel) -> Body:
+        """Collective.  Raises ValueError if the model does not know its rigid motions."""
+        if model.rigid is None:
+            raise ValueError("a model is needed that knows its rigid motions")
+        R, comm = model.rigid.coordinates, model.comm
+        U = model.carriers.carriers[:, model.share]
+        numbers = [DIRECTIONS.index(direction) for direction in structural.directions]
+        space = np.eye(6)[numbers]
+        missing = np.delete(np.eye(6), numbers, axis=0)
+        held = [model.rigid.held @ space, missing]
+        turning = np.array([direction.startswith("r") for direction in structural.directions])
+        reach = float(np.max(comm.allgather(np.abs(R[:, turning]).max(initial=0.0))))
+        measured, terms = (np.asarray(comm.allreduce(part)) @ space for part in (U @ R, abs(U) @ np.abs(R)))
+        return cls(measured, terms, _fewest(np.vstack(held), reach), reach)
+
+
+def _fewest(rows: Array, reach: float) -> Array:
+    """At most six rows (h, 6) that hold what all of them do, however many points a clamp has."""
+    scale = np.repeat([1.0, reach or 1.0], 3)
+    rows = rows / scale
+    size = np.linalg.norm(rows, axis=1)
+    triangle = np.linalg.qr(rows[size > 0.0] / size[size > 0.0, None], mode="r")
+    return np.asarray(triangle[np.linalg.norm(triangle, axis=1) > ROUND_OFF] * scale)
+
+
+def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> list[dict[str, Array]]:
+    """At each position the free motions (6, f) of each body beside the next outer one: of those that have any.
+
+    Collective.
+    """
+    bodies = {name: Body.of(model, structural[name]) for name, model in system.bodies.items()}
+    shifts = {name: _shifts(ahead) for name, ahead in way.ahead.items()}
+    scale = np.ones(6)
+    scale[3:] = max(float(np.max(way.ahead[name])) + body.reach for name, body in bodies.items())
+    rows = np.concatenate([_contacts(system, bodies, way, shifts), *_supports(bodies, shifts)], axis=1) / np.tile(
+        scale, len(bodies)
+    )
+    size = np.linalg.norm(rows, axis=2, keepdims=True)
+    rows = np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0)
+    relative = np.kron(np.tril(np.ones((len(bodies), len(bodies)))), np.eye(6))  # m of d
+    return [_split(_null_space(at @ relative), tuple(bodies), scale) for at in rows]
+
+
+def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> Free:
+    """Describe the free motions of a system; collective."""
+    by_position = [
+        {name: describe_motions(motions) for name, motions in at.items()} for at in freedoms(system, structural, way)
+    ]
+    counts = [sum(map(len, at.values())) for at in by_position]
+    most, last = int(np.argmax(counts)), list(system.bodies)[-1]
+    if not counts[most]:
+        return Free()
+    sentence = "; ".join(
+        f"{'the body' if name == ALONE else name if name == last else f'{name} with what it carries'} free to "
+        + ", ".join(motions)
+        for name, motions in by_position[most].items()
+    )
+    always = all(at == by_position[most] for at in by_position)
+    first = next(iter(by_position[most].values()))[0]
+    names = [name for name, motions in by_position[most].items() if first in motions]
+    who = "it" if names == [ALONE] else " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    further = counts[most] - len(names)
+    more = f", and in {further} more way{'s' if further > 1 else ''}" if further else ""
+    return Free(sentence if always else f"{sentence} {way.said[most]}", f"{who} can {first}{more}")
+
+
+def _contacts(system: FullSystem, bodies: Mapping[str, Body], way: Way, shifts: Mapping[str, Array]) -> Array:
+    """Motions of all bodies as each contact measures them, (T, m, 6 b); zero where that is round-off."""
+    names, x = list(bodies), system.coordinates(way.s)
+    rows, terms = np.zeros((2, len(way.said), len(system.contacts), 6 * len(names)))
+    for side, row, at in zip(system.sides, system.side_rows, x.T, strict=True):
+        name = side.place.body
+        motions_of_body, weights = slice(6 * names.index(name), 6 * names.index(name) + 6), row.weights(at)
+        rows[:, side.contact, motions_of_body] = side.sign * _times(weights @ bodies[name].on_carriers, shifts[name])
+        terms[:, side.contact, motions_of_body] = _times(abs(weights) @ bodies[name].terms, np.abs(shifts[name]))
+    counts = np.linalg.norm(rows, axis=2) > ROUND_OFF * np.linalg.norm(terms, axis=2)
+    return rows * counts[:, :, None]
+
+
+def _supports(bodies: Mapping[str, Body], shifts: Mapping[str, Array]) -> Iterator[Array]:
+    """Motions that supports of each body measure, likewise."""
+    for k, (name, body) in enumerate(bodies.items()):
+        rows = np.einsum("hk,tkl->thl", body.held, shifts[name])
+        yield np.pad(rows, ((0, 0), (0, 0), (6 * k, 6 * (len(bodies) - k - 1))))
+
+
+def _times(rows: Array, shifts: Array) -> Array:
+    """Rows (T, 6) times matrices (T, 6, 6)."""
+    return np.asarray(np.einsum("tk,tkl->tl", rows, shifts))
+
+
+def _shifts(ahead: Array) -> Array:
+    """A motion about the base's origin as one about a tail so far ahead of it, (T, 6, 6)."""
+    A = np.tile(np.eye(6), (len(ahead), 1, 1))
+    A[:, 2, 4], A[:, 1, 5] = -ahead, ahead
+    return A
+
+
+def _split(free: Array, names: tuple[str, ...], scale: Array) -> dict[str, Array]:
+    """Orthonormal motions (6 b, f), those of each body beside the next outer one, by the first body that moves."""
+    motions = {}
+    for k, name in enumerate(names):
+        of_body = free[6 * k : 6 * k + 6]
+        _, sigma, Vt = np.linalg.svd(of_body, full_matrices=True)
+        count = int(np.sum(sigma > FREE))
+        if count:
+            motions[name] = of_body @ Vt[:count].T / scale[:, None]
+        free = free @ Vt[count:].T
+    return motions
+
+
+def _null_space(C: Array) -> Array:
+    """Orthonormal motions (n, f) of which C (m, n) measures nothing; n where there are no rows."""
+    _, sigma, Vt = np.linalg.svd(np.linalg.qr(C, mode="r"), full_matrices=True)
+    return np.asarray(Vt[int(np.sum(sigma > FREE * sigma.max(initial=0.0))) :].T)
+
+
+def describe_motions(motions: Array) -> list[str]:
+    """Free motions (6, f) in words: translations first, then turns about axes."""
+    theta = motions[3:]
+    _, sigma, Vt = np.linalg.svd(theta, full_matrices=True)
+    turns = int(np.sum(sigma > FREE * np.abs(motions).max(initial=0.0)))
+    shifts = _reduce_rows(Vt[turns:] @ motions[:3].T)
+    phrases = [f"move along {_direction(shift)}" for shift in shifts]
+    for motion in _reduce_rows(Vt[:turns] @ np.vstack([theta, motions[:3]]).T):
+        about, linear = motion[:3], motion[3:]
+        if len(shifts):
+            linear = linear - shifts.T @ np.linalg.lstsq(shifts.T, linear, rcond=None)[0]
+        phrases.append(f"turn about {_direction(about)} through {_place(np.cross(about, linear) / (about @ about))}")
+    return phrases
+
+
+def _reduce_rows(A: Array) -> Array:
+    """The span of rows (f, d) with as many zeros as possible: reduced by Gauss and Jordan."""
+    row = 0
+    for column in range(A.shape[1]):
+        if row == len(A):
+            break
+        pivot = row + int(np.abs(A[row:, column]).argmax())
+        if np.abs(A[pivot, column]) <= FREE * np.abs(A).max():
+            continue
+        A[[row, pivot]] = A[[pivot, row]]
+        A[row] /= A[row, column]
+        other_rows = np.arange(len(A)) != row
+        A[other_rows] -= np.outer(A[other_rows, column], A[row])
+        row += 1
+    return A[:row]
+
+
+def _direction(vector: Array) -> str:
+    unit = vector / np.linalg.norm(vector)
+    along = int(np.abs(unit).argmax())
+    if np.abs(unit[along]) > 1.0 - 1e-6:
+        return AXES[along]
+    return "({})".format(", ".join(f"{c + 0.0:.3g}" for c in np.round(unit, 3)))
+
+
+def _place(at: Array) -> str:
+    return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(at, 6)))
+
+
+def wanted_matrices(scene: Scene) -> tuple[str, ...]:
+    """Names among `ROTATING`, `CARRIED` and `STATES` of `pmr.reduced.matrices`; none costs anything unless named.
+
+    Without second order those of stresses are built all the same: they say how much is left out.
+    """
+    return tuple(dict.fromkeys(term.matrix for term in (*frame_terms(scene), *stress_terms(scene))))
+
 
 #: Relative error of the lowest frequency from which on a mesh is called too fine.
 NOTICED_ROUND_OFF = 1e-4
@@ -113,24 +332,24 @@ def left_free(scene: Scene, built: Mapping[str, Built]) -> list[str]:
     return [_without_limit(built, free)] if free.said else []
 
 
-def _without_limit(built: Mapping[str, Built], free: free_motions.Free) -> str:
+def _without_limit(built: Mapping[str, Built], free: Free) -> str:
     holds = "supports and pads" if ALONE in built else "supports, pads and cylinders"
     return f"{holds} leave {free.said}: loads along that move it without limit"
 
 
-def _free(scene: Scene, built: Mapping[str, Built]) -> free_motions.Free:
+def _free(scene: Scene, built: Mapping[str, Built]) -> Free:
     models = models_of(built)
     system = FullSystem(models, contacts_of(scene, models)).with_supports()
-    return free_motions.words(system, {name: body.structure.model for name, body in built.items()}, _way(scene))
+    return words(system, {name: body.structure.model for name, body in built.items()}, _way(scene))
 
 
-def _way(scene: Scene) -> free_motions.Way:
+def _way(scene: Scene) -> Way:
     """Positions at which bodies are looked at: of one alone all along its path; of sections some times and breaks."""
     if ALONE in scene.bodies:
         along = np.linspace(*scene.travel, PLACES)
-        return free_motions.Way({SLIDER: along}, {ALONE: np.zeros(PLACES)}, [f"with s at {at:.4g} m" for at in along])
+        return Way({SLIDER: along}, {ALONE: np.zeros(PLACES)}, [f"with s at {at:.4g} m" for at in along])
     end, breaks = scene.time.end, [t for path in scene.paths.values() for t in path.breaks]
     t = np.unique(np.clip([*np.linspace(0.0, end, PLACES), *breaks], 0.0, end))
     s = {name: path.value(t) for name, path in scene.paths.items()}
     tails = accumulate(s.values(), np.add, initial=np.zeros(len(t)))
-    return free_motions.Way(s, dict(zip(scene.names, tails, strict=True)), [f"at t = {at:.4g} s" for at in t])
+    return Way(s, dict(zip(scene.names, tails, strict=True)), [f"at t = {at:.4g} s" for at in t])

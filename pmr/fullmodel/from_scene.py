@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.straight import Straight
-from pmr.errors import InputError, on_first, plugins
+from pmr.errors import InputError, environment, on_first
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
 from pmr.fullmodel.structure import Action, Clamp, Inertia, PadForce, Structure, Weight
-from pmr.fullmodel.walls_from_scene import walls_of
-from pmr.mesh.beam import graded_nodes, read_nodes
 from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
-from pmr.mesh.drawing import NotDrawnError
+from pmr.mesh.drawing import NotDrawnError, graded_nodes, read_nodes
 from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
@@ -38,7 +36,7 @@ from pmr.scene.choice import (
     model_of,
     transverse,
 )
-from pmr.scene.frame_terms import tails
+from pmr.scene.mechanism import tails
 from pmr.scene.members import EXTENSION, TAIL, Member
 from pmr.scene.structures import Beam3DBody
 
@@ -65,6 +63,8 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         check_fenicsx(model_of(member))
     model, pads = _MODELS.get(model_of(member), _mesh_model)(member, comm), _pads(member)
     if has_giving_walls(member):
+        from pmr.fullmodel.wall_compliance import walls_of  # needs FEniCSx
+
         pads = replace(pads, walls=walls_of(member, (*pads.fixed, *pads.moving), comm))
     across, observe, supports = transverse(member), member.part.observe, _supports(member)
     stations: Sequence[float] | Array | None = observe.stations
@@ -201,9 +201,9 @@ def _kind(name: str) -> Any:
     models_of_pmr = frozenset(get_args(OwnModel))
     if name in models_of_pmr:
         return import_module(f"pmr.models.{name}")
-    kind = plugins.one_of("pmr.models", name, models_of_pmr)
+    kind = environment.one_of("pmr.models", name, models_of_pmr)
     if not (hasattr(kind, "KINDS") and callable(getattr(kind, "of", None))):
-        raise plugins.plugin_error("pmr.models", name)
+        raise environment.plugin_error("pmr.models", name)
     return kind
 
 

@@ -1,9 +1,19 @@
-"""The full model: mass, stiffness, damping, inputs, outputs and constraint rows."""
+r"""The full model of a body and the system of several: matrices, constraint rows, masses, numbers of coordinates.
+
+The full model: mass, stiffness, damping, inputs, outputs and constraint rows.
+
+A system of full models: what is spread over ranks, and where the coordinates of each body stand.
+
+Mass and centre of gravity of a body, from its mass matrix under rigid motions.
+
+.. math:: m = r_x^T M r_x, \qquad m\, \bar x = r_y^T M r_{\theta z}, \quad m\, \bar y = r_z^T M r_{\theta x}, \quad
+    m\, \bar z = r_x^T M r_{\theta y}
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,14 +21,71 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Rows, SharedCarriers
-from pmr.fem.compat import PETSc
-from pmr.fem.matrices import gather
-from pmr.fullmodel.masses import Masses
+from pmr.constraints.rows import Row, Rows, SharedCarriers
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import free_objects, gather
+from pmr.models import StructuralModel, is_assembled
 from pmr.reduced.matrices import Rayleigh
+from pmr.scene.keys import ALONE, input_of
+from pmr.scene.structures import PointMass
 from pmr.system.body import FullBody, WithRows
+from pmr.system.contacts import Contact, Place
+from pmr.system.system import Joined, System, ground_contacts
+from pmr.system.terms import Term
 
 Array = NDArray[np.float64]
+
+#: Share of the largest coordinate of a centre of gravity up to which another one is round-off.
+ROUND_OFF = 1e-12
+#: First moments along x, y, z by a translation and a rotation that meet in them, with their sign.
+MOMENTS = ((("y", "rz", 1.0), ("z", "ry", -1.0)), (("z", "rx", 1.0),), (("x", "ry", 1.0),))
+
+
+@dataclass(frozen=True)
+class Masses:
+    """Masses of a body by itself and with what is attached to it."""
+
+    own: float  # kg
+    attached: float  # kg
+    centre: Array  # (3,) m, of both, in the body's axes
+
+    def summary(self) -> dict[str, Any]:
+        """``mass`` and ``attached`` in kg, ``centre`` in m, for summary.json."""
+        return {"mass": self.own, "attached": self.attached, "centre": self.centre.tolist()}
+
+
+def masses_of(model: StructuralModel, attached: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
+    """Masses of a model with mass matrix M, without supports; None of matrices that were given.  Collective."""
+    if not is_assembled(model):
+        return None
+    directions, G = model.directions, _gram_matrix(model.rigid_motions(), M)
+    mass_of_model = max(float(G[k, k]) for k, direction in enumerate(directions) if direction in "xyz")
+    moments = np.zeros(3)
+    for axis, options in enumerate(MOMENTS):
+        for along, about, sign in options:
+            if along in directions and about in directions:
+                moments[axis] = sign * G[directions.index(along), directions.index(about)]
+                break
+    for mass in attached:
+        moments += mass.mass * np.array(model.centroid(mass.on) if mass.at is None else mass.at)
+    carried = float(sum(mass.mass for mass in attached))
+    centre = moments / (mass_of_model + carried)
+    centre[np.abs(centre) <= ROUND_OFF * np.abs(centre).max()] = 0.0
+    return Masses(mass_of_model, carried, centre)
+
+
+def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
+    """R^T M R (k, k) of motions R (n, k) that every rank has."""
+    x, f = M.createVecRight(), M.createVecLeft()
+    mine, columns = R[slice(*M.getOwnershipRange())], []
+    for motion in mine.T:
+        x.getArray()[:] = motion
+        M.mult(x, f)
+        columns.append(mine.T @ f.getArray())
+    free_objects(x, f)
+    product = np.column_stack(columns)
+    M.comm.tompi4py().Allreduce(MPI.IN_PLACE, product)
+    return product
 
 
 @dataclass(frozen=True)
@@ -53,7 +120,7 @@ class FullModel(WithRows):
     # in closed form; a model without can be simulated, but not be reduced to free modes
     rigid: RigidMotions | None = None
     node_stations: Array | None = None  # (N,) m: places of a beam's nodes along its axis
-    # (n, n): planes of symmetry (`pmr.fullmodel.symmetry`), the same on every rank
+    # (n, n): planes of symmetry (`pmr.fullmodel.structural`), the same on every rank
     mirrors: tuple[sp.csr_matrix, ...] = ()
     # rows (1, n) by place and direction, the same on every rank: what moves where something may be attached
     ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
@@ -120,3 +187,99 @@ class FullModel(WithRows):
             {name: A for name, A in matrices.items() if A is not None},
             self.ports,
         )
+
+
+@dataclass(frozen=True)
+class FullSystem(Joined[FullModel]):
+    """Full models on one communicator, and what joins them.
+
+    Vectors of a rank hold its coordinates of one body after the other; whole ones all of one body after the other.
+    Supports that hold one coordinate are no contacts: they hold without being named.
+    """
+
+    @classmethod
+    def of(cls, model: FullModel) -> FullSystem:
+        """A body alone, as `System.of` has it."""
+        return cls({ALONE: model}, ground_contacts(model))
+
+    @property
+    def models(self) -> tuple[FullModel, ...]:
+        return tuple(self.bodies.values())
+
+    @property
+    def comm(self) -> Any:
+        return self.models[0].comm
+
+    @property
+    def size(self) -> int:
+        """Number of all coordinates n, those that supports hold included."""
+        return sum(model.size for model in self.models)
+
+    @cached_property
+    def local(self) -> tuple[slice, ...]:
+        """Slices of each body's coordinates in this rank's vectors."""
+        return consecutive([model.M.getLocalSize()[0] for model in self.models])
+
+    @cached_property
+    def whole(self) -> tuple[slice, ...]:
+        """Slices of each body's coordinates in whole vectors."""
+        return consecutive([model.size for model in self.models])
+
+    @cached_property
+    def inputs(self) -> tuple[slice, ...]:
+        """Slices of each body's inputs among `input_names`."""
+        return consecutive([len(model.input_names) for model in self.models])
+
+    @cached_property
+    def observed(self) -> tuple[slice, ...]:
+        """Slices of each body's outputs among all."""
+        return consecutive([model.outputs.getSize()[1] for model in self.models])
+
+    def mine(self, complete: Array) -> Array:
+        """This rank's coordinates (..., n_local) out of all (..., n)."""
+        parts = zip(self.whole, self.models, strict=True)
+        return np.concatenate([complete[..., at][..., model.share] for at, model in parts], axis=-1)
+
+    def gathered(self, local: Array) -> Any:
+        """All coordinates (k, n) on rank 0 from the ranks' (k, n_local), which other ranks get back; collective."""
+        parts = [self.comm.gather(local[:, at]) for at in self.local]
+        return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
+
+    def with_supports(self) -> FullSystem:
+        """Return the system with supports that hold one coordinate as contacts with the ground, after all others."""
+        used = {(side.place.body, side.place.row) for side in self.sides}
+        held = [
+            Contact(input_of(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
+            for name, model in self.bodies.items()
+            for number, row in ((number, model.row_names[number]) for number in model.rows.held)
+            if (name, row) not in used
+        ]
+        return replace(self, contacts=(*self.contacts, *held))
+
+    def gather(self) -> System | None:
+        """The system with SciPy matrices on rank 0; None elsewhere.  Collective."""
+        gathered: dict[int, FullBody | None] = {}
+        for model in self.models:
+            if id(model) not in gathered:
+                gathered[id(model)] = model.gather()
+        bodies = {name: body for name, model in self.bodies.items() if (body := gathered[id(model)]) is not None}
+        terms = tuple(self._gathered_term(term) for term in self.terms)
+        return System(bodies, self.contacts, terms=terms) if bodies else None
+
+    def _gathered_term(self, term: Term) -> Term:
+        """Return a term with SciPy's matrices on rank 0."""
+        on_first_rank: dict[str, Any] = {
+            key: A if sp.issparse(A) or isinstance(A, np.ndarray) else gather(A) for key, A in term.matrices.items()
+        }
+        return replace(term, **on_first_rank) if self.comm.rank == 0 else term
+
+    @cached_property
+    def side_rows(self) -> tuple[Row, ...]:
+        """The row of each of the `sides`, on its body's carriers."""
+        return tuple(self.row(side.place) for side in self.sides)
+
+
+def consecutive(sizes: Sequence[int]) -> tuple[slice, ...]:
+    """Slices of parts of these sizes, one after the other."""
+    ends = np.cumsum([0, *sizes]).tolist()
+    return tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))

@@ -22,27 +22,38 @@ A unilateral pad only pushes, once the body has come out by the pad's clearance 
     \lambda \ge 0, \qquad g = c - (C q + H f - (G + 1/k) \lambda) \ge 0, \qquad \lambda\, g = 0
 
 It is a row wherever it sits, for whether it holds changes over time.
+
+Points that slide on a planar beam.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import bump, refine_table, value_or_zero
-from pmr.constraints.rows import Row, fixed_row
+from pmr.constraints.rows import Row, fixed_row, row_on_coordinates
 from pmr.constraints.straight import Straight
 from pmr.errors import InputError
-from pmr.fullmodel.sliders import slider_row
 from pmr.fullmodel.walls import Walls
-from pmr.mesh.strip import Extent, Window
+from pmr.mesh.trace import Extent, Window
 from pmr.models import StructuralModel
+
+if TYPE_CHECKING:
+    from pmr.models.beam2d import Beam2D
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+
+def slider_row(beam: Beam2D, offset: float = 0.0, name: str = "slider") -> Row:
+    """The row w(s + offset) = 0 as an exact piecewise cubic in s; its multiplier is a force in N."""
+    return row_on_coordinates(name, np.unique(beam.nodes) - offset, beam.bending_dofs, beam.deflection, beam.size)
+
 
 #: Stations for each knot of the weight along the pad: its length is (4 STATIONS + 2) Delta.
 STATIONS = 2

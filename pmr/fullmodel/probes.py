@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fields.stress import StressRows
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
-from pmr.scene.names import named
-from pmr.scene.parts import OneBody
+from pmr.scene.joints import OneBody
+from pmr.scene.keys import named
 from pmr.scene.structures import Material, Probe
 
 Array = NDArray[np.float64]

@@ -1,31 +1,173 @@
-"""The full model of a structure: its matrices, rows, loads and outputs on the coordinates that it has."""
+r"""The full model of a structure, and its planes of symmetry.
+
+The full model of a structure: its matrices, rows, loads and outputs on the coordinates that it has.
+
+Mirror images: of a body that is symmetric, mirrored loads have mirrored answers.
+
+With the image P q of a motion q in a plane across y or z, a signed permutation,
+
+.. math::
+    P M P^T = M, \quad P K P^T = K \quad \Rightarrow \quad R\, (P g) = P\, (R\, g)
+
+for any R that M and K make.  Whether a body is symmetric, what holds it and what it carries included, is decided by
+these equations, on two random vectors.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from pmr.constraints.rows import Rows
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import free_objects, sparse
-from pmr.fem.matrices import columns
+from pmr.fem.distributed import columns, free_objects, sparse, times
 from pmr.fullmodel.assembly import Operators, operators_of, pad_pattern, project_matrix, rayleigh, share
-from pmr.fullmodel.masses import masses_of
-from pmr.fullmodel.model import FullModel, RigidMotions
+from pmr.fullmodel.model import FullModel, RigidMotions, masses_of
 from pmr.fullmodel.moving import Moving
 from pmr.fullmodel.pads import Restraints, restrain
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Action, Coupling, PadForce, Structure, couple
-from pmr.fullmodel.symmetry import mirror_images
+from pmr.mesh.nodes import Nodes
 from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
 from pmr.reduced.matrices import CARRIED, ROTATING
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+#: Nodes and their images may be apart by this share of the body's length, K and its image by this share of K x: meshes
+#: that are read have some 11 digits.
+NODES, OPERATORS = 1e-8, 1e-10
+#: Loads on carriers and their images may be apart by this share of their largest entry.
+SAME = 1e-9
+
+
+def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PETSc.Mat) -> tuple[sp.csr_matrix, ...]:
+    """P (n, n) of each plane of symmetry across y or z, of coordinates z with q = T z.
+
+    The same on every rank; collective.
+    """
+    nodes = getattr(model, "nodes", None)
+    if not isinstance(nodes, Nodes) or T.nnz != T.shape[1]:  # with rigid couplings coordinates are not those of nodes
+        return ()
+    T_transposed = T.T.tocsr()
+    on_free = [sp.csr_matrix(T_transposed @ P @ T) for P in _images(nodes)]
+    mirrors = [P for P in on_free if P.nnz == len(P.indptr) - 1]
+    for A in (M, K):
+        mirrors = _commuting_images(mirrors, A)
+    return tuple(mirrors)
+
+
+def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
+    """P for each of the planes across y and z in the middle of the nodes in which all nodes have images."""
+    first = np.flatnonzero(nodes.component == 0)  # of each node; its other coordinates follow
+    node, places, number = np.cumsum(nodes.component == 0) - 1, nodes.at[first], np.arange(nodes.size)
+    low, high = places.min(axis=0), places.max(axis=0)
+    tree, counts = cKDTree(places, compact_nodes=False, balanced_tree=False), np.bincount(node)
+    for axis in (1, 2):
+        mirrored = places.copy()
+        mirrored[:, axis] = low[axis] + high[axis] - places[:, axis]
+        apart, image = tree.query(mirrored, distance_upper_bound=NODES * (high - low).max())
+        if np.isinf(apart).any() or not np.array_equal(counts[image], counts):
+            continue
+        columns = first[image[node]] + number - first[node]
+        once = np.all(np.bincount(columns) == 1)
+        if once and np.array_equal(nodes.component[columns], nodes.component):
+            sign = np.ones(6)  # rotations are axial vectors: those about the axis stay
+            sign[[axis, *(3 + other for other in range(3) if other != axis)]] = -1.0
+            ends = np.arange(nodes.size + 1)
+            yield sp.csr_matrix((sign[nodes.component], columns, ends), (nodes.size, nodes.size))
+
+
+def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:
+    """Images P for which A P x = P A x; collective."""
+    if not mirrors:
+        return []
+    comm, share = A.comm.tompi4py(), slice(*A.getOwnershipRange())
+    x = np.random.default_rng(5).uniform(-1.0, 1.0, (A.getSize()[0], 2))
+    products = times(A, np.asfortranarray(np.hstack([x, *(P @ x for P in mirrors)])[share]))
+    image_of = np.concatenate(comm.allgather(products[:, :2]))
+    apart = [
+        np.abs(products[:, 2 * k + 2 : 2 * k + 4] - P[share] @ image_of).max(initial=0.0) for k, P in enumerate(mirrors)
+    ]
+    largest = np.max(comm.allgather(apart), axis=0)
+    return [P for P, off in zip(mirrors, largest, strict=True) if off <= OPERATORS * np.abs(image_of).max()]
+
+
+@dataclass(frozen=True)
+class Image:
+    """A mirror image P, or several after each other, and the carriers' images among them."""
+
+    P: sp.csr_matrix  # (n, n)
+    partners: Indices  # (K,): number of the carrier that is the image of each; -1 where none is
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Numbers of loads, and this rank's rows (n_local, k) of the answers to them."""
+
+    numbers: Indices
+    columns: Array
+
+
+def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list[Image]:
+    """Images of all mirrors and their products."""
+    products: list[sp.csr_matrix] = []
+    for P in mirrors:
+        products += [P, *(sp.csr_matrix(P @ other) for other in products)]
+    return [Image(P, _partners(carriers, P)) for P in products]
+
+
+def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
+    V, partner_of = sp.csr_matrix(U @ P.T), np.full(U.shape[0], -1)
+    size = np.asarray(U.multiply(U).sum(axis=1)).ravel()
+    shared = sp.coo_matrix(V @ U.T)
+    apart = size[shared.row] + size[shared.col] - 2.0 * shared.data
+    order = np.lexsort((apart, shared.row))
+    nearest = order[np.unique(shared.row[order], return_index=True)[1]]
+    rows, partners = shared.row[nearest], shared.col[nearest]
+    difference, largest = (abs(A).max(axis=1).toarray().ravel() for A in (V[rows] - U[partners], U[partners]))
+    same = difference <= SAME * largest
+    partner_of[rows[same]] = partners[same]
+    return partner_of
+
+
+class Orbits:
+    """Loads in the order of `order`, of which those that are images of earlier ones need no answer of their own."""
+
+    def __init__(self, order: Indices, images: Sequence[Image], like: PETSc.Mat) -> None:
+        first, last = like.getOwnershipRange()
+        self._mirrors = [sparse(image.P[first:last], like, columns=last - first) for image in images]
+        covered, representatives = np.zeros(len(order), bool), []
+        self._of = [dict[int, int]() for _ in images]
+        for load in order.tolist():
+            if covered[load]:
+                continue
+            representatives.append(load)
+            covered[load] = True
+            for image, of in zip(images, self._of, strict=True):
+                partner = int(image.partners[load]) if load < len(image.partners) else -1
+                if partner >= 0 and not covered[partner]:
+                    covered[partner] = True
+                    of[load] = partner
+        self.own = np.array(representatives, np.int64)
+
+    def answers(self, numbers: Indices, columns: Array) -> Iterator[Answers]:
+        """Answers to loads as given, then to their images; collective."""
+        yield Answers(numbers, columns)
+        for P, of in zip(self._mirrors, self._of, strict=True):
+            at = [k for k, load in enumerate(numbers.tolist()) if load in of]
+            if at:
+                yield Answers(np.array([of[load] for load in numbers[at].tolist()]), times(P, columns[:, at]))
+
+    def drop(self) -> None:
+        """Give the images' memory back."""
+        free_objects(*self._mirrors)
 
 
 def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:

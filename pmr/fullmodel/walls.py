@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from pmr.constraints.rows import Row
-from pmr.scene.names import named
+from pmr.scene.keys import named
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from pmr.kernel.further import (
     with_reactions,
 )
 from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
-from pmr.scene.pivot import CYLINDER
+from pmr.scene.mechanism import CYLINDER
 from pmr.system.rings import Combined, combine_rings
 from pmr.system.system import System
 

@@ -25,7 +25,7 @@ from pmr.constraints.polynomials import columns, common_breaks, refine_table, sa
 from pmr.reduced.carriers import CarrierFlexibility, Flexibility
 from pmr.reduced.model import ReducedModel
 from pmr.scene.built import force_of, reaction_of
-from pmr.scene.pivot import CYLINDER, pin_and_cylinder, pressed_on_ground
+from pmr.scene.mechanism import CYLINDER, pin_and_cylinder, pressed_on_ground
 from pmr.scene.scene import Scene
 from pmr.system.body import kinds_of
 from pmr.system.contacts import named

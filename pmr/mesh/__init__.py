@@ -1,6 +1,6 @@
 """Meshes: generated or read through meshio, handed on as dolfinx meshes and named groups."""
 
-from pmr.mesh.beam import graded_nodes, read_nodes
+from pmr.mesh.drawing import graded_nodes, read_nodes
 from pmr.mesh.named import Group, NamedMesh, read_mesh
 
 __all__ = ["Group", "NamedMesh", "graded_nodes", "read_mesh", "read_nodes"]

@@ -1,23 +1,181 @@
-"""The boom, meshed by gmsh: plates around a closed profile, along x, as a surface (mid-surface) or a solid.
+r"""The boom, meshed by gmsh: plates around a closed profile, along x, as a surface (mid-surface) or a solid.
 
 Groups: the flat walls that pads slide on by the names of their faces (outer ones of a solid), ``corners`` the rounded
 edges, ``frames`` the transverse stiffeners; ``tail`` and ``tip`` the two ends.
+
+From a box that is drawn with one profile all along to one that tapers: points keep their places in the section.
+
+A point in side k, at the share xi along it and at the depth eta inside, which is 0 on walls and up to 1 on frames, goes
+where these are in the profile at its place along the axis:
+
+.. math:: p = (1 - \eta)\, a_k(\xi) + \eta\, b_k(\xi)
+
+with the middle of the wall, a, and the same as far inside as frames are deep, b.  Both change linearly along the axis.
+On plates that close the section what is not on walls keeps its place in the triangle of the axis and a side.
+
+The sides of a closed profile, flat plates and arcs, as what meshes a boom asks of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.mesh.drawing import Drawing, Entity
-from pmr.mesh.sides import TAPERED, Part, Side, ends_of, out
-from pmr.mesh.taper import taper_points
 
 Array = NDArray[np.float64]
+Pair = tuple[float, float]
+#: What is added to the names of walls that are not parallel to the axis.
+TAPERED = " tapered"
+
+
+class Side(Protocol):
+    """A flat plate or the arc of a corner, as one walks around a profile counter-clockwise, seen from the tip."""
+
+    @property
+    def name(self) -> str:
+        """Name of the group that the side becomes."""
+
+    @property
+    def start(self) -> Pair:
+        """Y and z of the mid-surface, m."""
+
+    @property
+    def end(self) -> Pair: ...
+
+    @property
+    def centre(self) -> Pair | None:
+        """Centre of an arc, (2,) m; None for a flat side."""
+
+    @property
+    def angle(self) -> float:
+        """Angle of an arc, rad."""
+
+    @property
+    def length(self) -> float: ...
+
+    @property
+    def thickness(self) -> float: ...
+
+    def cells(self, size: float) -> int:
+        """How many cells of about that size, in m, it is divided into."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """From one place along x to another one, m: layers of cells end there; in between sides change linearly."""
+
+    start: float
+    end: float
+    first: tuple[Side, ...]
+    last: tuple[Side, ...]
+
+    @property
+    def tapers(self) -> bool:
+        """Whether the sides are not parallel to the axis."""
+        pairs = zip(self.first, self.last, strict=True)
+        return any((a.start, a.end, a.centre) != (b.start, b.end, b.centre) for a, b in pairs)
+
+
+def ends_of(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
+    """Ends (2,) m of a side, each side as far outward from its mid-surface as is said of it."""
+    side, neighbours = sides[k], (sides[k - 1], sides[(k + 1) % len(sides)])
+    ends = []
+    for at, other in zip((side.start, side.end), neighbours, strict=True):
+        sharp = side.centre is None and other.centre is None
+        normals, apart = [out(side, at), out(other, at)], [outward(side), outward(other)]
+        ends.append(at + (np.linalg.solve(normals, apart) if sharp else apart[0] * normals[0]))
+    return ends[0], ends[1]
+
+
+def out(side: Side, at: Pair) -> Array:
+    """Unit vector (2,) out of a side at one of its ends."""
+    if side.centre is not None:
+        arm = np.subtract(at, side.centre)
+        return np.asarray(arm / np.hypot(*arm))
+    along = np.subtract(side.end, side.start) / side.length
+    return np.array([along[1], -along[0]])
+
+
+#: Round-off of the drawing, as a share of a side.
+SLACK = 1e-6
+#: Of a wall without frames, likewise: so near to its middle its points are.
+THIN = 1e-6
+
+
+def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[Part], depth: float) -> Array:
+    """Points (N, 3) m that were drawn with these sides, and frames that deep, where the parts have them."""
+    tapered_points, unplaced, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
+    for place in (_in_side, _in_triangle):
+        for k in range(len(sides)):
+            first_share, second_share, within = place(points[:, 1:], sides, k, depth)
+            placed = unplaced & within
+            unplaced &= ~placed
+            for part in parts:
+                rows = np.flatnonzero(placed & (points[:, 0] >= part.start) & (points[:, 0] <= part.end))
+                if part.tapers and len(rows):
+                    share = (points[rows, 0] - part.start)[:, None] / (part.end - part.start)
+                    at = _side_points if place is _in_side else _at_in_triangle
+                    first, last = (
+                        at(first_share[rows], second_share[rows], each, k, depth) for each in (part.first, part.last)
+                    )
+                    tapered_points[rows, 1:] = (1.0 - share) * first + share * last
+    return tapered_points
+
+
+Places = tuple[Array, Array, NDArray[np.bool_]]
+
+
+def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
+    """Share along a side and depth inside, and whether both are within it."""
+    xi, eta = _side_shares(p, sides, k, depth)
+    return xi, eta, (np.abs(xi - 0.5) <= 0.5 + SLACK) & (np.abs(eta - 0.5) <= 0.5 + SLACK)
+
+
+def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
+    """Shares of both ends of a side, and whether the point is on the side's side of the axis."""
+    first_share, second_share = np.linalg.solve(np.array([sides[k].start, sides[k].end]).T, p.T)
+    return first_share, second_share, (first_share >= -SLACK) & (second_share >= -SLACK)
+
+
+def _at_in_triangle(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+    return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
+
+
+def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Array, Array]:
+    """Share along a side, and depth inside, of points (N, 2) m; of those outside of it not within 0 and 1."""
+    side = sides[k]
+    scale = depth or THIN * side.length
+    if side.centre is not None:
+        arm, start = p - side.centre, np.subtract(side.start, side.centre)
+        radius, angle = np.hypot(*start), np.arctan2(arm[:, 1], arm[:, 0]) - np.arctan2(start[1], start[0])
+        angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
+        return angle / side.angle, (radius - np.hypot(*arm.T)) / scale
+    (a, b), (c, d) = ends_of(sides, k, lambda _: 0.0), ends_of(sides, k, lambda _: -scale)
+    along = (b - a) / np.linalg.norm(b - a)
+    eta = (p - a) @ [-along[1], along[0]] / scale
+    start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
+    return (p - start) @ along / np.maximum((end - start) @ along, SLACK * side.length), eta
+
+
+def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+    """Places (N, 2) m of shares along a side and depths inside."""
+    side = sides[k]
+    if side.centre is not None:
+        start = np.subtract(side.start, side.centre)
+        angle, r = np.arctan2(start[1], start[0]) + xi * side.angle, np.hypot(*start) - eta * depth
+        return np.asarray(side.centre + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    (a, b), (c, d) = ends_of(sides, k, lambda _: 0.0), ends_of(sides, k, lambda _: -depth)
+    start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
+    return np.asarray((1.0 - xi)[:, None] * start + xi[:, None] * end)
+
+
 #: The source of errors in a box's dimensions; where they stand is known to who asks for it.
 DIMENSIONS = "box boom"
 #: Rectangles that a drawing may have: some 40 coordinates each, four million, for which 50 GiB would be needed.

@@ -1,4 +1,9 @@
-"""Structured patches drawn and meshed with gmsh, and written with their named groups."""
+"""Meshes that are made here: patches by gmsh, and the line of a planar beam.
+
+Structured patches drawn and meshed with gmsh, and written with their named groups.
+
+Meshes of a straight planar beam: generated, or a chain of line cells from a file.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
 from pmr.errors.environment import needed
+from pmr.mesh.named import read_mesh_file
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -165,3 +172,44 @@ def split_quads(points: Array, quads: Indices) -> tuple[Array, Indices]:
     centre = len(points) + np.arange(len(quads))
     triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]
     return np.concatenate([points, points[quads].mean(axis=1)]), np.stack(triangles, axis=1).reshape(-1, 3)
+
+
+def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
+    """Nodes (elements + 1,) in m; element lengths grow geometrically so that last / first = `grading`."""
+    if elements == 1 or grading == 1.0:
+        return np.linspace(0.0, length, elements + 1)
+    lengths = grading ** (np.arange(elements) / (elements - 1))
+    nodes = np.concatenate([[0.0], np.cumsum(lengths)])
+    return nodes * (length / nodes[-1])
+
+
+def read_nodes(file: Path, length: float) -> Array:
+    """Nodes (N,) in m of the line cells in any file that meshio reads."""
+
+    def refuse(problem: str) -> InputError:
+        return InputError(str(file), "", None, f"{problem}; a chain of line cells on the x axis is allowed")
+
+    read = read_mesh_file(file)
+    kinds = sorted({block.kind for block in read.blocks} - {"vertex"})
+    if kinds != ["line"]:
+        raise refuse(f"cells of type {', '.join(kinds) or 'none'}")
+    lines = np.concatenate([block.corners for block in read.blocks if block.kind == "line"])
+    used = np.unique(lines)
+    points = read.points
+    if not np.isfinite(points[used]).all():
+        raise refuse("coordinates that are not finite")
+    if np.any(np.abs(points[used, 1:]) > 1e-9 * length):
+        raise refuse("points off the x axis")
+    x = points[used, 0]
+    order = np.argsort(x)
+    nodes, rank = x[order], np.empty(len(points), int)
+    rank[used[order]] = np.arange(len(used))
+    if np.any(np.diff(nodes) <= 1e-12 * length):
+        raise refuse("two nodes at one place")
+    chain = np.sort(rank[lines], axis=1)
+    if len(chain) != len(nodes) - 1 or set(map(tuple, chain)) != {(i, i + 1) for i in range(len(nodes) - 1)}:
+        raise refuse(f"{len(lines)} lines on {len(nodes)} nodes that form no single chain")
+    if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
+        raise refuse(f"nodes from {nodes[0]:g} to {nodes[-1]:g} m, but the beam has {length:g} m from 0")
+    nodes[0], nodes[-1] = 0.0, length
+    return np.asarray(nodes, float)

@@ -1,27 +1,212 @@
-"""Meshes of surfaces and solids with named groups, read through meshio and checked before anything is built on them."""
+"""Meshes with named groups: read from files, and checked before anything is built on them.
+
+Meshes of surfaces and solids with named groups, read through meshio and checked before anything is built on them.
+
+What makes a mesh unfit for a structure: degenerate, inverted, folded or unconnected cells.
+
+Points, cells and named groups of a mesh file: decks of Abaqus and CalculiX by our reader, all others by meshio.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cached_property
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
-from pmr.fem.compat import MPI, create_mesh
-from pmr.mesh.files import read_mesh_file
-from pmr.mesh.soundness import unsound
+from pmr.fem.compat import MPI, cell_topology, create_mesh
+from pmr.files.decks import KINDS, Deck, read_deck
+from pmr.mesh.nodes import codes
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+#: Dimension of cells by their kind in meshio's words.
+DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of one kind, in meshio's words, with their corners (c, k) as numbers of points."""
+
+    kind: str
+    corners: Indices
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """Content of a mesh file as it stands there; of each group the members (g,) in each of the blocks."""
+
+    points: Array  # (N, 3) m
+    blocks: list[Cells]
+    groups: Mapping[str, list[Indices]]
+
+
+def read_mesh_file(file: Path) -> MeshFile:
+    """Read points, cells and groups.
+
+    Raises InputError if the file can't be read, or its cells have corners that it has no points for.
+    """
+    content = _of_deck(read_deck(file)) if file.suffix.lower() == ".inp" and file.is_file() else _by_meshio(file)
+    for block in content.blocks:
+        missing = (block.corners < 0) | (block.corners >= len(content.points))
+        if missing.any():
+            raise InputError(
+                str(file),
+                "",
+                None,
+                f"{missing.any(axis=1).sum()} cells of kind {block.kind} have corners that are no points of it",
+            )
+    return content
+
+
+def _of_deck(deck: Deck) -> MeshFile:
+    place = {number: k for k, number in enumerate(deck.nodes)}
+    blocks = list[Cells]()
+    for block in deck.elements:
+        for line, number, nodes in zip(block.lines, block.numbers, block.nodes, strict=True):
+            missing = next((node for node in nodes if node not in place), None)
+            if missing is not None:
+                raise deck.refusal(line, f"element {number} has node {missing}, which is not in the file")
+        kind = KINDS.get(block.type)
+        if kind is None:
+            raise InputError(deck.source, "", None, f"cells of type {block.type}; linear cells are allowed")
+        if block.nodes:
+            blocks.append(Cells(kind, np.array([[place[node] for node in nodes] for nodes in block.nodes], np.int64)))
+    numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]
+    groups = {
+        deck.spelled[name]: [np.flatnonzero(np.isin(element_numbers, list(members))) for element_numbers in numbers]
+        for name, members in deck.element_sets.items()
+    }
+    return MeshFile(np.array(list(deck.nodes.values()), float).reshape(-1, 3), blocks, groups)
+
+
+def _by_meshio(file: Path) -> MeshFile:
+    import meshio
+
+    try:
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
+            mesh = meshio.read(file)
+    except (Exception, SystemExit):  # meshio leaves with SystemExit where no reader fits
+        hint = ", of gmsh with Mesh.SaveAll = 0," if file.suffix.lower() == ".msh" else ""
+        allowed = f"meshio can't read it; a mesh with named groups{hint} is allowed"
+        raise InputError(str(file), "", None, allowed) from None
+    strange = sorted({block.type for block in mesh.cells} - set(DIMENSIONS))
+    if strange:
+        raise InputError(str(file), "", None, f"cells of type {', '.join(strange)}; linear cells are allowed")
+    points = np.asarray(mesh.points, float)
+    if points.ndim != 2 or not points.size:  # of files without any
+        points = np.empty((0, 3))
+    blocks = [Cells(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells]
+    return MeshFile(points, blocks, _physical_groups(mesh))
+
+
+def _physical_groups(mesh: Any) -> dict[str, list[Indices]]:
+    """Members of each physical group in each of meshio's blocks: as sets (MSH 4) or as tags (MSH 2)."""
+    sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
+    empty = np.empty(0, np.int64)
+    if sets:
+        return {
+            name: [empty if part is None else np.asarray(part, np.int64) for part in parts]
+            for name, parts in sets.items()
+        }
+    tags = mesh.cell_data.get("gmsh:physical", [])
+    return {
+        name: [
+            np.flatnonzero(tag == number) if DIMENSIONS[block.type] == dim else empty
+            for block, tag in zip(mesh.cells, tags, strict=True)
+        ]
+        for name, (number, dim) in mesh.field_data.items()
+        if len(tags)
+    }
+
+
+#: Cells with less than this share of the volume (area) of a regular cell of their size count as degenerate.
+DEGENERATE = 1e-6
+#: Neighbouring triangles that enclose less than some 8 degrees lie on top of each other.
+FOLDED = -0.99
+
+
+def unsound(cell: str, points: Array, cells: Indices) -> str:
+    """Describe in words why the mesh is unsound; an empty text if it is sound."""
+    corners = points[cells]
+    size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    if cell == "triangle":
+        content = np.linalg.norm(_normals(corners), axis=1) / size**2
+    else:
+        content = _corner_volumes(cell, corners).min(axis=1) / size**3
+    inverted, flat = int(np.sum(content < -DEGENERATE)), int(np.sum(np.abs(content) <= DEGENERATE))
+    if flat:
+        return f"{flat} of {len(cells)} cells are degenerate, without area or volume"
+    if inverted:
+        return f"{inverted} of {len(cells)} cells are inverted (negative volume at a corner)"
+    facets = cells[:, cell_topology(cell)[-2]]
+    facet_codes = codes(np.sort(facets.reshape(-1, facets.shape[-1]), axis=1), len(points)).reshape(len(cells), -1)
+    parts, sizes = _parts(facet_codes)
+    if parts > 1:
+        shown = ", ".join(map(str, sizes[:4])) + (", ..." if parts > 4 else "")
+        where = "edges" if cell == "triangle" else "faces"
+        return f"the cells form {parts} parts that share no {where} (of {shown} cells); one connected body is allowed"
+    folded = _count_folds(corners, cells, facet_codes) if cell == "triangle" else 0
+    return f"{folded} pairs of neighbouring triangles lie folded on each other" if folded else ""
+
+
+def _normals(corners: Array) -> Array:
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
+
+
+def _corner_volumes(cell: str, corners: Array) -> Array:
+    """Triple products of the edges at each corner (C, k), positive for the file's orientation, all of them."""
+    if cell == "tetrahedron":
+        at = np.array([[0, 1, 2, 3]])
+    else:  # neighbours of each vertex along the axes of the tensor product, as a right-handed triple
+        triples = [[v, v ^ 1, v ^ 2, v ^ 4] for v in range(8)]
+        at = np.array([t if bin(t[0]).count("1") % 2 == 0 else [t[0], t[2], t[1], t[3]] for t in triples])
+    o = corners[:, at[:, 0]]
+    a, b, c = (corners[:, at[:, i]] - o for i in (1, 2, 3))
+    return np.asarray(np.einsum("cki,cki->ck", np.cross(a, b), c))
+
+
+def _parts(facet_codes: Indices) -> tuple[int, list[int]]:
+    """Number of parts that are connected through facets, and how many cells each has, largest first."""
+    count, per_cell = facet_codes.shape
+    _, facet = np.unique(facet_codes, return_inverse=True)
+    facet = facet.reshape(-1)
+    incidence = coo_matrix((np.ones(facet.size), (np.repeat(np.arange(count), per_cell), facet))).tocsr()
+    parts, label = connected_components(incidence @ incidence.T, directed=False)
+    return int(parts), sorted(np.bincount(label).tolist(), reverse=True)
+
+
+def _count_folds(corners: Array, cells: Indices, edge_codes: Indices) -> int:
+    """Pairs of triangles on one edge whose third corners lie on the same side of it."""
+    opposite = np.tile(np.arange(3), len(cells))  # edge i of the reference triangle lies opposite vertex i
+    triangle = np.repeat(np.arange(len(cells)), 3)
+    order = np.argsort(edge_codes.ravel(), kind="stable")
+    code = edge_codes.ravel()[order]
+    first = np.flatnonzero(code[:-1] == code[1:])
+    sides = []
+    for which in (order[first], order[first + 1]):
+        c, k = triangle[which], opposite[which]
+        tip, a, b = corners[c, k], corners[c, (k + 1) % 3], corners[c, (k + 2) % 3]
+        edge = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+        away = tip - a
+        away -= np.einsum("ci,ci->c", away, edge)[:, None] * edge
+        sides.append(away / np.linalg.norm(away, axis=1)[:, None])
+    return int(np.sum(np.einsum("ci,ci->c", *sides) > -FOLDED))
+
+
 #: meshio's linear cells: dolfinx' name, dimension, order of vertices (dolfinx numbers them as a tensor product).
-KINDS = {
+CELLS_OF_KIND = {
     "vertex": ("point", 0, [0]),
     "line": ("interval", 1, [0, 1]),
     "triangle": ("triangle", 2, [0, 1, 2]),
@@ -96,7 +281,7 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> N
         group is missing; the message says what was found.
     """
     read = read_mesh_file(file)
-    blocks = [(*KINDS[block.kind][:2], block.corners[:, KINDS[block.kind][2]]) for block in read.blocks]
+    blocks = [(*CELLS_OF_KIND[block.kind][:2], block.corners[:, CELLS_OF_KIND[block.kind][2]]) for block in read.blocks]
     named = named_mesh(read.points, blocks, read.groups, kinds, str(file))
     named.require(groups)
     return named

@@ -11,11 +11,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI
-from pmr.fields.envelope import ForceRows
 from pmr.fields.series import Grid
-from pmr.fields.stress import StressRows
+from pmr.fields.stress import ForceRows, StressRows
 from pmr.files.rigid import DIRECTIONS, rigid_motions
-from pmr.mesh.strip import Strip, Window
+from pmr.mesh.trace import Strip, Window
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cellwise, constant, create_mesh
-from pmr.fields.envelope import ForceRows, force_rows
 from pmr.fields.series import Grid
-from pmr.fields.stress import StressRows
-from pmr.mesh.strip import Extent, Plane, Strip, Window, line_points
+from pmr.fields.stress import ForceRows, StressRows, force_rows
+from pmr.mesh.trace import Extent, Plane, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Cut, Line, UnitState, rigid_motions
+from pmr.models.meshed import CellValues, cell_values
 from pmr.models.sections_along import SectionsAlong
-from pmr.models.tabulation import CellValues, cell_values
 from pmr.scene.structures import Beam3DBody, Profile
 
 Array = NDArray[np.float64]

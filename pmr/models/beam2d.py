@@ -25,14 +25,19 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import hermite_space
-from pmr.fields.envelope import ForceRows
-from pmr.fields.stress import StressRows
-from pmr.mesh.strip import FACES, Extent, Plane
+from pmr.fields.stress import ForceRows, StressRows
+from pmr.mesh.trace import FACES, Extent, Plane
 from pmr.models import Forms, UnitState, bilinear
 from pmr.models.beam import Beam, measure
-from pmr.models.bending import HERMITE, Bending
-from pmr.models.corners import of_fibres, stresses_along
-from pmr.models.sections_along import SectionsAlong, sections_of, stations_of
+from pmr.models.sections_along import (
+    HERMITE,
+    Bending,
+    SectionsAlong,
+    of_fibres,
+    sections_of,
+    stations_of,
+    stresses_along,
+)
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, Profile
 

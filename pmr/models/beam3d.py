@@ -12,7 +12,7 @@ at its shear centre
     m = \int \rho A\, (u\, \delta u + v\, \delta v + w\, \delta w) + \rho (I_y + I_z)\, \phi\, \delta\phi
         + \rho I_z\, \psi_v\, \delta\psi_v + \rho I_y\, \psi_w\, \delta\psi_w \, dx
 
-Bending with shear, and what Phi is: `pmr.models.bending`.
+Bending with shear, and what Phi is: `pmr.models.sections_along`.
 
 Sections are rigid in their plane and warping is free; constants of one that tapers are its means over the element.
 Coordinates are ordered node by node: displacements along and rotations about x, y, z, of a point on the axis, which
@@ -36,15 +36,21 @@ import ufl
 from numpy.typing import NDArray
 
 from pmr.fem.compat import cellwise, hermite_space
-from pmr.fields.envelope import FORCES, ForceRows
-from pmr.fields.stress import StressRows
-from pmr.mesh.strip import FACES, Extent, Plane
+from pmr.fields.stress import FORCES, ForceRows, StressRows
+from pmr.mesh.trace import FACES, Extent, Plane
 from pmr.models import DIRECTIONS, Forms, UnitState, bilinear
 from pmr.models.beam import Beam, measure
-from pmr.models.bending import Bending, Deflection
-from pmr.models.corners import of_corners, stresses_along
-from pmr.models.ring_masses import RingMasses, ring_masses
-from pmr.models.sections_along import SectionsAlong, about_own_centres, sections_of, stations_of
+from pmr.models.profile_section import RingMasses, ring_masses
+from pmr.models.sections_along import (
+    Bending,
+    Deflection,
+    SectionsAlong,
+    about_own_centres,
+    of_corners,
+    sections_of,
+    stations_of,
+    stresses_along,
+)
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BeamSection
 

@@ -15,8 +15,7 @@ from scipy.spatial import Delaunay
 from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
 from pmr.files.rigid import elastic_energies
-from pmr.mesh.strip import Extent, Strip, Window, outward
-from pmr.mesh.trace import Trace
+from pmr.mesh.trace import Extent, Strip, Trace, Window, outward
 from pmr.models import DIRECTIONS, rigid_motions
 from pmr.models.meshed import Traced
 

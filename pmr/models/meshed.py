@@ -1,9 +1,14 @@
-"""What shells and solids share: displacements on named groups of a mesh, materials by region, outside and inside."""
+"""What models on a mesh share: motions on named groups, materials by region, and rows that tabulate weak forms.
+
+What shells and solids share: displacements on named groups of a mesh, materials by region, outside and inside.
+
+Quantities of a model's weak form, such as strains, as rows on its coordinates.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
@@ -14,12 +19,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI
+from pmr.fem.compat import MPI, cell_dofs, original_cells, tabulate, tabulation_space, unrolled_cell_dofs
 from pmr.fields.series import Grid
-from pmr.mesh.named import KINDS, NamedMesh
+from pmr.mesh.named import CELLS_OF_KIND, NamedMesh
 from pmr.mesh.nodes import Nodes, number_nodes
-from pmr.mesh.strip import FlatFace, Strip, Window, face_strip, flat_face
-from pmr.mesh.trace import Trace, coordinates_on, section, trace
+from pmr.mesh.trace import FlatFace, Strip, Trace, Window, coordinates_on, face_strip, flat_face, section, trace
 from pmr.models import DIRECTIONS, rigid_motions
 from pmr.scene.structures import Material
 
@@ -110,7 +114,7 @@ class MeshedModel(Traced):
     @property
     def grid(self) -> Grid:
         """The mesh as it is; displacements within its cells are quadratic, a picture takes their vertices'."""
-        name, order = next((name, order) for name, (kind, _, order) in KINDS.items() if kind == self.mesh.cell)
+        name, order = next((name, order) for name, (kind, _, order) in CELLS_OF_KIND.items() if kind == self.mesh.cell)
         return Grid(name, self.mesh.points, self.mesh.cells[:, order], self.mesh.regions)
 
     def point_displacements(self) -> sp.csr_matrix:
@@ -166,3 +170,39 @@ def away(mesh: NamedMesh, places: Array, normals: Array) -> Array:
     arm[:, mesh.axis] = 0.0
     along = np.sum(arm * normals, axis=1)
     return np.asarray(np.where(np.abs(along) > CLEAR * np.linalg.norm(arm, axis=1), np.sign(along), 0.0))
+
+
+@dataclass(frozen=True)
+class CellValues:
+    """A vector with v components at q points of each of C cells, linear in a model's coordinates."""
+
+    entries: Array  # (C, q, v, d) on the coordinates of each cell
+    coordinates: Indices  # (C, d): their numbers, as `FiniteElementModel.element_coordinates` counts
+
+
+def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> CellValues:
+    """Tabulate a quantity in all cells, in the order of the model's mesh, on each rank for itself.
+
+    Parameters
+    ----------
+    model : FiniteElementModel
+    quantity : callable
+        From a function space to a UFL vector, linear in a trial function of it.
+    points : (q, d) array
+        On the reference cell.
+    """
+    space = tabulation_space(model.space(model.domain(MPI.COMM_SELF)))
+    cells = original_cells(space.mesh)
+    dofs = unrolled_cell_dofs(space)
+    number = np.empty(dofs.max() + 1, np.int64)
+    for ours, theirs in zip(model.element_coordinates(cells), cell_dofs(space), strict=True):
+        number[theirs] = ours
+    order = np.argsort(cells)
+    return CellValues(tabulate(quantity(space), points, space)[order], number[dofs][order])
+
+
+def as_rows(entries: Array, coordinates: Indices, size: int) -> sp.csr_matrix:
+    """Rows (P v, size) from entries (P, v, d) on coordinates (P, d), point by point."""
+    columns = np.broadcast_to(coordinates[:, None], entries.shape)
+    ends = np.arange(0, entries.size + 1, entries.shape[-1])
+    return sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (len(ends) - 1, size))

@@ -44,13 +44,11 @@ from numpy.typing import NDArray
 
 from pmr.fem.compat import cellwise, constant, rule_points, shell_space
 from pmr.fields.stress import PLANE, StressRows
-from pmr.mesh.box import BoxBoom
+from pmr.mesh.box import TAPERED, BoxBoom, Part
 from pmr.mesh.named import NamedMesh
-from pmr.mesh.sides import TAPERED, Part
-from pmr.mesh.strip import FLAT
+from pmr.mesh.trace import FLAT
 from pmr.models import Forms, UnitState
-from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
-from pmr.models.tabulation import as_rows, cell_values
+from pmr.models.meshed import FACES, MeshedModel, OfCells, as_rows, away, by_region, cell_values, frequency_scale
 from pmr.scene import Body
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile

@@ -34,8 +34,7 @@ from pmr.fields.stress import SPATIAL, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import codes
 from pmr.models import Forms, UnitState
-from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
-from pmr.models.tabulation import as_rows, cell_values
+from pmr.models.meshed import FACES, MeshedModel, OfCells, as_rows, away, by_region, cell_values, frequency_scale
 from pmr.scene import Body
 from pmr.scene.structures import SolidBody
 

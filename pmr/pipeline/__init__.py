@@ -7,8 +7,7 @@ from pmr.errors.lazy import names_from
 if TYPE_CHECKING:
     from pmr.fem.compat import versions as fenicsx_versions
     from pmr.pipeline.scenes import Outcome, full_model, reduce, run
-    from pmr.reduction.recover.framed import framed_body
-    from pmr.reduction.recover.nodal import held_body
+    from pmr.reduction.held_body import framed_body, held_body
 
 __all__ = ["Outcome", "fenicsx_versions", "framed_body", "full_model", "held_body", "reduce", "run"]
 
@@ -16,9 +15,9 @@ __all__ = ["Outcome", "fenicsx_versions", "framed_body", "full_model", "held_bod
 _PLACES = {
     "Outcome": "pmr.pipeline.scenes:Outcome",
     "fenicsx_versions": "pmr.fem.compat:versions",
-    "framed_body": "pmr.reduction.recover.framed:framed_body",
+    "framed_body": "pmr.reduction.held_body:framed_body",
     "full_model": "pmr.pipeline.scenes:full_model",
-    "held_body": "pmr.reduction.recover.nodal:held_body",
+    "held_body": "pmr.reduction.held_body:held_body",
     "reduce": "pmr.pipeline.scenes:reduce",
     "run": "pmr.pipeline.scenes:run",
 }

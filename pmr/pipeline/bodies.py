@@ -34,11 +34,11 @@ from pmr.pipeline.full_order import FullOrder, References
 from pmr.reduction.bodies import as_asked, cached_body, join_bodies, reduce_bodies, reduce_with
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
-from pmr.reduction.recover.from_scene import Looked, Recovered, beside_full, of_reduced, recovered_steps
+from pmr.reduction.recovery import Looked, Recovered, beside_full, of_reduced, recovered_steps
 from pmr.reduction.snapshots import Snapshots
 from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.scene import Scene
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.machine.motion import with_machine_moved
 from pmr.simulation.petsc import Checkpoint

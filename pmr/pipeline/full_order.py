@@ -23,13 +23,12 @@ from pmr.compare.trust import distrust
 from pmr.errors import SimulationError, on_first
 from pmr.errors.environment import Clock
 from pmr.fullmodel.eigensolvers import lowest_frequencies
-from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.system import FullSystem
+from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.frame_terms import frame_terms
-from pmr.scene.names import ALONE
-from pmr.scene.simulators import REFERENCE, refuse
+from pmr.scene.choice import REFERENCE, refuse
+from pmr.scene.keys import ALONE
+from pmr.scene.mechanism import frame_terms
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows

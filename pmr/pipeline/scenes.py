@@ -27,12 +27,11 @@ from pmr.pipeline.bodies import Bodies, Motions, Precomputed
 from pmr.pipeline.model_part import Decided, decide_models, measure_model, mesh_measured
 from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
-from pmr.reduction.from_scene import with_array_basis
-from pmr.reduction.given import Vectors
-from pmr.reduction.recover.from_scene import Recovered
+from pmr.reduction.from_scene import Vectors, with_array_basis
+from pmr.reduction.recovery import Recovered
 from pmr.results import Frequencies, Loads, Paths, RunResult
 from pmr.scene import Scene
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.body import FullBody
 from pmr.system.system import System

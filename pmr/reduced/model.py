@@ -35,7 +35,7 @@ from pmr.constraints.polynomials import (
 )
 from pmr.errors import InputError
 from pmr.errors.text import no_file
-from pmr.files import jsonfile, npz, records
+from pmr.files import npz
 from pmr.reduced import stored
 from pmr.reduced.carriers import CarriedRows, EnrichmentModes, Flexibility
 from pmr.reduced.matrices import CONSTANT, LINEAR, Rayleigh
@@ -310,7 +310,7 @@ class ReducedModel:
             if data.get("flexibility.inertia.kept", False):
                 allowed = "a model without residual inertia is allowed: more coordinates do its work"
                 raise InputError(str(path), "flexibility.inertia", None, allowed)
-            model = records.record(cls, stored.unpack(data))
+            model = npz.record(cls, stored.unpack(data))
             wrong = model.contradiction()
         except READING as error:
             if isinstance(error, InputError):
@@ -362,13 +362,13 @@ class ReducedModel:
 
 def _of_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
     """Arrays by the names of today; names, provenance and Rayleigh's factors stood in the header."""
-    arrays = records.rename_keys(data, _OLD_NAMES)
+    arrays = npz.rename_keys(data, _OLD_NAMES)
     for name in _NAMES:
         names = header.get(name, ())
         if not isinstance(names, list | tuple) or not all(isinstance(each, str) for each in names):
             raise TypeError(f"a list of names is allowed, not {names!r:.60}")
         arrays[name] = np.array(names, dtype=np.str_)
-    arrays["provenance"] = np.array(jsonfile.text(header["provenance"]))
+    arrays["provenance"] = np.array(npz.json_text(header["provenance"]))
     if header.get("rayleigh") is not None:
         alpha, beta = header["rayleigh"]
         arrays |= {"rayleigh.alpha": np.array(alpha), "rayleigh.beta": np.array(beta)}

@@ -1,6 +1,6 @@
 r"""A reduced model as the arrays of a file, in which nothing stands twice.
 
-Beside what `pmr.files.records` writes of it,
+Beside what `pmr.files.npz` writes of it,
 
 - coefficients of a table over the path are left out, and only its breaks are there, where the table is a product of
   what the carriers measure, :math:`C = b\, (U V)`, :math:`G = b\, R\, b^T` and so on (`pmr.constraints.rows`);
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.files import records
+from pmr.files import npz
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.soundness import misfit
 
@@ -39,7 +39,7 @@ class Carried(Protocol):
 
 def arrays(model: Carried, prefix: str = "") -> dict[str, NDArray[Any]]:
     """Arrays of a file that holds the model, by names behind `prefix`."""
-    content = records.arrays(model)
+    content = npz.arrays(model)
     sound = model.carriers is not None and not _fault(model.carriers)
     for name, table in (_products(model.carriers, content) if model.carriers and sound else {}).items():
         if np.array_equal(table.c, content[f"{name}.coefficients"]):
@@ -55,9 +55,9 @@ def arrays(model: Carried, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays behind `prefix` as `pmr.files.records.record` takes them, from those of a file.
+    """Arrays behind `prefix` as `pmr.files.npz.record` takes them, from those of a file.
 
-    Raises the errors of `pmr.files.records.record`, and a ValueError where tables are missing and carriers are not
+    Raises the errors of `pmr.files.npz.record`, and a ValueError where tables are missing and carriers are not
     sound, or a triangle has not as many entries as one has.
     """
     content = dict[str, NDArray[Any]]()
@@ -73,7 +73,7 @@ def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDAr
     if any(f"{name}.coefficients" not in content for name in tables) and any(
         name.startswith(TRIANGLES) for name in content
     ):
-        carriers = records.record(CarriedRows, content, TRIANGLES)
+        carriers = npz.record(CarriedRows, content, TRIANGLES)
         if wrong := _fault(carriers):
             raise ValueError(wrong)
         for name, table in _products(carriers, content).items():

@@ -1,4 +1,18 @@
-"""The reduced models of a scene's bodies, each by itself: of a body alone on its path, or of sections on carriers."""
+r"""Reduced models of a scene's bodies, with attachment modes of ports.
+
+The reduced models of a scene's bodies, each by itself: of a body alone on its path, or of sections on carriers.
+
+Attachment modes of ports: places at which a user hangs something on a reduced body.
+
+A force b at a port moves, beside the modes of the basis, what they leave out: X = R b with the residual flexibility R
+(`pmr.reduction.residual_tables`).  With X among the coordinates, R b = 0 is left, so that coordinates alone answer a
+force there exactly, at rest and wherever the sliders are; and since R K R = R
+
+.. math:: X^T K X = b^T R b, \qquad X^T M V = X^T K V = 0
+
+they are combined to M-orthonormal ones with a diagonal stiffness.  Craig and Chang: On the use of attachment modes in
+substructure coupling for dynamic analysis, AIAA paper 77-405, 1977.
+"""
 
 from __future__ import annotations
 
@@ -8,36 +22,68 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
-from pmr.fem.distributed import free_dropped, inner, times
+from pmr.fem.distributed import free_dropped, inner, tall, times
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel, SectionOf
-from pmr.reduction.basis import modal_basis
-from pmr.reduction.cache import Cache
-from pmr.reduction.from_scene import build_basis, enrichment_of, may_be_stressed, project, provenance, take_snapshots
-from pmr.reduction.given import Vectors
-from pmr.reduction.ports import with_ports
-from pmr.reduction.reactions import support_motions, with_reactions
-from pmr.reduction.recover.coordinates import Recovery
-from pmr.reduction.reduced_body import ReducedBody
-from pmr.reduction.residual.model import section_model
-from pmr.reduction.snapshots import Snapshots
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduced.soundness import symmetric
+from pmr.reduction.basis import Basis, modal_basis
+from pmr.reduction.cache import Cache, ReducedBody
+from pmr.reduction.free_body import FreeBody, support_motions, with_reactions
+from pmr.reduction.from_scene import (
+    Vectors,
+    build_basis,
+    enrichment_of,
+    may_be_stressed,
+    project,
+    provenance,
+    take_snapshots,
+)
+from pmr.reduction.recovery import Recovery
+from pmr.reduction.residual import section_model
+from pmr.reduction.residual_tables import ResidualFlexibility
+from pmr.reduction.snapshots import Snapshots, free_modes
 from pmr.scene import Reduction as Choice
 from pmr.scene import Scene
-from pmr.scene.frame_terms import frame_terms
+from pmr.scene.keys import ALONE
+from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import Member, members
-from pmr.scene.names import ALONE
 from pmr.system.from_scene import system_of
 from pmr.system.states import BodyStates
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
+
+#: What a force at a port moves less than this share of the most, in energy, it does not move: a support holds it there.
+HELD = 1e-12
+#: Answers of unit energy, an eigenvalue of whose products is smaller, depend on each other.
+INDEPENDENT = 1e-9
+
+
+def with_ports(body: FreeBody, modes: Basis) -> Basis:
+    """Free modes, and the attachment modes of the model's ports behind them, M-orthonormal; collective."""
+    model = body.model
+    V = np.array(modes.V.getDenseArray())
+    loads = sp.vstack(list(model.ports.values()), format="csr")[:, model.share].T.toarray()
+    X = ResidualFlexibility(body, V).apply(loads.copy(order="F"))
+    K = symmetric(inner(X, loads, model.comm))
+    turns = np.array([name.split(" ")[-1].startswith("r") for name in model.ports])
+    scale = np.sqrt(np.maximum(np.diagonal(K), 0.0))
+    largest = np.where(turns, scale.max(where=turns, initial=0.0), scale.max(where=~turns, initial=0.0))
+    moving = np.flatnonzero(scale > np.sqrt(HELD) * largest)
+    energy, Q = np.linalg.eigh(K[np.ix_(moving, moving)] / np.outer(scale[moving], scale[moving]))
+    Y = Q[:, energy > INDEPENDENT] / np.sqrt(energy[energy > INDEPENDENT]) / scale[moving, None]
+    X = X[:, moving] @ Y
+    theta, Q = scipy.linalg.eigh(symmetric(inner(X, times(model.M, X), model.comm)))  # 1/omega^2
+    X = X @ (Q / np.sqrt(theta))[:, ::-1]
+    sigma = np.append(modes.sigma, np.ones(X.shape[1]))
+    return Basis(tall(np.ascontiguousarray(np.hstack([V, X])), model.M), sigma, modes.product)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,14 @@
-"""What follows from a full model and costs more than the model, kept in a folder by its content.
+"""The reduced body, and a folder that keeps it by the digest of all that it follows from.
+
+What follows from a full model and costs more than the model, kept in a folder by its content.
 
 The name of a file is a digest of all that decides what it holds: operators, inputs, outputs, rows, what is asked of
 them, and the code.  So other signals of the loads, or another way along the same path, find what is there, and nothing
 else does.
+
+What a reduction depends on, as digests and text: operators, structure and the code.
+
+What one body is reduced to.
 """
 
 from __future__ import annotations
@@ -11,29 +17,106 @@ import hashlib
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError, NotHeldError
+from pmr.errors import InputError, NotHeldError, environment
 from pmr.fem.distributed import tall
 from pmr.files import npz
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullModel
+from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import Basis
-from pmr.reduction.content import content_of, structure_in
-from pmr.reduction.reduced_body import ReducedBody
 from pmr.reduction.snapshots import Snapshots
 from pmr.scene import Scene
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Kept = TypeVar("Kept")
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ReducedBody:
+    """A body's model on a basis, and the snapshots that this is made from; the same on every rank."""
+
+    snapshots: Snapshots
+    basis: Basis
+    modal: ReducedModel  # with tables over one path, or of free modes on carriers
+    stressed: bool = False  # whether terms that vary in time act on it
+
+    @property
+    def V(self) -> NDArray[np.float64]:
+        """This rank's rows (n_local, k) of the basis."""
+        return np.array(self.basis.V.getDenseArray())
+
+    @property
+    def tells_errors(self) -> bool:
+        """Whether the model on the basis alone tells errors: it knows the inertia of what it leaves out."""
+        return self.modal.carriers is not None and self.modal.carriers.inertia is not None
+
+    @cached_property
+    def model(self) -> ReducedModel:
+        """Model that is simulated: with modes of a section's cylinder and, under terms, modes without inertia."""
+        return as_simulated(self.modal, self.stressed)
+
+
+#: Sections of a scene that no reduction depends on.
+ASKED = ("title", "start", "time", "recovery", "simulation", "compare", "accuracy", "budget", "published")
+
+
+def content_of(model: FullModel) -> str:
+    """Digest of all that a full model is made of, and of the code; collective.  It depends on the number of ranks."""
+    digest = hashlib.blake2b(digest_size=16)
+    matrices = [model.M, model.K, model.inputs, model.outputs, *model.matrices.values()]
+    for A in matrices if model.rayleigh is not None else [*matrices, model.D]:
+        for part in A.getValuesCSR():
+            digest.update(part.tobytes())
+    for row in model.rows.rows:
+        parts = (row.breaks, row.coefficients, row.touched, *_csr(row.carriers))
+        for part in parts:
+            digest.update(part.tobytes())
+        digest.update(repr((row.name, row.compliance, row.clearance)).encode())
+    for name, row in model.ports.items():
+        digest.update(repr((name, row.indices.tolist(), row.data.tolist())).encode())
+    if model.rigid is not None:
+        for part in (model.rigid.coordinates, model.rigid.held, model.output_positions):
+            digest.update(part.tobytes())
+    names = (model.input_names, model.output_names, model.output_units, tuple(model.matrices))
+    digest.update(
+        repr((names, model.rayleigh, model.reference_frequency, _code(), environment.plugins_digest())).encode()
+    )
+    return hashlib.blake2b(repr(model.comm.allgather(digest.hexdigest())).encode(), digest_size=16).hexdigest()
+
+
+def structure_in(scene: Scene) -> str:
+    """Content of a scene that decides its reduction, beside the stretch of its path: neither signals nor comparisons.
+
+    The content of files that it names is not in it.
+    """
+    exclude: dict[str, Any] = dict.fromkeys(ASKED, True)
+    exclude |= {"sections": {"__all__": {"slider": {"path"}, "loads": {"__all__": {"signal"}}}}}
+    return scene.model_dump_json(exclude=exclude)
+
+
+def _csr(A: Any) -> tuple[NDArray[Any], ...]:
+    return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data
+
+
+@cache
+def _code() -> str:
+    return environment.code_digest(environment.sources(), NOT_COMPUTING)
+
+
+#: What no reduction depends on.
+NOT_COMPUTING = ("report/", "studies/", "cli/", "export/", "simulation/", "compare/")
+
 
 FORMAT = "pmr-cache"
 

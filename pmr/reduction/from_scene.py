@@ -1,29 +1,152 @@
-"""What a scene asks of its reduction: snapshots, basis, and the flexibility that the basis leaves out."""
+"""The basis that a scene asks for, from snapshots or the user's vectors, and its residual flexibility.
+
+What a scene asks of its reduction: snapshots, basis, and the flexibility that the basis leaves out.
+
+A basis of one's own: vectors from a file or of an installed package, orthonormal in their order.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import InputError, environment
 from pmr.fem.compat import versions
+from pmr.fem.distributed import inner, tall, times
+from pmr.files import npz
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.attachment import QUASI_STATIC
 from pmr.reduced.model import ReducedModel
-from pmr.reduction.basis import Basis, modal_basis, pod, with_rigid_modes
-from pmr.reduction.galerkin import reduced_model, with_held_coordinates
-from pmr.reduction.given import Vectors, given_basis, given_vectors, offered_vectors, vectors_of
-from pmr.reduction.reduced_body import ReducedBody
-from pmr.reduction.residual.model import check_independence, flexible_model, released_rows, section_model
-from pmr.reduction.snapshots import Snapshots
-from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
-from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.basis import Basis, modal_basis, pod, reduced_model, with_held_coordinates, with_rigid_modes
+from pmr.reduction.cache import ReducedBody
+from pmr.reduction.free_body import FreeBody, rigid_modes
+from pmr.reduction.residual import check_independence, flexible_model, released_rows, section_model
+from pmr.reduction.snapshots import Snapshots, eigenmode_snapshots, free_modes
 from pmr.scene import Reduction, Scene
+from pmr.scene.asked import OwnBasis
+from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
-from pmr.scene.names import ALONE
+
+Array = NDArray[np.float64]
+#: Vectors (n, k) on the coordinates of a full model, or a function of the model that returns this rank's rows of them.
+Vectors: TypeAlias = Array | Callable[[FullModel], Array]
+#: A vector of which a smaller share is left beside those before it depends on them.
+DEPENDENT = 1e-10
+
+
+def given_vectors(model: FullModel, file: Path) -> Snapshots:
+    """Vectors (n, k) on the full model's coordinates: the array ``V`` of an npz file, read by every rank.
+
+    Raises an `InputError` if the file holds no such array, or entries that are not finite.
+    """
+    try:
+        V = np.asarray(npz.read(file)["V"], dtype=float)
+    except (KeyError, ValueError, TypeError) as error:
+        raise InputError(str(file), "V", None, f"an npz file with an array V is allowed ({error})") from None
+    if V.ndim != 2 or V.shape[0] != model.size or V.shape[1] == 0:
+        allowed = f"a row for each of the model's {model.size} coordinates, and at least one column, are allowed"
+        raise InputError(str(file), "V", list(V.shape), allowed)
+    if not np.isfinite(V).all():
+        raise InputError(str(file), "V", None, "finite entries are allowed")
+    return _snapshots(model, V[slice(*model.M.getOwnershipRange())], f"vectors from {file.name}")
+
+
+def vectors_of(model: FullModel, basis: Vectors) -> Snapshots:
+    """Snapshots from an array (n, k) on all coordinates of the full model, or from what a function makes of the model.
+
+    Every rank has the whole array. A function returns this rank's rows (n_local, k) alone.
+
+    Raises
+    ------
+    InputError
+        If the array has another number of rows, no column, or entries that are not finite.
+    """
+    share = model.share
+    if callable(basis):
+        local, rows = np.asarray(basis(model), dtype=float), share.stop - share.start
+    else:
+        local, rows = np.asarray(basis, dtype=float), model.size
+    fits = local.ndim == 2 and local.shape[0] == rows and local.shape[1] > 0 and bool(np.isfinite(local).all())
+    if not all(model.comm.allgather(fits)):
+        allowed = f"finite vectors as columns, with {rows} rows, one for each coordinate of the full model, are allowed"
+        raise InputError("pmr.reduce", "basis", list(local.shape), allowed)
+    return _snapshots(model, local if callable(basis) else local[share], "vectors given as an array")
+
+
+def offered_vectors(model: FullModel, choice: Reduction) -> Snapshots:
+    """Vectors by a function of an installed package, an entry point `pmr.bases` of the basis' name; collective.
+
+    It gets the model and what the scene says of the reduction, and returns this rank's rows (n_local, k) of vectors.
+
+    Raises an `InputError` if there is none of that name, or it returns anything else.
+    """
+    make = environment.one_of("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
+    if not callable(make):
+        raise environment.plugin_error("pmr.bases", choice.basis)
+    first, last = model.M.getOwnershipRange()
+    V, failed = np.empty((0, 0)), ""
+    try:
+        returned = np.asarray(make(model, choice))
+        if returned.dtype.kind in "biuf":
+            V = returned.astype(float)
+    except Exception as error:  # whatever the package does: every rank has to hear of it
+        failed = f"it failed: {error!r}"
+    fits = V.ndim == 2 and V.shape[0] == last - first and V.shape[1] > 0 and bool(np.isfinite(V).all())
+    if not all(model.comm.allgather(fits)):
+        allowed = f"finite vectors (n, k) of real numbers with {last - first} rows here are allowed"
+        raise environment.plugin_error("pmr.bases", choice.basis, failed or allowed)
+    return _snapshots(model, V, f"vectors of {choice.basis}")
+
+
+def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
+    """Snapshots of vectors of which nothing is known but this rank's rows."""
+    unknown = np.full(local.shape[1], np.nan)
+    return Snapshots.of(np.ascontiguousarray(local), model, unknown, unknown, unknown, source)
+
+
+def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:
+    """The first `size` of the vectors, or all independent ones, each made orthonormal to those before it; collective.
+
+    Where flexibility is added, rigid-body modes come first: it can't stand in for them.  All singular values are 1, for
+    nothing is known of how much a vector weighs.
+
+    Raises an `InputError` if there are fewer vectors, or one depends on those before it.
+    """
+    V = np.array(vectors.S.getDenseArray())
+    largest = np.max(model.comm.allgather(np.abs(V).max(axis=0, initial=0.0)), axis=0)
+    V /= np.where(largest > 0.0, largest, 1.0)  # squares neither vanish nor overflow
+    if choice.flexibility:
+        V = np.hstack([rigid_modes(model), V])
+    in_mass = choice.product == "mass"
+    Q = np.zeros((len(V), 0))
+    for v in V.T:
+        if Q.shape[1] == size:
+            break
+        size_before = size_after = _size(model, v, in_mass)
+        for _ in range(2):  # once leaves round-off of what was taken away
+            if size_after <= DEPENDENT * size_before:
+                break
+            v = v - Q @ inner(Q, _weigh(model, v, in_mass), model.comm)[:, 0]
+            size_after = _size(model, v, in_mass)
+        if size_after > DEPENDENT * size_before:
+            Q = np.column_stack([Q, v / size_after])
+    if size is not None and Q.shape[1] < size:
+        allowed = f"the vectors and rigid-body modes span {Q.shape[1]} dimensions; at most so many are allowed"
+        raise InputError("scene", "reduction.coordinates", size, allowed)
+    return Basis(tall(np.ascontiguousarray(Q), model.M), np.ones(Q.shape[1]), choice.product)
+
+
+def _weigh(model: FullModel, v: Array, in_mass: bool) -> Array:
+    return times(model.M, v[:, None]) if in_mass else v[:, None]
+
+
+def _size(model: FullModel, v: Array, in_mass: bool) -> float:
+    return float(np.sqrt(inner(v[:, None], _weigh(model, v, in_mass), model.comm).item()))
+
 
 #: `reduction.basis` of a scene whose vectors are an array in Python; no key of a file.
 ARRAY = "array"
@@ -131,7 +254,7 @@ def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
     """Modes beyond the coordinates: those that estimate the error, or follow without inertia where terms act.
 
     Where many are asked for, a quarter of all modes of a coarse mesh is left at least: attachment modes need the
-    flexibility.  Rigid sliders and pads need some of it, too (`pmr.reduction.snapshots.free_modes`).
+    flexibility.  Rigid sliders and pads need some of it, too (`pmr.reduction.snapshots`).
     """
     if choice.estimable and scene.goal is not None:
         searched = SEARCHED_MODES if ALONE in scene.bodies else SEARCHED_OF_SECTIONS

@@ -16,7 +16,7 @@ import jinja2
 from pmr.errors import InputError
 from pmr.errors.environment import needed
 from pmr.errors.text import visible
-from pmr.files.swap import fresh
+from pmr.files.whole import fresh
 from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Figures, ReportFiles
 from pmr.report.figures.canvas import FONT, font_face_rule, words
 from pmr.report.sections import chapter, figures_of

@@ -16,8 +16,8 @@ from pmr.report.subject import direction_words, drive_of, is_alone, moving_part,
 from pmr.report.subject import length as reach_of
 from pmr.results import RunResult
 from pmr.results.tables import FORCE_OF
-from pmr.scene.names import cylinder_of, named
-from pmr.scene.pivot import supports_at_lug
+from pmr.scene.keys import cylinder_of, named
+from pmr.scene.mechanism import supports_at_lug
 
 Rows = Iterator[tuple[str, str]]
 

@@ -16,9 +16,9 @@ from pmr.results import RunResult
 from pmr.scene.built import Support
 from pmr.scene.choice import model_of
 from pmr.scene.frame import Frame
+from pmr.scene.joints import OneBody
+from pmr.scene.keys import named
 from pmr.scene.members import members
-from pmr.scene.names import named
-from pmr.scene.parts import OneBody
 
 Array = NDArray[np.float64]
 PLACES = 400  # at which the way of a tip is looked at

@@ -13,9 +13,9 @@ from pmr.results import RunResult
 from pmr.scene import Body, Reduction
 from pmr.scene.box import Box, Doubler, Taper
 from pmr.scene.choice import choose
+from pmr.scene.joints import OneBody
+from pmr.scene.keys import ALONE, named
 from pmr.scene.members import member_at
-from pmr.scene.names import ALONE, named
-from pmr.scene.parts import OneBody
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import Profile
 

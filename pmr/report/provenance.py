@@ -12,7 +12,7 @@ from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.subject import reduced_size
 from pmr.results import RunResult
-from pmr.scene.names import named
+from pmr.scene.keys import named
 
 Rows = Iterator[tuple[str, str]]
 #: Tables side by side; lines that a title takes with the space above it; letters on a line of both columns of a table.

@@ -31,7 +31,7 @@ from pmr.report.figures.canvas import drawing, ramp
 from pmr.report.numbers import SPACE, plain, significant
 from pmr.report.subject import direction_words, is_alone, loads, moving_part
 from pmr.results import RunResult
-from pmr.scene.names import named
+from pmr.scene.keys import named
 
 Show = Callable[[RunResult, str], Block | None]
 

@@ -13,7 +13,7 @@ from pmr.report.figures.histories import Timeline, difference_clause
 from pmr.report.numbers import NOTHING, SPACE, plain, quantity, significant, unit_for
 from pmr.results import RunResult
 from pmr.results.tables import parts_of, stress_peaks
-from pmr.scene.names import ALONE, named
+from pmr.scene.keys import ALONE, named
 
 
 def stress(result: RunResult, prefix: str) -> Block | None:

@@ -17,8 +17,8 @@ from pmr.results import BodyResult, RunResult
 from pmr.scene.built import PadRing
 from pmr.scene.choice import choose, parts_of
 from pmr.scene.joints import JointPads
+from pmr.scene.keys import ALONE, input_of
 from pmr.scene.members import member_at, members
-from pmr.scene.names import ALONE, input_of
 from pmr.scene.scene import Part
 from pmr.scene.signals import SignalBase
 

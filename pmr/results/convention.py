@@ -9,9 +9,9 @@ from pmr.results.response import Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
 from pmr.scene.choice import felt_faces, transverse
+from pmr.scene.joints import OneBody
+from pmr.scene.keys import ALONE, cylinder_of, named
 from pmr.scene.members import member_at
-from pmr.scene.names import ALONE, cylinder_of, named
-from pmr.scene.parts import OneBody
 
 
 def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:

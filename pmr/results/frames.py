@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pmr.errors import InputError
 from pmr.errors.environment import needed
-from pmr.files.swap import finish_swap
+from pmr.files.whole import finish_swap
 from pmr.results.run import RunResult
 from pmr.results.tables import tables
 

@@ -10,7 +10,7 @@ from pmr.results.run import RunResult
 from pmr.results.tables import FORCE_OF
 from pmr.scene.box import Box
 from pmr.scene.built import Face, PadRing
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 
 Array = NDArray[np.float64]
 

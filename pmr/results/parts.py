@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fields.envelope import Envelope
 from pmr.fields.series import Fields
+from pmr.fields.stress import Envelope
 
 Array = NDArray[np.float64]
 

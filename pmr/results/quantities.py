@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from pmr.results.extremes import Extreme, Extremes
 from pmr.results.response import Response
 from pmr.scene.built import force_of, reaction_of
-from pmr.scene.names import cylinder_of
-from pmr.scene.pivot import AT_PIVOT, CYLINDER
-from pmr.scene.ropes import drive_rows, rope_shares
+from pmr.scene.keys import cylinder_of
+from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
 from pmr.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -53,7 +52,7 @@ class Columns:
         Kinds without directions, as ``"tip"``; forces by the names of their contacts.
     drives : mapping
         Shares (c,) of the columns in the force of what moves each section along the boom, by section
-        (`pmr.scene.ropes.drive_rows`).
+        (`pmr.scene.mechanism.drive_rows`).
     ropes : tuple of str
         Sections that hang on ropes, or that others on ropes follow.
     """

@@ -14,16 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fields.envelope import Envelope
-from pmr.fields.pose import Pose
-from pmr.fields.series import Fields
-from pmr.files import jsonfile, npz, records
-from pmr.files.swap import finish_swap
+from pmr.fields.series import Fields, Pose
+from pmr.fields.stress import Envelope
+from pmr.files import npz
+from pmr.files.whole import finish_swap
 from pmr.results.parts import BodyResult, Frequencies, FrequencyResponse, Loads, Paths, Shapes
 from pmr.results.response import Response
 from pmr.scene import Scene
-from pmr.scene.former import stored_scene
-from pmr.scene.names import ALONE, SLIDER
+from pmr.scene.files import stored_scene
+from pmr.scene.keys import ALONE, SLIDER
 
 Array = NDArray[np.float64]
 
@@ -140,31 +139,31 @@ class RunResult:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1, exclude={"section"}), encoding="utf-8")
         self.save_summary(folder)
-        arrays: dict[str, NDArray[Any]] = {"columns": np.array(jsonfile.text(self.columns)), "loads": self.loads.values}
+        arrays: dict[str, NDArray[Any]] = {"columns": np.array(npz.json_text(self.columns)), "loads": self.loads.values}
         if self.reach is None:
             arrays |= {"s": self.paths.values[:, 0], "s_rate": self.paths.rates[:, 0]}
         else:
             arrays |= {"extensions": self.paths.values, "extension_rates": self.paths.rates, "reach": self.reach}
         arrays |= _frequency_arrays(self.frequencies, alone=self.reach is None)
         for simulator, response in self.responses.items():
-            arrays |= records.arrays(response, f"{simulator}.")
+            arrays |= npz.arrays(response, f"{simulator}.")
         for name, body in self.bodies.items():
             arrays |= {f"{_prefix(name)}peak_stress.{model}": stress for model, stress in body.peak_stress.items()}
             for model, envelope in body.envelopes.items():
-                arrays |= records.arrays(envelope, f"{_prefix(name)}envelope.{model}.")
+                arrays |= npz.arrays(envelope, f"{_prefix(name)}envelope.{model}.")
             if body.shapes is not None:
-                arrays |= records.arrays(body.shapes, f"{_prefix(name)}basis.")
+                arrays |= npz.arrays(body.shapes, f"{_prefix(name)}basis.")
             if body.fields is not None:
                 body.fields.save(folder / _fields_file(name))
         if self.tip_error is not None:
             arrays["estimate.tip"] = self.tip_error
         if self.frequency_response is not None:
-            arrays |= records.arrays(self.frequency_response, "frequency_response.")
+            arrays |= npz.arrays(self.frequency_response, "frequency_response.")
         npz.write(folder / "trajectories.npz", arrays)
 
     def save_summary(self, folder: Path) -> None:
         """Write summary.json alone, where it is all that changed."""
-        (folder / "summary.json").write_text(jsonfile.text(self.summary, indent=1), encoding="utf-8")
+        (folder / "summary.json").write_text(npz.json_text(self.summary, indent=1), encoding="utf-8")
 
     @classmethod
     def load(cls, folder: Path) -> RunResult:
@@ -176,12 +175,12 @@ class RunResult:
         columns = json.loads(str(data["columns"])) if "columns" in data else {}
         simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})
         response = (
-            records.record(FrequencyResponse, data, "frequency_response.") if "frequency_response.s" in data else None
+            npz.record(FrequencyResponse, data, "frequency_response.") if "frequency_response.s" in data else None
         )
         return cls(
             scene=scene,
             summary=json.loads((folder / "summary.json").read_text(encoding="utf-8")),
-            responses={simulator: records.record(Response, data, f"{simulator}.") for simulator in simulators},
+            responses={simulator: npz.record(Response, data, f"{simulator}.") for simulator in simulators},
             paths=_paths(data, columns),
             loads=_loads(data["loads"], columns),
             frequencies=_frequencies(data),
@@ -229,13 +228,13 @@ def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArra
             | circular
             | ({} if frequencies.t is None else {"frequencies.t": frequencies.t})
         )
-    arrays = records.arrays(frequencies, "frequencies.")
-    return records.rename_keys(arrays, {new: old for old, new in _RENAMED.items()})
+    arrays = npz.arrays(frequencies, "frequencies.")
+    return npz.rename_keys(arrays, {new: old for old, new in _RENAMED.items()})
 
 
 def _frequencies(data: Data) -> Frequencies:
     if "frequencies.s" not in data:
-        return records.record(Frequencies, records.rename_keys(data, _RENAMED), "frequencies.")
+        return npz.record(Frequencies, npz.rename_keys(data, _RENAMED), "frequencies.")
     s = data["frequencies.s"]
     in_hertz = {name: data[f"frequencies.{name}"] / TURN for name in _MODELS}
     models = {name: values for name, values in in_hertz.items() if values.shape[1]}
@@ -247,8 +246,8 @@ def _body(folder: Path, data: Data, name: str) -> BodyResult:
     stress, along = f"{of}peak_stress.", f"{of}envelope."
     models = sorted({key.removeprefix(along).split(".")[0] for key in data if key.startswith(along)})
     return BodyResult(
-        shapes=records.record(Shapes, data, f"{of}basis.") if f"{of}basis.x" in data else None,
+        shapes=npz.record(Shapes, data, f"{of}basis.") if f"{of}basis.x" in data else None,
         fields=Fields.load(file) if file.is_file() else None,
         peak_stress={key.removeprefix(stress): values for key, values in data.items() if key.startswith(stress)},
-        envelopes={model: records.record(Envelope, data, f"{along}{model}.") for model in models},
+        envelopes={model: npz.record(Envelope, data, f"{along}{model}.") for model in models},
     )

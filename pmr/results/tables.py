@@ -18,7 +18,7 @@ from pmr.results.extremes import Extremes, cycles
 from pmr.results.response import ROUND_OFF, Response
 from pmr.results.run import RunResult
 from pmr.scene.built import force_of, reaction_of
-from pmr.scene.names import ALONE, named
+from pmr.scene.keys import ALONE, named
 
 Array = NDArray[np.float64]
 Cell = str | float

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, field_validator, model_validator
 
-from pmr.scene.offered import AS_WORD, or_offered
-from pmr.scene.section import (
+from pmr.scene.keys import (
+    AS_WORD,
     Count,
     Distance,
     ExistingFile,
@@ -26,6 +26,7 @@ from pmr.scene.section import (
     Switch,
     Time,
     Usual,
+    or_offered,
 )
 
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
@@ -207,7 +208,7 @@ class Reduction(Section):
     `basis` ``free_modes`` takes the lowest eigenmodes without sliders and moving pads (free-interface modes).
     ``eigenmodes`` takes `modes` eigenmodes with the slider held at each of several `positions`, and compresses them by
     POD.  ``paper`` does the same as Weyrer et al.: there each row of a support removes a coordinate, the weakest of the
-    basis (`pmr.reduction.galerkin`).  ``file`` reads vectors from a `file`.  Every structural model may have each of
+    basis (`pmr.reduction.basis`).  ``file`` reads vectors from a `file`.  Every structural model may have each of
     these.
 
     `flexibility` adds the static flexibility of the modes that the basis leaves out, as tables in s.  Far fewer

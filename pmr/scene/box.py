@@ -8,10 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pmr.scene.plates import Face, Half
-from pmr.scene.profile import BoxProfile, Cut, WallName
-from pmr.scene.refusals import of_key
-from pmr.scene.section import Distance, Length, Section, Size, Thickness, Usual
+from pmr.scene.keys import Distance, Length, Section, Size, Thickness, Usual, of_key
+from pmr.scene.profile import BoxProfile, Cut, Face, Half, WallName
 
 #: Places along a box are that far apart, as a share of its length: beams on shorter elements lose their digits.
 APART = 1e-3

@@ -11,10 +11,8 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
 
 from pmr.scene.box import Box
-from pmr.scene.offered import AS_WORD, or_offered
-from pmr.scene.plates import Face
-from pmr.scene.refusals import of_key
-from pmr.scene.section import (
+from pmr.scene.keys import (
+    AS_WORD,
     Count,
     Direction,
     Distance,
@@ -32,7 +30,10 @@ from pmr.scene.section import (
     Thickness,
     Usual,
     Vector,
+    of_key,
+    or_offered,
 )
+from pmr.scene.profile import Face
 from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
 from pmr.scene.structures import BeamSection, Material, Profile, unit_vector
 

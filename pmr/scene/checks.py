@@ -1,19 +1,150 @@
-"""What no section can know by itself but of bodies: sizes, time, path, reduction, comparison and simulators."""
+"""Checks of a whole scene: time, path, reduction, comparison and simulators, the moving frame and the machine.
+
+What no section can know by itself but of bodies: sizes, time, path, reduction, comparison and simulators.
+
+What a frame that moves asks of the rest of a scene.
+
+What a machine that moves by itself asks of the rest of a scene.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from pmr.scene.asked import Damping
-from pmr.scene.choice import fewest_rows, is_pinned_beam
-from pmr.scene.frame_checks import check_frame
+from pmr.scene.built import Gravity
+from pmr.scene.choice import REFERENCE, Needs, fewest_rows, is_pinned_beam, model_of, parts_of, refuse
+from pmr.scene.frame import Frame, Machine
 from pmr.scene.joint_checks import check_joints
-from pmr.scene.magnitudes import check_loads, check_proportions, jump_of
-from pmr.scene.members import member_at
+from pmr.scene.keys import check_sizes
+from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
-from pmr.scene.section import check_sizes
-from pmr.scene.simulators import REFERENCE, Needs, refuse
-from pmr.scene.structure_checks import check_structure, refusal
+from pmr.scene.signals import SignalBase
+from pmr.scene.structure_checks import check_loads, check_proportions, check_structure, jump_of, refusal
+
+
+def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
+    """Refuse what its equations leave out, and simulators without them."""
+    motions = {} if frame.base is None else frame.base.motions
+    for direction in machine.free:
+        if direction in motions and not machine.is_sprung(direction):
+            allowed = f"a spring or a damper in {direction} is allowed on what moves: the machine is free there"
+            raise refusal(f"frame.base.{direction}", None, allowed)
+    if frame.base is not None and frame.base.accelerations:
+        allowed = "x, y and z are allowed beside frame.machine: where accelerations lead is not known"
+        raise refusal("frame.base.acceleration", None, allowed)
+    if frame.second_order == "auto":
+        raise refusal("frame.second_order", "auto", "true or false is allowed beside frame.machine")
+    if scene.goal is not None:
+        key = "accuracy" if scene.accuracy is not None else "budget"
+        raise refusal(key, None, "none is allowed beside frame.machine, whose motion depends on model and step")
+    for member in members(scene):
+        if model_of(member) == "beam2d":
+            key = scene.key_of(member.number, "body.model")
+            raise refusal(key, "beam2d", "a model in space is allowed beside frame.machine")
+    _check_contacts(scene)
+    for name in scene.simulation.simulators:
+        refuse(name, Needs(machine=machine.free))
+
+
+def _check_contacts(scene: Scene) -> None:
+    """Pads hold both ways and do not rub: those that open in parts of a step see no motion of a machine there."""
+    for number, part in enumerate(scene.sections):
+        for k, pads in enumerate(part.pads):
+            _check_ring(f"sections[{number}].pads[{k}]", pads.unilateral, 0.0)
+        for end in ("tail", "mouth") if part.joint is not None else ():
+            for k, ring in enumerate(getattr(part.joint, end)):
+                _check_ring(f"sections[{number}].joint.{end}[{k}]", ring.unilateral, ring.friction)
+
+
+def _check_ring(key: str, unilateral: bool, friction: float) -> None:
+    if unilateral:
+        allowed = "false is allowed beside frame.machine: pads that hold both ways"
+        raise refusal(f"{key}.unilateral", True, allowed)
+    if friction:
+        raise refusal(f"{key}.friction", friction, "0 is allowed beside frame.machine")
+
+
+#: Share of an angle's range that it may jump by, which round-off does.
+JUMP = 1e-9
+#: Share of a luffing cylinder's distance from the pivot that its arm is at least, and at how many times.
+IN_LINE, SAMPLES = 0.01, 1001
+
+
+def check_frame(scene: Scene) -> None:
+    """Refuse angles that jump or have kinks, gravity that is given twice, and models or references without a frame."""
+    frame = scene.frame
+    if frame is None:
+        return
+    angles = dict(zip(("luffing", "slewing"), frame.angles, strict=True))
+    angles |= dict(zip(("base.rx", "base.ry", "base.rz"), frame.rocking, strict=False))
+    for key, angle in angles.items():
+        frame.refuse_without_unit(f"frame.{key}", angle.bounds(0.0, scene.time.end))
+        _check_smooth(scene, key, "an angle", angle)
+    _check_cylinder(scene, frame)
+    if frame.machine is not None:
+        check_machine(scene, frame, frame.machine)
+    for axis, motion in (frame.base.motions if frame.base else {}).items():
+        if axis in ("x", "y", "z"):
+            _check_smooth(scene, f"base.{axis}", "a motion", motion)
+    if scene.gravity is not None and scene.gravity.direction != Gravity().direction:
+        allowed = "neither direction nor inclination is allowed beside a frame: frame.luffing says where down is"
+        raise refusal("gravity", None, allowed)
+    for member in members(scene):
+        if model_of(member) == "matrices":
+            allowed = "models with a mesh are allowed in a frame: matrices do not say where their mass is"
+            raise refusal(scene.key_of(member.number, "body.model"), "matrices", allowed)
+        if model_of(member) == "beam2d" and (frame.leaves_plane or frame.place[1] != 0.0):
+            key = frame.leaves_plane or "pivot"
+            raise refusal(f"frame.{key}", None, "models in space are allowed with it: beam2d has no lateral motion")
+    for number in range(1, len(scene.sections) if frame.second_order else 1):
+        least = scene.extension(number).bounds(0.0, scene.time.end)[0]
+        if least <= 0.0:
+            allowed = f"an extension above 0 is allowed with frame.second_order: here it is {least:g} m"
+            raise refusal(f"sections[{number}].joint", None, allowed)
+    for support in scene.sections[0].supports if frame.second_order else ():
+        if "x" in support.held and scene.sections[0].place(support.on) not in (0.0, None):
+            allowed = "the tail is allowed as the place that holds the base along with frame.second_order"
+            raise refusal(scene.key_of(0, "supports"), support.on, f"{allowed}: axial forces are those from there on")
+    for member in members(scene) if frame.second_order else ():
+        for load in member.part.loads:
+            if load.on != "tip" and "x" in parts_of(member, load).values():
+                allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
+                raise refusal(scene.key_of(member.number, "loads"), load.on, allowed)
+    if "ancf" in scene.compare.against:
+        raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
+
+
+def _check_cylinder(scene: Scene, frame: Frame) -> None:
+    """A cylinder in line with the pivot carries no moment."""
+    if frame.cylinder is None:
+        return
+    t = np.linspace(0.0, scene.time.end, SAMPLES)
+    angle = frame.angles[0].value(t)
+    length, arm = frame.cylinder.length(angle)
+    reach = float(np.hypot(*frame.cylinder.lug))
+    k = int(np.argmin(np.abs(arm)))
+    if np.abs(arm[k]) < IN_LINE * reach or arm.min() < 0.0 < arm.max() or reach == 0.0:
+        at = f"at {t[k]:.4g} s, {np.rad2deg(angle[k]):.3g} degrees, a cylinder of {length[k]:.3g} m has {arm[k]:.2g} m"
+        raise refusal("frame.cylinder", None, f"hinges with an arm about the pivot are allowed: {at}")
+
+
+def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:
+    kinks = motion.kinks(scene.time.end)
+    jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _jumps(motion, t)]
+    if jumps or kinks:
+        at, defect = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
+        allowed = f"{what} with a rate that does not jump is allowed, here is {defect} at {at:g} s: a smooth_ramp"
+        raise refusal(f"frame.{key}", None, allowed)
+
+
+def _jumps(angle: SignalBase, t: float) -> bool:
+    low, high = angle.bounds(0.0, t)
+    before, after = angle.value(np.array([np.nextafter(t, -np.inf), t]))
+    return bool(abs(after - before) > JUMP * (high - low))
+
 
 MOST_STEPS = 1_000_000
 

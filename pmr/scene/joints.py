@@ -1,15 +1,24 @@
-"""Joints in which a section slides out of the next outer one: their pads and cylinder, and what drives them."""
+"""A section's own tables, and the joint in which it slides out of the next outer one.
+
+Joints in which a section slides out of the next outer one: their pads and cylinder, and what drives them.
+
+A body of a scene as it is written: what it is, what holds it, what it carries, and how its model is reduced.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Literal
 
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from pmr.scene.built import Face, clearance_on
-from pmr.scene.section import (
+from pmr.errors.text import LONGEST_NAME
+from pmr.scene import asked
+from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider, Support, clearance_on
+from pmr.scene.keys import (
     AxialStiffness,
     Count,
     Distance,
@@ -27,6 +36,7 @@ from pmr.scene.section import (
 )
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats, Strand
+from pmr.scene.structures import PointMass, Probe
 
 #: N/m: of a pad along the boom.
 SHEAR_STIFFNESS = 1e8
@@ -193,3 +203,69 @@ class Linear(SignalBase):
 
     def highest_frequency(self, start: float, end: float) -> float:
         return self.signal.highest_frequency(start, end)
+
+
+FileName = Annotated[str, Field(pattern=r"^\w[\w -]*$", max_length=LONGEST_NAME)]
+
+
+class OneBody(Section):
+    """A body, x along it and z up, and what is on it."""
+
+    body: Body = Field(description="Shape, material and structural model of the section")
+    mesh: MeshChoice = Field(default=MeshChoice(), description="Mesh")
+    supports: tuple[Support, ...] = Field(
+        default=(),
+        description="Supports to the ground, which do not move along the section",
+    )
+    pads: tuple[PadRing, ...] = Field(default=(), description="Pads between the section and the ground")
+    slider: Slider | None = Field(default=None, description="Path along which a single body slides")
+    masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to the section")
+    loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
+    observe: asked.Observe = Field(default=asked.Observe(), description="Where motions are compared and drawn")
+    probes: tuple[Probe, ...] = Field(default=(), description="Points at which stress, strain or motion is recorded")
+    reduction: asked.Reduction = Field(default=asked.Reduction(), description="How the model is reduced")
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """Files that the model is made from, by the section that names each."""
+        named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
+        return {section: file for section, file in named.items() if file is not None}
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """SHA-256 of what these files hold."""
+        return {section: hashlib.sha256(file.read_bytes()).hexdigest() for section, file in self.files.items()}
+
+    @property
+    def springs(self) -> dict[str, str]:
+        """Supports that give way, in each direction, by name: the unit of their force, or moment."""
+        held = [(support, d) for support in self.supports if support.stiffness != "rigid" for d in support.held]
+        return {support.row_name(d): "N m" if d.startswith("r") else "N" for support, d in held}
+
+    @property
+    def load_places(self) -> dict[str, float]:
+        """Places of loads along the axis in m, by name, as far as they are known before a mesh is read."""
+        places = {load.name: self.place(load.on) for load in self.loads}
+        return {name: at for name, at in places.items() if at is not None}
+
+    @property
+    def length(self) -> float:
+        """Length of the body in m; of a mesh from a file the place where what is observed ends."""
+        observed = self.observe.stations or (0.0,)
+        return self.body.length or observed[-1] - min(observed[0], 0.0)
+
+    def place(self, on: str | float) -> float | None:
+        """Place along the axis, m; None for groups whose place the mesh decides."""
+        if isinstance(on, str):
+            return ENDS[on] * self.body.length if on in ENDS and self.body.length else None
+        return on
+
+
+class Part(OneBody):
+    """A section of a boom; the first one is the base, all others have a joint."""
+
+    name: FileName = Field(description="Name of the section")
+    joint: Joint | None = Field(
+        default=None,
+        description="Joint in which the section slides in the one before it, the next outer one",
+    )

@@ -10,8 +10,7 @@ import numpy as np
 from pmr.scene.asked import Damping, Recovery
 from pmr.scene.built import WEIGHT, Gravity, PadRing
 from pmr.scene.frame import Frame
-from pmr.scene.joints import JointPads
-from pmr.scene.parts import Part
+from pmr.scene.joints import JointPads, Part
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
 

@@ -6,8 +6,8 @@ from pmr.errors import InputError
 from pmr.scene.asked import Observe, Reduction, Simulation
 from pmr.scene.checks import check
 from pmr.scene.choice import is_undecided, model_of
+from pmr.scene.joints import Part
 from pmr.scene.members import members
-from pmr.scene.parts import Part
 from pmr.scene.scene import Scene
 
 #: From the poorest to the richest.

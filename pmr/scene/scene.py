@@ -1,4 +1,9 @@
-"""A scene: everything that a run is made from, bodies from the base out and what is asked of them."""
+"""A scene: everything that a run is made from, bodies from the base out and what is asked of them.
+
+The bodies of a scene, and what is said of a body alone.
+
+What is asked of all bodies of a scene together.
+"""
 
 from __future__ import annotations
 
@@ -7,23 +12,151 @@ import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from pmr.errors import InputError
 from pmr.scene import asked
-from pmr.scene.built import Slider
-from pmr.scene.joints import Joint, Linear
-from pmr.scene.listed import Listed
-from pmr.scene.names import ALONE, SLIDER
-from pmr.scene.parts import OneBody, Part
-from pmr.scene.refusals import of_key
+from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
+from pmr.scene.frame import Frame
+from pmr.scene.joints import Joint, Linear, OneBody, Part
+from pmr.scene.keys import ALONE, SLIDER, Section, Text, of_key
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Array
+from pmr.scene.structures import PointMass
 from pmr.scene.tomlfiles import laid_over
-from pmr.scene.whole import Whole
+
+
+class Whole(Section):
+    """Tables about all bodies together."""
+
+    title: Text = Field(description="Title of the report")
+    gravity: Gravity | None = Field(
+        default=None,
+        description="Weight of all parts.  Without this table a single body has no weight, and several sections have "
+        "theirs, which presses them on their pads",
+    )
+    frame: Frame | None = Field(
+        default=None, description="Luffing and slewing of the whole boom, and motion of its base"
+    )
+    start: Literal["rest", "equilibrium"] = Field(
+        default="rest",
+        description="Initial state: undeformed and at rest, or in equilibrium under the loads at t = 0.  A single body "
+        "begins at rest by default, several sections in equilibrium: loose in their pads they would begin with a fall",
+    )
+    damping: asked.Damping = Field(default=asked.Damping(), description="Damping of the structure")
+    time: asked.TimeChoice = Field(description="Simulated time and its steps")
+    recovery: asked.Recovery | None = Field(
+        default=None, description="Fields of displacement and stress on the whole mesh"
+    )
+    fatigue: asked.Fatigue | None = Field(default=None, description="Fatigue damage at probes that measure stress")
+    simulation: asked.Simulation = Field(default=asked.Simulation(), description="Programs that simulate the models")
+    compare: asked.Compare = Field(default=asked.Compare(), description="What the reduced model is compared with")
+    accuracy: asked.Accuracy | None = Field(
+        default=None, description="Allowed error, in place of a number of coordinates and a step"
+    )
+    budget: asked.Budget | None = Field(
+        default=None, description="Allowed cost of the model, in place of an allowed error"
+    )
+    published: asked.Published | None = Field(default=None, description="Figures from a publication")
+    free_motions: Literal["refused", "allowed"] = Field(
+        default="refused",
+        description="Whether rigid-body motions are allowed that no support, pad or cylinder resists somewhere on the "
+        "path; a load along such a motion moves the boom without limit.  Pads that only push count as resisting",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _begun(cls, data: Any) -> Any:
+        """Fill in the start, and a weight that fits it: what begins in equilibrium has its weight from the start."""
+        if not isinstance(data, Mapping):
+            return data
+        sections = data.get("sections", ())
+        several = isinstance(sections, list | tuple) and len(sections) > 1
+        start = data.get("start", "equilibrium" if several else "rest")
+        gravity = data.get("gravity", {} if several else None)
+        if isinstance(gravity, dict) and start == "equilibrium":
+            gravity = {"rise": 0.0} | gravity
+        return {**data, "start": start, "gravity": gravity}
+
+
+class Listed(Whole):
+    """Bodies from the base out; keys of a body are those of a body alone, and an InputError where there are several."""
+
+    sections: Annotated[tuple[Part, ...], Field(min_length=1)] = Field(description="From the base out")
+
+    @property
+    def alone(self) -> Part:
+        """The only body; an InputError is raised where there are several."""
+        if len(self.sections) > 1:
+            allowed = "a scene of one body is allowed here; pmr run takes booms of several sections"
+            raise InputError("scene", "sections", None, allowed)
+        return self.sections[0]
+
+    @property
+    def body(self) -> Body:
+        return self.alone.body
+
+    @property
+    def mesh(self) -> MeshChoice:
+        return self.alone.mesh
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        return self.alone.supports
+
+    @property
+    def pads(self) -> tuple[PadRing, ...]:
+        return self.alone.pads
+
+    @property
+    def masses(self) -> tuple[PointMass, ...]:
+        return self.alone.masses
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        return self.alone.loads
+
+    @property
+    def observe(self) -> asked.Observe:
+        return self.alone.observe
+
+    @property
+    def reduction(self) -> asked.Reduction:
+        return self.alone.reduction
+
+    @property
+    def slider(self) -> Slider:
+        slider = self.alone.slider
+        assert slider is not None  # as the checks say
+        return slider
+
+    @property
+    def signals(self) -> dict[str, SignalBase]:
+        """Signal of each input of the model, by its name, as users of Exudyn give them to `add_sliding_body`."""
+        weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
+        return {load.name: load.signal for load in self.loads} | weight
+
+    @property
+    def path_bounds(self) -> tuple[float, float]:
+        """Smallest and largest s(t) in m over the simulated time."""
+        return self.slider.path.bounds(0.0, self.time.end)
+
+    @property
+    def travel(self) -> tuple[float, float]:
+        """Smallest and largest s in m that the model is made for."""
+        return self.slider.travel or self.path_bounds
+
+    @property
+    def points(self) -> tuple[float, ...]:
+        """Distances ahead of s, m, of the points that slide: none where pads do."""
+        if self.slider.offsets is not None:
+            return self.slider.offsets
+        return () if any(ring.moving for ring in self.pads) else (0.0,)
+
 
 #: Keys of a body, which a scene of one body may have at its top.
 OF_A_BODY = frozenset(OneBody.model_fields)

@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pmr.scene.profile import BoxProfile
-from pmr.scene.section import (
+from pmr.scene.keys import (
     Area,
     Count,
     Density,
@@ -26,6 +25,7 @@ from pmr.scene.section import (
     Switch,
     Usual,
 )
+from pmr.scene.profile import BoxProfile
 
 Measured = Literal["stress", "strain", "displacement"]
 

@@ -1,4 +1,9 @@
-"""Input files in TOML: ``extends``, overrides, validation, and errors in one line that names file, key and value."""
+"""Input files in TOML: workflows by name, ``extends``, overrides, and errors that name file, key and value.
+
+Input files in TOML: ``extends``, overrides, validation, and errors in one line that names file, key and value.
+
+The workflows that come with the package, by their names.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field
+from importlib import resources
 from os.path import isdir, isfile
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,12 +22,47 @@ from pydantic import BaseModel, ValidationError
 
 from pmr.errors import InputError
 from pmr.errors.text import hint, no_file
-from pmr.scene.refusals import Refusal, dotted_key, keys_of
-from pmr.scene.workflows import workflow, workflows
+from pmr.scene.keys import Refusal, dotted_key, keys_of
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+_HERE = Path(str(resources.files("pmr")))
+
+
+def workflows() -> dict[str, Path]:
+    """All of them: in an installed package below it, in a checkout beside it."""
+    folders = (_HERE.parent / "workflows", _HERE / "workflows")
+    return {file.stem: file for folder in folders for file in (*folder.glob("*/*.toml"), *folder.glob("*.toml"))}
+
+
+def experiments() -> dict[str, Path]:
+    """Scripts of the paper's experiments by their names; each has a function ``main``."""
+    files = [file for folder in (_HERE.parent, _HERE) for file in (folder / "workflows" / "paper").glob("*.py")]
+    return {file.stem: file for file in files if "__main__" in file.read_text(encoding="utf-8")}
+
+
+def workflow(name: str) -> Path | None:
+    """The file of a workflow, if there is one of this name."""
+    return workflows().get(name.removesuffix(".toml"))
+
+
+def resolve_path(path: Path, within: str) -> Path:
+    """The file itself, the one called `within` in a folder, or a workflow by its name; else what was asked for.
+
+    A folder of results that is called as a workflow doesn't hide it.
+    """
+    try:
+        if path.is_dir() and (path / within).is_file():
+            return path / within
+        is_usable = path.exists() and not path.is_dir()
+    except OSError:  # a name that no file can have
+        is_usable = True
+    return path if is_usable else workflow(str(path)) or path  # what is wrong with it, its reader says
+
 
 #: The file (or option) in which each key of the merged data was written.
 Origins = dict[tuple[str, ...], str]
-Model = TypeVar("Model", bound=BaseModel)
 OPTION = "--set"
 #: So deep tables and lists may stand within each other, and so many files extend one another.
 DEEPEST = 40

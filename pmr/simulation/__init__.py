@@ -2,7 +2,7 @@
 
 Every simulator fulfils `SystemSimulator`: the same arguments, and a `SystemTrajectory` that holds all steps, t = 0
 included; a body alone is the system of one.  Full models, of which nobody keeps all steps, have `petsc.observe`.  What
-a simulator can't do it doesn't try: `pmr.scene.simulators.refuse` says so, with the key to change.
+a simulator can't do it doesn't try: `pmr.scene.choice.refuse` says so, with the key to change.
 """
 
 from __future__ import annotations

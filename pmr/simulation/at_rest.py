@@ -22,8 +22,8 @@ from pmr.results.outputs import Output
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.frame import BaseMotion
-from pmr.scene.frame_terms import frame_terms
-from pmr.scene.names import SLIDER
+from pmr.scene.keys import SLIDER
+from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.frame import term_signals
 from pmr.simulation.reactions import column_names, is_reaction, with_forces_on_machine, with_support_reactions

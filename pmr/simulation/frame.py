@@ -26,10 +26,9 @@ from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import inertia_fields, parts_of
 from pmr.scene.frame import INERTIA, Frame
-from pmr.scene.frame_terms import FrameTerm, frame_terms
+from pmr.scene.keys import Direction, input_of
+from pmr.scene.mechanism import FrameTerm, frame_terms
 from pmr.scene.members import Member, member_at
-from pmr.scene.names import input_of
-from pmr.scene.section import Direction
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Floats, Strand
 from pmr.simulation.frame_motion import (
@@ -202,7 +201,7 @@ class Motion(OfAngles):
 class Rotation(OfAngles):
     """Effect of the frame's rotation on a body's small motion: twice a velocity, an acceleration, or A."""
 
-    of: str  # `rotation`, `turning` or `carried`, as `pmr.scene.frame_terms` says
+    of: str  # `rotation`, `turning` or `carried`, as `pmr.scene.mechanism` says
     component: str
 
     @property
@@ -322,7 +321,7 @@ def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
 
 def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
-    """Amplitudes of the terms of `pmr.scene.frame_terms` by name: all of the scene's, or `which`."""
+    """Amplitudes of the terms of `pmr.scene.mechanism` by name: all of the scene's, or `which`."""
     return {term.name: _signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
 
 

@@ -26,8 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import SkipValidation
 
 from pmr.scene import Scene
-from pmr.scene.frame import BaseMotion, rotation
-from pmr.scene.machine import DIRECTIONS
+from pmr.scene.frame import DIRECTIONS, BaseMotion, rotation
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Floats, Strand
 

@@ -43,9 +43,9 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.choice import directions
 from pmr.scene.frame import INERTIA
-from pmr.scene.frame_terms import frame_terms
+from pmr.scene.keys import input_of
+from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import member_at
-from pmr.scene.names import input_of
 from pmr.simulation.floating import CROSS, Boom, Carried, Extended, Moments, Motion, Pressed, Shortened, State, skew
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows

@@ -23,10 +23,9 @@ from pmr.errors.text import visible
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
-from pmr.scene.former import stored_scene
-from pmr.scene.frame_terms import frame_terms
-from pmr.scene.names import input_of
-from pmr.scene.section import RECORDED
+from pmr.scene.files import stored_scene
+from pmr.scene.keys import RECORDED, input_of
+from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Signal, SignalBase
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.frame import base_accelerations, products_of

@@ -24,9 +24,9 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.built import reaction_of
 from pmr.scene.choice import directions
+from pmr.scene.keys import ALONE
+from pmr.scene.mechanism import AT_PIVOT, CYLINDER, MOMENT, pin_and_cylinder, pressed_on_ground
 from pmr.scene.members import members
-from pmr.scene.names import ALONE
-from pmr.scene.pivot import AT_PIVOT, CYLINDER, MOMENT, pin_and_cylinder, pressed_on_ground
 from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
 from pmr.system.body import (
     FullBody,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.dependence import of_rows
-from pmr.scene.simulators import Needs
+from pmr.scene.choice import Needs
 from pmr.system.body import Body
 from pmr.system.contacts import Contact, Friction, joints_of
 from pmr.system.system import Joined

@@ -17,7 +17,7 @@ from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.frame_terms import frame_terms
+from pmr.scene.mechanism import frame_terms
 from pmr.simulation import Excitation
 from pmr.system.from_scene import contacts_of, system_of
 from pmr.system.states import SystemTrajectory
@@ -86,7 +86,7 @@ def built_of(boom: Scene) -> Mapping[str, Any]:
 
 def full_of(boom: Scene, built: Mapping[str, Any]) -> System:
     """Full models as one system in one piece."""
-    from pmr.fullmodel.system import FullSystem
+    from pmr.fullmodel.model import FullSystem
 
     models = {name: body.model for name, body in built.items()}
     full = FullSystem(models, contacts_of(boom, models)).gather()

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pmr.errors import InputError
-from pmr.scene.section import Usual
+from pmr.scene.keys import Usual
 
 #: Hoisting classes of EN 13001-2: phi2,min of drives HD1, and beta2 in s/m.
 CLASSES = {"HC1": (1.05, 0.17), "HC2": (1.10, 0.34), "HC3": (1.15, 0.51), "HC4": (1.20, 0.68)}

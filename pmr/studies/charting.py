@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.files import records
+from pmr.files import npz
 from pmr.scene import Scene
 from pmr.simulation.statics.equilibrium import buckling_factors
 from pmr.simulation.statics.loaded import Loaded
@@ -73,18 +73,18 @@ def postures(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     reduced = Postures.of(scene, system, at)
     reach = at.reach(scene)
     arrays = {
-        **records.arrays(Bent.of(system, at), "bent."),
+        **npz.arrays(Bent.of(system, at), "bent."),
         "reach": reach,
         "contacts": contacts_as_text(system),
         "tip": at.on_ground(scene, reach),
-        **records.arrays(reduced, "reduced."),
+        **npz.arrays(reduced, "reduced."),
         **{f"turned.{angle}": acceleration_loads(scene, system, at, angle) for angle in arguments.get("turned", ())},
     }
     if arguments["error"]:
         better = richer_system(scene, system, at, arguments["up_to"])
-        arrays |= records.arrays(Postures.of(scene, better, at), "richer.")
+        arrays |= npz.arrays(Postures.of(scene, better, at), "richer.")
         if (finer := on_finer_mesh(scene)) is not None:
-            arrays |= records.arrays(Postures.of(scene, finer, at), "finer.")
+            arrays |= npz.arrays(Postures.of(scene, finer, at), "finer.")
             arrays["mended"] = np.array(1.0 - FINER**-ORDER)
         arrays["too_stiff"] = np.array(too_stiff(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for body in built.values() for line in warnings(body.structure)]
@@ -175,11 +175,11 @@ class Models:
         """Collect the results of the tasks `postures` and `richer_model`."""
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         by_model = {name: _behind(arrays, f"{name}.") for name in ("reduced", "richer", "finer")}
-        reduced, better, finer = (records.record(Postures, fields) if fields else None for fields in by_model.values())
+        reduced, better, finer = (npz.record(Postures, fields) if fields else None for fields in by_model.values())
         assert reduced is not None
         mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
         model = _behind(model_arrays, "model.")
-        structural = records.record(Postures, model) if model else None
+        structural = npz.record(Postures, model) if model else None
         called = str(model_arrays.get("called", model_arrays.get("reason", "")))
         return cls(reduced, better, finer, structural, called, mended, above, arrays["reach"])
 
@@ -304,7 +304,7 @@ def allowed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     record = {"load.least": float(finite.min()), "load.most": float(finite.max())} if len(finite) else {}
     tip, slewing = needs["postures"].arrays["tip"][first:last], at.slewing[first:last]
     radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
-    bent = records.record(Bent, _behind(needs["postures"].arrays, "bent."))
+    bent = npz.record(Bent, _behind(needs["postures"].arrays, "bent."))
     by_angle = _behind(needs["postures"].arrays, "turned.")
     stops = [
         Stopping(stop["of"], stop["speed"], stop["within"], by_angle[stop["of"]]) for stop in arguments.get("stops", ())

@@ -11,8 +11,8 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
+from pmr.scene.keys import named
 from pmr.scene.members import members
-from pmr.scene.names import named
 from pmr.scene.structures import Probe
 
 #: What their names begin with, behind the body's; faces that are looked at, where cells have them.

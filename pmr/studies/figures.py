@@ -15,7 +15,7 @@ from pmr.results import Frequencies, Response
 from pmr.results.extremes import cycles
 from pmr.results.tables import force_extremes, parts_of, probe_extremes, reaction_extremes, stress_by_part
 from pmr.scene import Scene
-from pmr.scene.names import ALONE, named
+from pmr.scene.keys import ALONE, named
 from pmr.studies.engine.task import Scalar, TaskResult
 
 Array = NDArray[np.float64]
@@ -141,7 +141,7 @@ def ran(scene: Scene, shared: Any = None) -> TaskResult:
     ``frequency_error.<i>``, the largest relative error of the i-th frequency over the path.  Arrays: ``t`` (s), ``tip``
     and ``reach``, of a body alone its path (m), ``frequencies.<model>`` (Hz); ``singular_values`` of a body alone.
     """
-    from pmr.files.users import users_folder
+    from pmr.files.whole import users_folder
     from pmr.pipeline import run
 
     once = scene.simulation.model_copy(update={"simulators": scene.simulation.simulators[:1]})

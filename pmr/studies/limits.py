@@ -22,9 +22,8 @@ from pydantic import ConfigDict, Field, model_validator
 from pmr.errors import InputError
 from pmr.results.quantities import MEASURES, Columns, Measure, fits
 from pmr.scene import Scene
-from pmr.scene.names import named
-from pmr.scene.ropes import rope_shares
-from pmr.scene.section import Hinted, Usual
+from pmr.scene.keys import Hinted, Usual, named
+from pmr.scene.mechanism import rope_shares
 from pmr.simulation.statics.loaded import Form, States
 from pmr.simulation.statics.postures import Postures
 from pmr.studies.field_probes import FIELD, WHOLE, bodies_with_field

@@ -10,10 +10,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError, plugins
+from pmr.errors import InputError, environment
 from pmr.errors.text import hint
 from pmr.scene import Scene
-from pmr.scene.names import named
+from pmr.scene.keys import named
 from pmr.simulation.statics.loaded import States
 from pmr.simulation.statics.postures import Postures
 from pmr.studies.expressions import Value, entries, value_of
@@ -38,13 +38,13 @@ Own = Callable[[AtRest], float]
 
 def function_of(limit: str, name: str | None) -> Own:
     """Function of an entry point by its name; raises InputError where no package offers it."""
-    offered = plugins.plugin_objects("pmr.limits", frozenset())
+    offered = environment.plugin_objects("pmr.limits", frozenset())
     function: Any = offered.get(name or "")
     if function is None:
         choices = f"one of {', '.join(sorted(offered))}" if offered else "none: no package offers any"
         raise InputError("study", f"limits.{limit}.function", name, f"{choices} is allowed")
     if not callable(function):
-        raise plugins.plugin_error("pmr.limits", name or "")
+        raise environment.plugin_error("pmr.limits", name or "")
     return cast(Own, function)
 
 

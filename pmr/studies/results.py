@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors.text import kind_of
-from pmr.files import jsonfile, npz
-from pmr.files.swap import finish_swap, fresh
+from pmr.files import npz
+from pmr.files.whole import finish_swap, fresh
 from pmr.studies.engine.graph import digests
 from pmr.studies.engine.runner import Failure
 from pmr.studies.engine.store import Store
@@ -159,7 +159,7 @@ class StudyResults:
         runs = [
             vars(run) | {n: dict(getattr(run, n)) for n in ("parameters", "figures", "seconds")} for run in self.runs
         ]
-        return jsonfile.text({**summary, "runs": runs}, indent=1)
+        return npz.json_text({**summary, "runs": runs}, indent=1)
 
 
 def _names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:

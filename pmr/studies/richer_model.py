@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pmr.errors import ConvergenceError, InputError, SimulationError
-from pmr.files import records
+from pmr.files import npz
 from pmr.scene import Scene
 from pmr.scene.richer import model_comparison
 from pmr.simulation.statics.postures import Postures, Stands
@@ -42,7 +42,7 @@ def richer_model(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) 
         postures = Postures.of(other, system, at)
     except UNKNOWN as error:
         return _without(error.allowed if isinstance(error, InputError) else str(error))
-    return TaskResult(arrays={**records.arrays(postures, "model."), "called": np.array(called)})
+    return TaskResult(arrays={**npz.arrays(postures, "model."), "called": np.array(called)})
 
 
 def _without(reason: str) -> TaskResult:

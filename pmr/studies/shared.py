@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmr.errors import InputError
-from pmr.files import records
+from pmr.files import npz
 from pmr.results import Response
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.scene.signals import Constant
 from pmr.studies.engine.task import Task, TaskFunction, TaskResult
 
@@ -146,7 +146,7 @@ def frequencies_task(scene: Scene) -> Task:
 
 def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
     """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
-    from pmr.reduction.given import given_vectors
+    from pmr.reduction.from_scene import given_vectors
     from pmr.reduction.snapshots import Snapshots
 
     if scene.reduction.file is not None:
@@ -159,13 +159,13 @@ def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
 
 def response_from(result: TaskResult) -> Response:
     """The response of a `reference_task`."""
-    return records.record(Response, result.arrays)
+    return npz.record(Response, result.arrays)
 
 
 def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: eigenmodes with the slider held at one of the scene's positions."""
     from pmr.fullmodel.eigensolvers import eigensolver
-    from pmr.reduction.snapshots.eigenmodes import positions
+    from pmr.reduction.snapshots import positions
 
     scene = scene_of(arguments)
     model = model_of(scene)
@@ -192,7 +192,7 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     scene = scene_of(arguments)
     response = FullOrder.of(scene, {ALONE: model_of(scene)}).reference(arguments["simulator"])
     assert response is not None
-    return TaskResult(arrays=records.arrays(response), seconds={"simulate": response.seconds})
+    return TaskResult(arrays=npz.arrays(response), seconds={"simulate": response.seconds})
 
 
 def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from pmr.scene.section import Usual
+from pmr.scene.keys import Usual
 from pmr.simulation.statics.loaded import States
 from pmr.simulation.statics.postures import HOOK
 from pmr.simulation.statics.swings import Acting, stopping_swing

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pmr.errors import InputError
 from pmr.scene.frame import rotation
-from pmr.scene.section import Usual
+from pmr.scene.keys import Usual
 from pmr.simulation.statics.loaded import States
 from pmr.simulation.statics.postures import HOOK, WEIGHT, Postures
 

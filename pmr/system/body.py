@@ -5,7 +5,7 @@ Galerkin projection of a body that one process holds.
 .. math::
     V^T M V, \quad V^T D V, \quad V^T K V, \quad V^T B, \quad O V, \quad C(s) V
 
-The distributed full model's is `pmr.reduction.galerkin`.
+The distributed full model's is `pmr.reduction.basis`.
 """
 
 from __future__ import annotations

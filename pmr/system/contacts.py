@@ -2,9 +2,9 @@ r"""Contacts between bodies, the places on bodies that they join, how they give 
 
 How contacts give way by themselves: pads and supports, and cylinders and ropes, which bear the forces of others.
 
-What gives way at contact k bears its own force and shares of others', :math:`T = S \lambda` (`pmr.scene.ropes`), and by
-virtual work moves each of these contacts by its share.  A rope whose length under tension grows with a path is the
-softer the farther this leads:
+What gives way at contact k bears its own force and shares of others', :math:`T = S \lambda` (`pmr.scene.mechanism`),
+and by virtual work moves each of these contacts by its share.  A rope whose length under tension grows with a path is
+the softer the farther this leads:
 
 .. math::
     C q + H f = (G + A)\, \lambda, \qquad A(s) = S^T \operatorname{diag}\bigl(a + a' s\bigr)\, S, \qquad
@@ -46,11 +46,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.joints import SHEAR_STIFFNESS
-from pmr.scene.names import ALONE as ALONE
-from pmr.scene.names import SLIDER as SLIDER
-from pmr.scene.names import cylinder_of
-from pmr.scene.names import input_of as input_of
-from pmr.scene.names import named as named
+from pmr.scene.keys import ALONE as ALONE
+from pmr.scene.keys import SLIDER as SLIDER
+from pmr.scene.keys import cylinder_of
+from pmr.scene.keys import input_of as input_of
+from pmr.scene.keys import named as named
 
 Array = NDArray[np.float64]
 

@@ -16,11 +16,10 @@ import numpy as np
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.choice import directions, felt_faces, has_tail
-from pmr.scene.joints import JointPads
+from pmr.scene.joints import JointPads, Part
+from pmr.scene.keys import ALONE, cylinder_of, named
+from pmr.scene.mechanism import Drive, rope_shares
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint, member_at, members
-from pmr.scene.names import ALONE, cylinder_of, named
-from pmr.scene.parts import Part
-from pmr.scene.ropes import Drive, rope_shares
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
 from pmr.system.system import Body, System, ground_contacts

@@ -21,7 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from pmr.errors import InputError
 from pmr.errors.text import no_file
-from pmr.files import npz, records
+from pmr.files import npz
 from pmr.reduced import stored
 from pmr.reduced.model import FORMAT as ONE_BODY
 from pmr.reduced.model import READING, ReducedModel
@@ -123,7 +123,7 @@ def read(path: Path) -> Saved | ReducedModel:
         data = {key: data[alias] for key, alias in file_header.same.items()} | data
         models, on_modes = (
             [
-                records.record(ReducedModel, stored.unpack(data, f"{kind}.{number}."), f"{kind}.{number}.")
+                npz.record(ReducedModel, stored.unpack(data, f"{kind}.{number}."), f"{kind}.{number}.")
                 for number in range(len(names))
             ]
             for kind, names in {"bodies": file_header.bodies, "on_modes": file_header.on_modes}.items()

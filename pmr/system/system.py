@@ -79,7 +79,7 @@ class Joined(Generic[AnyBody]):
                 raise refusal(rope, "path", path, f"{', '.join(self.paths) or 'none'} are allowed")
         for name, body in self.bodies.items():
             if body.carriers is None and not self.on_one_path:
-                allowed = "a model with carriers is allowed (`pmr.reduction.residual.model.section_model`)"
+                allowed = "a model with carriers is allowed (`pmr.reduction.residual.section_model`)"
                 raise InputError("system", f"bodies.{name}", None, allowed)
             used = {side.place.row for side in self.sides if side.place.body == name}
             missing = [row for row in body.lasting if row not in used]

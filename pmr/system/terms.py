@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
-from pmr.scene.frame_terms import FrameTerm, frame_terms, tails
+from pmr.scene.mechanism import FrameTerm, frame_terms, tails
 from pmr.scene.members import member_at
 from pmr.system.body import SlidingBody
 

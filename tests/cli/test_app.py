@@ -15,7 +15,7 @@ from processes import called, python
 from rich.console import Console
 
 from pmr.cli.console import broken, tell
-from pmr.cli.described import described_model
+from pmr.cli.info import described_model
 
 SIMPLE = "workflows/paper_simple.toml"
 SHORT = [

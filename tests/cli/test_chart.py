@@ -29,7 +29,7 @@ def test_what_has_no_chart_is_refused_in_one_line(
 def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
-    monkeypatch.setattr("pmr.cli.chart.study", lambda *_, **__: None)  # written, not computed
+    monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)  # written, not computed
     called(monkeypatch, capsys, "chart", "crane", "--up-to", "20000", "--out", str(tmp_path))
     asked = files.load(tmp_path / "chart.toml").parts[0].study
     assert (asked.extensions[0], asked.extensions[-1]) == (
@@ -39,7 +39,7 @@ def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
 
 
 def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr("pmr.cli.chart.study", lambda *_, **__: None)  # written, not computed
+    monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)  # written, not computed
     monkeypatch.chdir(tmp_path)
     called(monkeypatch, capsys, "new", "crane", "mine")
     called(monkeypatch, capsys, "chart", "mine", "--up-to", "20000")

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from processes import UNDRAWN, called, undrawn
 
-from pmr.files.swap import finish_swap
+from pmr.files.whole import finish_swap
 from pmr.reduced.model import ReducedModel
 from pmr.results import RunResult
 

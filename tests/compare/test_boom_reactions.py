@@ -17,8 +17,8 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build_bodies
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.bodies import reduce_bodies
-from pmr.reduction.recover.coordinates import Recovery
-from pmr.reduction.reduced_body import ReducedBody
+from pmr.reduction.cache import ReducedBody
+from pmr.reduction.recovery import Recovery
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of

@@ -14,7 +14,7 @@ from pmr.compare.estimate import MARGIN
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline import run
 from pmr.reduction.bodies import reduce_bodies
-from pmr.reduction.recover.coordinates import Recovery
+from pmr.reduction.recovery import Recovery
 from pmr.results import RunResult
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems

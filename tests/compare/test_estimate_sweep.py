@@ -20,7 +20,7 @@ from pmr.fullmodel.build import build
 from pmr.pipeline.full_order import FullOrder
 from pmr.reduction.bodies import reduce_with
 from pmr.reduction.from_scene import take_snapshots
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.frame import LuffingCylinder
-from pmr.scene.pivot import CYLINDER
+from pmr.scene.mechanism import CYLINDER
 
 G, LENGTH, MASS = 9.80665, 6.0, 250.0
 FOOT, LUG = [0.5, -1.0], [1.5, -0.2]

@@ -15,7 +15,7 @@ from pmr import scene as scenes
 from pmr.compare.errors import errors, with_common_forces
 from pmr.compare.pad_forces import pad_loads, pulled_rings, unknown
 from pmr.compare.simulated import simulate
-from pmr.files import records
+from pmr.files import npz
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structural import structural_model
 from pmr.pipeline import reduce, run
@@ -109,9 +109,7 @@ def test_names_stand_for_columns_whatever_their_order(at_rest: RunResult) -> Non
 
 def test_results_without_names_are_read_in_the_order_they_were_written(at_rest: RunResult) -> None:
     response = at_rest.responses["reduced"]
-    old = records.record(
-        Response, {k: v for k, v in records.arrays(response).items() if not k.endswith(("_names", "_units"))}
-    )
+    old = npz.record(Response, {k: v for k, v in npz.arrays(response).items() if not k.endswith(("_names", "_units"))})
     assert (old.force_names, old.output_names, old.output_units) == ((), (), ())
     unnamed = replace(at_rest, responses={"reduced": old})
     for pads, others in zip(forces(at_rest).values(), forces(unnamed).values(), strict=True):

@@ -10,7 +10,7 @@ from pmr import scene as scenes
 from pmr.compare import evaluation
 from pmr.compare.responses import simulate
 from pmr.pipeline import reduce
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.native.march import March
 

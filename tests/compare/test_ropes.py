@@ -26,7 +26,7 @@ from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.checks import check
 from pmr.scene.joints import Cylinder, Rope
-from pmr.scene.names import cylinder_of
+from pmr.scene.keys import cylinder_of
 from pmr.simulation import Excitation
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems

@@ -8,7 +8,7 @@ import pytest
 import pmr
 from pmr.compare.second_order import TIMES, second_order_effect
 from pmr.fullmodel.build import build_bodies
-from pmr.scene.frame_terms import stress_terms
+from pmr.scene.mechanism import stress_terms
 from pmr.simulation.frame import term_signals
 from pmr.simulation.statics.equilibrium import geometric_stiffness
 from pmr.system.assembly import Assembly

@@ -10,14 +10,14 @@ import pytest
 from pmr.compare.trust import ALTERNATING, absent, distrust, doubts
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
-from pmr.files import records
+from pmr.files import npz
 from pmr.fullmodel.build import full_model
 from pmr.pipeline import run
 from pmr.pipeline.full_order import FullOrder
 from pmr.report import errors
 from pmr.report.sections import chapter
 from pmr.results import Energy, Response
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.studies import shared
 
 T = np.arange(200) * 1e-3
@@ -132,7 +132,7 @@ def test_a_study_takes_no_such_reference(load_scene) -> None:
 
 def test_responses_keep_their_surplus() -> None:
     found = response(np.sin(T), 0.25)
-    assert records.record(Response, records.arrays(found)).surplus == 0.25
-    older = {name: array for name, array in records.arrays(found).items() if name != "surplus"}
-    assert np.isnan(records.record(Response, older).surplus)
+    assert npz.record(Response, npz.arrays(found)).surplus == 0.25
+    older = {name: array for name, array in npz.arrays(found).items() if name != "surplus"}
+    assert np.isnan(npz.record(Response, older).surplus)
     assert replace(found, surplus=np.inf).surplus == np.inf

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pmr.constraints.straight import Straight
-from pmr.fullmodel.sliders import slider_row
+from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
 from pmr.scene.structures import Profile
 

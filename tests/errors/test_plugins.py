@@ -8,9 +8,9 @@ import pytest
 from processes import python
 
 import pmr
-from pmr.errors import environment, plugins
+from pmr.errors import environment
 from pmr.fullmodel.build import full_model
-from pmr.reduction.content import content_of
+from pmr.reduction.cache import content_of
 
 MODULE = '''
 from typing import Literal
@@ -37,7 +37,7 @@ SIZE = Format("the size of a file", "size.txt", frozenset(), size)
 '''
 MODEL = '''
 import numpy as np
-from pmr.fem.matrices import local_csr
+from pmr.fem.distributed import local_csr
 from pmr.models import shell
 
 class Thick:
@@ -80,7 +80,7 @@ for name, change in (("boom_shell", "body.model='thick'"), ("paper_simple", "red
 SCENE = """
 import pmr
 from pathlib import Path
-from pmr.errors.plugins import versions
+from pmr.errors.environment import versions
 from pmr.export.formats import Options, write
 scene = pmr.load_scene("boom_beam", ["loads.0.signal={kind='decay', amount=3.0}"])
 print(float(scene.loads[0].signal.value(0.0)), versions())
@@ -174,7 +174,7 @@ def test_stored_results_depend_on_all_files_of_a_plug_in(
     for number, changed in enumerate(["", *files, ""]):
         with monkeypatch.context() as one:
             one.syspath_prepend(str(installed(tmp_path / str(number), group, module, changed)))
-            digests.append(plugins.code_digest())
+            digests.append(environment.plugins_digest())
             of_studies.append(environment.code_digest({}))
     for seen in (digests, of_studies):
         assert seen[0] == seen[-1]  # wherever it is installed

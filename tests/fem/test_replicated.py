@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pmr.fem import factor, replicated
+from pmr.fem import factor
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import sparse
-from pmr.fem.factor import Factor, NotDefiniteError
-from pmr.fem.replicated import Exchange, ReplicatedFactor, TooLargeError, factor_for_columns
+from pmr.fem.factor import Exchange, Factor, NotDefiniteError, ReplicatedFactor, TooLargeError, factor_for_columns
 from pmr.fullmodel.assembly import share
 
 pytestmark = pytest.mark.mpi
@@ -60,7 +59,7 @@ def test_what_does_not_fit_on_each_rank_is_spread_over_them_and_said_to_be(
 ) -> None:
     A = laplacian()
     assert isinstance(factor_for_columns(A, "K"), Factor if MPI.COMM_WORLD.size == 1 else ReplicatedFactor)
-    monkeypatch.setattr(replicated, "free_memory", lambda comm: 1)
+    monkeypatch.setattr(factor, "COPIES", 1e-12)
     with pytest.raises(TooLargeError):
         ReplicatedFactor(A, "K")
     with caplog.at_level(logging.WARNING):

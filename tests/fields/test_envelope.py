@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.fields.envelope import FORCES, Running
+from pmr.fields.stress import FORCES, Running
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.scene.structures import Beam3DBody, BoxProfile, Profile

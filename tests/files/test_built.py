@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from pmr.fem.compat import MPI
-from pmr.files.built import stored
+from pmr.files.whole import stored
 
 #: Takes the lock of a folder, begins to make it, and is killed.
 KILLED = """
 import os, sys, signal
 from pathlib import Path
-from pmr.files.built import stored
+from pmr.files.whole import stored
 from pmr.fem.compat import MPI
 def make(folder):
     (folder / "half").write_text("")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pmr.errors import InputError
-from pmr.files.swap import finish_swap
+from pmr.files.whole import finish_swap
 
 
 def begun(folder: Path, moves: Any) -> None:

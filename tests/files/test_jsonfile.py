@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.errors.text import not_finite, remarks
-from pmr.files import jsonfile
+from pmr.files import npz
 
 DATA: dict[str, Any] = {
     "errors": {"reduced_vs_full": {"tip": math.nan, "beam": 0.5}},
@@ -26,7 +26,7 @@ def refused(constant: str) -> Any:
 
 
 def test_numbers_that_are_not_finite_are_null() -> None:
-    read = json.loads(jsonfile.text(DATA, indent=1), parse_constant=refused)
+    read = json.loads(npz.json_text(DATA, indent=1), parse_constant=refused)
     assert read == {
         "errors": {"reduced_vs_full": {"tip": None, "beam": 0.5}},
         "list": [1.0, None, {"x": None}],
@@ -52,4 +52,4 @@ def test_they_are_named() -> None:
 
 def test_what_is_no_data_is_refused() -> None:
     with pytest.raises(TypeError, match="JSON"):
-        jsonfile.text({"a": object()})
+        npz.json_text({"a": object()})

@@ -13,7 +13,7 @@ import pytest
 import scipy.sparse
 from oracle import flexible, rich_body
 
-from pmr.cli.described import described_model
+from pmr.cli.info import described_model
 from pmr.errors import InputError
 from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.npz import DamagedError, read

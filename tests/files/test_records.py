@@ -14,7 +14,7 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.fields.series import Fields
-from pmr.files.records import arrays, record
+from pmr.files.npz import arrays, record
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.petsc.checkpoint import Checkpoint, load
 from pmr.studies.engine.store import Store

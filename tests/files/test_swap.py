@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pmr.files.swap import finish_swap, fresh, remove_files
-from pmr.files.whole import NotWrittenError
+from pmr.files.whole import NotWrittenError, finish_swap, fresh, remove_files
 
 OURS = ("a", "b", "c", "steps/*.vtu")
 #: Writes new files into a folder and is killed at the k-th change of a name or removal; where there is none, it ends.
@@ -36,7 +35,7 @@ with swap.fresh(Path(sys.argv[1]), ("a", "b", "c", "steps/*.vtu")) as new:
 LARGE = """
 import resource, sys
 from pathlib import Path
-from pmr.files.swap import fresh
+from pmr.files.whole import fresh
 resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
 with fresh(Path(sys.argv[1]), ("a", "b")) as new:
     (new / "a").write_bytes(bytes(1000))

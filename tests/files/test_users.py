@@ -5,18 +5,18 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from pmr.files import users
+from pmr.files import whole
 
 
 def test_the_oldest_files_go_and_no_folder_is_no_error(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("PMR_CACHE", str(tmp_path / "kept"))
-    monkeypatch.setattr(users, "MOST_KEPT", 2)
-    folder = users.users_folder()
+    monkeypatch.setattr(whole, "MOST_KEPT", 2)
+    folder = whole.users_folder()
     assert folder == tmp_path / "kept"
     for age, name in enumerate("cba"):
         (folder / f"{name}.npz").touch()
         os.utime(folder / f"{name}.npz", (age, age))
-    assert users.users_folder() is not None and sorted(file.name for file in folder.iterdir()) == ["a.npz", "b.npz"]
+    assert whole.users_folder() is not None and sorted(file.name for file in folder.iterdir()) == ["a.npz", "b.npz"]
     (tmp_path / "file").touch()
     monkeypatch.setenv("PMR_CACHE", str(tmp_path / "file" / "kept"))
-    assert users.users_folder() is None
+    assert whole.users_folder() is None

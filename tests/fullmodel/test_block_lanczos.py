@@ -10,9 +10,9 @@ from pmr.errors import ConvergenceError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import inner, sparse, times
 from pmr.fem.factor import Factor
-from pmr.fullmodel import block_lanczos
+from pmr.fullmodel import modes
 from pmr.fullmodel.assembly import share
-from pmr.fullmodel.block_lanczos import largest
+from pmr.fullmodel.modes import largest
 
 pytestmark = pytest.mark.mpi
 
@@ -59,7 +59,7 @@ def test_a_space_that_ends_gives_what_it_has() -> None:
 
 
 def test_what_does_not_converge_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(block_lanczos, "STEPS", 2)
+    monkeypatch.setattr(modes, "STEPS", 2)
     K, M = distributed(cube(9)[0]), distributed(sp.eye(729))
     factor = Factor(K, "K")
     with pytest.raises(ConvergenceError, match="not all of 17 eigenpairs"):

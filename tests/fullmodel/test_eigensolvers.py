@@ -11,8 +11,13 @@ from pmr.errors import ConvergenceError
 from pmr.fem.compat import MPI
 from pmr.fullmodel import modes
 from pmr.fullmodel.build import full_model
-from pmr.fullmodel.eigensolvers import DenseEigenSolver, OneFactorEigenSolver, SlepcEigenSolver, eigensolver
-from pmr.fullmodel.elimination import DependentRowsError
+from pmr.fullmodel.eigensolvers import (
+    DenseEigenSolver,
+    DependentRowsError,
+    OneFactorEigenSolver,
+    SlepcEigenSolver,
+    eigensolver,
+)
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes
 

@@ -5,11 +5,10 @@ import pytest
 import scipy.sparse as sp
 
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import sparse
-from pmr.fem.matrices import gather
+from pmr.fem.distributed import gather, sparse
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.build import full_model
-from pmr.fullmodel.elimination import DependentRowsError, eliminate
+from pmr.fullmodel.eigensolvers import DependentRowsError, eliminate
 
 RNG = np.random.default_rng(3)
 

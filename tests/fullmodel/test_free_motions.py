@@ -17,9 +17,8 @@ from pmr import scene as scenes
 from pmr.errors import InputError, NotHeldError
 from pmr.fem.compat import MPI
 from pmr.files.matrices import GivenMatrices, from_matrices
-from pmr.fullmodel import free_motions
-from pmr.fullmodel.build import build_bodies, left_free
-from pmr.fullmodel.free_motions import Way
+from pmr.fullmodel import build
+from pmr.fullmodel.build import Way, build_bodies, left_free
 from pmr.pipeline import run
 from pmr.scene import Scene
 from pmr.scene.checks import check
@@ -101,7 +100,7 @@ def test_free_motions_do_not_depend_on_where_the_origin_is() -> None:
     for _ in range(20):
         d, p = rng.normal(size=3), rng.normal(size=3)
         d /= np.linalg.norm(d)
-        (said,) = free_motions.describe_motions(np.concatenate([np.cross(p, d), d])[:, None] * rng.uniform(1e-3, 1e3))
+        (said,) = build.describe_motions(np.concatenate([np.cross(p, d), d])[:, None] * rng.uniform(1e-3, 1e3))
         at = p - d * (d @ p)  # the point of the axis nearest to the origin
         found = np.array([float(x) for x in said.split("through (")[1].removesuffix(") m").split(", ")])
         assert found == pytest.approx(at, abs=1e-3)
@@ -245,10 +244,10 @@ def test_a_boom_may_be_free_where_its_scene_allows_it() -> None:
 
 def test_what_is_free_is_said_shortly_by_its_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     turned = {"middle": ["move along y", "turn about x"], "fly": ["move along y"]}
-    monkeypatch.setattr(free_motions, "describe_motions", lambda motions: motions)
-    monkeypatch.setattr(free_motions, "freedoms", lambda *_: [turned])
+    monkeypatch.setattr(build, "describe_motions", lambda motions: motions)
+    monkeypatch.setattr(build, "freedoms", lambda *_: [turned])
     way = Way({}, {}, ["at t = 0 s"])
-    found = free_motions.words(SimpleNamespace(bodies=dict.fromkeys(("base", "middle", "fly"))), {}, way)
+    found = build.words(SimpleNamespace(bodies=dict.fromkeys(("base", "middle", "fly"))), {}, way)
     assert found.short == "middle and fly can move along y, and in 1 more way"
     assert found.said == "middle with what it carries free to move along y, turn about x; fly free to move along y"
 

@@ -24,9 +24,9 @@ from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.residual.model import flexible_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual import flexible_model
+from pmr.reduction.snapshots import free_modes
 from pmr.scene.built import GRAVITY
 from pmr.scene.signals import Constant
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody

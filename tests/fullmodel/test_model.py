@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from textbook import beam_matrices, relative
 
 from pmr.fem.compat import MPI
-from pmr.fem.matrices import gather
+from pmr.fem.distributed import gather
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 

@@ -15,11 +15,10 @@ from surfaces import mapped
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.fullmodel.pads import Pads, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure
-from pmr.fullmodel.system import FullSystem
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
@@ -27,9 +26,9 @@ from pmr.models.shell import Shell
 from pmr.models.solid import Solid
 from pmr.reduced.matrices import AXIAL, BENDING, CARRIED, ROTATING, STATES
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.residual.model import section_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual import section_model
+from pmr.reduction.snapshots import free_modes
 from pmr.scene.structures import (
     Beam3DBody,
     BeamSection,

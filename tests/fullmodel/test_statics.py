@@ -8,10 +8,10 @@ import pytest
 from pmr.constraints.rows import carrier, fixed_row
 from pmr.errors import InputError
 from pmr.fem.factor import refusal
-from pmr.fullmodel import statics
+from pmr.fullmodel import moving
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.statics import static_solver
+from pmr.fullmodel.moving import static_solver
 
 pytestmark = pytest.mark.mpi
 
@@ -50,6 +50,6 @@ def test_no_memory_is_not_called_a_singular_stiffness(
     def refused(A: object, name: str) -> None:
         raise refusal(name, code)
 
-    monkeypatch.setattr(statics, "factor_for_columns", refused)
+    monkeypatch.setattr(moving, "factor_for_columns", refused)
     with pytest.raises(InputError, match=said):
         static_solver(full, held(full)[0], "slepc")

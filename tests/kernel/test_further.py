@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import pmr
 from pmr.kernel.kernel import Kernel, Settings, State
-from pmr.scene.pivot import CYLINDER
+from pmr.scene.mechanism import CYLINDER
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame
 from pmr.system.assembly import Assembly

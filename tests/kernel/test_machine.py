@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError, SimulationError
 from pmr.kernel.carried import Carried
 from pmr.kernel.kernel import Settings, State
-from pmr.scene.machine import DIRECTIONS
+from pmr.scene.frame import DIRECTIONS
 from pmr.simulation.floating import Extended, Motion
 from pmr.simulation.floating import State as Moment
 from pmr.simulation.frame_motion import Turning

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pmr.errors import InputError
-from pmr.mesh.beam import graded_nodes, read_nodes
+from pmr.mesh.drawing import graded_nodes, read_nodes
 
 
 @pytest.mark.parametrize("grading", [0.1, 1.0, 8.0])

@@ -10,7 +10,7 @@ import pytest
 
 from pmr.errors import InputError
 from pmr.mesh import read_mesh
-from pmr.mesh.files import read_mesh_file
+from pmr.mesh.named import read_mesh_file
 
 DECK = """*NODE
 1, 0., 0., 0.

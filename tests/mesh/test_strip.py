@@ -9,7 +9,7 @@ from surfaces import mapped
 
 from pmr.errors import InputError
 from pmr.mesh.named import Group, NamedMesh
-from pmr.mesh.strip import Window
+from pmr.mesh.trace import Window
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
 from pmr.scene.structures import Plate, ShellBody, SolidBody

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from textbook import EI, RHO_A, beam_matrices
 
-from pmr.fullmodel.sliders import slider_row
+from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
 from pmr.scene.structures import Profile
 

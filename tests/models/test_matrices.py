@@ -15,9 +15,9 @@ from pmr.fullmodel.build import Built
 from pmr.fullmodel.pads import Pads, Support, restrain
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Structure
-from pmr.mesh.strip import Window
+from pmr.mesh.trace import Window
 from pmr.models.matrices import Matrices
-from pmr.reduction.recover.fields import View
+from pmr.reduction.recovery import View
 from pmr.scene import Damping
 
 

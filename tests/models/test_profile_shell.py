@@ -12,7 +12,7 @@ from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
 from pmr.mesh import read_mesh
 from pmr.mesh.box import BoxBoom, write_shell
-from pmr.mesh.strip import Window
+from pmr.mesh.trace import Window
 from pmr.models import DIRECTIONS
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell, plates

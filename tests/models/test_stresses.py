@@ -21,9 +21,9 @@ from pmr.mesh.named import NamedMesh
 from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
+from pmr.models.meshed import cell_values
 from pmr.models.shell import Shell, frames
 from pmr.models.solid import Solid
-from pmr.models.tabulation import cell_values
 from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile, Material, Plate, Profile, ShellBody, SolidBody
 
 pytestmark = pytest.mark.mpi

@@ -13,8 +13,7 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance
-from pmr.models.profile_section import section_of
-from pmr.models.ring_masses import enclosed_figure, inset
+from pmr.models.profile_section import enclosed_figure, inset, section_of
 from pmr.models.shell import draw_box
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile

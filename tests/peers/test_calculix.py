@@ -21,10 +21,9 @@ from statics import static_outputs
 from pmr import scene as scenes
 from pmr.fullmodel.eigensolvers import SlepcEigenSolver, eigensolver
 from pmr.fullmodel.from_scene import structure_of
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
-from pmr.fullmodel.system import FullSystem
 from pmr.mesh import read_mesh
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.models.shell import Shell

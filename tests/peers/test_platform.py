@@ -20,7 +20,7 @@ from statics import static_outputs
 
 import pmr
 from pmr import scene as scenes
-from pmr.fem.matrices import local_csr
+from pmr.fem.distributed import local_csr
 from pmr.fullmodel.pads import Pad, Pads, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Structure

@@ -14,11 +14,11 @@ from pmr.compare import responses
 from pmr.compare.responses import MARCHED_UP_TO, full_simulator
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
-from pmr.fullmodel.system import FullSystem
+from pmr.fullmodel.model import FullSystem
 from pmr.pipeline import full_order
 from pmr.pipeline.full_order import FullOrder
 from pmr.scene import Scene
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.petsc import History
 from pmr.system.states import SystemTrajectory

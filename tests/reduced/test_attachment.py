@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from scipy.optimize import brentq
 
 from pmr import scene as scenes
-from pmr.fem.matrices import local_csr
+from pmr.fem.distributed import local_csr
 from pmr.fullmodel.build import build_bodies
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.attachment import CYLINDER, with_attachment_modes, with_cylinder_modes

@@ -15,9 +15,9 @@ from pmr.reduced.attachment import as_simulated, with_quasi_static_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import truncate
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.residual.model import section_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual import section_model
+from pmr.reduction.snapshots import free_modes
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody

@@ -5,13 +5,11 @@ import pytest
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fem.distributed import tall
-from pmr.fem.matrices import gather
+from pmr.fem.distributed import gather, tall
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, kappa, pod
-from pmr.reduction.snapshots import Snapshots
-from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.reduction.snapshots import Snapshots, eigenmode_snapshots
 from pmr.scene import Scene
 
 pytestmark = pytest.mark.mpi

@@ -12,9 +12,8 @@ from pmr.fem.compat import MPI
 from pmr.fem.distributed import tall
 from pmr.fullmodel.build import full_model
 from pmr.reduced.model import ReducedModel
-from pmr.reduction.basis import pod
-from pmr.reduction.galerkin import reduced_model, with_held_coordinates
-from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.reduction.basis import pod, reduced_model, with_held_coordinates
+from pmr.reduction.snapshots import eigenmode_snapshots
 
 pytestmark = pytest.mark.mpi
 

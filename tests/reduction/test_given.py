@@ -14,7 +14,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
 from pmr.reduction.from_scene import build_basis, take_snapshots
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 
 SMALL = ["mesh.elements=12", "time.end=0.2", "reduction.estimate=false"]
 

@@ -19,8 +19,8 @@ from pmr.errors import InputError
 from pmr.pipeline import reduce
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
+from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
-from pmr.scene.names import ALONE
 from pmr.scene.signals import Constant
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_sliding_body

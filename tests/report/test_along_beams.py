@@ -8,7 +8,7 @@ import numpy as np
 from boom_results import MakeSpace
 from matplotlib.colors import same_color
 
-from pmr.fields.envelope import Envelope
+from pmr.fields.stress import Envelope
 from pmr.report.figures.canvas import of_sections
 from pmr.report.figures.loads import envelopes
 from pmr.report.stresses import along_beams

@@ -26,7 +26,7 @@ def test_a_pad_lies_on_its_slanted_face(face: str) -> None:
 
 def test_slanted_pads_press_on_the_machine_along_their_normals() -> None:
     """Force n and moment r x n about the pivot of each unit force."""
-    from pmr.scene.pivot import pressed_on_ground
+    from pmr.scene.mechanism import pressed_on_ground
 
     faces = "{'bottom left'=[0.02],'top right'=[-0.01],top=[0.05]}"
     file = Path(__file__).parents[2] / "workflows" / "boom_octagonal.toml"

@@ -9,7 +9,7 @@ import pytest
 
 import pmr
 from pmr.compare.utilisation import utilisation
-from pmr.reduction.recover.section_forces import PIECES
+from pmr.reduction.section_forces import PIECES
 from pmr.results import RunResult
 from pmr.results.tables import tables
 from pmr.scene import Scene, load_any

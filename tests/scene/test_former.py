@@ -10,7 +10,7 @@ import pytest
 
 from pmr.errors import InputError
 from pmr.scene import Scene, load_any
-from pmr.scene.former import GONE, stored_scene
+from pmr.scene.files import GONE, stored_scene
 
 BOOM = load_any("boom_three", ["time.end=0.1"])
 

@@ -13,8 +13,8 @@ from pydantic import BaseModel
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene.hints import OTHERS, hints
+from pmr.scene.keys import quantity_of, usual_of
 from pmr.scene.scene import Scene
-from pmr.scene.section import quantity_of, usual_of
 from pmr.scene.signals import SignalBase
 from pmr.studies import files
 

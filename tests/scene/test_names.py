@@ -17,8 +17,7 @@ from pmr.errors.text import LONGEST_NAME, is_name, visible
 from pmr.files.matrices import from_matrices
 from pmr.scene.asked import Observe
 from pmr.scene.built import Load, PadRing, Support
-from pmr.scene.joints import JointPads
-from pmr.scene.parts import FileName
+from pmr.scene.joints import FileName, JointPads
 from pmr.scene.structures import PointMass, Probe
 
 COUNT = 2000 if os.environ.get("PMR_SWEEP") == "full" else 200

@@ -12,7 +12,7 @@ from pmr import scene
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.choice import fewest_rows
-from pmr.scene.former import MOVED
+from pmr.scene.files import MOVED
 from pmr.scene.members import member_at
 from pmr.scene.scene import BodyFile
 from pmr.scene.structures import Profile

@@ -12,8 +12,7 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene.choice import choose
 from pmr.scene.members import members
-from pmr.scene.plates import FACES, gaps
-from pmr.scene.profile import BoxProfile
+from pmr.scene.profile import FACES, BoxProfile, gaps
 
 BOOM = Path(__file__).parents[2] / "workflows" / "boom_octagonal.toml"
 BELLY = {"radius": {"bottom": 0.15, "top": 0.03}}

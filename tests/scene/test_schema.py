@@ -12,8 +12,7 @@ import jsonschema
 import pytest
 
 from pmr import scene as scenes
-from pmr.cli.new import kinds
-from pmr.cli.schema import scene_schema, study_schema
+from pmr.cli.new import kinds, scene_schema, study_schema
 from pmr.errors import InputError
 from pmr.scene.scene import BodyFile, Scene
 

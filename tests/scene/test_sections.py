@@ -9,8 +9,8 @@ import pytest
 from pydantic import BaseModel
 
 from pmr.scene import Scene
+from pmr.scene.keys import Section, quantity_of
 from pmr.scene.scene import BodyFile
-from pmr.scene.section import Section, quantity_of
 
 
 def parts(annotation: Any) -> Iterator[Any]:

@@ -9,7 +9,7 @@ import pytest
 from pmr import scene
 from pmr.errors import InputError
 from pmr.scene.asked import SimulatorName
-from pmr.scene.simulators import REFERENCE, SIMULATORS, Needs, refuse
+from pmr.scene.choice import REFERENCE, SIMULATORS, Needs, refuse
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 NEEDS = {

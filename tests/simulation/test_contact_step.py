@@ -17,7 +17,7 @@ from one_body import energy, respond
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.files import records
+from pmr.files import npz
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant
 from pmr.simulation import InitialState, TimeStepping, contact_step
@@ -153,7 +153,7 @@ def test_a_response_has_the_peaks_of_pads_that_only_push() -> None:
     assert found.peaks is not None and response.force_peaks is not None
     name = response.force_names[0]
     assert np.array_equal(response.force(name, 0), found.peaks[:, 0])
-    again = records.record(type(response), records.arrays(response))
+    again = npz.record(type(response), npz.arrays(response))
     assert np.array_equal(again.force(name, 0), found.peaks[:, 0])
 
 

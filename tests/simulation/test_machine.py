@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import pmr
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
-from pmr.scene.machine import DIRECTIONS
+from pmr.scene.frame import DIRECTIONS
 from pmr.simulation import Excitation
 from pmr.simulation.floating import Extended, Motion
 from pmr.simulation.frame_motion import MachineMotion, Turning, in_motion

@@ -8,7 +8,7 @@ from fuzz import toml
 from ways.kinds import HOISTED, PLANE, boom, rings
 
 from pmr import scene as scenes
-from pmr.files.users import users_folder
+from pmr.files.whole import users_folder
 from pmr.pipeline import run
 from pmr.results import Energy, Response
 from pmr.studies.figures import boom_arguments, figures_of, run_boom_case

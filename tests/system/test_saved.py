@@ -14,7 +14,7 @@ import pytest
 from nested import Nested, full, reduced
 
 from pmr.errors import InputError
-from pmr.files import records
+from pmr.files import npz
 from pmr.reduced.model import ReducedModel
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -39,7 +39,7 @@ def test_what_was_saved_is_read(system: System, tmp_path: Path) -> None:
     )
     pairs = [(body, found.bodies[name]) for name, body in system.bodies.items()]
     for one, other in [*pairs, (system.on_modes["1"], found.on_modes["1"])]:
-        expected, arrays = records.arrays(one), records.arrays(other)
+        expected, arrays = npz.arrays(one), npz.arrays(other)
         assert set(arrays) == set(expected)
         for key, values in expected.items():
             np.testing.assert_array_equal(arrays[key], values)

@@ -12,9 +12,9 @@ from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
 from pmr.models.shell import Shell
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.residual.model import section_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual import section_model
+from pmr.reduction.snapshots import free_modes
 from pmr.scene.structures import Plate, ShellBody
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place

@@ -22,8 +22,8 @@ from pmr.cli.app import app
 from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.scene import Reduction
 from pmr.scene.built import OwnModel
+from pmr.scene.choice import SIMULATORS
 from pmr.scene.joints import Joint
-from pmr.scene.simulators import SIMULATORS
 from pmr.studies.files import kind_names
 
 PAGE = Path(__file__).parents[2] / "docs" / "ways.md"

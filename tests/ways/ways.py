@@ -29,7 +29,7 @@ from pmr.fullmodel.build import full_model
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
-from pmr.scene.simulators import SIMULATORS
+from pmr.scene.choice import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.moving import MovingFrame, read_scene
 from pmr.simulation.native import systems

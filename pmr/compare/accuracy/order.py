@@ -21,7 +21,7 @@ from pmr.reduced.attachment import as_simulated
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.asked import Accuracy, Budget
-from pmr.scene.frame_terms import frame_terms
+from pmr.scene.mechanism import frame_terms
 from pmr.simulation import Excitation
 from pmr.system.contacts import ALONE
 from pmr.system.from_scene import system_of

@@ -17,9 +17,9 @@ from scipy.interpolate import PPoly
 from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.files.whole import replacement
+from pmr.scene.choice import Asked, refuse
 from pmr.scene.frame import INERTIA
 from pmr.scene.signals import SignalBase
-from pmr.scene.simulators import Asked, refuse
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.exudyn.equations import Equations

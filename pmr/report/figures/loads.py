@@ -19,7 +19,7 @@ from pmr.report.numbers import unit_for, with_sign
 from pmr.report.subject import length, moving_part, offsets, stress_times
 from pmr.results import BodyResult, RunResult
 from pmr.results.outputs import Output
-from pmr.scene.names import named
+from pmr.scene.keys import named
 from pmr.scene.signals import SignalBase
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")

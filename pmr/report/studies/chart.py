@@ -16,7 +16,7 @@ from pmr.report.figures.load_chart import AtRest, Chart, at_rest, load_chart, po
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.studies.finished import FinishedStudy
 from pmr.results.outputs import FORCES
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.studies import charting
 from pmr.studies.cases import LoadCase
 from pmr.studies.charting import governing_limit

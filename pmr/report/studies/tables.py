@@ -13,9 +13,9 @@ from pydantic import BaseModel
 from pmr.report.blocks import Block, Grid
 from pmr.report.numbers import SPACE, Unit, length, percent, plain, quantity, significant, unit_for
 from pmr.report.subject import MODELS
-from pmr.scene.parts import Part
+from pmr.scene.joints import Part
+from pmr.scene.keys import quantity_of as quantity_in
 from pmr.scene.scene import BodyFile
-from pmr.scene.section import quantity_of as quantity_in
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import RunRecord
 

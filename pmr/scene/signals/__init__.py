@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field, SerializeAsAny, WrapValidator
 
-from pmr.errors import plugins
+from pmr.errors import environment
 from pmr.scene.signals.base import Array, Chirp, Constant, Floats, SignalBase, Sine, Step, Strand
 from pmr.scene.signals.knots import Ramp, SmoothRamp, Table
 
@@ -115,12 +115,12 @@ def _of_another_package(data: Any, check: Callable[[Any], SignalBase]) -> Signal
     """A signal whose kind an installed plug-in adds, imported when a scene asks for it; all others as they are."""
     if not isinstance(data, dict) or data.get("kind") in (None, *_OWN):
         return check(data)
-    offered = plugins.plugin_objects("pmr.signals", _OWN)
+    offered = environment.plugin_objects("pmr.signals", _OWN)
     kind = offered.get(data["kind"])
     if kind is None:
         return check(data)
     if not issubclass(kind, SignalBase) or kind.model_fields["kind"].default != data["kind"]:
-        raise plugins.plugin_error("pmr.signals", data["kind"])
+        raise environment.plugin_error("pmr.signals", data["kind"])
     return cast(SignalBase, kind.model_validate(data))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from pmr.scene.section import Usual
+from pmr.scene.keys import Usual
 
 Array = NDArray[np.float64]
 #: A number in the unit of what the signal drives: m of a path, N or N m of a load.

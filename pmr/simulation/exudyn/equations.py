@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.scene import Scene
+from pmr.scene.choice import Needs
 from pmr.scene.signals import SignalBase
-from pmr.scene.simulators import Needs
 from pmr.simulation.contact_step import Lengths
 from pmr.simulation.excitation import Excitation, in_order, places
 from pmr.simulation.floating import Extended

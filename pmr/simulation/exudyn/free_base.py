@@ -50,8 +50,8 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
-from pmr.scene.frame_terms import frame_terms
-from pmr.scene.names import input_of
+from pmr.scene.keys import input_of
+from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.scene.simulators import refuse
+from pmr.scene.choice import refuse
 from pmr.simulation import balance
 from pmr.simulation.contact_step import Lengths, as_made, contact_frequency
 from pmr.simulation.excitation import Excitation

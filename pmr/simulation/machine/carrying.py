@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from pmr.kernel.carried import Machine
 from pmr.scene import Scene
-from pmr.scene.frame import INERTIA
-from pmr.scene.machine import DIRECTIONS
+from pmr.scene.frame import DIRECTIONS, INERTIA
 from pmr.scene.signals import Constant
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.free_base import FreeBase

@@ -9,10 +9,9 @@ from pmr.errors import SimulationError
 from pmr.kernel.carried import Carried
 from pmr.kernel.kernel import Kernel, Settings, State, StepError
 from pmr.scene import Scene
-from pmr.scene.frame import BaseMotion
-from pmr.scene.machine import DIRECTIONS
+from pmr.scene.choice import refuse
+from pmr.scene.frame import DIRECTIONS, BaseMotion
 from pmr.scene.signals import Constant
-from pmr.scene.simulators import refuse
 from pmr.simulation.excitation import Excitation, places, rates_of_places
 from pmr.simulation.frame_motion import MachineMotion, in_motion
 from pmr.simulation.free_base import with_all_inertia

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.errors import SimulationError
 from pmr.kernel.kernel import Failure, Record, Settings, State, StepError
 from pmr.kernel.signals import Signals
-from pmr.scene.simulators import refuse
+from pmr.scene.choice import refuse
 from pmr.simulation import balance, contact_step
 from pmr.simulation.excitation import Excitation, places, rates_of_places
 from pmr.simulation.native.form import SystemForm

@@ -27,9 +27,9 @@ from pmr.errors import InputError, SimulationError
 from pmr.kernel.bound import BoundStep
 from pmr.kernel.kernel import Kernel, Settings, State, StepError
 from pmr.scene.built import force_of
-from pmr.scene.names import SLIDER
+from pmr.scene.choice import refuse
+from pmr.scene.keys import SLIDER
 from pmr.scene.signals import Constant, Ramp
-from pmr.scene.simulators import refuse
 from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, levels
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import MovingFrame, Recorded, read_scene

@@ -20,7 +20,7 @@ from pmr.errors import InputError, on_first
 from pmr.fem.factor import product
 from pmr.files import npz
 from pmr.files.whole import NotWrittenError
-from pmr.fullmodel.system import FullSystem
+from pmr.fullmodel.model import FullSystem
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.start import State, whole_start

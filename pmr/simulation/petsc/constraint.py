@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pmr.errors import SimulationError, on_first
 from pmr.fem.compat import MPI
 from pmr.fem.factor import BLOCK, AnyFactor
-from pmr.fullmodel.system import FullSystem
+from pmr.fullmodel.model import FullSystem
 from pmr.kernel.laws import ContactError, SchemeFactors, solve_contact
 from pmr.simulation.petsc.rows import (
     BlockFactor,

@@ -35,10 +35,9 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
+from pmr.fem.distributed import local_csr
 from pmr.fem.factor import AnyFactor, factor_for_steps
-from pmr.fem.matrices import local_csr
-from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.system import FullSystem
+from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import SchemeFactors
 from pmr.reduced.matrices import Rayleigh
 from pmr.simulation import contact_step

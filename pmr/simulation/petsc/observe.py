@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.fem.factor import factor_of
-from pmr.fullmodel.system import FullSystem
-from pmr.scene.simulators import REFERENCE, refuse
+from pmr.fullmodel.model import FullSystem
+from pmr.scene.choice import REFERENCE, refuse
 from pmr.simulation.balance import refuse_growth
 from pmr.simulation.contact_step import Lengths
 from pmr.simulation.excitation import Excitation, places

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
-from pmr.fem.matrices import local_csr, without_zeros
-from pmr.fullmodel.system import FullSystem
+from pmr.fem.distributed import local_csr, without_zeros
+from pmr.fullmodel.model import FullSystem
 from pmr.results import Energy
 from pmr.simulation import balance
 from pmr.simulation.petsc.rows import PathRows

@@ -26,10 +26,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import PETSc
+from pmr.fem.distributed import without_zeros
 from pmr.fem.factor import AnyFactor
-from pmr.fem.matrices import without_zeros
-from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.system import FullSystem, consecutive
+from pmr.fullmodel.model import FullModel, FullSystem, consecutive
 
 
 class BlockFactor:

@@ -30,10 +30,9 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError, on_first
 from pmr.fem.compat import MPI
+from pmr.fem.distributed import local_csr
 from pmr.fem.factor import product
-from pmr.fem.matrices import local_csr
-from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.system import FullSystem
+from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import FixedPoint, solve_contact
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.systems import static_start as equilibrium

@@ -19,9 +19,9 @@ from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import directions
 from pmr.scene.frame import rotation
+from pmr.scene.keys import named
+from pmr.scene.mechanism import drive_rows, rope_shares
 from pmr.scene.members import members
-from pmr.scene.names import named
-from pmr.scene.ropes import drive_rows, rope_shares
 from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import accelerate_angle, level_or_inclined, rest_rows, rest_scene
 from pmr.simulation.excitation import Excitation, in_order

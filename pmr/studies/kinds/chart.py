@@ -16,8 +16,7 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.hints import hints_of
-from pmr.scene.refusals import of_key
-from pmr.scene.section import Usual
+from pmr.scene.keys import Usual, of_key
 from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook

@@ -21,7 +21,7 @@ from pmr.compare.judged import warnings_of_response
 from pmr.compare.runs import run_from_start
 from pmr.errors import InputError
 from pmr.scene.hints import hints
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn.ancf import COORDINATES_PER_NODE
 from pmr.studies import booms, sections, shared, subjects

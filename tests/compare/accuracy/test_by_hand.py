@@ -17,7 +17,7 @@ from pmr.compare.errors import relative_error
 from pmr.compare.estimated import SimulatedSystem, reduction_error
 from pmr.errors.environment import Clock
 from pmr.pipeline import reduce
-from pmr.scene.names import ALONE
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.system.body import length_outputs

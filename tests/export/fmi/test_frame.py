@@ -20,7 +20,7 @@ from pmr.export.fmi.drivers import Drivers
 from pmr.export.fmi.fmu import contents
 from pmr.export.fmi.variables import path_names
 from pmr.scene import Scene, load_any
-from pmr.scene.pivot import CYLINDER
+from pmr.scene.mechanism import CYLINDER
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame, read_scene

@@ -13,19 +13,17 @@ from boxes import box
 from one_body import displacement
 
 from pmr.constraints.polynomials import evaluate
-from pmr.fem.distributed import inner, times
-from pmr.fem.matrices import local_csr
+from pmr.fem.distributed import inner, local_csr, times
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import structural_model
 from pmr.models.shell import Shell
 from pmr.reduced.model import ReducedModel
-from pmr.reduction.basis import Basis, modal_basis
-from pmr.reduction.galerkin import reduced_model
-from pmr.reduction.recover.coordinates import Recovery
-from pmr.reduction.residual.model import flexible_model, section_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.basis import Basis, modal_basis, reduced_model
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.recovery import Recovery
+from pmr.reduction.residual import flexible_model, section_model
+from pmr.reduction.snapshots import free_modes
 from pmr.scene.structures import Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.petsc import Recording

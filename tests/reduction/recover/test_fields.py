@@ -16,11 +16,10 @@ from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.recover.coordinates import Recovery
-from pmr.reduction.recover.fields import View, in_blocks, look
-from pmr.reduction.residual.model import flexible_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.recovery import Recovery, View, in_blocks, look
+from pmr.reduction.residual import flexible_model
+from pmr.reduction.snapshots import free_modes
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, Profile, ShellBody
 from pmr.simulation.petsc import Recording
 

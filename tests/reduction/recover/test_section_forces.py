@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from pmr.fem.compat import MPI
-from pmr.fem.matrices import local_csr
+from pmr.fem.distributed import local_csr
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D, beam_of
-from pmr.reduction.recover.section_forces import SectionForces
+from pmr.reduction.section_forces import SectionForces
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BoxProfile, PointMass
 from pmr.system.states import BodyStates

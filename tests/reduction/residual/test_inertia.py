@@ -11,10 +11,10 @@ from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import modal_basis
+from pmr.reduction.free_body import FreeBody
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
-from pmr.reduction.residual.model import flexible_model, section_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.residual import flexible_model, section_model
+from pmr.reduction.snapshots import free_modes
 from pmr.system.body import FullBody
 
 pytestmark = pytest.mark.mpi

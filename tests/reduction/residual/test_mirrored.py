@@ -12,13 +12,13 @@ from pmr import scene
 from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build
+from pmr.fullmodel.structural import Orbits, images_of, mirror_images
 from pmr.fullmodel.structure import couple
-from pmr.fullmodel.symmetry import Orbits, images_of, mirror_images
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.residual.model import section_model
-from pmr.reduction.residual.operator import ResidualFlexibility
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual import section_model
+from pmr.reduction.residual_tables import ResidualFlexibility
+from pmr.reduction.snapshots import free_modes
 
 pytestmark = pytest.mark.mpi
 

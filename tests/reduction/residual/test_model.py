@@ -17,10 +17,10 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import truncate
 from pmr.reduction.basis import Basis, modal_basis
+from pmr.reduction.free_body import FreeBody
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
-from pmr.reduction.residual.model import FLOOR, flexible_model, section_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.residual import FLOOR, flexible_model, section_model
+from pmr.reduction.snapshots import free_modes
 from pmr.system.contact_rows import CompliantRows
 
 NO_ANCF = "compare.against=[]"
@@ -111,8 +111,7 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     """Their tables stay what R is, to the last digit that it has."""
     scene = load_scene("simple_residual", [NO_ANCF, "reduction.coordinates=60"])
     model = full_model(scene)
-    from pmr.reduction.residual.operator import ResidualFlexibility
-    from pmr.reduction.residual.tables import load_flexibility, load_pairs, tables
+    from pmr.reduction.residual_tables import ResidualFlexibility, load_flexibility, load_pairs, tables
 
     modes = free_modes(model, 60)
     found = flexible_model(FreeBody(model), modal_basis(modes), {})

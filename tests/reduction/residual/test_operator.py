@@ -15,10 +15,9 @@ from pmr.fem.distributed import inner, times
 from pmr.fullmodel.build import build, full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import with_rigid_modes
-from pmr.reduction.residual.operator import ResidualFlexibility
-from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
-from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody, rigid_modes
+from pmr.reduction.residual_tables import ResidualFlexibility
+from pmr.reduction.snapshots import eigenmode_snapshots, free_modes
 from pmr.scene import load
 
 NODES = np.linspace(0.0, 5.0, 31)

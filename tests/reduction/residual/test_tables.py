@@ -11,10 +11,9 @@ from pmr.errors import InputError, environment
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.pipeline import reduce
-from pmr.reduction.residual.operator import ResidualFlexibility
-from pmr.reduction.residual.tables import BLOCK, check_memory, load_flexibility, load_pairs, tables
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual_tables import BLOCK, ResidualFlexibility, check_memory, load_flexibility, load_pairs, tables
+from pmr.reduction.snapshots import free_modes
 
 pytestmark = pytest.mark.mpi
 

@@ -10,7 +10,7 @@ import pytest
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
-from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots, node_set, positions
+from pmr.reduction.snapshots import eigenmode_snapshots, node_set, positions
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ import numpy as np
 from pmr import scene
 from pmr.reduction.basis import pod
 from pmr.fullmodel.build import full_model
-from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.reduction.snapshots import eigenmode_snapshots
 s = scene.load(sys.argv[1], ["reduction.solver=dense"])
 model = full_model(s)
 pool = eigenmode_snapshots(model, s)

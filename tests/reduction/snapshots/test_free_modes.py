@@ -16,9 +16,8 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
 from pmr.models.beam2d import Beam2D
-from pmr.reduction.snapshots import Snapshots
-from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody, rigid_modes
+from pmr.reduction.snapshots import Snapshots, free_modes
 from pmr.scene.structures import Profile
 
 #: beta L of bending modes, from the characteristic equations (Blevins 1979, Table 8-1), and rigid-body modes before.

@@ -19,8 +19,8 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure
 from pmr.pipeline import run
-from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
-from pmr.reduction.snapshots.free_modes import _remove_rigid_modes, free_modes
+from pmr.reduction.free_body import FreeBody, rigid_modes
+from pmr.reduction.snapshots import _remove_rigid_modes, free_modes
 from pmr.scene import Damping
 from pmr.scene.members import member_at
 from pmr.scene.structures import PointMass

@@ -12,9 +12,8 @@ from free_turret import KINDS, PLACE, TURRET, Turret
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.scene.frame import INERTIA
-from pmr.scene.frame_terms import frame_terms
-from pmr.scene.machine import DIRECTIONS
+from pmr.scene.frame import DIRECTIONS, INERTIA
+from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import NodeCoordinate, add_hook, add_sensors, simulate_system

@@ -16,9 +16,9 @@ import pmr
 from pmr.fullmodel.build import full_model
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.residual.model import section_model
-from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual import section_model
+from pmr.reduction.snapshots import free_modes
 from pmr.scene.signals import Constant, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.native import systems

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.factor import Factor
-from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.system import FullSystem
+from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency

@@ -13,7 +13,7 @@ from terms import axial, excitation
 
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
-from pmr.fullmodel.system import FullSystem
+from pmr.fullmodel.model import FullSystem
 from pmr.scene.signals import Constant, Sine
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems

@@ -16,7 +16,7 @@ from finished import WORKFLOWS, finished
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.errors.plugins import plugin_objects
+from pmr.errors.environment import plugin_objects
 from pmr.report.studies.document import page
 from pmr.scene import load_any
 from pmr.studies import files, shared

@@ -15,25 +15,24 @@ from pmr.constraints.polynomials import product, total
 from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import free_dropped, inner, times
-from pmr.fem.matrices import local_csr
+from pmr.fem.distributed import free_dropped, inner, local_csr, times
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.attachment import RICHER
 from pmr.reduced.carriers import Answers, CarriedRows, Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncate, with_tables
-from pmr.reduction.basis import Basis
-from pmr.reduction.galerkin import RANK_CHECKS, galerkin, without_rows
-from pmr.reduction.residual.operator import ResidualFlexibility, terms
-from pmr.reduction.residual.tables import (
+from pmr.reduction.basis import RANK_CHECKS, Basis, galerkin, without_rows
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual_tables import (
     LoadFlexibility,
+    ResidualFlexibility,
     carrier_loads,
     load_flexibility,
     load_pairs,
     load_powers,
     tables,
+    terms,
 )
-from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.scene.members import TAIL
 
 Array = NDArray[np.float64]
@@ -93,7 +92,7 @@ def section_model(
 
     Modes beyond `coordinates` come with the residual part's inertia on the carriers, by which errors are estimated.
     Where a cylinder holds its tail, what answers that comes along, and what of it rigid supports bear, by their
-    `motions` (`pmr.reduction.reactions.support_motions`).
+    `motions` (`pmr.reduction.free_body.support_motions`).
 
     Raises an `InputError` or a `ValueError` as `flexible_model`, and if the basis holds anything but eigenmodes.
     """

@@ -1,4 +1,6 @@
-r"""Free-interface modes: eigenmodes on the fixed supports with all sliders and pads released.
+r"""Vectors that bases are made from: free-interface modes, and the paper's eigenmodes with the slider held.
+
+Free-interface modes: eigenmodes on the fixed supports with all sliders and pads released.
 
 .. math::
     K \phi = \omega^2 M \phi, \qquad C_{fixed}\, \phi = 0
@@ -6,6 +8,11 @@ r"""Free-interface modes: eigenmodes on the fixed supports with all sliders and 
 Rigid-body modes, where the fixed supports leave any, come first with omega = 0.  MacNeal: A hybrid method of component
 mode synthesis, Computers & Structures 1, 1971, pp. 581-601; Rubin: Improved component-mode representation for
 structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
+
+Eigenmodes with the slider held at several positions: the paper's snapshots.
+
+Weyrer, Gerstmayr, Mikkola, Orzechowski: Model Order Reduction of a Sliding Beam using a Global Basis, section
+"Snapshot Selection".
 """
 
 from __future__ import annotations
@@ -20,15 +27,96 @@ from numpy.typing import NDArray
 from pmr.constraints.polynomials import contributions
 from pmr.constraints.rows import Rows
 from pmr.errors import ConvergenceError, InputError
-from pmr.fem.distributed import inner, times
-from pmr.fem.matrices import local_csr
-from pmr.fullmodel.eigensolvers import DenseEigenSolver, is_dense
+from pmr.fem.compat import PETSc
+from pmr.fem.distributed import inner, local_csr, tall, times
+from pmr.fullmodel.eigensolvers import DenseEigenSolver, DependentRowsError, eigensolver, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finish_modes
-from pmr.reduction.snapshots import Snapshots
-from pmr.reduction.snapshots.free_body import FreeBody, fixed_rows
+from pmr.reduction.free_body import FreeBody, fixed_rows
+from pmr.scene import Scene
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Snapshots:
+    """The pool that a basis is made from.
+
+    `residuals` are normwise backward errors ||K phi - omega^2 M phi|| / ((||K|| + omega^2 ||M||) ||phi||) in infinity
+    norms.
+    """
+
+    S: PETSc.Mat  # dense (n, k), a column each; eigenmodes are mass-normalised, phi^T M phi = 1, and carry 1/sqrt(kg)
+    omega: Array  # (k,) rad/s
+    s: Array  # (k,) m: path coordinate at which each column was taken
+    residuals: Array  # (k,)
+    source: str  # how the columns were made
+
+    @classmethod
+    def of(cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str) -> Snapshots:
+        """Snapshots of a model, from this rank's rows (n_local, k) of the columns; collective."""
+        return cls(tall(local, model.M), omega, s, residuals, source)
+
+
+def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
+    """Node numbers, counted from 1, at which the paper holds the slider: never the first node.
+
+    floor(nodes / 2) for one snapshot, floor(2 + (nodes - 2) k / (snapshots - 1)), k = 0 ... snapshots - 1, for more.
+    """
+    if snapshots == 1:
+        return np.array([nodes // 2])
+    return 2 + (nodes - 2) * np.arange(snapshots) // (snapshots - 1)
+
+
+def positions(scene: Scene, model: FullModel) -> Array:
+    """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
+
+    ``nodes``: the paper's node set, with the first slider on nodes that leave all sliders on the beam; ``path``: evenly
+    over the stretch that the path visits; or as listed.  Raises InputError if two snapshots fall on one node.
+    """
+    choice, count = scene.reduction.positions, scene.reduction.snapshots
+    if choice == "nodes":
+        assert model.node_stations is not None  # the scene's check
+        low, high = model.rows.domain
+        slack = 1e-9 * (high - low)
+        nodes = model.node_stations - next(iter(scene.points), 0.0)
+        nodes = nodes[(nodes >= low - slack) & (nodes <= high + slack)]
+        numbers = node_set(len(nodes), count)
+        if len(set(numbers)) != count:
+            raise InputError("scene", "reduction.snapshots", count, f"at most {len(nodes) - 1} fit on the mesh's nodes")
+        return nodes[numbers - 1]
+    if choice == "path":
+        low, high = scene.travel
+        return np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2.0])
+    return np.array(choice)
+
+
+def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
+    """The scene's snapshots: `modes` mass-normalised eigenmodes at each of the positions.
+
+    Raises InputError if the slider can't be held at one of the positions; ConvergenceError if too few modes exist or
+    converge.
+    """
+    solver, free = eigensolver(model, scene.reduction.solver), model.size - len(model.rows.names)
+    if scene.reduction.modes > free:
+        allowed = f"the mesh leaves {free} free coordinates; ask for fewer modes or refine it"
+        raise InputError("scene", "reduction.modes", scene.reduction.modes, allowed)
+    at = positions(scene, model)
+    modes = []
+    for s in at:
+        try:
+            modes.append(solver.lowest(float(s), scene.reduction.modes))
+        except DependentRowsError as error:
+            raise InputError("scene", "reduction.positions", float(s), error.allowed) from None
+    return Snapshots.of(
+        np.concatenate([m.phi for m in modes], axis=1),
+        model,
+        omega=np.concatenate([m.omega for m in modes]),
+        s=np.repeat(at, scene.reduction.modes),
+        residuals=np.concatenate([m.residuals for m in modes]),
+        source=f"eigenmodes, {type(solver).__name__}",
+    )
+
 
 #: A load or a row that does less work on a mode than this share of its work on another one does not excite it.
 UNREACHED = 1e-8
@@ -54,7 +142,7 @@ def free_modes(
     There are `count` of them, at least as many as there are rigid-body modes and fewer than all, so that flexibility is
     left, and up to `enrichment` more.  These leave as many modes as there are rigid sliders and pads, whose forces
     are determined by what is left: a coarse mesh may have fewer.  Rigid-body modes come from the geometry
-    (`pmr.reduction.snapshots.free_body`), all others are M-orthogonal to them.
+    (`pmr.reduction.free_body`), all others are M-orthogonal to them.
 
     Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
     across it.  They are left out.  So are, among the `enrichment`, those that axial forces do not bend, of a section

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
 from pmr.fem.compat import MPI
-from pmr.fem.matrices import local_csr
-from pmr.fields.envelope import ForceRows
+from pmr.fem.distributed import local_csr
+from pmr.fields.stress import ForceRows
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.model import FullModel

@@ -1,1 +1,0 @@
-"""Full coordinates, fields and stresses from reduced coordinates."""

@@ -1,0 +1,381 @@
+r"""Full coordinates, fields and stresses of a scene's bodies from reduced states.
+
+What is seen of a body's states: displacements of its points, stresses of its cells, where the largest one sits.
+
+Full coordinates from reduced ones, at chosen times.
+
+.. math:: q = V p + R\, (B f - C(s)^T z)
+
+R is the flexibility that the basis leaves out, applied by one factorisation to the loads of the chosen times; without
+residual flexibility q = V p.  z are the multipliers.  What the model says of its outputs, O V p + W f - X z, is then
+O q.
+
+Velocities are V p': those of the residual part follow from rates of the multipliers, which jump wherever the path or a
+load has a kink (`pmr.compare.velocities`; docs/moving_residual_flexibility.md, sections 2, 5 and 11).
+
+Fields and stresses that a scene asks for, from reduced models and, beside them, full ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.fem.compat import MPI
+from pmr.fem.distributed import local_csr
+from pmr.fields.series import Fields
+from pmr.fields.stress import FORCES, Envelope, Running, StressHistory, StressPeak, peaks_by_region, stress_history
+from pmr.fullmodel.assembly import share
+from pmr.fullmodel.build import Built
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.structure import couple
+from pmr.models import is_assembled
+from pmr.reduced.model import ReducedModel
+from pmr.reduction.cache import ReducedBody
+from pmr.reduction.free_body import FreeBody
+from pmr.reduction.residual_tables import ResidualFlexibility
+from pmr.reduction.section_forces import PIECES, SectionForces
+from pmr.scene import Scene
+from pmr.scene.members import TAIL
+from pmr.system.states import BodyStates
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Times recovered at once; bounds memory at some multiples of this many vectors of full length.
+BLOCK = 64
+
+
+class Recovery:
+    """Recovers states of a full model; every method is collective.
+
+    Parameters
+    ----------
+    model : FullModel
+    V : (n_local, k) array
+        This rank's rows of the basis; its first columns are the reduced model's modes, without those of a cylinder.
+    reduced : ReducedModel
+        The same on every rank.
+    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
+        As for the residual flexibility's tables.
+
+    Attributes
+    ----------
+    V : (n_local, r) array
+        This rank's rows of all coordinates of the reduced model.
+    """
+
+    def __init__(
+        self,
+        model: FullModel,
+        V: Array,
+        reduced: ReducedModel,
+        solver: str = "auto",
+    ) -> None:
+        self.reduced = reduced
+        self._model, modes = model, reduced.size - reduced.cylinder_modes
+        self.V = np.ascontiguousarray(V[:, :modes])
+        self._share = slice(*model.M.getOwnershipRange())
+        self._residual: ResidualFlexibility | None = None
+        if reduced.flexibility is not None:
+            self._inputs = local_csr(model.inputs)
+            body = FreeBody(model, solver)
+            self._residual = ResidualFlexibility(body, self.V)
+            if reduced.cylinder_modes:
+                self.V = np.hstack([self.V, self._of_cylinder(self._residual)])
+                self._residual = ResidualFlexibility(body, self.V)
+
+    @property
+    def comm(self) -> Any:
+        return self._model.comm
+
+    def _of_cylinder(self, modal: ResidualFlexibility) -> Array:
+        """The coordinates after the modes, this rank's rows: what answers the force at the body's tail."""
+        carriers, model = self.reduced.carriers, self._model
+        assert carriers is not None and carriers.answers is not None
+        tail = model.rows.rows[model.rows.names.index(TAIL)]
+        turned = carriers.answers.turned
+        return modal.powers(tail.at(tail.breaks[0]).toarray()[0, self._share], len(turned)) @ turned
+
+    def positions(self, states: BodyStates) -> Array:
+        """This rank's rows of q, (S, n_local), of states that are the same on every rank.
+
+        For many states of a large model ask for `blocks`.
+        """
+        parts = [np.empty((0, len(self.V))), *self.blocks(states)]
+        return np.concatenate(parts)
+
+    def velocities(self, states: BodyStates) -> Array:
+        """V p', this rank's rows (S, n_local): without the residual part's."""
+        return np.asarray(states.v @ self.V.T)
+
+    def blocks(self, states: BodyStates) -> Iterator[Array]:
+        """Positions of at most `BLOCK` states at a time, one block after the other."""
+        for k in range(0, len(states.t), BLOCK):
+            yield self._block(states[k : k + BLOCK])
+
+    def _block(self, states: BodyStates) -> Array:
+        q = states.p @ self.V.T
+        if self._residual is not None:
+            q += self._residual.apply(self._loads(states)).T
+        return np.asarray(q)
+
+    def _loads(self, states: BodyStates) -> Array:
+        """This rank's rows (n_local, S) of B f - C(s)^T z, in N."""
+        model_rows = self._model.rows
+        pressed = sp.csr_matrix((len(states.t), model_rows.size))
+        for name, z, at in zip(states.rows, states.multipliers.T, states.s.T, strict=True):
+            pressed = pressed + model_rows.rows[model_rows.names.index(name)].pressed(at, z)
+        return np.asarray(self._inputs @ states.loads.T - pressed[:, self._share].T.toarray())
+
+
+#: What section forces make in the corners of a profile, as envelopes call it.
+AXIAL_STRESS = "axial stress"
+
+
+class View:
+    """Looks at states that are spread over ranks; every method is collective and says the same on every rank.
+
+    Parameters
+    ----------
+    built : Built
+        Whose clamps and rigid masses leave out coordinates of its structural model.
+    stresses : bool
+        Whether stresses are looked at, where the model has any.
+
+    Raises
+    ------
+    InputError
+        If its matrices were given: nothing is known of cells then.
+    """
+
+    def __init__(self, built: Built, stresses: bool = True) -> None:
+        model, comm = built.structure.model, built.model.comm
+        if not is_assembled(model):
+            raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
+        self.comm, self.grid, T = comm, model.grid, couple(built.structure).T
+        mine = T.tocsc()[:, slice(*share(T.shape[1], comm))]
+        self._points = sp.csr_matrix(model.point_displacements() @ mine)
+        cut = model.cut(PIECES) if stresses else None
+        self.forces = None if cut is None else SectionForces(built, cut)
+        self.stress_rows = model.stresses() if stresses and self.forces is None else None
+        self._stresses = None if self.stress_rows is None else sp.csr_matrix(self.stress_rows.rows @ mine)
+        if self.forces is not None:
+            self.stress_rows = self.forces.stresses
+
+    def displacements(self, q: Array) -> Array:
+        """(S, N, 3) in m of the grid's points, from this rank's rows (S, n_local) of the states."""
+        values = self._sum_over_ranks(self._points, q)
+        return values.reshape(len(values), len(self.grid.points), 3)
+
+    def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
+        """Stresses of coordinates; those of a beam under what acts on it at these times."""
+        along = None if self.forces is None else self.forces.of(np.hstack(self.comm.allgather(q)), acting)
+        if self.stress_rows is None:
+            return Stresses(along, None)
+        values = self._sum_over_ranks(self._stresses, q) if along is None else along @ self.stress_rows.rows.T
+        return Stresses(along, self.stress_rows.split_by_point(values))
+
+    def along(self) -> Running | None:
+        """The envelope of `Stresses.along_beam`, to be filled; None of bodies that are no lines."""
+        if self.forces is None:
+            return None
+        names, x, rows = self.forces.names, self.forces.x, self.stress_rows
+        if rows is None:
+            return Running(names, x)
+        return Running((*names, *[AXIAL_STRESS] * len(rows.points)), np.concatenate([x, rows.points[:, 0]]))
+
+    def _sum_over_ranks(self, rows: sp.csr_matrix, q: Array) -> Array:
+        values = np.ascontiguousarray((rows @ q.T).T)
+        self.comm.Allreduce(MPI.IN_PLACE, values)
+        return values
+
+
+@dataclass(frozen=True)
+class Stresses:
+    """At S times; None of what a body does not have."""
+
+    forces: Array | None  # (S, P) in N and N m: of a beam, where `SectionForces` has them
+    values: Array | None  # (S, p, c) in Pa: at the points of `View.stress_rows`
+
+    @property
+    def along_beam(self) -> Array:
+        """The section forces with axial stresses behind, (S, P + p)."""
+        assert self.forces is not None
+        return self.forces if self.values is None else np.hstack([self.forces, self.values[:, :, 0]])
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The stress history of all states, None where the model has no stresses; fields of some of them.
+
+    `by_region` has the largest stress in each of the grid's regions, `envelope` of a beam forces and moments of its
+    sections, and the axial stress that they make in the profile's corners.
+    """
+
+    stress: StressHistory | None
+    fields: Fields
+    by_region: Mapping[str, StressPeak]
+    envelope: Envelope | None = None
+
+
+def look(
+    view: View,
+    t: Array,
+    blocks: Iterable[Array],
+    pictures: Sequence[int] = (),
+    components: bool = False,
+    acting: BodyStates | None = None,
+) -> Seen:
+    """Go through states once; collective.
+
+    Parameters
+    ----------
+    view : View
+    t : (S,) array, s
+        Times of the states.
+    blocks : iterable of (k, n_local) arrays
+        This rank's rows of the states, in order: `Recovery.blocks`, or `in_blocks`.
+    pictures : sequence of int
+        Numbers of the states whose fields are stored.
+    components : bool
+        Whether their signed stresses are stored too.
+    acting : BodyStates, optional
+        Loads and forces of contacts in these states, which beams' section forces take; by default nothing acts.
+    """
+    rows, cells, chosen = view.stress_rows, len(view.grid.cells), np.unique(np.asarray(pictures, np.int64))
+    largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
+    displacement = np.zeros((len(chosen), len(view.grid.points), 3), np.float32)
+    fields = {face: np.zeros((len(chosen), cells), np.float32) for face in (rows.faces if rows else ())}
+    signed = dict[str, NDArray[np.float32]]()
+    most = np.full(len(rows.points) if rows else 0, -np.inf)
+    first, at_peak, when, along = 0, np.zeros(0), np.zeros(len(most)), view.along()
+    for q in blocks:
+        last = first + len(q)
+        numbers = np.flatnonzero((chosen >= first) & (chosen < last))
+        displacement[numbers] = view.displacements(q[chosen[numbers] - first])
+        stressed = view.stresses(q, None if acting is None else acting[first:last])
+        stresses = stressed.values
+        if along is not None:
+            along.add(np.asarray(t)[first:last], stressed.along_beam)
+        if rows is not None and stresses is not None:
+            values = rows.von_mises(stresses)
+            largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)
+            higher = values.max(axis=0) > most
+            when[higher] = np.asarray(t)[first:last][values.argmax(axis=0)[higher]]
+            most = np.maximum(most, values.max(axis=0))
+            if not at_peak.size or values.max() > at_peak.max():
+                at_peak = values[values.max(axis=1).argmax()].copy()
+            for face, part in rows.by_cell(values[chosen[numbers] - first], cells).items():
+                fields[face][numbers] = part
+            if components:
+                for name, part in rows.components_by_cell(stresses[chosen[numbers] - first], cells).items():
+                    signed.setdefault(name, np.zeros((len(chosen), cells), np.float32))[numbers] = part
+        first = last
+    history = None if rows is None else stress_history(rows, view.grid, t, largest, point, at_peak)
+    regions = {} if rows is None else peaks_by_region(rows, view.grid, most, when)
+    envelope = None if along is None else along.envelope(FORCES | {AXIAL_STRESS: "Pa"})
+    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields, signed), regions, envelope)
+
+
+def in_blocks(q: Array) -> Iterator[Array]:
+    """States (S, n_local) a few at a time."""
+    for k in range(0, len(q), BLOCK):
+        yield q[k : k + BLOCK]
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """Fields of the reduced model, and of the full one where its states are known."""
+
+    reduced: Seen
+    full: Seen | None
+
+    def summary(self) -> dict[str, Any]:
+        """``max_von_mises`` in Pa, ``stress_peak``, ``stress_by_region`` and ``section_forces``, each by model.
+
+        Of what a body has: a beam without a profile has no stresses, a shell no section forces.
+        """
+        peaks = {
+            name: model_fields.stress.peak for name, model_fields in self._views() if model_fields.stress is not None
+        }
+        along = {name: envelope.extremes() for name, envelope in self.envelopes().items()}
+        forces = {"section_forces": along} if along else {}
+        if not peaks:
+            return forces
+        regions = {
+            name: {r: p.summary() for r, p in model_fields.by_region.items()} for name, model_fields in self._views()
+        }
+        return forces | {
+            "stress_by_region": {name: by_region for name, by_region in regions.items() if by_region},
+            "max_von_mises": {name: peak.value for name, peak in peaks.items()},
+            "stress_peak": {name: peak.summary() for name, peak in peaks.items()},
+        }
+
+    def histories(self) -> dict[str, Array]:
+        """Largest von Mises stress (S,) in Pa over the recovered times, of ``reduced`` and ``full``."""
+        return {
+            name: model_fields.stress.largest for name, model_fields in self._views() if model_fields.stress is not None
+        }
+
+    def envelopes(self) -> dict[str, Envelope]:
+        """Along a beam, of ``reduced`` and ``full``."""
+        return {
+            name: model_fields.envelope for name, model_fields in self._views() if model_fields.envelope is not None
+        }
+
+    def _views(self) -> list[tuple[str, Seen]]:
+        return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
+
+
+def recovered_steps(scene: Scene) -> NDArray[np.int64]:
+    """Numbers (S,) of the steps whose states are recovered; empty where the scene asks for none."""
+    if scene.recovery is None:
+        return np.empty(0, np.int64)
+    return np.arange(0, scene.time.steps + 1, round(scene.recovery.every / scene.time.step))
+
+
+@dataclass(frozen=True)
+class Looked:
+    """A body's points and cells, and what was seen there of its reduced model."""
+
+    view: View
+    reduced: Seen
+
+
+def of_reduced(
+    scene: Scene, built: Mapping[str, Built], bodies: Mapping[str, ReducedBody], states: Mapping[str, BodyStates]
+) -> dict[str, Looked]:
+    """Fields of the reduced models of a scene's bodies.
+
+    They have the `states` at the `recovered_steps`, the same on every rank.
+    """
+    recovery_of_scene, looked = scene.recovery, {}
+    assert recovery_of_scene is not None
+    for part in scene.sections:
+        name, at = part.name, states[part.name]
+        recovery = Recovery(built[name].model, bodies[name].V, bodies[name].model, part.reduction.solver)
+        view = View(built[name], recovery_of_scene.stress)
+        frames = min(recovery_of_scene.frames, len(at.t))
+        pictures = np.unique(np.rint(np.linspace(0, len(at.t) - 1, frames)).astype(np.int64))
+        looked[name] = Looked(
+            view, look(view, at.t, recovery.blocks(at), pictures.tolist(), recovery_of_scene.components, at)
+        )
+    return looked
+
+
+def beside_full(looked: Mapping[str, Looked], full: Mapping[str, BodyStates]) -> dict[str, Recovered]:
+    """Fields beside those of the full models, whose states are this rank's rows; empty without; collective."""
+    return {
+        name: Recovered(
+            of_body.reduced,
+            look(of_body.view, full[name].t, in_blocks(full[name].p), acting=full[name]) if name in full else None,
+        )
+        for name, of_body in looked.items()
+    }

@@ -1,0 +1,364 @@
+"""What all tables of a scene share: frozen models, numbers with units and bounds, names, and refusals in one line.
+
+What all sections of a scene are made of: frozen tables, and numbers that know their unit and their bounds.
+
+The bounds are those of double precision, far from all that is built, so that models in any consistent units pass: what
+lies beyond is a slip of the pen, and ends in figures that mean nothing.
+
+What pydantic refuses, in the words of who wrote the file: key, value and what is allowed, or which key was meant.
+
+What bodies and what belongs to them are called.
+
+Keys whose value is one of our own words, or the name of what an installed package offers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from os.path import isfile
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    ValidationError,
+    ValidationInfo,
+    WrapValidator,
+)
+from pydantic_core import PydanticCustomError
+
+from pmr.errors import InputError, environment
+from pmr.errors.text import NAMED, hint, is_name, no_file, visible
+
+Location = Sequence[str | int]
+Schema = dict[str, Any]
+#: What is allowed where something else than TOML's tables and lists stands, by pydantic's kind of error.
+_INSTEAD = dict.fromkeys(("model_type", "dict_type"), "a table of keys") | {"tuple_type": "a list"}
+_OF_A_KEY = "of_a_key"
+#: Keys up to which all of a table are named where another one is unknown; so many of a larger one.
+_FEW, _NAMED = 12, 8
+
+
+def of_key(key: str, value: Any, allowed: str) -> PydanticCustomError:
+    """Error that a validator of a whole table raises about one of its keys."""
+    return PydanticCustomError(_OF_A_KEY, "{allowed}", {"key": key, "value": value, "allowed": allowed})
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Location of a value that is refused, the value (None: not shown) and what is allowed."""
+
+    location: Location
+    value: Any
+    allowed: str
+
+    @classmethod
+    def of(cls, error: ValidationError, model: type[BaseModel], data: Any) -> Refusal:
+        """The first thing that pydantic refuses of what a file says; unknown keys go first."""
+        errors = error.errors()
+        of_table = isinstance(errors[0]["input"], (dict, list)) and errors[0]["type"] == "float_type"
+        within = [
+            e for e in errors if of_table and e["input"] is not errors[0]["input"]
+        ]  # a number, or a table of them
+        first = next((e for e in errors if e["type"] == "extra_forbidden"), [*within, errors[0]][0])
+        spelled = {key for _, _, key, _ in keys_of(data)} | {""}  # not the branches of unions
+        location: list[str | int] = [part for part in first["loc"] if isinstance(part, int) or part in spelled]
+        value, allowed, about = first["input"], first["msg"].removeprefix("Value error, "), first.get("ctx", {})
+        match first["type"]:
+            case "missing":
+                location += [part for part in first["loc"][-1:] if part not in location]
+                value = None
+            case "extra_forbidden":
+                allowed = _unknown(str(first["loc"][-1]), value, model.model_json_schema(), first["loc"][:-1])
+            case "union_tag_invalid":
+                tags = re.findall(r"'(\w+)'", about["expected_tags"])
+                location, value = [*location, "kind"], about["tag"]
+                allowed = f"{hint(value, tags)}{', '.join(tags)} are allowed"
+            case "literal_error":
+                close = hint(value, re.findall(r"'([\w-]+)'", about["expected"]))
+                allowed = f"{close}{about['expected']} is allowed"
+            case "value_error" if isinstance(value, (dict, list)):
+                value = None
+            case kind if kind == _OF_A_KEY:
+                location, value = [*location, about["key"]], about["value"]
+            case kind if kind in _INSTEAD:
+                allowed = f"{_INSTEAD[kind]} is allowed"
+        return cls(location, value, allowed[:1].lower() + allowed[1:])
+
+
+def keys_of(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, str, Any]]:
+    """Keys of nested tables: where each stands, the same without places in lists, the key itself, and its value."""
+    if isinstance(data, list):
+        for i, part in enumerate(data):
+            yield from keys_of(part, f"{location}[{i}]", name)
+    elif isinstance(data, Mapping):
+        for key, value in data.items():
+            place, dotted_name = (f"{prefix}.{key}" if prefix else str(key) for prefix in (location, name))
+            yield place, dotted_name, key, None if isinstance(value, (Mapping, list)) else value
+            yield from keys_of(value, place, dotted_name)
+
+
+def dotted_key(location: Location) -> str:
+    """A key as it is written in messages, as ``loads[0].signal``."""
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(".")
+
+
+def _unknown(key: str, value: Any, schema: Schema, location: Location) -> str:
+    """Explain an unknown key: which one may be meant, and which keys its table has.
+
+    A key may be meant that it is like, in its table or in all of the file; or, of a table, the same key further down.
+    """
+    parts, tables = schema.get("$defs", {}), [schema]
+    for part in location:
+        of_kind = [table for table in tables if table["properties"].get("kind", {}).get("const") == part]
+        within = [inner for table in tables for inner in _tables(table["properties"].get(part, {}), parts)]
+        tables = of_kind or within or tables  # a name in a table of names leads no further
+    allowed_keys = [*dict.fromkeys(key for table in tables for key in table["properties"])]
+    allowed_keys += ["extends"] * (tables[0] is schema)
+    paths = _paths(schema) | {name: name for name in allowed_keys}
+    near = [*get_close_matches(key, allowed_keys, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.8)]
+    holds = isinstance(value, (Mapping, list))
+    below = {f"{name}.{key}" for name, of in _inner(tables, parts) if any(_tables(of["properties"].get(key), parts))}
+    only = below if holds and len(below) == 1 else ()
+    guesses = [*(paths[name] for name in near), *only, *get_close_matches(key, allowed_keys)]
+    meant = f"did you mean {guesses[0]!r}? " if guesses else ""
+    if len(allowed_keys) <= _FEW:
+        return f"unknown key; {meant}allowed: {', '.join(allowed_keys)}"
+    named = [*dict.fromkeys([*get_close_matches(key, allowed_keys), *allowed_keys])][:_NAMED]
+    return f"unknown key; {meant}allowed: {', '.join(named)} and {len(allowed_keys) - len(named)} more"
+
+
+def _inner(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[str, Schema]]:
+    """Tables that may stand in some tables, by their names there."""
+    for table in tables:
+        for name, node in table["properties"].items():
+            yield from ((name, of) for of in _tables(node, parts))
+
+
+def _paths(schema: Schema) -> dict[str, str]:
+    """Each key that a single table of a file may have, and the shortest way to it."""
+    prefixes_of, visited, ahead = dict[str, list[str]](), list[Schema](), [("", schema)]
+    for prefix, node in ahead:  # which grows meanwhile
+        for table in _tables(node, schema.get("$defs", {})):
+            if not any(table is visited_table for visited_table in visited):
+                visited.append(table)
+                for key, inner in table["properties"].items():
+                    prefixes_of.setdefault(key, []).append(f"{prefix}{key}")
+                    ahead.append((f"{prefix}{key}.", inner))
+    return {key: paths[0] for key, paths in prefixes_of.items() if len(paths) == 1}
+
+
+def _tables(node: Any, parts: Schema) -> Iterator[Schema]:
+    """Tables with keys of their own that may stand where a node of a schema says."""
+    if isinstance(node, dict):
+        if "properties" in node:
+            yield node
+        within = [parts[node["$ref"].rpartition("/")[2]]] if "$ref" in node else []
+        for key in ("anyOf", "oneOf", "allOf", "prefixItems"):
+            within += node.get(key, [])
+        for inner in (*within, node.get("items"), node.get("additionalProperties")):
+            yield from _tables(inner, parts)
+
+
+@dataclass(frozen=True)
+class Usual:
+    """Smallest and largest usual magnitude of a number that is not 0, in its unit or in multiples of a scale.
+
+    Scales have names: "length", "mass" and "weight" of the section (of the whole boom outside of sections), "reach" and
+    "boom" (its mass) of the whole boom, "time" that is simulated, and what a table adds by `Hinted.hint_scales`.  A
+    signal is judged by its largest magnitude; its `unit` stands here.
+    """
+
+    low: float
+    high: float
+    scale: str = ""
+    unit: str = ""
+
+
+class Hinted(BaseModel):
+    """A table of a file that tells what is usual of its numbers, beside what their fields declare."""
+
+    def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Further scales of its numbers, from those around it."""
+        return {}
+
+    @property
+    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
+        """Further numbers by their keys, such as those that a file may hold in place of a field."""
+        return {}
+
+
+class Section(Hinted):
+    """A table of a scene file: frozen, and without keys of its own making."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Unit of a number ("1" if it has none), and the smallest and largest one that can be computed with."""
+
+    unit: str
+    low: float
+    high: float
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(core_schema), "unit": self.unit}
+
+
+_Positive, _NotNegative, _Strict = Field(gt=0.0, strict=True), Field(ge=0.0, strict=True), Field(strict=True)
+_Count = Field(ge=1, strict=True)
+
+Length = Annotated[float, _Positive, Quantity("m", 1e-6, 1e6), Usual(1e-5, 300.0)]
+Thickness = Annotated[Length, Usual(5e-5, 0.3)]  # of a plate
+Size = Annotated[
+    float, _Positive, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)
+]  # whoever meshes says how small it may be
+Distance = Annotated[float, _NotNegative, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)]
+Place = Annotated[float, _Strict, Quantity("m", -1e6, 1e6), Usual(0.0, 300.0)]
+Area = Annotated[float, _Positive, Quantity("m^2", 1e-14, 1e10), Usual(1e-6, 2.0)]
+SecondMoment = Annotated[float, _Positive, Quantity("m^4", 1e-26, 1e20), Usual(1e-12, 0.5)]
+#: What is stiffer is "rigid".
+Stiffness = Annotated[float, _Positive, Quantity("N/m", 1e-6, 1e15), Usual(2e5, 1e14)]
+PadStiffness = Annotated[Stiffness, Usual(2e6, 1e14)]
+AxialStiffness = Annotated[float, _Positive, Quantity("N", 1e-3, 1e15)]
+Pressure = Annotated[float, _Positive, Quantity("Pa", 1e-3, 1e18)]
+Density = Annotated[float, _Positive, Quantity("kg/m^3", 1e-9, 1e9)]
+Mass = Annotated[float, _NotNegative, Quantity("kg", 0.0, 1e12), Usual(0.05, 1e8)]
+Inertia = Annotated[float, _NotNegative, Quantity("kg m^2", 0.0, 1e15)]
+Frequency = Annotated[float, _Positive, Quantity("Hz", 1e-9, 1e12)]
+Speed = Annotated[float, _Positive, Quantity("m/s", 1e-12, 1e9)]
+Time = Annotated[float, _Positive, Quantity("s", 1e-12, 1e9)]
+Share = Annotated[float, _NotNegative, Quantity("1", 0.0, 1e9)]
+Friction = Annotated[float, _NotNegative, Quantity("1", 0.0, 1.0)]  # dry steel on steel has 0.8
+Positive = Annotated[float, _Positive, Quantity("1", 1e-12, 1e18)]
+Count = Annotated[int, _Count, Quantity("1", 1, 1_000_000)]
+Component = Annotated[float, _Strict, Quantity("1", -1e300, 1e300)]
+
+
+def _check_name(text: str) -> str:
+    if not is_name(text):
+        raise ValueError(NAMED)
+    return text
+
+
+#: What something is called, in files that other programs read too.
+Name = Annotated[str, AfterValidator(_check_name)]
+#: The same where nothing need be said.
+NameOrNone = Annotated[str, AfterValidator(lambda text: _check_name(text) if text else text)]
+#: Free text, for people: what steers a terminal is spelled out.
+Text = Annotated[str, AfterValidator(visible)]
+
+Vector = tuple[Component, Component, Component]
+Point = tuple[Place, Place, Place]
+Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
+Switch = Annotated[bool, Field(strict=True)]
+
+
+#: Context of a validation that takes the names of files as they are: of a scene that a saved model holds.
+RECORDED = {"files": "names"}
+
+
+def _exists(file: Path, info: ValidationInfo) -> Path:
+    if info.context == RECORDED:
+        return file
+    if not isfile(file):
+        raise ValueError(f"{no_file(file)}: {file}")
+    try:
+        with file.open("rb") as stream:
+            stream.read(1)  # a file may open and still not be read
+    except OSError as error:
+        raise ValueError(f"can't be read: {error.strerror}") from None
+    return file
+
+
+ExistingFile = Annotated[Path, AfterValidator(_exists)]
+
+
+@cache
+def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
+    """Unit and bounds of the numbers that a key of a section holds: one, several, or some by name."""
+    return next((part for part in _declarations(section, key) if isinstance(part, Quantity)), None)
+
+
+@cache
+def usual_of(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
+    """Usual ranges of these numbers, all of which hold."""
+    return tuple(part for part in _declarations(section, key) if isinstance(part, Usual))
+
+
+def _declarations(section: type[BaseModel], key: str) -> Iterator[Any]:
+    field = section.model_fields[key]
+    yield from _annotations((*field.metadata, field.annotation))
+
+
+def _annotations(parts: tuple[Any, ...]) -> Iterator[Any]:
+    for part in parts:
+        yield part
+        yield from _annotations((*getattr(part, "__metadata__", ()), *get_args(part)))
+
+
+def check_sizes(part: Section) -> None:
+    """Refuse any number, in a section or in those within it, that is out of its range."""
+    for key, value, quantity in _quantities(part, ""):
+        if not quantity.low <= value <= quantity.high:
+            raise InputError(
+                "scene", key, value, f"a number from {quantity.low:g} to {quantity.high:g} is allowed (SI units)"
+            )
+
+
+def _quantities(part: Any, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
+    """Key and value of every number in a section and in those within it, and what is known of it."""
+    if isinstance(part, (int, float)) and quantity is not None:
+        yield key, part, quantity
+    elif isinstance(part, (tuple, list)):
+        for i, entry in enumerate(part):
+            yield from _quantities(entry, f"{key}[{i}]", quantity)
+    elif isinstance(part, dict):
+        for name, entry in part.items():
+            yield from _quantities(entry, f"{key}.{name}", quantity)
+    elif isinstance(part, Section):
+        for name in type(part).model_fields:
+            entry_key = f"{key}.{name}" if key else name
+            yield from _quantities(getattr(part, name), entry_key, quantity_of(type(part), name))
+
+
+#: What a body alone is called in a system, and the path on which its moving rows travel.
+ALONE, SLIDER = "", "slider"
+
+
+def input_of(body: str, what: str) -> str:
+    """Name of an input of a body among those of all bodies; of a body alone as it is."""
+    return what if body == ALONE else f"{body}.{what}"
+
+
+def named(body: str, what: str) -> str:
+    """Name of something of a body among those of all bodies; of a body alone as it is."""
+    return what if body == ALONE else f"{body}: {what}"
+
+
+def cylinder_of(section: str) -> str:
+    """Name of the contact that drives a section along the boom."""
+    return f"cylinder of {section}"
+
+
+#: Of such a value, which is none of the own words, perhaps.
+AS_WORD = PlainSerializer(str)
+
+
+def or_offered(group: str) -> WrapValidator:
+    """For ``Annotated[Literal[...], or_offered(group), AS_WORD]``: names of a group's entry points are allowed, too."""
+
+    def check(data: Any, check_literal: Callable[[Any], Any]) -> Any:
+        return data if isinstance(data, str) and data in environment.plugin_names(group) else check_literal(data)
+
+    return WrapValidator(check)
