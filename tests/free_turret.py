@@ -8,6 +8,7 @@ from typing import Any
 
 import exudyn as exu
 import free_boom
+import momenta
 import numpy as np
 from exudyn.utilities import InertiaCuboid, NodeGenericODE2, ObjectGenericODE2, SensorNode
 from numpy.typing import NDArray
@@ -99,7 +100,9 @@ class Turret:
             velocity, com, J = R.T @ self.x_t[k, :3], TURRET.com, TURRET.inertiaTensor
             linear = TURRET.mass * (velocity + np.cross(motion.omega, com))
             angular = TURRET.mass * np.cross(com, velocity) + J @ motion.omega
-            own = base.boom.momentum(motion, turned[:3] @ self.x_t[k], out, self.q[k], self.q_t[k], base.moments(out))
+            own = momenta.momentum(
+                base.boom, motion, turned[:3] @ self.x_t[k], out, self.q[k], self.q_t[k], base.moments(out)
+            )
             P, L = R @ (linear + own[:3]), R @ (angular + own[3:] + np.cross(PLACE, own[:3]))
             found.append(np.append(P, L + np.cross(O, P)))
         return np.array(found)
@@ -114,7 +117,7 @@ class Turret:
             out = base.extended(t, self.z[k], self.z_t[k])
             places = equations.at(dict(zip(base.paths.names, out.value, strict=True)))
             K = contacts.springs(places)[0][:, : equations.size]
-            own = base.boom.kinetic(motion, turned[:3] @ self.x_t[k], out, q, rate, base.moments(out))
+            own = momenta.kinetic(base.boom, motion, turned[:3] @ self.x_t[k], out, q, rate, base.moments(out))
             turret = TURRET.mass * velocity @ (velocity / 2.0 + np.cross(omega, TURRET.com))
             turret += omega @ TURRET.inertiaTensor @ omega / 2.0
             rod = (self.rod * self.z_t[k] ** 2 + self.spring * self.z[k] ** 2).sum() / 2.0

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare import evaluation
+from pmr.constraints.polynomials import evaluate
 from pmr.results import Energy, Response
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, InitialState, Progress, balance, exudyn
@@ -98,16 +99,15 @@ def respond(body: SlidingBody, found: Trajectory, path_rate: Array, loads: Array
     forces, peaks = found.multipliers[:, contacts], getattr(found, "peaks", None)
     places = [found.s if one.inner.path else np.full_like(found.s, one.inner.at) for one in system.contacts]
     x = np.column_stack([np.empty((len(found.t), 0)), *places])
-    account = balance.Account(body, len(found.t) - 1)
-    account.add(0, found, loads)
+    stored, work = energy_and_work(body, found, loads)
     whole = SystemTrajectory(
         t=found.t,
         bodies={ALONE: Trajectory(found.t, found.q, found.v, system.pressed(ALONE, forces), x, found.seconds)},
         forces=forces,
         peaks=forces if peaks is None else peaks[:, contacts],
         loads=loads,
-        energy=account.stored,
-        work=account.work,
+        energy=stored,
+        work=work,
         seconds=found.seconds,
         surplus=found.surplus,
         rates=np.asarray(path_rate)[:, None],
@@ -122,10 +122,31 @@ def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, load
 
 
 def energy(body: SlidingBody, found: Trajectory, loads: Array) -> Energy:
-    account = balance.Account(body, len(found.t) - 1)
-    account.add(0, found, loads)
-    kinetic = balance.half_form(body.M, found.v)
-    return Energy(kinetic, account.stored - kinetic, balance.potential(body, found, loads))
+    kinetic, (stored, _) = balance.half_form(body.M, found.v), energy_and_work(body, found, loads)
+    return Energy(kinetic, stored - kinetic, balance.potential(body, found, loads))
+
+
+def energy_and_work(body: SlidingBody, found: Trajectory, loads: Array) -> tuple[Array, Array]:
+    """Kinetic and strain energy (T,) J, that of pads and residual part in it, and work (T,) J since t = 0.
+
+    Work of loads and of rows that move, by the means of each step, as the module of `balance` has it.
+    """
+    q, s, forces, flexibility = found.q, found.s, found.multipliers, body.flexibility
+    v, points = found.v.copy(), np.asarray(q @ body.B)
+    v[:, body.quasi_static] = 0.0
+    mean_q, mean_f, mean_forces = (balance.mean(values) for values in (q, loads, forces))
+    with np.errstate(over="ignore", invalid="ignore"):
+        turned = body.apply_rows(s[1:], mean_q) - body.apply_rows(s[:-1], mean_q)
+        stored = balance.half_form(body.M, v) + balance.half_form(body.K, q) + forces**2 @ body.row_compliance / 2.0
+        if flexibility is not None:
+            G, H = evaluate(flexibility.rows, s), evaluate(flexibility.inputs, s)
+            stored += np.einsum("ti,ij,tj->t", loads, flexibility.energy, loads) / 2.0
+            stored += np.einsum("tm,tmn,tn->t", forces, G, forces) / 2.0 - np.einsum("tm,tmi,ti->t", forces, H, loads)
+            points = points + loads @ flexibility.energy - np.einsum("tmi,tm->ti", H, forces)
+            turned += np.einsum("tmi,ti->tm", np.diff(H, axis=0), mean_f)
+            turned -= np.einsum("tmn,tn->tm", np.diff(G, axis=0), mean_forces) / 2.0
+        steps = balance.dot(mean_f, np.diff(points, axis=0)) + balance.dot(mean_forces, turned)
+    return stored, np.append(0.0, np.cumsum(steps))
 
 
 def states(body: SlidingBody, found: Trajectory, loads: Array) -> BodyStates:

@@ -47,19 +47,6 @@ def apply_table(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
     return _sum_powers(table, interval, _powers(s - table.x[interval], len(table.c)), np.asarray(x, dtype=float))
 
 
-def applied_change(table: PPoly, s: Array, x: Array) -> Array:
-    """(A(s_{t+1}) - A(s_t)) x_t, (T - 1, m), for s (T,) m and x (T - 1, r); errors likewise."""
-    s = within_domain(s, table.x[0], table.x[-1], "slider")
-    interval, x, count = _interval(table, s), np.asarray(x, dtype=float), len(table.c)
-    same, offset = interval[1:] == interval[:-1], table.x[interval[1:]]
-    ends, begins = _powers(s[1:] - offset, count), _powers(s[:-1] - offset, count)
-    # of what stays within an interval the change of powers; of the others the powers at the end
-    change = _sum_powers(table, interval[1:], np.where(same, ends - begins, ends), x)
-    crossings = np.flatnonzero(~same)
-    change[crossings] -= apply_table(table, s[crossings], x[crossings])
-    return change
-
-
 def _interval(table: PPoly, s: Array) -> Indices:
     """(T,): the number of the table's interval at each s."""
     return np.searchsorted(table.x[1:-1], s, side="right")

@@ -33,7 +33,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import applied_change, apply_table, columns, select_rows, side_by_side, transpose
+from pmr.constraints.polynomials import apply_table, columns, select_rows, side_by_side, transpose
 from pmr.constraints.rows import Row, RowPolynomials
 from pmr.reduced.soundness import symmetric
 
@@ -60,19 +60,9 @@ class Flexibility:
         """H(s) f - G(s) lambda, (T, m) in m: what the residual part adds at the rows, along a trajectory."""
         return apply_table(self._at_rows, s, np.hstack([loads, -multipliers]))
 
-    def row_motion_change(self, s: Array, multipliers: Array, loads: Array) -> Array:
-        """Change of the rows' motion, (T - 1, m) m, from one s (T,) to the next under forces and loads (T - 1, ...)."""
-        return applied_change(self._at_rows, s, np.hstack([loads, -multipliers]))
-
     def displacement(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """W f - X(s) lambda, (T, o) in m: what the residual part adds to the outputs."""
         return np.asarray(loads @ self.direct.T - apply_table(self.outputs, s, multipliers))
-
-    def strain_energy(self, s: Array, multipliers: Array, loads: Array) -> Array:
-        """g^T R g / 2 with g = B f - C^T lambda, (T,) in J."""
-        doubled = np.einsum("ti,ti->t", loads @ self.energy, loads)
-        of_rows = apply_table(self._at_rows, s, np.hstack([-2.0 * loads, multipliers]))
-        return np.asarray(doubled + np.einsum("tm,tm->t", multipliers, of_rows)) / 2.0
 
     def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """B^T R g, (T, i) in m: what the residual part adds to the motion of the loads' points."""

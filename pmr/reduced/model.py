@@ -25,7 +25,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import (
-    applied_change,
     apply_table,
     columns,
     contributions,
@@ -226,10 +225,6 @@ class ReducedModel:
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""
         return apply_table(self.rows, s, q, derivative)
-
-    def row_change(self, s: Array, q: Array) -> Array:
-        """(C(s_{t+1}) - C(s_t)) q_t, (T - 1, m), for s (T,) and q (T - 1, r)."""
-        return applied_change(self.rows, s, q)
 
     def rows_on(self, V: Array) -> PPoly:
         """C(s) V as a piecewise polynomial with values (m, k), for V (r, k)."""

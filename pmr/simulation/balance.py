@@ -26,7 +26,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import GrowthError
-from pmr.system.body import SlidingBody, Trajectory, with_inertia
+from pmr.system.body import SlidingBody, Trajectory
 
 Array = NDArray[np.float64]
 
@@ -43,30 +43,10 @@ BLOCK = 4096
 
 def potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     """Potential energy of the loads, -q^T B f (T,) in J (Weyrer et al., equation for H(t))."""
-    return -dot(_motion(body, trajectory, loads), loads)
-
-
-class Account:
-    """Energy of a motion and the work done on it, followed from block to block."""
-
-    def __init__(self, body: SlidingBody, steps: int) -> None:
-        self._body = body
-        self.stored, self.work = np.zeros(steps + 1), np.zeros(steps + 1)
-
-    def add(self, first: int, part: Trajectory, loads: Array) -> None:
-        """Follow a part of the trajectory, whose first step, number `first`, is the last of the one before.
-
-        Strain energy includes that of the pads, lambda^2 / (2 k), and of the residual flexibility; the residual part's
-        kinetic energy is left out.
-        """
-        body, steps = self._body, slice(first, first + len(part.t))
-        with np.errstate(over="ignore", invalid="ignore"):
-            motion, multipliers = _motion(body, part, loads), part.multipliers
-            strain = half_form(body.K, part.q) + multipliers**2 @ body.row_compliance / 2.0
-            if body.flexibility is not None:
-                strain = strain + body.flexibility.strain_energy(part.s, multipliers, loads)
-            self.stored[steps] = half_form(body.M, with_inertia(body, part.v)) + strain
-            self.work[steps][1:] = self.work[first] + np.cumsum(_works(body, part, loads, motion))
+    motion = np.asarray(trajectory.q @ body.B)
+    if body.flexibility is not None:
+        motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.multipliers, loads)
+    return -dot(motion, loads)
 
 
 def surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
@@ -121,24 +101,6 @@ def blocks(size: int) -> Iterator[slice]:
     """Rows of a trajectory of `size` steps, some thousand at a time; each block begins where the one before ends."""
     for first in range(0, max(1, size - 1), BLOCK):
         yield slice(first, min(first + BLOCK + 1, size))
-
-
-def _works(body: SlidingBody, part: Trajectory, f: Array, motion: Array) -> Array:
-    """Work (T - 1,) in J done in each step, given B^T q."""
-    q, s, multipliers, mean_f = part.q, part.s, mean(part.multipliers), mean(f)
-    work = dot(mean_f, np.diff(motion, axis=0))
-    turned = body.row_change(s, mean(q))
-    if body.flexibility is not None:
-        turned += body.flexibility.row_motion_change(s, mean(part.multipliers) / 2.0, mean_f)
-    return work + dot(multipliers, turned)
-
-
-def _motion(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
-    """B^T q, (T, i) in m: how the loads' points move."""
-    motion = np.asarray(trajectory.q @ body.B)
-    if body.flexibility is not None:
-        motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.multipliers, loads)
-    return motion
 
 
 def half_form(A: Any, x: Array) -> Array:

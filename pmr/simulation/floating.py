@@ -136,7 +136,7 @@ class State:
             of, motion.omega, motion.weight, extended, q, rate,
         )  # fmt: skip
         e, S, P = _E[0], len(of.sections), len(extended.value)
-        self.X, self.X_rate, self.X_second = (np.cumsum(one[:S]) for one in vars(extended).values())
+        self.X, self.X_rate = (np.cumsum(values[:S]) for values in (extended.value, extended.rate))
         self.beyond = _beyond(S, P)
         self.d = of.place + np.outer(self.X, e)
         beta = of.moments if moments is None else moments
@@ -181,11 +181,6 @@ class State:
         A += self.Nq @ self.q / 2.0
         A_rate += self.Nq @ self.rate
         return _steiner(A + A.T) + of.inertia, _steiner(A_rate + A_rate.T)
-
-    def momentum(self, v: Array) -> Array:
-        """Linear and angular momentum about O (6,), with O at v (3,) m/s in the boom's axes."""
-        linear = self.of.mass * v + np.cross(self.omega, self.s) + self.s_rate
-        return np.append(linear, np.cross(self.s, v) + self.inertia @ self.omega + self.h)
 
     def mass(self) -> Array:
         """Mass matrix of (a, alpha, q'', s''), (6 + n + P) squared."""

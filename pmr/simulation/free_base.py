@@ -154,28 +154,6 @@ class FreeBase:
         forces[: self._count] = np.cumsum([(section.loads @ f)[0] for section in self.boom.sections[::-1]])[::-1]
         return forces
 
-    def momentum(
-        self, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
-    ) -> Array:
-        """Linear and angular momentum about O (6,), with O at v (3,) m/s in the boom's axes."""
-        return State(self.boom, motion, extended, q, rate, moments).momentum(v)
-
-    def kinetic(
-        self, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
-    ) -> float:
-        """T in J but for q'^T M q' / 2."""
-        state, omega = State(self.boom, motion, extended, q, rate, moments), motion.omega
-        along = sum(
-            section.mass * X**2 / 2.0 + X * rates[0, 0]
-            for section, X, rates in zip(self.boom.sections, state.X_rate, state.mu_rate, strict=True)
-        )
-        linear = self.boom.mass * v / 2.0 + np.cross(omega, state.s) + state.s_rate
-        return float(v @ linear + omega @ (state.inertia @ omega / 2.0 + state.h) + along)
-
-    def height(self, up: Array, extended: Extended, q: Array) -> float:
-        """First moment along the vertical (3,) in kg m, from O: the weight's potential energy over g."""
-        return float(up @ State(self.boom, Motion(np.zeros(3), up), extended, q, 0.0 * q).s)
-
     def at(self, motion: Motion, extended: Extended, q: Array, rate: Array, moments: Moments | None = None) -> Pressed:
         """Mass and forces that have to balance all that acts on base, coordinates and extensions."""
         state = State(self.boom, motion, extended, q, rate, moments)

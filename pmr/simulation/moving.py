@@ -20,6 +20,7 @@ from pydantic import TypeAdapter
 
 from pmr.errors import InputError
 from pmr.errors.text import visible
+from pmr.kernel.frame import ANGLES, AXES
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
@@ -29,7 +30,7 @@ from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Signal, SignalBase
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.frame import base_accelerations, products_of
-from pmr.simulation.frame_motion import Acceleration, Angle, Product, Products, Quantity, Turning
+from pmr.simulation.frame_motion import Acceleration, Product, Products, Quantity
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
@@ -142,12 +143,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 GRAVITY = "gravity"
-#: Angles that a frame and its base may have, and along what the base may be accelerated.
-OF_FRAME, OF_BASE, AXES = ("luffing", "slewing"), ("base.rx", "base.ry", "base.rz"), ("base.x", "base.y", "base.z")
+#: Angles that a frame and its base may have.
+OF_FRAME, OF_BASE = ANGLES[:2], ANGLES[2:]
 #: The quantity that is 1: products of fewer than so many factors have it in place of those that they lack.
 ONE, FACTORS = ("one",), 3
-#: Random instants that tell which amplitudes are multiples of others.
-EXAMPLES = 16
 
 
 @dataclass(frozen=True)
@@ -218,23 +217,6 @@ class MovingFrame:
         """First product of each input and term, and the end of the last ones, (i + K + 1,)."""
         return np.cumsum([0, *map(len, (*self.inputs, *self.terms))])
 
-    def find(self, drivers: Array) -> tuple[Array, Array]:
-        """Amplitudes of the inputs (i,) and of the terms (K,), from the drivers (3, n): values, rates, second rates."""
-        return self.amplitudes(self._evaluate(drivers))
-
-    def amplitudes(self, quantities: Array) -> tuple[Array, Array]:
-        """Loads (i,) and amplitudes (K,) of terms from the quantities (q,)."""
-        products = self.factors * quantities[self.numbers].prod(axis=1)
-        values = np.add.reduceat(products, self.first[:-1])
-        return values[: len(self.inputs)], values[len(self.inputs) :]
-
-    @property
-    def examples(self) -> Array:
-        """Amplitudes of the terms (., K) at random quantities: what is proportional there always is."""
-        quantities = np.random.default_rng(1).uniform(0.5, 1.5, (len(self.quantities), EXAMPLES))
-        quantities[0] = 1.0
-        return np.array([self.amplitudes(sample)[1] for sample in quantities.T])
-
     @property
     def load_numbers(self) -> slice:
         """Numbers of the loads among the drivers."""
@@ -245,20 +227,15 @@ class MovingFrame:
 
         Of loads and accelerations the value alone.
         """
-        at, frame, step = np.asarray(t, float), self.scene.frame, excitation.stepping.step
-        assert frame is not None
+        at = np.asarray(t, float)
         motions = np.zeros((3, len(self.drivers), *at.shape))
-        angles = dict(zip((*OF_FRAME, *OF_BASE), (*frame.angles, *frame.rocking), strict=False))
-        values = _loads(self.scene) | dict(zip(AXES, base_accelerations(self.scene), strict=False))
-        for k, name in enumerate(self.drivers):
+        for k, (name, signal) in enumerate(zip(self.drivers, self.signals, strict=True)):
+            motions[0, k] = signal.value(at)
             if name in self.paths:
-                signal = self.scene.paths[name]
-                motions[:, k] = signal.value(at), signal.rate(at), Acceleration(paths=(signal,), step=step).value(at)
+                second = Acceleration(paths=(signal,), step=excitation.stepping.step)
+                motions[1:, k] = signal.rate(at), second.value(at)
             elif name in self.angles:
-                signal = angles[name]
-                motions[:, k] = signal.value(at), signal.rate(at), signal.second_rate(at)
-            else:
-                motions[0, k] = values[name].value(at)
+                motions[1:, k] = signal.rate(at), signal.second_rate(at)
         return motions
 
     @property
@@ -274,7 +251,7 @@ class MovingFrame:
         """Signals of the drivers (n,) in the scene."""
         frame = self.scene.frame
         assert frame is not None
-        angles = dict(zip((*OF_FRAME, *OF_BASE), (*frame.angles, *frame.rocking), strict=False))
+        angles = dict(zip(ANGLES, (*frame.angles, *frame.rocking), strict=False))
         shaken = dict(zip(AXES, base_accelerations(self.scene), strict=False))
         signals = dict(self.scene.paths) | _loads(self.scene) | angles | shaken
         return tuple(signals[name] for name in self.drivers)
@@ -285,33 +262,6 @@ class MovingFrame:
             return False
         of_scene = Excitation.of(self.scene).on_grid(excitation.stepping)
         return all(getattr(of_scene, part) == getattr(excitation, part) for part in ("paths", "loads", "terms"))
-
-    def _evaluate(self, drivers: Array) -> Array:
-        """Quantities (q,)."""
-        at, none = dict(zip(self.drivers, drivers.T, strict=True)), np.zeros(3)
-        angles = [_angle(at.get(name, none)) for name in (*OF_FRAME, *OF_BASE)]
-        turning = Turning.by(angles[0], angles[1], angles[2:] if OF_BASE[0] in self.angles else ())
-        tables = {
-            "turned": turning.rotation[0],
-            "velocity": turning.velocity[0],
-            "turning": turning.acceleration[0],
-            "gradient": turning.gradient[0],
-            "shaken": np.array([at.get(axis, none)[0] for axis in AXES]),
-        }
-        reach = np.cumsum([none, *(at[path] for path in self.paths)], axis=0)
-        values = np.empty(len(self.quantities))
-        for k, (kind, *of) in enumerate(self.quantities):
-            if kind == "one":
-                values[k] = 1.0
-            elif kind == "gravity":
-                values[k] = at.get(GRAVITY, none)[0]
-            elif kind == "load":
-                values[k] = at[str(of[0])][0]
-            elif kind == "over":
-                values[k] = 1.0 / at[self.paths[int(of[0]) - 1]][0]
-            else:
-                values[k] = reach[tuple(of)] if kind == "reach" else tables[str(kind)][tuple(of)]
-        return values
 
 
 def _products(
@@ -335,7 +285,3 @@ def _loads(scene: Scene) -> dict[str, SignalBase]:
         input_of(name, load.name): load.signal for name, part in sections for load in part.loads
     }
     return signals if scene.gravity is None else signals | {GRAVITY: scene.gravity.signal}
-
-
-def _angle(motion: Array) -> Angle:
-    return motion[:1], motion[1:2], motion[2:]

@@ -255,10 +255,6 @@ class FullBody(WithRows):
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""
         return np.stack([row.apply(s, q, derivative) for row in self.rows.rows], axis=1)
 
-    def row_change(self, s: Array, q: Array) -> Array:
-        """(C(s_{t+1}) - C(s_t)) q_t, (T - 1, m), for s (T,) and q (T - 1, n)."""
-        return self.apply_rows(s[1:], q) - self.apply_rows(s[:-1], q)
-
     def rows_on(self, V: Array) -> PPoly:
         """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
         return stack_tables([row.project(V) for row in self.rows.rows], self.domain)

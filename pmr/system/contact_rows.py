@@ -59,10 +59,6 @@ class ContactRows:
         """Rows of the contacts at one of the places, by its number."""
         return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
-    def part(self, places: slice) -> ContactRows:
-        """At some of the places."""
-        return ContactRows(self.C[places], self.F[places], self.H[places], self.X[places])
-
     def of(self, which: NDArray[np.bool_]) -> ContactRows:
         """Rows of some of the contacts (m,) alone, at one place."""
         return ContactRows(self.C[which], self.F[np.ix_(which, which)], self.H[which], self.X[:, which])
@@ -116,17 +112,17 @@ class CompliantRows:
             largest = np.abs(contributions(body.flexibility.rows)).max(axis=(0, 1))
             self._round_off = 4.0 * np.finfo(float).eps * np.diag(largest)[self.numbers]
 
-    def flexibility(self, s: Array) -> Array:
-        """F(s) = G(s) + 1/k, (T, m', m') in m/N, at s (T,) m.
+    def check(self, s: Array) -> None:
+        """Raise a SimulationError where F(s) = G(s) + 1/k is singular at one of s (T,) m.
 
-        A SimulationError is raised where F is singular: a slider sits on a support, or two sit in one place.
+        There a slider sits on a support, or two sit in one place.
         """
+        if not self.numbers:
+            return
         body, which = self._body, np.ix_(self.numbers, self.numbers)
         F = np.broadcast_to(np.diag(body.row_compliance)[which], (len(s), len(self.numbers), len(self.numbers)))
         if body.flexibility is not None:
             F = F + evaluate(body.flexibility.rows, s)[:, which[0], which[1]]
-        if not self.numbers:
-            return np.asarray(F)
         scale = np.einsum("tmm->tm", F)
         regular = np.all(scale > self._round_off, axis=1)
         scale = np.sqrt(np.maximum(scale, 0.0))
@@ -139,27 +135,3 @@ class CompliantRows:
                 f"slider at {at:g} m: the forces of the rows {names} are not determined there (a slider on a "
                 "support, or two in one place)"
             )
-        return F
-
-    def inputs(self, s: Array) -> Array:
-        """H(s), (T, m', i) in m/N: how inputs move the rows."""
-        if self._body.flexibility is None:
-            return np.zeros((len(s), len(self.numbers), len(self._body.input_names)))
-        return evaluate(self._body.flexibility.inputs, s)[:, self.numbers]
-
-    def system(self, s: Array) -> Array:
-        """Stiffness K + C^T F^-1 C and inputs B - C^T F^-1 H side by side, (T, n, n + i), of a dense body.
-
-        Errors as for `flexibility`.
-        """
-        C = self._body.dense_rows(s)[:, self.numbers]
-        answers = np.linalg.solve(self.flexibility(s), np.concatenate([C, -self.inputs(s)], axis=2))
-        return np.hstack([self._body.K, self._body.B]) + C.transpose(0, 2, 1) @ answers
-
-    def multipliers(self, s: Array, q: Array, loads: Array) -> Array:
-        """F^-1 (C q + H f), (T, m') in N, along a trajectory: s (T,) m, q (T, n), loads (T, i).
-
-        Errors as for `flexibility`.
-        """
-        motion = self._body.apply_rows(s, q)[:, self.numbers] + np.einsum("tmi,ti->tm", self.inputs(s), loads)
-        return np.asarray(np.linalg.solve(self.flexibility(s), motion[:, :, None])[:, :, 0])

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from booms import Boom, boom
 from boxes import box
+from springs import CompliantRows
 
 from pmr import scene as scenes
 from pmr.compare.errors import nrms
@@ -32,7 +33,6 @@ from pmr.scene.signals import Constant
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.system.contact_rows import CompliantRows
 
 pytestmark = pytest.mark.mpi
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import free_boom
+import momenta
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -66,7 +67,7 @@ class Oracle:
         R, Rb, omega, alpha = boom.rotation[0], base.rotation[0], base.velocity[0], base.acceleration[0]
         x, v, a = motion[:, :3]
         turning = Motion(boom.velocity[0], np.zeros(3))
-        p = equations.momentum(turning, R.T @ v, out, q, rate, moments)
+        p = momenta.momentum(equations, turning, R.T @ v, out, q, rate, moments)
         linear = MASS * (v + Rb @ np.cross(omega, CENTER))
         P = R @ p[:3] + linear
         L = R @ p[3:] + np.cross(Rb @ CENTER, linear) + Rb @ (INERTIA * omega)

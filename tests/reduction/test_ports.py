@@ -13,6 +13,7 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
+from springs import CompliantRows
 
 import pmr
 from pmr.errors import InputError
@@ -25,7 +26,6 @@ from pmr.scene.signals import Constant
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_sliding_body
 from pmr.system.body import FullBody
-from pmr.system.contact_rows import CompliantRows
 
 Array = NDArray[np.float64]
 Load = Callable[..., Scene]

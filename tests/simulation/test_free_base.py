@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import free_boom
+import momenta
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -101,8 +102,12 @@ class Adrift:
         O, R, v, omega, q, rate, work = self.parts(y)
         R, out, motion = R.reshape(3, 3), extended(self.scene, t), Motion(omega, np.zeros(3))
         turret = np.append(self.mass * v, self.inertia @ omega)
-        p = self.boom.momentum(motion, v, out, q, rate) + turret
-        energy = self.boom.kinetic(motion, v, out, q, rate) + (rate @ self.M @ rate + q @ self.K @ q) / 2.0 - work[0]
+        p = momenta.momentum(self.boom, motion, v, out, q, rate) + turret
+        energy = (
+            momenta.kinetic(self.boom, motion, v, out, q, rate)
+            + (rate @ self.M @ rate + q @ self.K @ q) / 2.0
+            - work[0]
+        )
         energy += (v @ turret[:3] + omega @ turret[3:]) / 2.0
         return R @ p[:3], R @ p[3:] + np.cross(O, R @ p[:3]), energy
 
@@ -158,8 +163,10 @@ class Drawn(Adrift):
         O, R, v, omega, q, rate, (s, s_t) = self.parts(y)
         R, motion, moments = R.reshape(3, 3), Motion(omega, np.zeros(3)), self.moments(s, s_t)
         out, turret = Extended(*np.array([[0.0, s], [0.0, s_t], [0.0, 0.0]])), self.inertia @ omega
-        p = self.boom.momentum(motion, v, out, q, rate, moments) + np.append(self.mass * v, turret)
-        energy = self.boom.kinetic(motion, v, out, q, rate, moments) + (rate @ self.M @ rate + q @ self.K @ q) / 2.0
+        p = momenta.momentum(self.boom, motion, v, out, q, rate, moments) + np.append(self.mass * v, turret)
+        energy = (
+            momenta.kinetic(self.boom, motion, v, out, q, rate, moments) + (rate @ self.M @ rate + q @ self.K @ q) / 2.0
+        )
         energy += (self.mass * v @ v + omega @ turret + self.rod * s_t**2 + self.spring * (s - self.relaxed) ** 2) / 2.0
         return R @ p[:3], R @ p[3:] + np.cross(O, R @ p[:3]), energy
 

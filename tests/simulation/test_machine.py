@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import free_boom
+import momenta
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -77,7 +78,7 @@ class Whole:
         x, v = self.found.values[:2, k, :3]
         R, Rb, omega = self.turning.rotation[k], self.base.rotation[k], self.base.velocity[k]
         out, motion = self.extended(k), Motion(self.turning.velocity[k], np.zeros(3))
-        p = self.boom.momentum(motion, R.T @ v, out, self.q[k], self.rate[k], self.answering.moments(out))
+        p = momenta.momentum(self.boom, motion, R.T @ v, out, self.q[k], self.rate[k], self.answering.moments(out))
         own = MASS * (v + Rb @ np.cross(omega, CENTER))
         P = R @ p[:3] + own
         return np.append(P, R @ p[3:] + np.cross(Rb @ CENTER, own) + Rb @ (INERTIA * omega) + np.cross(x, P))
@@ -86,7 +87,9 @@ class Whole:
         v, Rb, omega, q, rate = self.found.values[1, k, :3], self.base.rotation[k], self.base.velocity[k], *self.at(k)
         out, motion = self.extended(k), Motion(self.turning.velocity[k], np.zeros(3))
         own = v + Rb @ np.cross(omega, CENTER)
-        energy = self.boom.kinetic(motion, self.turning.rotation[k].T @ v, out, q, rate, self.answering.moments(out))
+        energy = momenta.kinetic(
+            self.boom, motion, self.turning.rotation[k].T @ v, out, q, rate, self.answering.moments(out)
+        )
         K = self.assembly.K.toarray() + self.springs(k)[0]
         return energy + (MASS * own @ own + omega @ (INERTIA * omega) + rate @ self.assembly.M @ rate + q @ K @ q) / 2.0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import driven_frame
 import numpy as np
 import pytest
 from simulation.test_frame import MOVED, THREE, TURNING
@@ -36,7 +37,7 @@ def test_amplitudes_are_those_of_a_run(changes: tuple[str, ...], second_order: s
     frame, excitation = MovingFrame.of(system_of(scene)), Excitation.of(scene)
     assert frame is not None and "fly.tip force" in frame.loads
     for t in (0.0, 0.7, 2.3, 3.9):
-        f, c = frame.find(frame.motions(excitation, t))
+        f, c = driven_frame.find(frame, frame.motions(excitation, t))
         for found, signals in ((f, excitation.loads), (c, excitation.terms)):
             expected = np.array([one.value(t) for one in signals.values()])
             assert found == pytest.approx(expected, abs=1e-13 * np.abs(expected).max(initial=0.0))

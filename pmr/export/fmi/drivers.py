@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.kernel.data import SystemData, system_data
+from pmr.kernel.frame import AXES
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.moving import AXES, GRAVITY, MovingFrame
+from pmr.simulation.moving import GRAVITY, MovingFrame
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 

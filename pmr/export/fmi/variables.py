@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.drivers import Drivers
+from pmr.kernel.frame import AXES
 from pmr.scene.built import force_of
-from pmr.simulation.moving import AXES
 from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import SLIDER, named
 

@@ -78,7 +78,7 @@ class Equations:
         A SimulationError is raised where a body alone slides over a support, where its flexibility can't be inverted.
         """
         if self._compliant is not None and self._travelling:
-            self._compliant.flexibility(x[:, self._travelling[0]])
+            self._compliant.check(x[:, self._travelling[0]])
         if (key := x.tobytes()) != self._places:
             self._places, self._rows = key, self.assembly.along(x)
         return self._rows

@@ -7,12 +7,13 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from pmr.kernel.carried import Machine
+from pmr.kernel.frame import AXES
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS, INERTIA
 from pmr.scene.signals import Constant
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.free_base import FreeBase
-from pmr.simulation.moving import AXES, MovingFrame
+from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native.form import SystemForm
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from one_body import displacement
 from oracle import flexible, project, rich_body
+from springs import CompliantRows
 
 from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.drivers import Drivers
@@ -30,7 +31,6 @@ from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.contact_rows import CompliantRows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import driven_frame
 import numpy as np
 import pytest
 from export.fmi.libraries import CallError, Instance, Library, loaded
@@ -228,8 +229,9 @@ def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
     instance.initialise(names[1:], table[20, 1:])
     instance.set_states(np.concatenate([z, v]))
     now = driven(made, instance)
-    f, c = made.frame.find(
-        np.column_stack([*now["s"].values(), *([x, 0.0, 0.0] for x in now["F"].values()), *now["frame"].values()])
+    f, c = driven_frame.find(
+        made.frame,
+        np.column_stack([*now["s"].values(), *([x, 0.0, 0.0] for x in now["F"].values()), *now["frame"].values()]),
     )
     rows = assembly.at(system.coordinates({path: motion[0] for path, motion in now["s"].items()}))
     forces = np.linalg.solve(rows.F, rows.C @ q + rows.H @ f)

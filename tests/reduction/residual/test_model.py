@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy.linalg
+from springs import CompliantRows
 from textbook import static_tip_deflection
 
 from pmr.constraints.rows import Rows
@@ -21,7 +22,6 @@ from pmr.reduction.free_body import FreeBody
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
 from pmr.reduction.residual import FLOOR, flexible_model, section_model
 from pmr.reduction.snapshots import free_modes
-from pmr.system.contact_rows import CompliantRows
 
 NO_ANCF = "compare.against=[]"
 PAPERS_BASIS = ["reduction.basis=eigenmodes", "reduction.coordinates=20"]

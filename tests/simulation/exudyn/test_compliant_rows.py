@@ -15,6 +15,7 @@ from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
 from one_body import Simulate, displacement
 from oracle import CASES, flexible, full_body, generalized_alpha, project
+from springs import CompliantRows
 
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
@@ -24,7 +25,6 @@ from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import simulator
 from pmr.simulation.exudyn.simulator import Formulation
 from pmr.system.body import FullBody, SlidingBody
-from pmr.system.contact_rows import CompliantRows
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,33 @@
+"""Momentum and energy of a boom on a free base: integrals over its mass, from its moments at one moment."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation.floating import Extended, Moments, Motion, State
+from pmr.simulation.free_base import FreeBase
+
+Array = NDArray[np.float64]
+
+
+def momentum(
+    of: FreeBase, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
+) -> Array:
+    """Linear and angular momentum about O (6,), with O at v (3,) m/s in the boom's axes."""
+    at = State(of.boom, motion, extended, q, rate, moments)
+    linear = of.boom.mass * v + np.cross(motion.omega, at.s) + at.s_rate
+    return np.append(linear, np.cross(at.s, v) + at.inertia @ motion.omega + at.h)
+
+
+def kinetic(
+    of: FreeBase, motion: Motion, v: Array, extended: Extended, q: Array, rate: Array, moments: Moments | None = None
+) -> float:
+    """Kinetic energy in J but for q'^T M q' / 2."""
+    at, omega = State(of.boom, motion, extended, q, rate, moments), motion.omega
+    along = sum(
+        section.mass * X**2 / 2.0 + X * rates[0, 0]
+        for section, X, rates in zip(of.boom.sections, at.X_rate, at.mu_rate, strict=True)
+    )
+    linear = of.boom.mass * v / 2.0 + np.cross(omega, at.s) + at.s_rate
+    return float(v @ linear + omega @ (at.inertia @ omega / 2.0 + at.h) + along)

@@ -1,0 +1,45 @@
+"""Rows that give way as springs that travel with the slider: an oracle from the tables of a body."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.constraints.polynomials import evaluate
+from pmr.system import contact_rows
+from pmr.system.body import SlidingBody
+
+Array = NDArray[np.float64]
+
+
+class CompliantRows:
+    """The rows of a body that give way, eliminated: lambda = F^-1 (C q + H f) with F = G + 1/k."""
+
+    def __init__(self, body: SlidingBody) -> None:
+        self._body, self._rows = body, contact_rows.CompliantRows(body)
+        self.numbers = self._rows.numbers
+
+    def flexibility(self, s: Array) -> Array:
+        """F(s), (T, m', m') in m/N, refused by the package where it is singular."""
+        self._rows.check(s)
+        F = np.tile(np.diag(self._body.row_compliance), (len(s), 1, 1))
+        if self._body.flexibility is not None:
+            F = F + evaluate(self._body.flexibility.rows, s)
+        return F[:, self.numbers][:, :, self.numbers]
+
+    def inputs(self, s: Array) -> Array:
+        """H(s), (T, m', i) in m/N."""
+        if self._body.flexibility is None:
+            return np.zeros((len(s), len(self.numbers), len(self._body.input_names)))
+        return evaluate(self._body.flexibility.inputs, s)[:, self.numbers]
+
+    def system(self, s: Array) -> Array:
+        """K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), of a dense body."""
+        C = self._body.dense_rows(s)[:, self.numbers]
+        answers = np.linalg.solve(self.flexibility(s), np.concatenate([C, -self.inputs(s)], axis=2))
+        return np.hstack([self._body.K, self._body.B]) + C.transpose(0, 2, 1) @ answers
+
+    def multipliers(self, s: Array, q: Array, loads: Array) -> Array:
+        """F^-1 (C q + H f), (T, m') in N, along a trajectory: s (T,) m, q (T, n), loads (T, i)."""
+        motion = self._body.apply_rows(s, q)[:, self.numbers] + np.einsum("tmi,ti->tm", self.inputs(s), loads)
+        return np.asarray(np.linalg.solve(self.flexibility(s), motion[:, :, None])[:, :, 0])
