@@ -219,8 +219,8 @@ class Answering:
         if self._gives.any() and key != self._moments[0]:
             answers, of, B_curve = self.at(at.value), self._boom.moments, np.zeros_like(self._B)
             if at.rate.any():
-                near, give = self._along.at(at.value), self._giving_rows
-                rows, first, second = give(near.rows), *map(give, near.along(at.rate))
+                near, gives = self._along.at(at.value), self._gives
+                rows, (first, second) = near.rows.of(gives), (part.of(gives) for part in near.along(at.rate))
                 answer, bent = _answers(rows)
                 answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
                 B_curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
@@ -236,17 +236,13 @@ class Answering:
             B_slope, E_slope = np.zeros((len(s), *B.shape)), np.zeros((len(s), *E.shape))
             if self._gives.any():
                 near = self._along.at(s)
-                rows, slopes = self._giving_rows(near.rows), self._giving_rows(near.slopes)
+                rows, slopes = near.rows.of(self._gives), near.slopes.of(self._gives)
                 answer, bent = _answers(rows)
                 turned = slopes.H - slopes.F @ answer
                 B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
                 E, E_slope = E - rows.H.T @ answer, -answer.T @ turned - slopes.H.transpose(0, 2, 1) @ answer
             self._known = dict(list(self._known.items())[-4:]) | {key: Answers(B, E, B_slope, E_slope)}
         return self._known[key]
-
-    def _giving_rows(self, rows: ContactRows) -> ContactRows:
-        gives = self._gives
-        return ContactRows(rows.C[..., gives, :], rows.F[..., gives, :][..., gives], rows.H[..., gives, :], rows.X)
 
 
 def _answers(rows: ContactRows) -> tuple[Array, Array]:

@@ -60,8 +60,9 @@ class ContactRows:
         return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
     def of(self, which: NDArray[np.bool_]) -> ContactRows:
-        """Rows of some of the contacts (m,) alone, at one place."""
-        return ContactRows(self.C[which], self.F[np.ix_(which, which)], self.H[which], self.X[:, which])
+        """Rows of some of the contacts (m,) alone."""
+        F = self.F[..., which, :][..., which]
+        return ContactRows(self.C[..., which, :], F, self.H[..., which, :], self.X[..., which])
 
     def unit(self, K: Any) -> float:
         """Unit of forces: the size of the stiffness K (n, n) or, of rigid motions alone, of contacts."""

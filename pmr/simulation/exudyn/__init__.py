@@ -9,34 +9,17 @@ from pmr.errors.environment import needed
 from pmr.errors.lazy import names_from
 
 if TYPE_CHECKING:
-    from pmr.simulation.exudyn.simulator import (
-        Formulation,
-        Hook,
-        NodeCoordinate,
-        OnBody,
-        add_drawing,
-        add_hook,
-        add_pre_step_function,
-        add_sensors,
-        add_sliding_body,
-        add_system,
-        simulate_system,
-    )
-
-__all__ = [
-    "FORMULATIONS",
-    "Formulation",
-    "Hook",
-    "NodeCoordinate",
-    "OnBody",
-    "add_drawing",
-    "add_hook",
-    "add_pre_step_function",
-    "add_sensors",
-    "add_sliding_body",
-    "add_system",
-    "simulate_system",
-]
+    from pmr.simulation.exudyn.drawing import add_drawing as add_drawing
+    from pmr.simulation.exudyn.drawing import add_sensors as add_sensors
+    from pmr.simulation.exudyn.equations import NodeCoordinate as NodeCoordinate
+    from pmr.simulation.exudyn.formulations import Formulation as Formulation
+    from pmr.simulation.exudyn.free_base import OnBody as OnBody
+    from pmr.simulation.exudyn.hook import Hook as Hook
+    from pmr.simulation.exudyn.hook import add_hook as add_hook
+    from pmr.simulation.exudyn.items import add_pre_step_function as add_pre_step_function
+    from pmr.simulation.exudyn.simulator import add_sliding_body as add_sliding_body
+    from pmr.simulation.exudyn.simulator import add_system as add_system
+    from pmr.simulation.exudyn.simulator import simulate_system as simulate_system
 
 #: Of the simulators of a scene, by their names.
 FORMULATIONS: dict[str, Formulation] = {
@@ -45,6 +28,15 @@ FORMULATIONS: dict[str, Formulation] = {
     "exudyn-callback": "callbacks",
 }
 
-_PLACES = {name: f"pmr.simulation.exudyn.simulator:{name}" for name in __all__ if name != "FORMULATIONS"}
+_NAMES = {
+    "drawing": ("add_drawing", "add_sensors"),
+    "equations": ("NodeCoordinate",),
+    "formulations": ("Formulation",),
+    "free_base": ("OnBody",),
+    "hook": ("Hook", "add_hook"),
+    "items": ("add_pre_step_function",),
+    "simulator": ("add_sliding_body", "add_system", "simulate_system"),
+}
+_PLACES = {name: f"{__name__}.{module}:{name}" for module, names in _NAMES.items() for name in names}
 #: An InputError is raised where Exudyn is not installed.
 __getattr__ = names_from(__name__, _PLACES, before=partial(needed, "exudyn"))

@@ -29,7 +29,6 @@ from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class Contacts:
@@ -52,22 +51,13 @@ class Contacts:
 
     def springs(self, x: Array) -> Array:
         """K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), of those that give way and hold both ways."""
-        return self.sprung(self.rows(x))
-
-    def sprung(self, rows: ContactRows) -> Array:
-        """Stiffness by the springs of contacts that give way, of their rows (T, ...)."""
-        K, B = self._equations.K, self._equations.B
+        rows, K, B = self.rows(x), self._equations.K, self._equations.B
         answers = self._answers(rows, np.concatenate([rows.C, -rows.H], axis=2))
         return np.asarray(np.hstack([K, B]) + rows.C.transpose(0, 2, 1) @ answers)
 
     def rows(self, x: Array) -> ContactRows:
         """Rows of the contacts that give way at places x (T, k) m."""
-        return self.giving(self._equations.rows(x))
-
-    def giving(self, rows: ContactRows) -> ContactRows:
-        """Rows of the contacts that give way, out of those of all, at one place or several."""
-        gives = self.gives
-        return ContactRows(rows.C[..., gives, :], rows.F[..., gives, :][..., gives], rows.H[..., gives, :], rows.X)
+        return self._equations.rows(x).of(self.gives)
 
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
         """Forces (T, m') N of contacts that give way, at T places; a SimulationError if they are not settled."""
@@ -83,11 +73,6 @@ class Contacts:
         except ContactError as error:
             raise SimulationError(f"the contacts {', '.join(self._names)}: {error}") from None
         return forces
-
-    def stiffness(self, rows: ContactRows) -> Array:
-        """C^T F^-1 C (n, n) of those that were closed when the forces were settled last."""
-        closed = rows.of(self.closed)
-        return np.asarray(closed.C.T @ np.linalg.solve(closed.F, closed.C))
 
     def _answers(self, rows: ContactRows, right: Array) -> Array:
         try:
@@ -140,9 +125,8 @@ def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> 
         steps = slice(first, min(first + block, N))
         part, rows = motion.part(steps), equations.rows(motion.x[steps])
         g = contacts.gives
-        giving = ContactRows(rows.C[:, g], rows.F[:, g][:, :, g], rows.H[:, g], rows.X)
         if not part.friction.shape[1]:
-            part.forces[:, g] = contacts.forces(giving, part.q, part.f)
+            part.forces[:, g] = contacts.forces(rows.of(g), part.q, part.f)
         with np.errstate(over="ignore", invalid="ignore"):
             stored[steps], done = _energy_and_work(equations, rows, part)
         work[steps][1:] = work[first] + np.cumsum(done)
@@ -181,7 +165,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Found:
+class PadState:
     """Multipliers (m,) N, zero of rigid contacts; what pads hold; forces w (n,) N of moments, gaps (m,) m."""
 
     multipliers: Array
@@ -190,36 +174,36 @@ class Found:
     gap: Array
 
 
-class Rubbing:
-    """A system's friction from step to step; an InputError is raised where a pad that rubs does not give way."""
+class Pads:
+    """Contacts that only push or rub, from step to step.
 
-    def __init__(self, equations: Equations, contacts: Contacts, friction: Friction) -> None:
+    An InputError is raised where a pad that rubs does not give way.
+    """
+
+    def __init__(self, equations: Equations, contacts: Contacts, law: Friction | None) -> None:
         system = equations.system
-        for pad in friction.pads:
+        for pad in () if law is None else law.pads:
             if contacts.rigid[pad]:
                 allowed = (
                     "more than 0 m/N, or residual flexibility, is allowed: Exudyn finds friction by what gives way"
                 )
                 raise InputError("system", f"contacts.{system.contact_names[pad]}.compliance", 0.0, allowed)
-        self._equations, self._contacts, self.known = equations, contacts, friction
+        self._equations, self._contacts, self.law, self.gives = equations, contacts, law, contacts.gives
         #: Of loads at t s, what the motion of the base makes of them, (i,) N: nothing on the ground.
         self.inertia: Callable[[float], Array] = lambda t: np.zeros(equations.B.shape[1])
         self._joints = [
             next((k, side.place) for k, side in enumerate(system.sides) if side.place.path == joint)
-            for joint in friction.joints
+            for joint in (() if law is None else law.joints)
         ]
         self.grip = Grip()
 
-    @property
-    def gives(self) -> NDArray[np.bool_]:
-        """Which contacts (m,) give way."""
-        return self._contacts.gives
-
     def rows(self, x: Array) -> Rows:
         """At x (1, sides) m."""
-        assembly = self._equations.assembly
+        assembly, giving, m = self._equations.assembly, self._contacts.rows(x).at(0), len(self.gives)
+        if self.law is None:
+            return Rows(giving, np.zeros((m, giving.C.shape[1])), np.zeros((m, m)), np.zeros(0))
         s = np.array([(x[0, k] - place.at) / place.rate for k, place in self._joints])
-        return Rows(self._contacts.rows(x).at(0), assembly.slopes(x[0]), assembly.turned_rows(x[0]), s)
+        return Rows(giving, assembly.slopes(x[0]), assembly.turned_rows(x[0]), s)
 
     def answers(self, rows: Rows, f: Array) -> Array:
         """F^-1 H f (m',) N of contacts that give way, to loads f (i,)."""
@@ -230,35 +214,37 @@ class Rubbing:
         """Stand at rest without friction, at coordinates q (n,) under loads f (i,) N."""
         self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
 
-    def found(self, rows: Rows, q: Array, f: Array) -> Found:
-        """At the end of the present step, with coordinates q (n,) under loads f (i,) N.
+    def state(self, rows: Rows, q: Array, f: Array) -> PadState:
+        """State at the end of the present step, with coordinates q (n,) under loads f (i,) N.
 
         A SimulationError is raised where friction does not settle.
         """
-        friction, grip, gap = self.known, self.grip, np.zeros(len(self._contacts.gives))
+        law, grip, gap = self.law, self.grip, np.zeros(len(self.gives))
+        if law is None:
+            return PadState(self._multipliers(rows, q, f, 0.0), grip, np.zeros(len(q)), gap)
         diagonal = np.zeros(len(gap))
-        diagonal[self._contacts.gives] = np.diag(rows.giving.F)
+        diagonal[self.gives] = np.diag(rows.giving.F)
         for _ in range(LIMIT):
             multipliers, last = self._multipliers(rows, q, f, gap), grip
-            grip = slide(friction, self.grip, friction.totals(last.forces), rows.s, multipliers, np.diag(diagonal))
-            moments = friction.moments(grip.forces, multipliers)
-            old, gap = gap, friction.gaps(grip.forces) - rows.answers @ moments
-            limits = friction.coefficients * np.abs(multipliers[friction.pads])
-            most = friction.gaps(limits) + np.abs(rows.answers) @ np.abs(friction.moments(limits, multipliers))
+            grip = slide(law, self.grip, law.totals(last.forces), rows.s, multipliers, np.diag(diagonal))
+            moments = law.moments(grip.forces, multipliers)
+            old, gap = gap, law.gaps(grip.forces) - rows.answers @ moments
+            limits = law.coefficients * np.abs(multipliers[law.pads])
+            most = law.gaps(limits) + np.abs(rows.answers) @ np.abs(law.moments(limits, multipliers))
             if np.abs(gap - old).max() <= CONVERGED * most.max():
-                return Found(multipliers, grip, rows.slopes.T @ moments, gap)
-        raise SimulationError(f"friction of the pads along {', '.join(friction.joints)} does not settle")
+                return PadState(multipliers, grip, rows.slopes.T @ moments, gap)
+        raise SimulationError(f"friction of the pads along {', '.join(law.joints)} does not settle")
 
     def add_friction(self, motion: Motion) -> Motion:
         """Motion with friction and the forces of contacts that give way, from step to step."""
         rows = self.rows(motion.x[:1])
         self.begin(rows, motion.q[0], motion.f[0])
         begun = self._multipliers(rows, motion.q[0], motion.f[0], 0.0)
-        steps = [Found(begun, self.grip, np.zeros(motion.q.shape[1]), np.zeros(len(begun)))]
+        steps = [PadState(begun, self.grip, np.zeros(motion.q.shape[1]), np.zeros(len(begun)))]
         for k in range(1, len(motion.q)):
             if np.any(motion.x[k] != motion.x[k - 1]):
                 rows = self.rows(motion.x[k : k + 1])
-            steps.append(self.found(rows, motion.q[k], motion.f[k]))
+            steps.append(self.state(rows, motion.q[k], motion.f[k]))
             self.grip = steps[-1].grip
         forces = motion.forces.copy()
         forces[:, self.gives] = np.array([step.multipliers[self.gives] for step in steps])
@@ -270,29 +256,31 @@ class Rubbing:
             gap=np.array([step.gap for step in steps]),
         )
 
-    def stiffness(self, rows: Rows, state: Found) -> Array:
+    def stiffness(self, rows: Rows, state: PadState) -> Array:
         """Derivative (n, n) N/m by q of the forces of closed contacts, and of pads that stick and slide."""
-        friction, multipliers, m = self.known, state.multipliers, len(self.gives)
-        f, F, C, M = state.grip.forces, np.zeros((m, m)), np.zeros((m, rows.slopes.shape[1])), np.zeros((m, m))
+        law, multipliers, m = self.law, state.multipliers, len(self.gives)
+        F, C, M = np.zeros((m, m)), np.zeros_like(rows.slopes), np.zeros((m, m))
         F[np.ix_(self.gives, self.gives)], C[self.gives] = rows.giving.F, rows.giving.C
-        slides = np.abs(f) >= friction.coefficients * np.abs(multipliers[friction.pads])
-        way = friction.coefficients * np.sign(f) * slides
-        M[friction.pads, friction.pads] = friction.arms * way  # dm / dlambda
-        for j, (c, gives) in enumerate(zip(friction.cylinders, friction.gives, strict=True)):
-            if gives > 0.0:
-                of_joint = slice(friction.first[j], friction.first[j + 1])
-                pads, grip = friction.pads[of_joint], friction.stiffness[of_joint] * ~slides[of_joint]
-                softened = gives / (1.0 + gives * grip.sum())
-                F[c, c] += softened - gives
-                F[c, pads] += softened * way[of_joint] * np.sign(multipliers[pads])
-                M[pads, c] = -friction.arms[of_joint] * np.sign(multipliers[pads]) * grip * softened
-        F -= rows.answers @ M
+        if law is not None:
+            f = state.grip.forces
+            slides = np.abs(f) >= law.coefficients * np.abs(multipliers[law.pads])
+            way = law.coefficients * np.sign(f) * slides
+            M[law.pads, law.pads] = law.arms * way  # dm / dlambda
+            for j, (c, gives) in enumerate(zip(law.cylinders, law.gives, strict=True)):
+                if gives > 0.0:
+                    of_joint = slice(law.first[j], law.first[j + 1])
+                    pads, grip = law.pads[of_joint], law.stiffness[of_joint] * ~slides[of_joint]
+                    softened = gives / (1.0 + gives * grip.sum())
+                    F[c, c] += softened - gives
+                    F[c, pads] += softened * way[of_joint] * np.sign(multipliers[pads])
+                    M[pads, c] = -law.arms[of_joint] * np.sign(multipliers[pads]) * grip * softened
+            F -= rows.answers @ M
         closed = np.flatnonzero(self.gives)[self._contacts.closed]
         answers = np.linalg.solve(F[np.ix_(closed, closed)], C[closed])
         return np.asarray((C - M.T @ rows.slopes)[closed].T @ answers)
 
     def _multipliers(self, rows: Rows, q: Array, f: Array, gap: Array | float) -> Array:
-        multipliers, gives = np.zeros(len(self._contacts.gives)), self._contacts.gives
-        gaps = np.broadcast_to(gap, multipliers.shape)[gives]
-        multipliers[gives] = self._contacts.pressed(rows.giving, rows.giving.C @ q + rows.giving.H @ f - gaps)
+        multipliers = np.zeros(len(self.gives))
+        gaps = np.broadcast_to(gap, multipliers.shape)[self.gives]
+        multipliers[self.gives] = self._contacts.pressed(rows.giving, rows.giving.C @ q + rows.giving.H @ f - gaps)
         return multipliers

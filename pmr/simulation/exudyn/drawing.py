@@ -50,17 +50,17 @@ class Watched:
 
     def forces(self, t: float, configuration: Any) -> Array:
         """Lambda (m,) N, with their friction; of rigid contacts the current ones, for there are no others."""
-        multipliers, _, grip = self._contact_state(t, self._coordinates(configuration))
-        return multipliers if grip is None else multipliers + self._items.rubbing.known.along(grip)
+        multipliers, _, grip = self._contact_state(t, self._items.coordinates(self._mbs, configuration))
+        return multipliers if grip is None else multipliers + self._items.rubbing.law.along(grip)
 
     def outputs(self, t: float, configuration: Any) -> Array:
         """Y = O q + W f - X lambda (o,), and what moments of friction move."""
-        equations, q = self._items.equations, self._coordinates(configuration)
+        equations, q = self._items.equations, self._items.coordinates(self._mbs, configuration)
         multipliers, rows, grip = self._contact_state(t, q)
         y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - rows.X @ multipliers
         if grip is not None:
             turned = equations.assembly.turned(self._items.inputs.at(t)[0])
-            y = y + turned @ self._items.rubbing.known.moments(grip, multipliers)
+            y = y + turned @ self._items.rubbing.law.moments(grip, multipliers)
         return np.asarray(y)
 
     def _loads(self, t: float) -> Array:
@@ -75,15 +75,11 @@ class Watched:
         if self._held:
             multipliers[self._held] = self._mbs.GetObjectOutput(self._items.oContacts, exu.OutputVariableType.Force)
         if rubbing is not None:
-            at = rubbing.found(rubbing.rows(x), q, f)
+            at = rubbing.state(rubbing.rows(x), q, f)
             multipliers[self._rest], grip = at.multipliers[self._rest], at.grip.forces
         elif self._rest.any():
             multipliers[self._rest] = self._contacts.forces(self._contacts.rows(x), q[None], f[None])[0]
         return multipliers, equations.rows(x).at(0), grip
-
-    def _coordinates(self, configuration: Any) -> Array:
-        kind, nodes = exu.OutputVariableType.Coordinates, self._items.nBodies.values()
-        return np.concatenate([self._mbs.GetNodeOutput(node, kind, configuration) for node in nodes])
 
 
 def add_sensors(mbs: Any, items: SystemItems) -> SystemSensors:
@@ -130,7 +126,7 @@ def add_drawing(mbs: Any, items: SystemItems, scene: Scene, scale: float = 1.0) 
     """
     drawn = Drawn(mbs, items, scene, scale)
     looks = VObjectGround(graphicsDataUserFunction=lambda mbs, item: drawn.graphics())
-    name = f"{mbs.GetMarker(items.mSystem)['name']}Drawing"
+    name = items.called(mbs, "Drawing")
     return mbs.AddObject(ObjectGround(name=name, visualization=looks))
 
 

@@ -62,6 +62,14 @@ class Equations:
         self._places, self._rows = b"", ContactRows(*(np.empty(0),) * 4)  # asked for last
         self._travelling = [k for k, side in enumerate(system.sides) if side.place.path is not None]
 
+    def matrix(self, A: Any) -> Any:
+        """Exudyn's matrix container of A (n, n): sparse triplets where the bodies are sparse."""
+        if not self.sparse:
+            return exu.MatrixContainer(np.asarray(A.toarray() if sp.issparse(A) else A, dtype=float))
+        container = exu.MatrixContainer()
+        container.SetWithSparseMatrix(sp.csr_matrix(A))
+        return container
+
     def visited(self, excitation: Excitation) -> Array:
         """X (T, sides) at the steps of an excitation; an InputError is raised where a path leaves a row."""
         if self.alone is not None:

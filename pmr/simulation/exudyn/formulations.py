@@ -19,11 +19,10 @@ import scipy.sparse as sp
 from exudyn.itemInterface import MarkerNodeCoordinates, ObjectGenericODE2
 from numpy.typing import NDArray
 
-from pmr.simulation.exudyn.contacts import Contacts, Rows, Rubbing
+from pmr.simulation.exudyn.contacts import Contacts, Pads, Rows
 from pmr.simulation.exudyn.equations import Equations, Inputs
-from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, matrix, with_contacts
+from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, with_contacts
 from pmr.simulation.start import InitialState
-from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
 
 Array = NDArray[np.float64]
@@ -58,17 +57,15 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
 
     steps, parameters = Steps(held=bool(len(rigid))), {"forceVector": force(0.0)}
     finish: Callable[[Any, SystemItems, float], None] = do_nothing
-    rubbing = None if friction is None else Rubbing(equations, contacts, friction)
-    if rubbing is not None:
-        friction_parameters, finish = _friction_parameters(rubbing, equations, inputs, steps, start)
-        parameters |= friction_parameters
-    elif contacts.push:
-        parameters |= _pushing_parameters(contacts, equations, inputs, steps)
+    if friction is not None or contacts.push:
+        pads = Pads(equations, contacts, friction)
+        contact_parameters, finish = _contact_parameters(pads, equations, inputs, steps, start)
+        parameters |= contact_parameters
     else:
         parameters["jacobianUserFunction"] = nothing_beyond_matrices(equations, steps)
     K = system(0.0)[:, :n] if springs else None
     items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **parameters), rigid, scalingMarker1=rows(0.0))
-    items = replace(items, rubbing=rubbing)
+    items = items if friction is None else replace(items, rubbing=pads)
     place_set, loads_set = inputs.number(0.0), inputs.loads(0.0)
 
     def update(mbs: Any, t: float) -> bool:
@@ -89,77 +86,49 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
     return steps.attach_update(mbs, items, update)
 
 
-def _pushing_parameters(contacts: Contacts, equations: Equations, inputs: Inputs, steps: Steps) -> dict[str, Any]:
-    """Forces of contacts that give way, some of which only push, as functions of the coordinates."""
-    n, m = equations.size, int(contacts.gives.sum())
-
-    def side_by_side(x: Array) -> Array:
-        rows = contacts.rows(x)
-        return np.concatenate([rows.C, rows.H, rows.F], axis=2)
-
-    table = inputs.along(side_by_side, m * (n + m + equations.B.shape[1]))
-
-    def contact_forces(t: float, q: Any) -> tuple[ContactRows, Array]:
-        entries = table(t)
-        rows = ContactRows(entries[:, :n], entries[:, -m:], entries[:, n:-m], np.empty((0, m)))
-        return rows, contacts.pressed(rows, rows.C @ np.asarray(q) + rows.H @ np.array(inputs.loads(t)))
-
-    def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
-        rows, forces = contact_forces(t, q)
-        return -rows.C.T @ forces
-
-    def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
-        steps.check(t)
-        rows, _ = contact_forces(t, q)
-        stiffness = factor * contacts.stiffness(rows)
-        return matrix(sp.csr_matrix(stiffness) if equations.sparse else stiffness)
-
-    return {"forceUserFunction": force, "jacobianUserFunction": jacobian}
-
-
-def _friction_parameters(
-    rubbing: Rubbing, equations: Equations, inputs: Inputs, steps: Steps, start: Start
+def _contact_parameters(
+    pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
 ) -> tuple[dict[str, Any], Callable[[Any, SystemItems, float], None]]:
-    """Forces of contacts where pads rub, as functions; and the function that ends a step."""
-    known: tuple[int, Rows] | None = None
+    """Forces of contacts that push or rub, as functions of the coordinates; and the function that ends a step."""
+    stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
     reached, loads = 0.0, np.array(inputs.loads(0.0))
-    nodes = exu.OutputVariableType.Coordinates
 
     def rows(t: float) -> Rows:
-        nonlocal known
+        nonlocal stored_rows
         place = inputs.number(t)
-        if known is None or known[0] != place:
-            known = place, rubbing.rows(inputs.at(t))
-        return known[1]
+        if stored_rows is None or stored_rows[0] != place:
+            stored_rows = place, pads.rows(inputs.at(t))
+        return stored_rows[1]
 
     def begin(q: Array) -> None:
-        rubbing.begin(rows(0.0), q, np.array(inputs.loads(0.0)) + rubbing.inertia(0.0))
+        pads.begin(rows(0.0), q, np.array(inputs.loads(0.0)) + pads.inertia(0.0))
 
     def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
-        at, inertia = rows(t), rubbing.inertia(t)
+        at, inertia = rows(t), pads.inertia(t)
         if t <= 0.0:  # where Exudyn asks for the accelerations at the start
             begin(np.asarray(q))
-        friction = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)) + inertia)
+        state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + inertia)
         # what contacts answer to inertia is in the mass of the base and the coordinates
-        return friction.w - at.giving.C.T @ (friction.multipliers[rubbing.gives] - rubbing.answers(at, inertia))
+        return state.w - at.giving.C.T @ (state.multipliers[pads.gives] - pads.answers(at, inertia))
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
         steps.check(t)
         at = rows(t)
-        friction = rubbing.found(at, np.asarray(q), np.array(inputs.loads(t)) + rubbing.inertia(t))
-        stiffness = factor * rubbing.stiffness(at, friction)
-        return matrix(sp.csr_matrix(stiffness) if equations.sparse else stiffness)
+        state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + pads.inertia(t))
+        return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: Any, items: SystemItems, t: float) -> None:
         nonlocal reached, loads
+        if pads.law is None:
+            return
         if t <= 0.0:  # before a simulation is repeated
             reached = 0.0
             begin(begun)
             return
-        q = np.concatenate([mbs.GetNodeOutput(node, nodes) for node in items.nBodies.values()])
+        q = items.coordinates(mbs)
         if reached > 0.0:
-            rubbing.grip = rubbing.found(rows(reached), q, loads + rubbing.inertia(reached)).grip
+            pads.grip = pads.state(rows(reached), q, loads + pads.inertia(reached)).grip
         else:
             begin(q)
         reached, loads = t, np.array(inputs.loads(t))
@@ -200,7 +169,7 @@ def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: 
     steps = Steps(held=bool(m))
     jacobian, force = nothing_beyond_matrices(equations, steps), equations.B @ np.array(inputs.loads(0.0))
     items = add_bodies(mbs, equations, start, forceVector=force, jacobianUserFunction=jacobian)
-    name = f"{mbs.GetMarker(items.mSystem)['name']}Rows"
+    name = items.called(mbs, "Rows")
     nRows = add_coordinates(mbs, name, InitialState(forces, np.zeros(m)))
     nothing = exu.MatrixContainer(np.zeros((m, m)))
     oRows = mbs.AddObject(
@@ -259,8 +228,7 @@ def _counts(equations: Equations) -> tuple[int, int]:
 
 def nothing_beyond_matrices(equations: Equations, steps: Steps) -> Any:
     """Jacobian of the forces beyond K and D, which Exudyn adds itself; without it, it would difference K q."""
-    empty = sp.csr_matrix(equations.K.shape)
-    no_more = matrix(empty if equations.sparse else empty.toarray())
+    no_more = equations.matrix(sp.csr_matrix(equations.K.shape))
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
         steps.check(t)

@@ -99,7 +99,7 @@ class Extending:
         """Forces (n + S,) and their stiffness (n + S, n + S) at extensions s (S,) m, under loads f (i,) N."""
         n, S, numbers = len(q), len(s), self._numbers
         near = self._along.at(s)
-        now, slopes = self._contacts.giving(near.rows), self._contacts.giving(near.slopes)
+        now, slopes = near.rows.of(self._contacts.gives), near.slopes.of(self._contacts.gives)
         C, F, H = (A[numbers] for A in (slopes.C, slopes.F, slopes.H))
         forces = self._contacts.pressed(now, now.C @ q + now.H @ f)
         gaps, bent = C @ q + H @ f, F @ forces  # (e, m)
@@ -322,7 +322,7 @@ def with_base(mbs: Any, items: SystemItems, base: Base, inputs: Inputs) -> Syste
             key, found = arguments, base.at(t, x, rate, np.array(inputs.loads(t)))
         return found
 
-    name = f"{mbs.GetMarker(items.mSystem)['name']}Base"
+    name = items.called(mbs, "Base")
     oBase = mbs.AddObject(
         ObjectGenericODE2(
             name=name,
@@ -355,7 +355,7 @@ def _with_rows(mbs: Any, items: SystemItems, base: Base, extending: Extending) -
         derivative = extending.moved(*split(t, z))
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
 
-    name = f"{mbs.GetMarker(items.mSystem)['name']}Extended"
+    name = items.called(mbs, "Extended")
     marker = mbs.AddMarker(MarkerObjectODE2Coordinates(name=name, objectNumber=items.oBase))
     connected = with_contacts(
         mbs,

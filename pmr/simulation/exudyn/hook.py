@@ -86,7 +86,7 @@ def add_hook(mbs: Any, items: SystemItems, loads: tuple[str, str, str], mass: fl
     rates = np.concatenate([node[next(key for key in RATES if key in node)] for node in node_data])
     joint = _Joint(base, items, loads, start)
     place, velocity = joint.start(start, rates)
-    name = f"{mbs.GetMarker(items.mSystem)['name']} {loads[2]}"
+    name = items.called(mbs, f" {loads[2]}")
     node = mbs.AddNode(NodePoint(name=name, referenceCoordinates=place, initialVelocities=velocity))
     nForce = add_coordinates(mbs, f"{name} force", InitialState.at_rest(3))
     oGiven = mbs.AddObject(

@@ -43,6 +43,7 @@ from pmr.errors import InputError
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.start import InitialState
 
+Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 PreStep = Callable[[Any, float], bool]
 
@@ -73,7 +74,31 @@ class SystemItems:
     equations: Any = None  # what `add_sensors` needs
     inputs: Any = None
     base: Any = None  # what `add_hook` needs
-    rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Rubbing`; None where no pad rubs
+    rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Pads`; None where no pad rubs
+
+    def called(self, mbs: Any, part: str) -> str:
+        """Name in the mbs of a part of the system."""
+        return f"{mbs.GetMarker(self.mSystem)['name']}{part}"
+
+    def coordinates(self, mbs: Any, configuration: Any = exu.ConfigurationType.Current) -> Array:
+        """Coordinates (n,) of all bodies."""
+        kind, nodes = exu.OutputVariableType.Coordinates, self.nBodies.values()
+        return np.concatenate([mbs.GetNodeOutput(node, kind, configuration) for node in nodes])
+
+    def add_object(self, mbs: Any, part: str, equations: Equations, **parameters: Any) -> Any:
+        """Add an ObjectGenericODE2 on the nodes of all bodies, without mass and Jacobian unless they are given."""
+        empty = equations.matrix(sp.csr_matrix((equations.size,) * 2))
+        nothing = {"massMatrix": empty, "jacobianUserFunction": lambda *arguments: empty}
+        nodes = list(self.nBodies.values())
+        return mbs.AddObject(
+            ObjectGenericODE2(name=self.called(mbs, part), nodeNumbers=nodes, **(nothing | parameters))
+        )
+
+    def updated_by(self, mbs: Any, function: PreStep) -> SystemItems:
+        """The items with ``function(mbs, t)`` called before each step, after all that is called already."""
+        before = self.update
+        add_pre_step_function(mbs, function)
+        return replace(self, update=lambda mbs, t: before(mbs, t) and function(mbs, t))
 
     @property
     def nBody(self) -> Any:  # noqa: N802
@@ -124,8 +149,8 @@ def add_bodies(
     called = {body: f"{name} {body}".strip() for body in equations.system.bodies}
     nodes = {body: add_coordinates(mbs, called[body], start[body]) for body in called}
     of_bodies = {"massMatrix": equations.M, "stiffnessMatrix": equations.K if K is None else K}
-    of_bodies |= {"dampingMatrix": equations.D} if _has_entries(equations.D) else {}
-    matrices = {key: matrix(A) for key, A in of_bodies.items()}
+    of_bodies |= {"dampingMatrix": equations.D} if equations.assembly.D.count_nonzero() else {}
+    matrices = {key: equations.matrix(A) for key, A in of_bodies.items()}
     oSystem = mbs.AddObject(ObjectGenericODE2(name=name, nodeNumbers=list(nodes.values()), **matrices, **parameters))
     ground = mbs.AddNode(NodePointGround(name=f"{name}Ground"))
     return SystemItems(
@@ -160,7 +185,7 @@ def with_contacts(
     """Add a connector for `contacts` between the marker `mOther` (the ground) and all bodies."""
     if not len(contacts):
         return items
-    name = f"{mbs.GetMarker(items.mSystem)['name']}Contacts"
+    name = items.called(mbs, "Contacts")
     markers = [items.mGround if mOther is None else mOther, items.mSystem]
     connector = ObjectConnectorCoordinateVector(name=name, markerNumbers=markers, **parameters)
     return replace(items, oContacts=mbs.AddObject(connector), contacts=tuple(contacts.tolist()))
@@ -207,61 +232,31 @@ class Steps:
         return self._update(mbs, t)
 
 
-def matrix(A: Any) -> Any:
-    """Exudyn's matrix container, sparse triplets for a sparse matrix."""
-    if not sp.issparse(A):
-        return exu.MatrixContainer(np.asarray(A, dtype=float))
-    container = exu.MatrixContainer()
-    container.SetWithSparseMatrix(sp.csr_matrix(A))
-    return container
-
-
-def _has_entries(A: Any) -> bool:
-    return bool(A.nnz if sp.issparse(A) else np.any(A))
-
-
 def with_terms(mbs: Any, items: SystemItems, equations: Equations, inputs: Inputs) -> SystemItems:
     """Add the object of the system's terms, if it has any."""
     if not equations.system.terms:
         return items
-    assembly, sparse, known = equations.assembly, equations.sparse, inputs.amplitudes(0.0)
+    assembly, amplitudes_set = equations.assembly, inputs.amplitudes(0.0)
 
     def matrices(c: tuple[float, ...]) -> dict[str, Any]:
         entries = {
             "stiffnessMatrix": assembly.stiffness(c) - assembly.K,
             "dampingMatrix": assembly.damping(c) - assembly.D,
         }
-        return {key: matrix(A if sparse else A.toarray()) for key, A in entries.items()}
+        return {key: equations.matrix(A) for key, A in entries.items()}
 
-    empty = matrix(0.0 * assembly.M if sparse else 0.0 * assembly.M.toarray())
-    name = f"{mbs.GetMarker(items.mSystem)['name']}Terms"
-    oTerms = mbs.AddObject(
-        ObjectGenericODE2(
-            name=name,
-            nodeNumbers=list(items.nBodies.values()),
-            massMatrix=empty,
-            **matrices(known),
-            jacobianUserFunction=lambda *arguments: empty,  # nothing beyond the matrices
-        )
-    )
+    oTerms = items.add_object(mbs, "Terms", equations, **matrices(amplitudes_set))
 
     def vary(mbs: Any, t: float) -> bool:
-        nonlocal known
+        nonlocal amplitudes_set
         amplitudes = inputs.amplitudes(t)
-        if amplitudes != known:
-            known = amplitudes
+        if amplitudes != amplitudes_set:
+            amplitudes_set = amplitudes
             for key, value in matrices(amplitudes).items():
                 mbs.SetObjectParameter(oTerms, key, value)
         return True
 
-    def update(mbs: Any, t: float) -> bool:
-        return items.update(mbs, t) and vary(mbs, t)
-
-    add_pre_step_function(mbs, vary)
-    return replace(items, oTerms=oTerms, update=update)
-
-
-Array = NDArray[np.float64]
+    return replace(items.updated_by(mbs, vary), oTerms=oTerms)
 
 
 def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> SystemItems:
@@ -271,22 +266,19 @@ def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> Sys
         return items
 
     def diagonal(values: Any) -> Any:
-        diagonal = np.zeros(equations.size)
-        diagonal[still] = values
-        return matrix(sp.diags(diagonal, format="csr") if equations.sparse else np.diag(diagonal))
+        entries = np.zeros(equations.size)
+        entries[still] = values
+        return equations.matrix(sp.diags(entries, format="csr"))
 
     empty, inertia = diagonal(0.0), diagonal(1.0)
-    name = f"{mbs.GetMarker(items.mSystem)['name']}QuasiStatic"
-    oStill = mbs.AddObject(
-        ObjectGenericODE2(
-            name=name,
-            nodeNumbers=list(items.nBodies.values()),
-            massMatrix=inertia,
-            massMatrixUserFunction=lambda *arguments: empty if begun else inertia,  # Exudyn reuses what is a constant
-            stiffnessMatrix=empty,
-            forceVector=np.zeros(equations.size),
-            jacobianUserFunction=lambda *arguments: empty,  # nothing beyond the matrices
-        )
+    oStill = items.add_object(
+        mbs,
+        "QuasiStatic",
+        equations,
+        massMatrix=inertia,
+        massMatrixUserFunction=lambda *arguments: empty if begun else inertia,  # Exudyn reuses what is a constant
+        stiffnessMatrix=empty,
+        forceVector=np.zeros(equations.size),
     )
 
     def follow(mbs: Any, t: float) -> bool:
@@ -294,19 +286,14 @@ def with_quasi_static(mbs: Any, items: SystemItems, equations: Equations) -> Sys
         if t <= 0.0:  # before a simulation is repeated
             reached, begun = 0.0, False
             return True
-        kind, force, step = exu.OutputVariableType.Coordinates, np.zeros(equations.size), t - reached
-        q = np.concatenate([mbs.GetNodeOutput(node, kind) for node in items.nBodies.values()])
-        force[still] = equations.quasi_static_damping * q[still] / step
+        force, step = np.zeros(equations.size), t - reached
+        force[still] = equations.quasi_static_damping * items.coordinates(mbs)[still] / step
         mbs.SetObjectParameter(oStill, "stiffnessMatrix", diagonal(equations.quasi_static_damping / step))
         mbs.SetObjectParameter(oStill, "forceVector", force)
         reached, begun = t, True
         return True
 
-    def update(mbs: Any, t: float) -> bool:
-        return items.update(mbs, t) and follow(mbs, t)
-
-    add_pre_step_function(mbs, follow)
-    return replace(items, update=update)
+    return items.updated_by(mbs, follow)
 
 
 def rates(equations: Equations, t: Array, q: Array, v: Array) -> Array:

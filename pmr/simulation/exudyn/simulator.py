@@ -22,13 +22,11 @@ from pmr.scene.choice import refuse
 from pmr.simulation import balance
 from pmr.simulation.contact_step import Lengths, as_made, contact_frequency
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, Rubbing, balance_energy
-from pmr.simulation.exudyn.drawing import SystemSensors, add_drawing, add_sensors
+from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, Pads, balance_energy
 from pmr.simulation.exudyn.equations import Driving, Equations, NodeCoordinate, SignalInputs, TabulatedInputs
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
 from pmr.simulation.exudyn.free_base import Base, OnBody, add_extended, driven_by_base, terms_on_base, with_base
-from pmr.simulation.exudyn.hook import Hook, add_hook
-from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function, rates, with_quasi_static, with_terms
+from pmr.simulation.exudyn.items import SystemItems, rates, with_quasi_static, with_terms
 from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, read_sensor, solve, solver_settings
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import LARGEST
@@ -39,22 +37,6 @@ from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.contacts import ALONE, SLIDER, Friction
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
-
-__all__ = [
-    "Formulation",
-    "Hook",
-    "NodeCoordinate",
-    "OnBody",
-    "SystemItems",
-    "SystemSensors",
-    "add_drawing",
-    "add_hook",
-    "add_pre_step_function",
-    "add_sensors",
-    "add_sliding_body",
-    "add_system",
-    "simulate_system",
-]
 
 
 def add_system(
@@ -217,7 +199,7 @@ class Run:
         seconds = solve(self._mbs, chosen, self._describe, progress, times)
         motion, contacts = self._motion(), Contacts(self._equations, self._inputs)
         if self._friction is not None:
-            motion = Rubbing(self._equations, contacts, self._friction).add_friction(motion)
+            motion = Pads(self._equations, contacts, self._friction).add_friction(motion)
         balanced = balance_energy(self._equations, contacts, motion)
         return self._trajectory(motion, balanced, seconds)
 
