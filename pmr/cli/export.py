@@ -198,7 +198,7 @@ def simulate(
     """
     from pmr import scene as scenes
     from pmr.compare.saved_model import simulate_saved
-    from pmr.report import sentences
+    from pmr.report import errors
     from pmr.results import RESULT_FILES
     from pmr.results.tables import reactions
     from pmr.results.tables import write as write_tables
@@ -226,7 +226,7 @@ def simulate(
         table.add_row(visible(f"reaction of {support}"), f"{least:.4g} to {most:.4g} {unit}")
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
-    for sentence in filter(None, (sentences.estimate(result), sentences.step(result))):
+    for sentence in filter(None, (errors.estimate(result), errors.step(result))):
         tell(out, sentence)
     for warning in summary["warnings"]:
         tell(out, f"warning: {warning}")

@@ -228,14 +228,14 @@ def _to(tolerance: str, file: Path) -> list[str]:
 
 def _print(outcome: Outcome) -> None:
     """Print capacity, errors beside published ones, coordinates and solver seconds of a run."""
-    from pmr.report import errors, first_page, model_error, sentences
+    from pmr.report import errors, first_page
 
     result, summary = outcome.result, outcome.result.summary
     sentences_of_run = [
-        sentences.estimate(result),
-        sentences.step(result),
-        sentences.mesh(result),
-        model_error.model(result),
+        errors.estimate(result),
+        errors.step(result),
+        errors.mesh(result),
+        errors.model(result),
     ]
     out.print(visible(result.scene.title), style="bold")
     carried = Table.grid(padding=(0, 2))

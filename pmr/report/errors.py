@@ -1,36 +1,57 @@
-"""The error table of a run: errors beside published ones, then largest displacements, differences and stresses."""
+"""How far off the figures of a run are: error table, and errors of model, mesh, step and reduction as bars and in words."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
+from math import ceil, log10
 from typing import Any
 
-from pmr.report.blocks import SAME, WITHIN, ErrorTable, Row, deviating_rows, mark_for, signed_deviation
-from pmr.report.numbers import SPACE, TINY, length, percent, quantity, significant
-from pmr.report.subject import forces_called, places_called
+from pmr.report.blocks import (
+    SAME,
+    WITHIN,
+    ErrorTable,
+    KeyNumber,
+    Row,
+    Table,
+    deviating_rows,
+    mark_for,
+    signed_deviation,
+)
+from pmr.report.numbers import SPACE, TINY, length, percent, plain, quantity, significant, times_the_true_error
+from pmr.report.subject import chosen_by, forces_called, is_alone, scope, spoken
 from pmr.results import RunResult
+from pmr.results.quantities import QUANTITIES, label_of_error
+from pmr.results.reduction_error import reduction_error
 from pmr.results.tables import REACTION_OF
+from pmr.scene.choice import model_of
+from pmr.scene.members import members
 
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
+#: Order of pairs of models and of kinds of errors in the table.
 ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
 PLACES = ("tip", "beam", "pad_force", "cylinder_force", "support_force")
+#: Order of the kinds of errors that parts of the budget state.
+KINDS = (*PLACES, "reaction", "frequency")
+#: Names of the models with which others are compared.
+MODELS = {"beam3d": "a beam in space", "shell": "a shell", "coarse shell": "a coarse shell"}
+#: Bars begin at this error.
+LEAST = 1e-5
+#: What is not known of stresses of beams, whatever else is.
+WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
 
 def error_table(result: RunResult) -> ErrorTable:
     """The error table of a run, with notes on it."""
     error_rows, published = rows(result), result.scene.published
-    if not is_compared(result):
-        return ErrorTable("Over all times and places.", error_rows, reasons(result, error_rows))
-    places = [place for pair in result.summary.get("errors", {}).values() for place in pair]
-    forces = f" and {forces_called(result)}" if "pad_force" in places else ""
-    source = f"; published: {published.source}" if published and any(row.published for row in error_rows) else ""
-    return ErrorTable(
-        f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}.",
-        error_rows,
-        reasons(result, error_rows),
-    )
+    caption = "Over all times and places."
+    if is_compared(result):
+        places = [place for pair in result.summary.get("errors", {}).values() for place in pair]
+        forces = f" and {forces_called(result)}" if "pad_force" in places else ""
+        source = f"; published: {published.source}" if published and any(row.published for row in error_rows) else ""
+        caption = f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}."
+    return ErrorTable(caption, error_rows, reasons(result, error_rows))
 
 
 def is_compared(result: RunResult) -> bool:
@@ -40,7 +61,7 @@ def is_compared(result: RunResult) -> bool:
 
 def rows(result: RunResult) -> list[Row]:
     """Lines of the error table: normalised errors and their estimates, then the largest displacement and stress."""
-    errors = (*_errors(result), *_missing_rows(result), *_of_sections(result), *_estimate_rows(result))
+    errors = (*_error_rows(result), *_missing_rows(result), *_section_rows(result), *_estimate_rows(result))
     return [*errors, *_lengths(result), *_stresses(result)]
 
 
@@ -58,45 +79,66 @@ def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
     return [*explanations, *notes]
 
 
-def _errors(result: RunResult) -> Iterator[Row]:
+def error_name(result: RunResult, kind: str) -> str:
+    """Name of what an error is of, as the summary of the run calls the error."""
+    names = {"tip": "tip", "beam": "beam" if is_alone(result) else "all sections", "pad_force": forces_called(result)}
+    return names.get(kind) or label_of_error(kind)
+
+
+def listed(result: RunResult, errors: Mapping[str, Any], kinds: Sequence[str] = KINDS) -> str:
+    """Errors in words, such as ``1 % at the tip, 2 % along the beam and 3 % in the pad forces``.
+
+    Errors that are round-off are left out, but those of displacements.
+    """
+    places = {"tip": "at the tip", "beam": scope(result), "pad_force": f"in the {forces_called(result)}"}
+    stated = {kind: errors[kind] for kind in kinds if errors.get(kind) is not None}
+    texts = [
+        f"{percent(error)} {places.get(kind) or f'in the {QUANTITIES[kind].label}'}"
+        for kind, error in stated.items()
+        if error >= TINY or kind in ("tip", "beam")
+    ]
+    return " and ".join(filter(None, (", ".join(texts[:-1]), *texts[-1:])))
+
+
+def _error_rows(result: RunResult) -> Iterator[Row]:
+    """Rows of the errors between two models, beside published ones, with the norms of the differences."""
     published = result.scene.published
     printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}
-    names, decimals = places_called(result), _decimals(printed)
-    responses = result.responses.values()
+    decimals = _decimals(printed)
     units = {
-        n: unit for response in responses for n, unit in zip(response.other_names, response.other_units, strict=True)
+        name: unit
+        for response in result.responses.values()
+        for name, unit in zip(response.other_names, response.other_units, strict=True)
     }
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
-    for pair in (*(p for p in ORDER if p in errors), *(p for p in errors if p not in ORDER)):
+    for pair in dict.fromkeys((*(name for name in ORDER if name in errors), *errors)):
         first, _, second = pair.partition("_vs_")
         comparison = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}"
-        for place in (*(p for p in PLACES if p in errors[pair]), *(p for p in errors[pair] if p not in PLACES)):
-            error, called = float(errors[pair][place]), names.get(place, place)
-            other = printed.get(pair, {}).get(place)
-            row = Row(comparison, called, _percent(error))
+        for kind in dict.fromkeys((*(name for name in PLACES if name in errors[pair]), *errors[pair])):
+            error, name = float(errors[pair][kind]), error_name(result, kind)
+            other = printed.get(pair, {}).get(kind)
+            row = Row(comparison, name, _percent(error))
             if other is not None:
-                row = _comparison_row(comparison, called, error, other, decimals)
-            absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
-            if place.startswith(REACTION_OF) and error == absolute == 0.0:
+                row = _comparison_row(comparison, name, error, other, decimals)
+            absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(kind)
+            if kind.startswith(REACTION_OF) and error == absolute == 0.0:
                 continue  # nothing acts along this support
-            norm = (
-                None
-                if absolute is None or 0.0 < error < TINY
-                else _norm(units.get(place, "N" if "_force" in place else "m"), absolute)
-            )
-            yield replace(row, absolute=norm)
+            if absolute is not None and not 0.0 < error < TINY:
+                unit = units.get(kind, "N" if "_force" in kind else "m")
+                row = replace(row, absolute=_norm(unit, absolute))
+            yield row
 
 
 def _missing_rows(result: RunResult) -> Iterator[Row]:
-    """References that were asked for and can't be trusted, errors that are theirs; why, the run's warnings say."""
-    for name in result.summary.get("not_judged", {}):
-        yield Row("reduced against full", places_called(result).get(name, name), "not judged")
+    """References that were to be compared with and can't be trusted; why, the run's warnings say."""
+    for kind in result.summary.get("not_judged", {}):
+        yield Row("reduced against full", error_name(result, kind), "not judged")
     for name in result.summary.get("no_reference", {}):
         yield Row(f"reduced against {NAMES.get(name, name)}", "", "no reference")
 
 
-def _of_sections(result: RunResult) -> Iterator[Row]:
-    """Along each section of a boom."""
+def _section_rows(result: RunResult) -> Iterator[Row]:
+    """Errors along each section of a boom."""
     for section in result.summary.get("sections", ()):
         if "errors" in section:
             yield Row("reduced against full", section["name"], _percent(section["errors"]["reduced_vs_full"]["beam"]))
@@ -104,13 +146,13 @@ def _of_sections(result: RunResult) -> Iterator[Row]:
 
 def _estimate_rows(result: RunResult) -> Iterator[Row]:
     """Estimated errors, and the allowed one."""
-    estimates, names = result.summary.get("estimate", {}), places_called(result)
-    for place in PLACES:
-        if estimates.get(place) is not None:
-            yield Row("estimated without the full model", names.get(place, place), _percent(estimates[place]))
+    estimates = result.summary.get("estimate", {})
+    for kind in PLACES:
+        if estimates.get(kind) is not None:
+            yield Row("estimated without the full model", error_name(result, kind), _percent(estimates[kind]))
     accuracy = result.summary.get("accuracy", {})
     if accuracy.get("tolerance") is not None:
-        places = ", ".join(names.get(place, place) for place in accuracy["outputs"])
+        places = ", ".join(error_name(result, kind) for kind in accuracy["outputs"])
         yield Row("allowed", places, percent(accuracy["tolerance"]))
 
 
@@ -154,16 +196,13 @@ def _lengths(result: RunResult) -> Iterator[Row]:
         ("max_displacement", "largest transverse displacement", False),
         ("max_error", "largest difference, reduced to full", True),
     ):
-        value = result.summary.get(name)
-        if value is None:
+        if (value := result.summary.get(name)) is None:
             continue
-        other = getattr(published, name, None)
-        if other is None:
-            yield Row(comparison, "", length(value, 4))
-            continue
-        deviation = signed_deviation(value, other)
-        mark = mark_for(value, other, is_error)
-        yield Row(comparison, "", length(value, 4), length(other, _digits(other)), deviation, mark)
+        row, other = Row(comparison, "", length(value, 4)), getattr(published, name, None)
+        if other is not None:
+            printed, mark = length(other, _digits(other)), mark_for(value, other, is_error)
+            row = replace(row, published=printed, deviation=signed_deviation(value, other), mark=mark)
+        yield row
 
 
 def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
@@ -176,3 +215,137 @@ def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
 
 def _digits(value: float) -> int:
     return len(Decimal(repr(value)).normalize().as_tuple().digits)
+
+
+def trust_table(result: RunResult) -> Table:
+    """A row for model, mesh, time step and reduction, with a bar where the error is known, and what they lack.
+
+    All bars are on one scale of powers of ten.
+    """
+    summary = result.summary
+    budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
+    model, mesh = budget.get("model") or {}, budget.get("mesh")
+    source, reduction = reduction_error(summary)
+    parts = {
+        "model": _by_label(model),
+        "mesh": _by_label(mesh if isinstance(mesh, dict) else {"beam": mesh}),
+        "time step": _by_label(step),
+        "reduction": _by_label(reduction),
+    }
+    texts = {name: _without_round_off(errors) for name, errors in parts.items()}
+    texts["model"] = f"beside {MODELS[model['beside']]}: {texts['model']}" if model.get("beside") else _unknown(model)
+    texts["mesh"] = texts["mesh"] or budget.get("mesh_reason") or "not known: a run with [accuracy] measures it"
+    why = f": {step['reason']}" if step.get("reason") else ""
+    texts["time step"] = texts["time step"] or f"not known{why}"
+    nothing = "not known: nothing was compared with a full model"
+    texts["reduction"] = f"{source}: {texts['reduction']}" if reduction else nothing
+    stressed = "reduced" in summary.get("max_von_mises", {})
+    walls = [WALLS] if stressed and any(model_of(of).startswith("beam") for of in members(result.scene)) else []
+    times = []
+    if stressed and (recovery := result.scene.recovery) is not None:
+        times = [f"stresses of the body between times {plain(recovery.every)}{SPACE}s apart (recovery.every)"]
+    missing = {
+        "not in the model's bar": model.get("not_covered") or walls,
+        "not in the mesh's bar": budget.get("mesh_not_covered") or (),
+        "not in the time step's bar": step.get("not_covered") or (),
+        "not in the reduction's bar": estimate.get("not_covered") or (),
+        "not looked at": times,
+    }
+    largest = {name: most for name, errors in parts.items() if (most := max(errors.values(), default=0.0))}
+    decades = max(ceil(log10(max(largest.values(), default=1.0) / LEAST) - 1e-9), 5)
+    bars = {name: min(max(log10(error / LEAST) / decades, 0.01), 1.0) for name, error in largest.items()}
+    top = f"{plain(round(100.0 * LEAST * 10**decades, 6))}{SPACE}%"
+    note = f"How far off figures are, from small on the left to large: {plain(100.0 * LEAST)}{SPACE}% to {top}, ten "
+    note += f"times as much from mark to mark. Displacements are those {scope(result)}; stresses may be further off."
+    gaps = ((name, "; ".join(dict.fromkeys(clauses))) for name, clauses in missing.items() if clauses)
+    return Table("How far to trust it", (*texts.items(), *gaps), bars, decades, note if bars else "")
+
+
+def _unknown(model: Mapping[str, Any]) -> str:
+    """Why the model's own error is not known."""
+    reason = model.get("reason") or "compare.richer measures it"
+    return str(reason) if reason.startswith("not ") else f"not known: {reason}"
+
+
+def _by_label(part: Mapping[str, Any]) -> dict[str, float]:
+    """Errors that a part of the budget states, by the names of quantities, the largest first."""
+    kinds = ("beam", "largest", *KINDS[2:])
+    errors = {QUANTITIES[kind].label: float(part[kind]) for kind in kinds if part.get(kind) is not None}
+    return dict(sorted(errors.items(), key=lambda item: -item[1]))
+
+
+def _without_round_off(errors: Mapping[str, float]) -> str:
+    """List errors that are worth a bar in words; empty where none is known."""
+    parts = [f"{name} {percent(error)}" for name, error in errors.items() if error >= LEAST]
+    return ", ".join(parts) or (f"less than {percent(LEAST, 1)}" if errors else "")
+
+
+def estimate(result: RunResult) -> str:
+    """The error estimate in a sentence, beside the true error where that is known; else empty."""
+    estimates = result.summary.get("estimate")
+    true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
+    if estimates is None or (estimates["beam"] is None and true is not None):
+        return ""
+    if estimates["beam"] is None:
+        return f"The error can't be estimated without the full model: {estimates['reason']}."
+    sentence = f"The estimate, which needs no full model, is {listed(result, estimates, PLACES[:4])}"
+    if estimates.get("probe") is not None:
+        sentence = f"{sentence}, and at most {percent(estimates['probe'])} of what a probe measures"
+    by_model = estimates.get("by") == "other model"
+    remark = "it is made by a model of free modes" if by_model else "it includes a margin of a quarter"
+    if ratio := times_the_true_error(estimates["beam"], true):
+        remark = f"{scope(result)} it is {ratio}"
+    return f"{sentence}; {remark}.{_not_covered(estimates.get('not_covered'))}"
+
+
+def step(result: RunResult) -> str:
+    """The error of the time step in a sentence; empty where there is no figure."""
+    step_error = result.summary.get("step", {})
+    if step_error.get("beam") is None:
+        return ""
+    size = "is" if step_error["settled"] else "is at least"
+    of = ", of the mean motion," if step_error["by"] == "mean" else ""
+    not_covered = _not_covered(step_error.get("not_covered"))
+    return f"The error of the time step itself{of} {size} {listed(result, step_error)}.{not_covered}"
+
+
+def mesh(result: RunResult) -> str:
+    """Sentence about the mesh's error, and what of the run has no figure for it; empty without figures."""
+    budget = result.summary.get("budget", {})
+    if not isinstance(mesh_part := budget.get("mesh"), Mapping) or mesh_part.get("beam") is None:
+        return ""
+    return f"The mesh is off by {listed(result, mesh_part)}.{_not_covered(budget.get('mesh_not_covered'))}"
+
+
+def _not_covered(clauses: Sequence[str] | None) -> str:
+    return f" It does not cover {'; nor '.join(clauses)}." if clauses else ""
+
+
+def model(result: RunResult) -> str:
+    """The model's own error in two or three sentences; that it is not known in one, with the key that tells it."""
+    part, chosen = result.summary.get("budget", {}).get("model"), result.summary.get("chosen_model")
+    why = ""
+    if chosen is not None and not is_alone(result):
+        why = f"Sections are {spoken(chosen['name'], chosen['walls'])}, {chosen_by(chosen)}. "
+    unknown = f"{why}How far the structural model itself is off is"
+    if part is None:
+        richest = "" if chosen is None else " for a shell, the richest one there is"
+        return f"{unknown} not known{richest or ': compare.richer measures it'}."
+    if part["beside"] is None:
+        return f"{unknown} {_unknown(part)}."
+    off = listed(result, part, ("beam", "tip", *KINDS[2:-1]))
+    motion = f"the model is off by {off} over the run; " if off else ""
+    vibrates = f"its two lowest frequencies are off by up to {percent(part['frequency'] or 0.0)} along the path"
+    most = f" and its largest displacement by {percent(part['largest'])}" if part.get("largest") is not None else ""
+    comparison = f"Beside {MODELS[part['beside']]} of the same bodies, pads and loads"
+    return f"{why}{comparison} {motion}{vibrates}{most}. Not compared: {'; '.join(part['not_covered'])}."
+
+
+def model_number(result: RunResult) -> Iterator[KeyNumber]:
+    """The model's part of the budget, for the first page; nothing where it is not known."""
+    part = result.summary.get("budget", {}).get("model")
+    if part is None or part["beside"] is None or part.get("beam") is None:
+        return
+    frequencies = percent(part["frequency"] or 0.0)
+    more = f"{scope(result)}; lowest frequencies {frequencies}; beside {MODELS[part['beside']]}"
+    yield KeyNumber(percent(part["beam"]), "the model's own error", more)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pmr.report import machine, sentences, trust
+from pmr.report import errors, machine, sentences
 from pmr.report.blocks import Table
 from pmr.report.columns import is_round_off, tips
 from pmr.report.machine import extent
@@ -15,28 +15,24 @@ from pmr.report.numbers import SPACE, length, percent, plain, quantity, signific
 from pmr.report.subject import direction_words, drive_of, is_alone, moving_part, rings_of
 from pmr.report.subject import length as reach_of
 from pmr.results import RunResult
+from pmr.results.extremes import Extreme, Extremes
+from pmr.results.quantities import QUANTITIES
 from pmr.results.tables import FORCE_OF
 from pmr.scene.keys import cylinder_of, named
 from pmr.scene.mechanism import supports_at_lug
 
 Rows = Iterator[tuple[str, str]]
 
-#: What the largest force of a kind is called; those of points that slide are pads without faces.
-CALLED = {
-    "pad": "largest pad force",
-    "cylinder": "largest force of a cylinder that extends",
-    "rope": "largest rope force",
-    "support": "largest force of a support",
-    "moment": "largest moment of a support",
-    "force on the machine": "largest force of the boom on its machine",
-    "moment on the machine": "largest moment of the boom on its machine, about the pivot",
-    "force on the ground": "largest force of the machine on the ground",
-    "moment on the ground": "largest moment of the machine on the ground",
-}
-MOMENTS = ("moment", "moment on the machine", "moment on the ground")
-#: What names of the reactions of a machine that moves by itself begin with.
-MACHINE = "machine "
-#: Of the largest force: what is below is round-off.
+#: Forces and moments whose largest values have rows, by their keys in `pmr.results.quantities`.
+FORCES = (
+    *("pad_force", "cylinder_force", "rope_force", "support", "support_moment"),
+    *("machine_force", "machine_moment", "ground_force", "ground_moment"),
+)
+#: What names of reactions about the pivot begin with, and those of a machine that moves by itself.
+PIVOT, MACHINE = "pivot ", "machine "
+#: End of the name of a cylinder that moves sections by ropes.
+ROPES = "which pulls the ropes"
+#: Share of the highest natural frequency below which one is zero.
 ROUND_OFF = 1e-9
 
 
@@ -45,7 +41,7 @@ def tables(result: RunResult) -> tuple[Table, ...]:
     all_tables = (
         Table("What was asked", tuple(machine.rows(result))),
         Table("What it carries", tuple(capacity_rows(result))),
-        trust.table(result),
+        errors.trust_table(result),
     )
     return tuple(table for table in all_tables if table.rows)
 
@@ -54,19 +50,13 @@ def capacity_rows(result: RunResult) -> Rows:
     """Rows of what the structure carries: whether it holds, how far it gives, how it vibrates, forces of each kind."""
     summary = result.summary
     yield from _stress(result)
-    if fatigue_or_buckling := summary.get("fatigue"):
-        life = (
-            ""
-            if fatigue_or_buckling[0]["life"] is None
-            else f", endured {significant(fatigue_or_buckling[0]['life'])} times"
-        )
-        yield (
-            "largest damage by fatigue",
-            f"{significant(fatigue_or_buckling[0]['damage'])}, {fatigue_or_buckling[0]['name']}{life}",
-        )
-    if (fatigue_or_buckling := summary.get("buckling", {})).get("factor") is not None:
-        when = f"at {_round(fatigue_or_buckling['t'])}{SPACE}s{_raised_text(result, fatigue_or_buckling['t'])}"
-        yield "buckling factor", f"{significant(fatigue_or_buckling['factor'])}, {when}"
+    if damages := summary.get("fatigue"):
+        worst = damages[0]
+        life = "" if worst["life"] is None else f", endured {significant(worst['life'])} times"
+        yield QUANTITIES["damage"].reported, f"{significant(worst['damage'])}, {worst['name']}{life}"
+    if (buckling := summary.get("buckling", {})).get("factor") is not None:
+        when = f"at {_round(buckling['t'])}{SPACE}s{_raised_text(result, buckling['t'])}"
+        yield QUANTITIES["buckling"].reported, f"{significant(buckling['factor'])}, {when}"
     yield from _deflection(result)
     yield from _lowest(result)
     yield from _luffing_rows(result)
@@ -93,58 +83,64 @@ def _stress(result: RunResult) -> Rows:
 
 def _stressed_at(result: RunResult, peak: Mapping[str, Any]) -> str:
     """Place and time of a largest stress."""
-    of = sentences.part_of(peak)
-    of = f"{of}, " if of else ""
-    return f"{of}{_round(peak['position'][0])}{SPACE}m from the tail, at {_round(peak['t'])}{SPACE}s" + _raised_text(
-        result, peak["t"]
-    )
+    where = [sentences.part_of(peak), f"{_round(peak['position'][0])}{SPACE}m from the tail"]
+    return f"{', '.join(filter(None, where))}, at {_round(peak['t'])}{SPACE}s{_raised_text(result, peak['t'])}"
 
 
 def _forces(result: RunResult) -> Rows:
     """The largest of each kind, pads, cylinders and supports apart, and the largest moment of a support."""
-    summary = result.summary
-    below = [row for row in summary.get("reactions", ()) if _of_machine(result, row)]
-    ground = {row["name"].removeprefix(MACHINE): row for row in below}
-    supports = [row for row in summary.get("reactions", ()) if not _at_pivot(result, row) and row not in below]
-    held = {_full_name(result, row["name"]): row for row in supports if row["name"] not in _luffing_names(result)}
-    drives = {
-        drive: [row for row in summary.get("ropes", ()) if drive_of(row) == drive] for drive in ("rope", "cylinder")
-    }
-    pivot = {row["name"].removeprefix("pivot "): row for row in summary.get("reactions", ()) if _at_pivot(result, row)}
-    listed = {
-        "cylinder": {f"cylinder of {row['name']}, which pulls the ropes": row["force"] for row in drives["cylinder"]},
-        "rope": {f"rope of {row['name']}, all strands": row["force"] for row in drives["rope"]},
-        "support": {name: row for name, row in held.items() if row["unit"] == "N"},
-        "moment": {name: row for name, row in held.items() if row["unit"] == "N m"},
-        "force on the machine": {f"along {axis}": pivot[axis] for axis in "xyz" if axis in pivot},
-        "moment on the machine": {f"about {axis}": pivot[f"r{axis}"] for axis in "xyz" if f"r{axis}" in pivot},
-        "force on the ground": {f"along {axis}": ground[axis] for axis in "xyz" if axis in ground},
-        "moment on the ground": {f"about {axis}": ground[f"r{axis}"] for axis in "xyz" if f"r{axis}" in ground},
-    }
-    for kind, called in CALLED.items():
-        if kind == "support" and _luffing_names(result):
-            called = "largest force of another support"
-        if of_kind := listed.get(kind):
-            name, reaction = max(of_kind.items(), key=lambda named: max(named[1]["max"], -named[1]["min"]))
-            end = "max" if reaction["max"] >= -reaction["min"] else "min"
-            if abs(reaction[end]) > 0.0:
-                when = _moment(result, reaction[f"t_{end}"], reaction[f"s_{end}"])
-                yield called, f"{quantity(reaction[end], reaction['unit'] if kind in MOMENTS else 'N')}, {name}, {when}"
-            elif kind == "support":
-                yield called, f"0, {name}"
+    for key, forces in _extremes_of_forces(result).items():
+        row, unit = QUANTITIES[key].reported, QUANTITIES[key].unit
+        if key == "support" and _luffing_names(result):
+            row = "largest force of another support"
+        name = max(forces, key=lambda name: forces[name].size, default="")  # noqa: B023
+        if not forces or (not forces[name].size and key != "support"):
+            continue
+        largest = forces[name].largest
+        if not largest.value:
+            yield row, f"0, {name}"
+        elif key == "cylinder_force" and not name.endswith(ROPES):
+            yield row, f"{quantity(abs(largest.value), unit)}, {name} {_way(largest)}, {_moment(result, largest)}"
         else:
-            yield from _largest(result, kind, called)
+            yield row, f"{quantity(largest.value, unit)}, {name}, {_moment(result, largest)}"
 
 
-def _at_pivot(result: RunResult, reaction: Mapping[str, Any]) -> bool:
-    """Is it a reaction of all supports of a boom in a frame together, about its pivot?"""
-    return result.scene.frame is not None and str(reaction["name"]).startswith("pivot ")
-
-
-def _of_machine(result: RunResult, reaction: Mapping[str, Any]) -> bool:
-    """Is it a force of a machine that moves by itself on the ground?"""
+def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
+    """Least and largest forces and moments by their keys in `QUANTITIES` and the names of what bears them."""
+    response, summary = result.responses["reduced"], result.summary
+    by_key = {key: dict[str, Extremes]() for key in FORCES}
     frame = result.scene.frame
-    return frame is not None and frame.machine is not None and str(reaction["name"]).startswith(MACHINE)
+    for reaction in summary.get("reactions", ()):
+        name, place = str(reaction["name"]), "support"
+        if name in _luffing_names(result):
+            continue
+        if frame is not None and name.startswith(PIVOT):
+            place, name = "machine", name.removeprefix(PIVOT)
+        elif frame is not None and frame.machine is not None and name.startswith(MACHINE):
+            place, name = "ground", name.removeprefix(MACHINE)
+        moment = reaction["unit"] == "N m"
+        if place == "support":
+            by_key["support_moment" if moment else "support"][_full_name(result, name)] = Extremes.from_summary(
+                reaction
+            )
+        elif name in ("x", "y", "z", "rx", "ry", "rz"):  # not the luffing cylinder
+            axis = f"about {name[1]}" if moment else f"along {name}"
+            by_key[f"{place}_moment" if moment else f"{place}_force"][axis] = Extremes.from_summary(reaction)
+    for rope in summary.get("ropes", ()):
+        extremes = Extremes.from_summary(rope["force"])
+        if drive_of(rope) == "rope":
+            by_key["rope_force"][f"rope of {rope['name']}, all strands"] = extremes
+        else:
+            by_key["cylinder_force"][f"cylinder of {rope['name']}, {ROPES}"] = extremes
+    elsewhere = {*_luffing_names(result), *(cylinder_of(rope["name"]) for rope in summary.get("ropes", ()))}
+    for key, kind in (("pad_force", "pad"), ("cylinder_force", "cylinder"), ("support", "support")):
+        if by_key[key]:
+            continue
+        for number, output in enumerate(response.outputs):
+            name, values = output.name.replace(FORCE_OF, "", 1), response.column(number)
+            if output.kind == kind and name not in elsewhere and np.abs(values).max() > response.force_floor:
+                by_key[key][name] = Extremes.of(values, response.t, result.along_at(response.t))
+    return by_key
 
 
 def _luffing_names(result: RunResult) -> set[str]:
@@ -165,49 +161,28 @@ def _full_name(result: RunResult, name: str) -> str:
     return name
 
 
-def _largest(result: RunResult, kind: str, called: str) -> Rows:
-    """The largest force of a kind in the response; none where it is round-off."""
-    response = result.responses["reduced"]
-    first, forces = len(response.output_names), response.slider_force
-    if response.force_peaks is not None:
-        forces = response.force_peaks
-    outputs = response.outputs[first : first + forces.shape[1]]
-    elsewhere = {*_luffing_names(result), *(cylinder_of(output["name"]) for output in result.summary.get("ropes", ()))}
-    columns = [k for k, output in enumerate(outputs) if output.kind == kind and _force_of(output.name) not in elsewhere]
-    if not columns or not np.isfinite(forces[:, columns]).all():
-        return
-    step, k = np.unravel_index(int(np.argmax(np.abs(forces[:, columns]))), (len(forces), len(columns)))
-    value = float(forces[step, columns[k]])
-    if abs(value) > ROUND_OFF * float(np.abs(forces).max(initial=0.0)):
-        name = _force_of(outputs[columns[k]].name)
-        way = f" {'pushes' if value > 0.0 else 'pulls'}" if kind == "cylinder" else ""
-        shown = abs(value) if way else value
-        yield called, f"{quantity(shown, 'N')}, {name}{way}, {_when(result, int(step))}"
-
-
-def _force_of(name: str) -> str:
-    return name.replace(FORCE_OF, "", 1)
-
-
 def _luffing_rows(result: RunResult) -> Rows:
     """Largest force of the luffing cylinder along itself, and its stroke."""
     if (cylinder := result.summary.get("luffing_cylinder")) is not None:
-        force, length = cylinder["force"], cylinder["length"]
-        end = "max" if force["max"] >= -force["min"] else "min"
-        when = _moment(result, force[f"t_{end}"], force[f"s_{end}"])
-        stroke = extent(length["min"], length["max"], f"{SPACE}m long")
-        way = "pushes" if end == "max" else "pulls"
-        yield "largest force of the luffing cylinder", f"{quantity(abs(force[end]), 'N')}, it {way}, {when}; {stroke}"
+        largest, stroke = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
+        long = extent(stroke["min"], stroke["max"], f"{SPACE}m long")
+        when = f"it {_way(largest)}, {_moment(result, largest)}"
+        yield QUANTITIES["luffing_force"].reported, f"{quantity(abs(largest.value), 'N')}, {when}; {long}"
+
+
+def _way(force: Extreme) -> str:
+    """What a cylinder does with a force."""
+    return "pushes" if force.value > 0.0 else "pulls"
 
 
 def _deflection(result: RunResult) -> Rows:
     response = result.responses["reduced"]
     sizes = {direction: what(response) for direction, what in tips(result).items() if not is_round_off(result, what)}
     for direction, values in sizes.items():
-        step = int(np.argmax(np.abs(values)))
-        called = f"largest deflection of the tip, {direction_words(result, direction)}"
-        way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(values[step] > 0.0)]
-        yield called, f"{length(abs(float(values[step])))} {way}, {_when(result, step)}"
+        largest = Extremes.of(values, response.t, result.along_at(response.t)).largest
+        row = f"{QUANTITIES['tip'].reported}, {direction_words(result, direction)}"
+        way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(largest.value > 0.0)]
+        yield row, f"{length(abs(largest.value))} {way}, {_moment(result, largest)}"
 
 
 def _machine_rows(result: RunResult) -> Rows:
@@ -236,22 +211,18 @@ def _lowest(result: RunResult) -> Rows:
     if frequencies is None or not frequencies.size or not np.isfinite(frequencies[:, 0]).any():
         return
     k = int(np.nanargmin(frequencies[:, 0]))
-    if frequencies[k, 0] <= ROUND_OFF * np.nanmax(frequencies):
-        yield "lowest natural frequency", f"0, at {_position_text(result, float(result.frequencies.along[k]))}"
-    else:
-        where = _position_text(result, float(result.frequencies.along[k]))
+    lowest, where = float(frequencies[k, 0]), f"at {_position_text(result, float(result.frequencies.along[k]))}"
+    if lowest > ROUND_OFF * np.nanmax(frequencies):
         push = any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
         closed = ", every pad closed" if push else ""
-        yield "lowest natural frequency", f"{significant(float(frequencies[k, 0]))}{SPACE}Hz, at {where}{closed}"
+        yield QUANTITIES["frequency"].reported, f"{significant(lowest)}{SPACE}Hz, {where}{closed}"
+    else:
+        yield QUANTITIES["frequency"].reported, f"0, {where}"
 
 
-def _when(result: RunResult, step: int) -> str:
-    t = result.responses["reduced"].t
-    return _moment(result, float(t[step]), float(result.along_at(t[[0, step, -1]])[1]))
-
-
-def _moment(result: RunResult, t: float, along: float) -> str:
-    return f"at {_round(t)}{SPACE}s, {_position_text(result, along)}{_raised_text(result, t)}"
+def _moment(result: RunResult, extreme: Extreme) -> str:
+    """When an extreme value is, how far the boom reaches then, and how it stands."""
+    return f"at {_round(extreme.t)}{SPACE}s, {_position_text(result, extreme.s)}{_raised_text(result, extreme.t)}"
 
 
 def _raised_text(result: RunResult, t: float) -> str:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pmr.report import model_error
+from pmr.report import errors as error_sentences
 from pmr.report.blocks import KeyNumber, Point, Row, verdicts
-from pmr.report.numbers import MINUS, SPACE, TINY, length, percent, plain, quantity, significant, times_the_true_error
+from pmr.report.numbers import MINUS, SPACE, TINY, length, percent, plain, quantity, significant
 from pmr.report.subject import forces_called, moving_part, offsets, reduced_size, scope, structural_model
 from pmr.report.subject import length as reach
 from pmr.results import RunResult
@@ -28,10 +28,10 @@ def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
         "Frame": [frame(result)],
         "Accuracy": list(accuracy(result)),
         "Stress": list(stress(result)),
-        "Estimate": [estimate(result)],
-        "Model": [model_error.model(result)],
-        "Mesh": [mesh(result)],
-        "Time step": [step(result)],
+        "Estimate": [error_sentences.estimate(result)],
+        "Model": [error_sentences.model(result)],
+        "Mesh": [error_sentences.mesh(result)],
+        "Time step": [error_sentences.step(result)],
         "Speed": list(speed(result)),
         "Published": [comparison_sentence(table)],
     }
@@ -67,64 +67,6 @@ def opening_sentences(result: RunResult) -> str:
     return f"{what} It is modelled as {model.name}, {model.because}."
 
 
-def estimate(result: RunResult) -> str:
-    """The error estimate in a sentence, beside the true error where that is known; else empty."""
-    estimates = result.summary.get("estimate")
-    true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
-    if estimates is None or (estimates["beam"] is None and true is not None):
-        return ""
-    if estimates["beam"] is None:
-        return f"The error can't be estimated without the full model: {estimates['reason']}."
-    kinds = {"tip": "at the tip", "beam": scope(result), "pad_force": f"in the {forces_called(result)}"}
-    kinds["cylinder_force"] = "in the cylinder forces"
-    errors = {kind: estimates[kind] for kind in kinds if estimates.get(kind) is not None}
-    worth = [kind for kind, error in errors.items() if error >= TINY or kind in ("tip", "beam")]
-    *first, last = (f"{percent(errors[kind])} {kinds[kind]}" for kind in worth)
-    sentence = f"The estimate, which needs no full model, is {', '.join(first)} and {last}"
-    if estimates.get("probe") is not None:
-        sentence = f"{sentence}, and at most {percent(estimates['probe'])} of what a probe measures"
-    of = (
-        "it is made by a model of free modes"
-        if estimates.get("by") == "other model"
-        else "it includes a margin of a quarter"
-    )
-    ratio = times_the_true_error(estimates["beam"], true)
-    beside_true = f"; {scope(result)} it is {ratio}" if ratio else f"; {of}"
-    return f"{sentence}{beside_true}.{_not_covered(estimates.get('not_covered'))}"
-
-
-def step(result: RunResult) -> str:
-    """The error of the time step in a sentence; empty where there is no figure."""
-    step_error = result.summary.get("step", {})
-    if step_error.get("beam") is None:
-        return ""
-    size = "is" if step_error["settled"] else "is at least"
-    of = ", of the mean motion," if step_error["by"] == "mean" else ""
-    not_covered = _not_covered(step_error.get("not_covered"))
-    return f"The error of the time step itself{of} {size} {_parts(result, step_error)}.{not_covered}"
-
-
-def mesh(result: RunResult) -> str:
-    """Sentence about the mesh's error, and what of the run has no figure for it; empty without figures."""
-    budget = result.summary.get("budget", {})
-    if not isinstance(mesh_part := budget.get("mesh"), Mapping) or mesh_part.get("beam") is None:
-        return ""
-    return f"The mesh is off by {_parts(result, mesh_part)}.{_not_covered(budget.get('mesh_not_covered'))}"
-
-
-def _parts(result: RunResult, part: Mapping[str, Any]) -> str:
-    """Errors of displacements, forces and frequencies in a part of the budget, in words."""
-    places = {"tip": "at the tip", "beam": scope(result)} | model_error.OF | model_error.ALSO
-    errors = {kind: part[kind] for kind in places if part.get(kind) is not None}
-    worth = [kind for kind, error in errors.items() if error >= TINY or kind in ("tip", "beam")]
-    *first, last = (f"{percent(errors[kind])} {places[kind]}" for kind in worth)
-    return f"{', '.join(first)} and {last}" if first else last
-
-
-def _not_covered(clauses: Sequence[str] | None) -> str:
-    return f" It does not cover {'; nor '.join(clauses)}." if clauses else ""
-
-
 def speed_ratio(result: RunResult) -> float | None:
     """How many times as fast the reduced model is simulated as the full one."""
     full, reduced = (result.responses.get(name) for name in ("full", "reduced"))
@@ -153,7 +95,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
         share = f"{percent(most / largest, 2)} of {length(largest)}, the largest displacement" if largest else ""
         yield KeyNumber(length(most), "largest difference to full", share)
     yield from _errors(result)
-    yield from model_error.key_number(result)
+    yield from error_sentences.model_number(result)
     peak = summary.get("max_von_mises", {})
     if "reduced" in peak:
         full = f"full model {quantity(peak['full'], 'Pa')}" if "full" in peak else ""

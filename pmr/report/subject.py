@@ -134,15 +134,6 @@ def forces_called(result: RunResult) -> str:
     return "pad forces" if not sliders else "slider force" if sliders == 1 else "slider forces"
 
 
-def places_called(result: RunResult) -> Mapping[str, str]:
-    """Words for the kinds of errors."""
-    if is_alone(result):
-        return {"pad_force": forces_called(result)}
-    kinds = {"pad_force": "pads", "cylinder_force": "cylinders", "support_force": "supports that give way"}
-    between = {f"{kind}_between_kinks": f"{of} between kinks" for kind, of in kinds.items()}
-    return {"beam": "all sections"} | kinds | between
-
-
 def scope(result: RunResult) -> str:
     """All that errors of displacements are of, in words."""
     return "along the beam" if is_alone(result) else "along all sections"

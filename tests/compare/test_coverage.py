@@ -18,7 +18,7 @@ from pmr.compare.coverage import IMPACTS, JUMPS, MACHINE, NEVER, REACTIONS, high
 from pmr.errors import InputError, SimulationError
 from pmr.pipeline import run
 from pmr.reduced.matrices import Rayleigh
-from pmr.report import sentences
+from pmr.report import errors, sentences
 from pmr.scene import load as read
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
@@ -132,7 +132,7 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
     summary, text = outcome.result.summary, " ".join(point.text for point in sentences.points(outcome.result))
     left_out = summary["estimate"]["not_covered"]
     assert left_out[-3:] == [NEVER, REACTIONS, IMPACTS]
-    assert NEVER in sentences.estimate(outcome.result) and NEVER in text
+    assert NEVER in errors.estimate(outcome.result) and NEVER in text
     assert (len(left_out) == 4) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
     assert all(clause in text for clause in left_out)
 
@@ -157,7 +157,7 @@ def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch,
     assert outcome is not None
     found = outcome.result.summary["estimate"]
     assert found["beam"] is None and found["reason"] == reason and outcome.result.tip_error is None
-    assert reason in sentences.estimate(outcome.result)
+    assert reason in errors.estimate(outcome.result)
 
 
 def test_without_tones_and_steps_there_is_no_share() -> None:

@@ -14,7 +14,7 @@ from pmr.report.figures import histories
 from pmr.report.figures.canvas import style
 from pmr.report.figures.loads import stress, stresses
 from pmr.report.sections import chapter as case
-from pmr.report.sentences import estimate, where_the_peak_is
+from pmr.report.sentences import where_the_peak_is
 from pmr.results import RunResult
 
 BOX = {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008}
@@ -188,4 +188,4 @@ def test_an_error_of_round_off_is_called_so_and_is_in_no_sentence(boom: RunResul
     result = replace(boom, summary=boom.summary | {"errors": {"reduced_vs_full": found}, "estimate": found})
     of_cylinders = [row.here for row in errors.rows(result) if "cylinder" in row.place]
     assert of_cylinders == ["round-off", "round-off"]
-    assert "cylinder" not in estimate(result) and "2.00\u00a0% along" in estimate(result)
+    assert "cylinder" not in errors.estimate(result) and "2.00\u00a0% along" in errors.estimate(result)

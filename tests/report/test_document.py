@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from pmr.report import document, sentences
+from pmr.report import document, errors, sentences
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Picture
 from pmr.report.document import page as render
 from pmr.report.document import with_date, write_report
@@ -282,16 +282,16 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
         "1.05\u00a0%",
         said,
     )
-    of_probe = sentences.estimate(make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}}))
+    of_probe = errors.estimate(make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}}))
     assert "along the beam, and at most 3.10\u00a0% of what a probe measures" in of_probe
     alone = make_result(summary={"estimate": estimated})
     assert "estimated error along the beam" in [number.label for number in sentences.key_numbers(alone)]
-    assert sentences.estimate(alone).endswith("along the beam; it includes a margin of a quarter.")
+    assert errors.estimate(alone).endswith("along the beam; it includes a margin of a quarter.")
     none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
-    assert sentences.estimate(none) == "The error can't be estimated without the full model: the basis is no good."
+    assert errors.estimate(none) == "The error can't be estimated without the full model: the basis is no good."
     known = {"estimate": {"beam": None, "reason": "no"}, "errors": {"reduced_vs_full": {"beam": 0.01}}}
-    assert sentences.estimate(make_result(summary=known)) == ""  # nobody misses an estimate of what is known
-    assert sentences.estimate(make_result(summary={})) == ""
+    assert errors.estimate(make_result(summary=known)) == ""  # nobody misses an estimate of what is known
+    assert errors.estimate(make_result(summary={})) == ""
     assert not any("estimated" in number.label for number in sentences.key_numbers(none))
 
 

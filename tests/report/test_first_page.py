@@ -86,7 +86,7 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     model = {"beside": "shell", "beam": 0.4, "frequency": 0.6}
     known = SUMMARY | {"budget": {"mesh": {"beam": 0.01}, "model": model}}
     trust = rows(make_space(summary=known), "How far to trust it")
-    assert trust["model"] == f"beside a shell: lowest frequencies 60.0{SPACE}%, displacements 40.0{SPACE}%"
+    assert trust["model"] == f"beside a shell: natural frequencies 60.0{SPACE}%, displacements 40.0{SPACE}%"
     assert trust["mesh"] == f"displacements 1.00{SPACE}%"
     found = f"pad forces 0.300{SPACE}%, displacements 0.200{SPACE}%"
     assert trust["reduction"] == f"beside the full model: {found}"
@@ -311,7 +311,10 @@ def test_figures_without_an_error_are_named_part_by_part(make_space: MakeSpace) 
     step = {"beam": 1e-4, "pad_force": 0.7, "not_covered": ["cylinder forces"]}
     found = trust(make_space, budget=budget, step=step, estimate={"frequency": 0.003})
     said = dict(found.rows)
-    assert said["mesh"] == f"lowest frequencies 4.00{SPACE}%, reactions 2.00{SPACE}%, displacements 0.100{SPACE}%"
+    assert (
+        said["mesh"]
+        == f"natural frequencies 4.00{SPACE}%, reactions of rigid supports 2.00{SPACE}%, displacements 0.100{SPACE}%"
+    )
     assert said["time step"] == f"pad forces 70.0{SPACE}%, displacements 0.0100{SPACE}%"
     assert said["not in the mesh's bar"] == "stresses" and said["not in the time step's bar"] == "cylinder forces"
-    assert f"lowest frequencies 0.300{SPACE}%" in said["reduction"]
+    assert f"natural frequencies 0.300{SPACE}%" in said["reduction"]

@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from pmr.report.columns import lines, onto, spread, tips
+from pmr.report.errors import error_name
 from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, WIDE, key, log_axis, octave_axis, sheet
 from pmr.report.figures.histories import in_order
 from pmr.report.numbers import round_number, share_captured, unit_for
@@ -252,14 +253,6 @@ def gain(response: FrequencyResponse, load: int) -> Figure:
 
 
 PARTS = {"reduction": "#d55e00", "step": "#56b4e9", "mesh": "#00664b", "model": "#cc79a7"}
-KINDS = {
-    "beam": "along the body",
-    "tip": "tip",
-    "pad_force": "forces",
-    "cylinder_force": "cylinders",
-    "velocity": "velocities",
-    "probe": "probes",
-}
 
 
 def budget(result: RunResult) -> Figure:
@@ -268,7 +261,7 @@ def budget(result: RunResult) -> Figure:
     kinds, errors = summary["accuracy"]["outputs"], summary["budget"]
     parts = [name for name in PARTS if any((errors.get(name) or {}).get(kind) is not None for kind in kinds)]
     height = 0.16 * len(kinds) * (len(parts) + 1)
-    figure, axes = sheet(WIDE, 0.7 + height, margins={"left": 1.0, "top": 0.3, "bottom": 0.4})
+    figure, axes = sheet(WIDE, 0.7 + height, margins={"left": 1.3, "top": 0.3, "bottom": 0.4})
     ax, pitch, ticks = axes[0, 0], len(parts) + 1, []
     for row, kind in enumerate(kinds):
         for number, name in enumerate(parts):
@@ -277,7 +270,7 @@ def budget(result: RunResult) -> Figure:
         ticks.append(-row * pitch - (len(parts) - 1) / 2.0)
     handles: list[Artist] = [Patch(color=PARTS[name], label=name) for name in parts]
     tolerance = summary["accuracy"]["tolerance"]
-    ax.set_yticks(ticks, [KINDS[kind] for kind in kinds])
+    ax.set_yticks(ticks, [error_name(result, kind) for kind in kinds])
     ax.grid(False, axis="y")
     ax.set_xlim(left=0.0, right=max(105.0 * (tolerance or 0.0), ax.get_xlim()[1]))
     ax.set_xlabel("Part of the error in %")
