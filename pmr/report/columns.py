@@ -16,6 +16,7 @@ from pmr.results import Response, RunResult
 from pmr.results.convention import outputs_of
 from pmr.results.tables import FORCE_OF
 from pmr.scene.built import PadRing
+from pmr.scene.frame import rotation
 from pmr.scene.members import as_pads
 
 PLAYING = 30.0  # s that the whole motion plays at the speed set first
@@ -279,3 +280,44 @@ def _points(called: str) -> dict[str, list[str]]:
 def _ring_places(result: RunResult, ring: PadRing, tail: Array) -> Array:
     """Place of a ring on the ground along the axis, (T,) m."""
     return ring.at + (result.along if ring.moving else np.zeros_like(tail))
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The axis of a body at S times, (S, n, 2) m from the pivot.
+
+    `side` has the distance in the plane of luffing and the height, `plan` the places as seen from above, of places `x`
+    (n,) m along it.
+    """
+
+    body: str
+    x: Array
+    side: Array
+    plan: Array
+
+
+def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> list[Axis]:
+    """Axes of all bodies from the base out, by the reduced model; deflections are `scale` times as large."""
+    response, frame = result.responses["reduced"], result.scene.frame
+    chosen, aside = np.asarray(steps), {line.body: line for line in lines(result, response, "y")}
+    turned, positions = turns(result, response.t[chosen]), []
+    sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of luffing
+    for line in lines(result, response):
+        places_in_boom = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.place)
+        places_in_boom[:, :, 0] += line.tail[chosen, None] + line.x
+        for direction, of in ((1, aside.get(line.body)), (2, line)):
+            if of is not None:
+                places_in_boom[:, :, direction] += scale * response.displacement[np.ix_(chosen, of.columns)]
+        places = np.einsum("sij,snj->sni", turned, places_in_boom)
+        side = np.stack([cosine * places_in_boom[:, :, 0] - sine * places_in_boom[:, :, 2], places[:, :, 2]], axis=-1)
+        positions.append(Axis(line.body, line.x, side, places[:, :, :2]))
+    return positions
+
+
+def turns(result: RunResult, t: Array) -> Array:
+    """From the boom's axes into those of the ground, (T, 3, 3): by its frame, or as far as its weight has it raised."""
+    if result.scene.frame is not None:
+        return result.scene.frame.rotation(t)
+    gravity = result.scene.gravity
+    raised = np.full(len(t), 0.0 if gravity is None else np.deg2rad(gravity.raised))
+    return rotation(raised, np.zeros(len(t)))

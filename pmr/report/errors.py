@@ -1,4 +1,4 @@
-"""How far off the figures of a run are: error table, and errors of model, mesh, step and reduction as bars and in words."""
+"""How far off a run is: its error table, and errors of model, mesh, step and reduction as bars and in words."""
 
 from __future__ import annotations
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report import space
 from pmr.report.bodies import (
     Block,
     Surface,
@@ -29,10 +28,11 @@ from pmr.report.bodies import (
     times,
     top,
 )
-from pmr.report.columns import Line, lines, onto, pack, rings, speeds, spread
+from pmr.report.columns import Line, body_axes, lines, onto, pack, rings, speeds, spread
 from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS, RAMP, of_sections
 from pmr.report.figures.histories import in_order
+from pmr.report.figures.space import slews
 from pmr.report.numbers import percent, plain, quantity, round_number
 from pmr.report.subject import Acting, fixtures, is_alone, length, loads, offsets
 from pmr.results import RunResult
@@ -103,7 +103,7 @@ def space_motion(result: RunResult) -> dict[str, Any]:
         float(np.abs(deflection).max()) for deflection in (*(of.moved(response) for of in axis), *aside.values())
     )
     scale = round_number(shapes.REACH * length(result) / largest) if largest > 0.0 else 1.0
-    drawn_axes = space.axes(result, spread(len(t), 300), scale)
+    drawn_axes = body_axes(result, spread(len(t), 300), scale)
     beams = _lane(result, "reduced", frames)["beams"]
     for beam, of in zip(beams, axis, strict=True):
         points = spread(len(of.x), POINTS)
@@ -121,7 +121,7 @@ def space_motion(result: RunResult) -> dict[str, Any]:
         "slewing": slewing,
         "beams": beams,
         "side": _extent([drawn_axis.side for drawn_axis in drawn_axes]),
-        "plan": _extent([drawn_axis.plan for drawn_axis in drawn_axes]) if space.slews(result) else None,
+        "plan": _extent([drawn_axis.plan for drawn_axis in drawn_axes]) if slews(result) else None,
         "pads": _pads(result, axis, frames),
         "loads": _forces(result, axis, frames),
         "speeds": speeds(float(t[-1] - t[0])),

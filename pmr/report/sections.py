@@ -10,9 +10,8 @@ import numpy as np
 from pmr.report import (
     first_page,
     forces,
-    parameters,
+    machine,
     player,
-    position,
     probes,
     provenance,
     sentences,
@@ -25,7 +24,7 @@ from pmr.report.bodies import top
 from pmr.report.columns import differ, is_round_off, lines, not_drawn, tips, unseen
 from pmr.report.errors import error_table, is_compared
 from pmr.report.errors import rows as error_rows
-from pmr.report.figures import histories, shapes, sketch
+from pmr.report.figures import histories, shapes, sketch, space
 from pmr.report.figures import loads as inputs
 from pmr.report.figures.canvas import drawing, ramp
 from pmr.report.numbers import SPACE, plain, significant
@@ -105,7 +104,7 @@ def motion(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Blo
         if not lines(result, result.responses["reduced"]):
             return None
         if result.scene.frame is not None:
-            data, rows = player.space_motion(result), position.rows(result, prefix)
+            data, rows = player.space_motion(result), space.drawings(result, prefix)
             return Block(heading="Motion", player=Player("space", data, player.scale_words(data)), rows=rows)
         data = player.axis_motion(result)
         strip = drawing(f"{prefix}-snapshots", shapes.snapshots, shapes.snapshots_caption(result), result)
@@ -228,11 +227,11 @@ def response(result: RunResult, prefix: str) -> Block | None:
 def origin(result: RunResult, prefix: str) -> Block:
     """Tables of the scene, of sizes, of times and of the machine that computed."""
     tables = [
-        *parameters.bodies(result),
-        parameters.motion(result),
+        *machine.bodies(result),
+        machine.motion(result),
         Table("Wall time", tuple(provenance.times(result.summary.get("seconds", {})))),
         Table("Run", tuple(provenance.run(result))),
-        parameters.method(result),
+        machine.method(result),
         Table("Sizes", tuple(provenance.sizes(result))),
     ]
     return Block(heading="Provenance", columns=provenance.side_by_side(tables), software=provenance.software(result))
@@ -242,7 +241,7 @@ def origin(result: RunResult, prefix: str) -> Block:
 OF_ERRORS: tuple[Show, ...] = (errors, accuracy)
 #: What follows the motion.
 SECTIONS: tuple[Show, ...] = (
-    position.in_space, inputs_over_time, tip, stresses.stress,
+    space.in_space, inputs_over_time, tip, stresses.stress,
     stresses.along_beams, probes.probes, forces.contact,
     forces.cylinders, forces.supports, forces.pivot, energy, constraint, basis, response, origin,
 )  # fmt: skip

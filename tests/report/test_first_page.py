@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from boom_results import SUMMARY, MakeSpace
 
-from pmr.report import space
+from pmr.report import columns
 from pmr.report.blocks import Chapter, Drawing, KeyNumber, Table
 from pmr.report.document import page as rendered
-from pmr.report.figures import sketch
+from pmr.report.figures import sketch, space
 from pmr.report.figures.canvas import INK
 from pmr.report.first_page import tables
 from pmr.results import Response, RunResult
@@ -229,7 +229,7 @@ def test_a_boom_stands_as_it_is_raised_with_a_ring_where_it_is_stressed_most(mak
     frame = {"luffing": {"kind": "smooth_ramp", "times": [0.0, 1.0], "values": [0.0, 1.0]}, "pivot": [0.0, 0.0, 0.0]}
     frame["cylinder"] = {"foot": [0.5, -1.0], "lug": [1.5, -0.2]}
     raised, turned = make_space(gravity={"inclination": 60.0}), make_space(frame=frame)
-    (axis,) = space.axes(raised, [0])
+    (axis,) = columns.body_axes(raised, [0])
     assert axis.side[0, -1] - axis.side[0, 0] == pytest.approx([0.5 * 5.8, 3**0.5 / 2.0 * 5.8], abs=0.02)
     assert list(space.moments(raised)) == [500] and 500 in space.moments(turned)  # 0.5 s, of the largest stress
     figure = sketch.sketch(turned)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from pmr.fields.series import Fields
-from pmr.report import album, player, sections, space, subject
+from pmr.report import album, columns, player, sections, subject
 from pmr.report import forces as loads
 from pmr.report.document import page
 from pmr.report.figures import loads as drawn_loads
@@ -118,7 +118,7 @@ def expected_tip(result: RunResult, scale: float) -> np.ndarray:
 
 def test_axes_stand_where_the_frame_has_turned_them(turned: RunResult) -> None:
     steps = [0, 300, 1000]
-    (axis,) = space.axes(turned, steps, 20.0)
+    (axis,) = columns.body_axes(turned, steps, 20.0)
     found = np.hstack([axis.side[:, -1], axis.plan[:, -1]])
     assert found == pytest.approx(expected_tip(turned, 20.0)[steps], abs=1e-12)
 

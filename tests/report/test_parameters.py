@@ -6,7 +6,7 @@ from pydantic import TypeAdapter
 
 from pmr.report import provenance
 from pmr.report.blocks import Table
-from pmr.report.parameters import describe_signal
+from pmr.report.machine import describe_signal
 from pmr.scene.signals import Signal
 
 

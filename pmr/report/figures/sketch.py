@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from pmr.report.columns import lines
 from pmr.report.figures import space
 from pmr.report.figures.canvas import INK, LIMIT, MUTED, sheet
+from pmr.report.figures.space import largest_stress
 from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.space import largest_stress
 from pmr.report.subject import Acting, axial_supports, fixtures, is_alone, length, loads, moving_part, offsets
 from pmr.results import RunResult
 from pmr.scene.box import Box
@@ -104,7 +104,7 @@ def _is_boom(result: RunResult) -> bool:
 def caption(result: RunResult) -> str:
     """Caption of the sketch."""
     if _is_boom(result):
-        return space.caption(result, "from the side")
+        return space.view_caption(result, "from the side")
     low, high = result.scene.path_bounds
     ring = "; the ring is the place of the largest stress" if largest_stress(result) is not None else ""
     if moving_part(result) == "mouth":

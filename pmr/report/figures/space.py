@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from pmr.report import space
-from pmr.report.columns import spread
+from pmr.report.blocks import Block, Drawing
+from pmr.report.columns import Axis, body_axes, lines, spread, turns
 from pmr.report.figures.canvas import (
     HALF,
     INK,
@@ -22,6 +23,7 @@ from pmr.report.figures.canvas import (
     MUTED,
     ROW,
     SECTIONS,
+    drawing,
     key,
     key_rows,
     octave_axis,
@@ -31,10 +33,13 @@ from pmr.report.figures.canvas import (
 from pmr.report.figures.histories import Timeline
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.numbers import SPACE, plain, quantity
+from pmr.report.subject import length
 from pmr.results import RunResult
 
 Array = NDArray[np.float64]
 
+#: Moments at which a boom is drawn, evenly along the way of its tip.
+MOMENTS = 4
 WAY = 600  # points of the way of a tip
 TALLEST, FLATTEST = 3.4, 1.0  # in, of axes on which a metre is a metre both ways
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
@@ -58,7 +63,7 @@ def tip(result: RunResult) -> Figure:
     """How far the tip is from the pivot and how high, over time."""
     time, steps = Timeline(result), spread(len(result.responses["reduced"].t), WAY)
     figure, axes = sheet(HALF, 1.9)
-    lines = list(zip(space.axes(result, steps)[-1].side[:, -1].T, ("distance", "height"), SECTIONS[1:], strict=False))
+    lines = list(zip(body_axes(result, steps)[-1].side[:, -1].T, ("distance", "height"), SECTIONS[1:], strict=False))
     for values, _, colour in lines:
         axes[0, 0].plot(time.t[steps], values, color=colour)
     time.frame(axes[0, 0], "Tip from the pivot in m")
@@ -89,24 +94,24 @@ def buckling(result: RunResult, over: str) -> Figure:
     return figure
 
 
-def caption(result: RunResult, what: str) -> str:
+def view_caption(result: RunResult, what: str) -> str:
     """Below a view of the boom."""
-    steps, t, scale = space.moments(result), result.responses["reduced"].t, plain(exaggeration(result))
-    moments = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
-    worst = space.largest_stress(result)
+    steps, t, scale = moments(result), result.responses["reduced"].t, plain(exaggeration(result))
+    when = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
+    worst = largest_stress(result)
     mark = "; the ring is the place of the largest stress" if worst is not None else ""
     if worst is not None and len(steps) > 1:
         mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
     way = "; dashed: the path of its tip" if float(np.ptp(result.along)) > 0.0 or len(steps) > 1 else ""
-    return f"The boom {what} {moments}{way}; deflection is drawn {scale} times its size{mark}."
+    return f"The boom {what} {when}{way}; deflection is drawn {scale} times its size{mark}."
 
 
 def _boom(result: RunResult, view: str, across: str, up: str, ground: bool = False) -> Figure:
-    steps, t, scale = space.moments(result), result.responses["reduced"].t, exaggeration(result)
-    bodies = space.axes(result, steps, scale)
-    way = getattr(space.axes(result, spread(len(t), WAY), scale)[-1], view)[:, -1]
+    steps, t, scale = moments(result), result.responses["reduced"].t, exaggeration(result)
+    bodies = body_axes(result, steps, scale)
+    way = getattr(body_axes(result, spread(len(t), WAY), scale)[-1], view)[:, -1]
     raising = _cylinders(result, steps) if ground else []
-    worst, colours = space.largest_stress(result), of_sections(item.body for item in bodies)
+    worst, colours = largest_stress(result), of_sections(item.body for item in bodies)
     named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
     named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
     drawn = [way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising]
@@ -167,7 +172,7 @@ def _labels(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
     return boxes
 
 
-def _ring(ax: Axes, worst: space.Stressed, body: space.Axis, view: str, moment: int, labels: Sequence[Array]) -> None:
+def _ring(ax: Axes, worst: Stressed, body: Axis, view: str, moment: int, labels: Sequence[Array]) -> None:
     """Around the place of the largest stress; how large it is stands beside it, clear of all that is drawn."""
     places = getattr(body, view)[moment]
     at = np.array([np.interp(worst.x, body.x, places[:, 0]), np.interp(worst.x, body.x, places[:, 1])])
@@ -243,3 +248,82 @@ def _paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axe
     ax.set_xlabel(across)
     ax.set_ylabel(up)
     return ax, figure
+
+
+def moments(result: RunResult) -> NDArray[np.intp]:
+    """Steps at which the boom is drawn: evenly along the way of its tip, with both ends; one where it rests.
+
+    A boom at a constant angle stands at one moment alone, for shorter ones would lie on top of it. The moment of the
+    largest stress is among them, in place of the one next to it.
+    """
+    t, out, worst = result.responses["reduced"].t, _out(result), largest_stress(result)
+    turned = turns(result, t)
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(turned[:, :, 0] * out[:, None], axis=0), axis=1)))
+    if way[-1] <= 1e-9 * length(result):
+        steps = np.array([0])
+    elif np.ptp(turned, axis=0).max() == 0.0:
+        steps = np.array([int(np.argmax(out))])
+    else:
+        steps = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1] * (1.0 - 1e-9), MOMENTS)))
+    if worst is not None:
+        steps[np.argmin(np.abs(way[steps] - way[worst.step]))] = worst.step
+    return steps
+
+
+@dataclass(frozen=True)
+class Stressed:
+    """Place and time of a boom's largest stress: a step, a body, and the distance from its tail in m."""
+
+    step: int
+    body: str
+    x: float
+    value: float  # Pa
+
+
+def largest_stress(result: RunResult) -> Stressed | None:
+    """The largest von Mises stress of the reduced model, where stresses were asked for."""
+    peak = result.summary.get("stress_peak", {}).get("reduced")
+    if peak is None:
+        return None
+    step = int(np.argmin(np.abs(result.responses["reduced"].t - peak["t"])))
+    return Stressed(step, peak.get("section", ""), float(peak["position"][0]), float(peak["value"]))
+
+
+def _out(result: RunResult) -> Array:
+    """How far the tip is along the boom, (T,) m."""
+    if result.reach is not None:
+        return result.along_at(result.responses["reduced"].t)
+    return np.full(len(result.responses["reduced"].t), length(result))
+
+
+def slews(result: RunResult) -> bool:
+    """Whether the boom is turned about the vertical, so that it is to be seen from above."""
+    angle = result.summary.get("frame", {}).get("slewing", {"min": 0.0, "max": 0.0})
+    return bool(angle["max"] > angle["min"])
+
+
+def in_space(result: RunResult, prefix: str) -> Block | None:
+    """The boom where it is, where its fields are played; nothing without a frame."""
+    played = any(body.fields is not None for body in result.bodies.values())
+    if result.scene.frame is None or not played or not lines(result, result.responses["reduced"]):
+        return None
+    return Block(heading="The boom in space", rows=drawings(result, prefix))
+
+
+def drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
+    """The boom from above where it slews, its tip over time, and the buckling factor where there is one."""
+    caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
+    row = [drawing(f"{prefix}-tip-in-space", tip, caption, result)]
+    if slews(result):  # from the side it stands at the top of the page
+        row.insert(0, drawing(f"{prefix}-plan", plan, view_caption(result, "from above"), result))
+    figures = [tuple(row)]
+    if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
+        caption = (
+            "By what all axial forces would have to grow until the boom buckles, with every pad closed, along the "
+        )
+        caption += "way of this run, which begins at the larger dot."
+        captions = (("reach", caption), ("angle", "The same over the angle of luffing."))
+        figures.append(
+            tuple(drawing(f"{prefix}-buckling-{x}", buckling, caption, result, x) for x, caption in captions)
+        )
+    return tuple(figures)
