@@ -108,6 +108,14 @@ def test_short_motion_has_no_detail(make_result) -> None:
     assert short.svg.count("Time in s") == 1
 
 
+def test_ticks_of_what_hardly_changes_are_labelled_without_an_offset(make_result) -> None:
+    """The total energy of a boom at rest, 24.513 J, had the label +2.4513e1 above its axis, on top of the legend."""
+    alone = make_result(responses=("reduced",))
+    drawn = drawn_history("a", alone, lambda response: 24.513 + 1e-5 * np.sin(response.t), "Energy", "Energy", "J")
+    numbers = [text for text in re.findall("<text[^>]*>([^<]+)</text>", drawn.svg) if text.startswith("24.")]
+    assert len(numbers) > 2 and "e1<" not in drawn.svg
+
+
 def test_unknown_residual_is_left_out_and_said(written) -> None:
     assert written.texts(WHOLE, "residual-position").count("ANCF") == 0
     assert written.caption(WHOLE, "residual-position").endswith("It is not known for ANCF.")

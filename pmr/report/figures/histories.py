@@ -25,6 +25,7 @@ from pmr.results import Response, RunResult
 Array = NDArray[np.float64]
 SHORT = 400  # samples, below which nothing is enlarged
 PAUSE = 2  # samples of standstill that still count as one motion
+FLATTEST = 1e-3  # range of an axis over its largest value, at least: labels of ticks are short
 BAND = "#f2d6c2"  # colour of an error band
 
 
@@ -129,6 +130,10 @@ class Timeline:
                 shown = max(phase.start, span.start), min(phase.end, span.end)
                 ax.axvspan(*shown, color=SHADE, linewidth=0.0, zorder=0.0)
         ax.set_xlim(span.start, span.end)
+        low, high = ax.dataLim.intervaly
+        least = FLATTEST * max(abs(low), abs(high))
+        if 0.0 < high - low < least < np.inf:
+            ax.set_ylim((low + high - least) / 2.0, (low + high + least) / 2.0)
         ax.set_ylabel(label)
         if last:
             ax.set_xlabel("Time in s")

@@ -14,7 +14,7 @@ import pmr
 from pmr import scene as scenes
 from pmr.compare.evaluation import respond
 from pmr.compare.simulated import excitation_in
-from pmr.report.space import axes
+from pmr.report.columns import body_axes
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
@@ -106,7 +106,7 @@ def test_the_crane_on_a_prescribed_turret(second_order: bool) -> None:
     moved = found.of("tip", body="fly")
     assert np.abs(moved - marched.of("tip", body="fly")).max() < ALLOWED < 1e-3 * np.abs(moved).max()
     # and where that is in space, beside the report's
-    fly = axes(result, np.arange(len(marched.t)))[-1]
+    fly = body_axes(result, np.arange(len(marched.t)))[-1]
     place = OnTurret(scene, marched.t).tip(moved)
     assert np.abs(place[:, :2] - fly.plan[:, -1]).max() < ALLOWED
     assert np.abs(place[:, 2] - fly.side[:, -1, 1]).max() < ALLOWED
